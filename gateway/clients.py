@@ -1,0 +1,199 @@
+"""A client: bytes in, replies out, in order, at its own pace.
+
+One ``Client`` belongs to one connection. What the snapshot can answer is answered within the call that delivered the
+bytes; the rest waits in a task of this client's own, so nobody waits for anybody else. A reply that was made of
+snapshot answers alone is good again for as long as they are.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from gateway.errors import Fault
+from gateway.hub import FRESH, MISSING, Hub
+from gateway.operations import Operation, Stop
+from gateway.surface import Defer, Handling, Session, Start, Surface
+from gateway.transcript import Transcript
+
+#: Commands that may wait for their turn in one connection; more than that and the oldest are dropped.
+INBOX = 256
+MEMO = 32
+
+
+class Framing(Protocol):
+    """How a protocol's commands are cut out of a byte stream."""
+
+    def feed(self, data: bytes) -> list[bytes]: ...
+
+
+class Equinox(Protocol):
+    """Between a surface's coordinates and the hub's of date; None where they are the same."""
+
+    def inward(self, operation: Operation) -> Operation: ...
+    def outward(self, operation: Operation, value: Any) -> Any: ...
+
+
+class Client:
+    """Answers one connection. ``write`` takes reply bytes; ``stop_frames`` are the commands that stop everything."""
+
+    def __init__(self, name: str, hub: Hub, surface: Surface, session: Session, framer: Framing,
+                 write: Callable[[bytes], Any], stop_frames: frozenset[bytes], equinox: Equinox | None,
+                 transcript: Transcript) -> None:
+        self.name, self.hub, self.surface, self.session = name, hub, surface, session
+        self.framer, self.write, self.stop_frames, self.equinox = framer, write, stop_frames, equinox
+        self.transcript = transcript
+        self._inbox: deque[tuple[bytes, int, bool]] = deque(maxlen=INBOX)
+        self._task: asyncio.Task[None] | None = None
+        self._deferred: dict[str, asyncio.TimerHandle] = {}
+        self._memo: dict[bytes, bytes] = {}
+        self._memo_version = -1
+        self._memo_until = 0.0
+        self._spent: list[type[Operation]] = []
+        self._plain = True
+
+    def feed(self, data: bytes) -> None:
+        """Take bytes as they arrived."""
+        hub = self.hub
+        if self._task is None and data in self._memo and self._memo_version == hub.version:
+            now = hub.now()
+            if now < self._memo_until:
+                hub.touch(now)
+                reply = self._memo[data]
+                self.session.last = data
+                if self.transcript.sinks:
+                    self.transcript.put(self.name, ">", data)
+                    self.transcript.put(self.name, "<", reply)
+                self.write(reply)
+                return
+        for frame in self.framer.feed(data):
+            stopping = frame in self.stop_frames
+            if stopping:
+                hub.spawn(self._stop())
+            self._inbox.append((frame, hub.stops, stopping))
+        if self._task is None:
+            self._pump()
+
+    async def _stop(self) -> None:
+        try:
+            await self.hub.stop()
+        except Fault as fault:
+            self.transcript.note(self.name, f"stop: {fault}")
+
+    def _pump(self) -> None:
+        """Answer what waits, until something must be waited for."""
+        while self._inbox:
+            frame, stops, stopping = self._inbox.popleft()
+            self.transcript.put(self.name, ">", frame)
+            self._spent, self._plain = [], True
+            steps = self.surface.handle(self.session, frame)
+            try:
+                wanted = self._through(steps, None, stops, stopping)
+            except StopIteration as end:
+                self._answer(frame, end.value)
+                continue
+            self._task = self.hub.loop.create_task(self._wait(frame, steps, wanted, stops, stopping))
+            return
+
+    def _through(self, steps: Handling, answer: Any, stops: int, stopping: bool) -> Operation:
+        """Go on with a command as far as it goes without waiting -> the operation that must be waited for."""
+        while True:
+            wanted = steps.send(answer)
+            answer = None
+            if isinstance(wanted, Start):
+                self._plain = False
+                if not (stopping and isinstance(wanted.operation, Stop)):
+                    self.hub.spawn(self._started(self._inward(wanted.operation), stops))
+            elif isinstance(wanted, Defer):
+                self._plain = False
+                self._defer(wanted)
+            else:
+                value = self.hub.peek(wanted)
+                if value is MISSING:
+                    return wanted
+                if type(wanted) in FRESH:
+                    self._spent.append(type(wanted))
+                else:
+                    self._plain = False
+                answer = self._outward(wanted, value)
+
+    async def _wait(self, frame: bytes, steps: Handling, wanted: Operation, stops: int, stopping: bool) -> None:
+        """Finish a command that needs the mount, then the ones that came meanwhile."""
+        self._plain = False
+        reply: Any = None
+        try:
+            while True:
+                try:
+                    answer = self._outward(wanted, await self.hub.perform(self._inward(wanted), stops))
+                except Fault as fault:
+                    self.transcript.note(self.name, f"{type(wanted).__name__}: {fault}")
+                    wanted = steps.throw(fault)
+                    while isinstance(wanted, Start | Defer):
+                        wanted = self._through(steps, None, stops, stopping)
+                    continue
+                wanted = self._through(steps, answer, stops, stopping)
+        except StopIteration as end:
+            reply = end.value
+        finally:
+            self._task = None
+        self._answer(frame, reply)
+        self._pump()
+
+    def _answer(self, frame: bytes, reply: bytes | None) -> None:
+        self.session.last = frame
+        if self._plain and self._spent and reply:
+            self._remember(frame, reply)
+        elif not (self._plain and self._spent):
+            self._memo.clear()
+        if reply:
+            self.transcript.put(self.name, "<", reply)
+            self.write(reply)
+
+    def _remember(self, frame: bytes, reply: bytes) -> None:
+        """The same question gets the same reply until an answer it was made of is renewed or grows old."""
+        if self._memo_version != self.hub.version or len(self._memo) >= MEMO:
+            self._memo.clear()
+            self._memo_version, self._memo_until = self.hub.version, float("inf")
+        self._memo[frame] = reply
+        self._memo_until = min(self._memo_until, self.hub.fresh_until(self._spent))
+
+    async def _started(self, operation: Operation, stops: int) -> None:
+        """An operation nobody is told the outcome of: a failure goes to the transcript."""
+        try:
+            await self.hub.perform(operation, stops)
+        except Fault as fault:
+            self.transcript.note(self.name, f"{type(operation).__name__}: {fault}")
+
+    def _defer(self, wanted: Defer) -> None:
+        old = self._deferred.pop(wanted.special, None)
+        if old is not None:
+            old.cancel()
+        self._deferred[wanted.special] = self.hub.loop.call_later(
+            wanted.seconds, lambda: self.hub.spawn(self._deferred_special(wanted.special))
+        )
+
+    async def _deferred_special(self, special: str) -> None:
+        """Run a special later; it has no reply, so it may also outlive its connection."""
+        steps = self.surface.specials[special](self.session, None, {})  # type: ignore[arg-type]
+        answer: Any = None
+        try:
+            while True:
+                wanted = steps.send(answer)
+                answer = await self.hub.perform(wanted)
+        except StopIteration:
+            pass
+        except Fault as fault:
+            self.transcript.note(self.name, str(fault))
+
+    def _inward(self, operation: Operation) -> Operation:
+        return operation if self.equinox is None else self.equinox.inward(operation)
+
+    def _outward(self, operation: Operation, value: Any) -> Any:
+        return value if self.equinox is None else self.equinox.outward(operation, value)
+
+    def close(self) -> None:
+        """The connection is gone: what is under way goes on, its reply goes nowhere."""
+        self._inbox.clear()
+        self.write = lambda data: None

@@ -1,0 +1,83 @@
+"""Driver: operations in, commands out, without I/O.
+
+A driver is a generator machine: ``perform(operation)`` yields what it wants done and is sent the outcome. It may
+yield three things only: ``Ask`` (send this command, give me its fields), ``Pause`` (give the line to others for a
+while) and ``Later`` (do this operation after some seconds). Rows of ``driver.toml`` with ``send`` are carried out
+here; those with ``call`` are functions of the protocol's own package.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Mapping
+from typing import Any, NamedTuple
+
+from gateway.errors import Unsupported
+from gateway.operations import Operation, Read
+from gateway.tables import Command, Protocol, Version, Way
+
+
+class Ask(NamedTuple):
+    """Send a command with these field values; answered with the reply's fields, or a Fault is thrown in."""
+
+    command: str
+    values: Mapping[str, Any] = {}
+
+
+class Pause(NamedTuple):
+    """Wait without holding the line."""
+
+    seconds: float
+
+
+class Later(NamedTuple):
+    """Have an operation performed after some seconds; a newer one with the same operation replaces it.
+
+    ``urgent`` operations go to the line like a stop does (the end of a guide pulse).
+    """
+
+    seconds: float
+    operation: Operation
+    urgent: bool = False
+
+
+Step = Ask | Pause | Later
+Steps = Generator[Step, Any, Any]
+
+
+class Driver:
+    """Carries out operations by the rows of ``driver.toml``.
+
+    ``specials`` maps the names that rows call to functions ``(driver, operation) -> Steps``.
+    """
+
+    protocol: Protocol
+    specials: Mapping[str, Callable[[Any, Any], Steps]]
+    model: str | None = None
+    version: Version | None = None
+
+    def knows(self, name: str) -> bool:
+        """Whether the mount that was found has this command, by the manual: nothing is probed."""
+        command: Command = self.protocol.commands[name]
+        return command.known_to(self.model, self.version)
+
+    def way(self, operation: type[Operation]) -> Way | None:
+        """The first way of carrying out an operation whose commands this mount has."""
+        for way in self.protocol.driver.get(operation.__name__, ()):
+            if all(self.knows(name) for name in way.send):
+                return way
+        return None
+
+    def perform(self, operation: Operation) -> Steps:
+        """Carry out one operation; the generator's value is the operation's answer. Raises Fault."""
+        way = self.way(type(operation))
+        if way is None:
+            raise Unsupported
+        if way.call:
+            return (yield from self.specials[way.call](self, operation))
+        given = {name: getattr(operation, name) for name in operation.__struct_fields__}
+        fields: dict[str, Any] = {}
+        for name in way.send:
+            fields |= yield Ask(name, given)
+        if isinstance(operation, Read) and operation.answers is not None:
+            return operation.answers(**fields)
+        return fields or None

@@ -1,0 +1,31 @@
+"""Between an endpoint that counts in J2000 and the hub, which counts of date."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from msgspec.structs import replace
+
+from gateway.operations import Equatorial, Goto, Operation, Position, Sync
+from gateway.sky import Sky
+
+
+class J2000:
+    """Turns a client's J2000 places into places of date, and answers the other way."""
+
+    def __init__(self, sky: Sky, unix: Callable[[], float]) -> None:
+        self._sky, self._unix = sky, unix
+
+    def inward(self, operation: Operation) -> Operation:
+        """What the client asked for, in coordinates of date."""
+        if isinstance(operation, Goto | Sync):
+            ra, dec = self._sky.to_of_date(operation.ra, operation.dec, self._unix())
+            return replace(operation, ra=ra, dec=dec)
+        return operation
+
+    def outward(self, operation: Operation, value: Any) -> Any:
+        """What the hub answered, in J2000."""
+        if isinstance(operation, Position) and isinstance(value, Equatorial):
+            return Equatorial(*self._sky.to_j2000(value.ra, value.dec, self._unix()))
+        return value

@@ -1,0 +1,98 @@
+"""Everything that can go wrong has a name here.
+
+Two families and no more: a ``UserError`` is a mistake in what a person typed (one line on stderr, exit code 2);
+a ``Fault`` is an operation the mount did not carry out (its class name is what a reply variant in
+``commands.toml`` names with ``fault = "…"``, its text is what the client's user reads).
+"""
+
+from __future__ import annotations
+
+
+class GatewayError(Exception):
+    """Base of every error that the gateway raises on purpose."""
+
+
+class UserError(GatewayError):
+    """Bad input from a person: says what, where, and what would be right."""
+
+
+class MappingError(UserError):
+    """A row of ``mappings/`` that cannot be used: names the file, the row and the reason."""
+
+    def __init__(self, where: str, row: str, reason: str) -> None:
+        super().__init__(f"{where}: [{row}]: {reason}")
+
+
+class Fault(GatewayError):
+    """An operation that was not carried out; ``str(fault)`` is the words for the client's user."""
+
+    words = "Not possible."
+
+    def __init__(self, words: str | None = None) -> None:
+        super().__init__(words or self.words)
+
+
+class Invalid(Fault):
+    """A value outside its range, or a field that cannot be read."""
+
+    words = "Invalid value."
+
+
+class NoTarget(Fault):
+    """A goto or sync without a target: none was set, or the last one was refused."""
+
+    words = "No target set."
+
+
+class BelowHorizon(Fault):
+    """The target is lower than the lowest altitude allowed."""
+
+    words = "Object Below Horizon."
+
+
+class TooHigh(Fault):
+    """The target is higher than the highest altitude allowed."""
+
+    words = "Object Below Higher."
+
+
+class NotAligned(Fault):
+    """The mount's hand control has not been aligned, so its coordinates mean nothing."""
+
+    words = "Mount not aligned."
+
+
+class SyncTooFar(Fault):
+    """A sync further from the present position than ``sync_limit``."""
+
+    words = "Sync too far from present position."
+
+
+class Stopped(Fault):
+    """A stop arrived before the motion could be started."""
+
+    words = "Stopped."
+
+
+class Unsupported(Fault):
+    """This mount, or this version of its hand control, has no way to do it."""
+
+    words = "Not possible on this mount."
+
+
+class NoAnswer(Fault):
+    """The mount's line is silent or gone."""
+
+    words = "No answer from mount."
+
+
+class NoDevice(Fault):
+    """The hand control answered, but the device it was asked to reach did not."""
+
+    words = "No such device on the mount."
+
+
+class Refused(Fault):
+    """The mount itself said no."""
+
+    words = "Refused by the mount."

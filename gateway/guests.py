@@ -1,0 +1,68 @@
+"""Who comes in: sessions for connections.
+
+A session is a connection. A new one begins with a copy of the state of that connection from the same host which closed
+last, if that was within a minute: programs that open a connection for every command keep their target that way, and two
+programs connected at the same time do not disturb each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from msgspec import Struct
+
+from gateway.clients import Client, Equinox, Framing
+from gateway.hub import Hub
+from gateway.ports import Guest
+from gateway.surface import Session, Surface
+
+INHERIT_FOR = 60.0
+
+
+class Face(Struct, frozen=True):
+    """A surface as it is presented on one port."""
+
+    surface: Surface
+    framer: Callable[[], Framing]
+    stop_frames: frozenset[bytes]
+    model: dict[str, Any]
+    settings: dict[str, Any]
+    equinox: Equinox | None = None
+
+
+class Reception:
+    """Makes a client for every connection of one port."""
+
+    def __init__(self, hub: Hub, face: Face, shared: dict[str, Any], host_clock: Callable[[], float],
+                 changed: Callable[[], None]) -> None:
+        self.hub, self.face, self.shared, self.clock, self.changed = hub, face, shared, host_clock, changed
+        self._left: dict[str, tuple[float, dict[str, Any]]] = {}
+
+    def arrive(self, name: str, host: str, write: Callable[[bytes], Any]) -> Guest:
+        """A new connection."""
+        face = self.face
+        session = Session(face.model, face.settings, self.clock, self.shared, self.changed)
+        at, kept = self._left.pop(host, (-1e9, {}))
+        if self.hub.now() - at <= INHERIT_FOR:
+            session.kept = dict(kept)
+        client = Client(name, self.hub, face.surface, session, face.framer(), write, face.stop_frames, face.equinox,
+                        self.hub.transcript)
+        return _Visit(client, lambda: self._leave(host, session))
+
+    def _leave(self, host: str, session: Session) -> None:
+        self._left[host] = (self.hub.now(), dict(session.kept))
+        for old in [key for key, (at, _) in self._left.items() if self.hub.now() - at > INHERIT_FOR]:
+            del self._left[old]
+
+
+class _Visit:
+    """A client together with what is to be done when it leaves."""
+
+    def __init__(self, client: Client, left: Callable[[], None]) -> None:
+        self.feed = client.feed
+        self._client, self._left = client, left
+
+    def close(self) -> None:
+        self._client.close()
+        self._left()

@@ -1,0 +1,231 @@
+"""The line to the mount: one exchange at a time, in order of rank.
+
+Stop goes first, then motion, then settings, then reads. After a silence the line is drained and proven to be in step
+before anything else is sent, or every later answer would belong to an earlier question. A lost port is opened again
+with growing pauses, for ever.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import heapq
+from collections.abc import Callable, Iterator
+from itertools import count
+from typing import Any, Protocol
+
+from gateway.driver import Ask
+from gateway.errors import Fault, NoAnswer
+from gateway.transcript import Transcript
+from gateway.wires import Wire
+
+STOP, MOTION, SETTING, POSITION, READ = range(5)
+QUIET = 0.15
+PROOFS = 3
+BACK_OFF = (0.5, 1.0, 2.0, 5.0)
+
+
+class Dialogue(Protocol):
+    """How a protocol's requests and replies look on the wire."""
+
+    timeout: float
+
+    def encode(self, ask: Ask) -> bytes: ...
+    def take(self, ask: Ask, buffer: bytes) -> tuple[dict[str, Any] | Fault, int] | None: ...
+    def proof(self, attempt: int) -> Iterator[Ask]: ...
+    def proven(self, ask: Ask, values: dict[str, Any]) -> bool: ...
+
+
+class Job:
+    """An exchange that waits for its turn."""
+
+    __slots__ = ("ask", "future", "rank")
+
+    def __init__(self, ask: Ask, rank: int, future: asyncio.Future[dict[str, Any]]) -> None:
+        self.ask, self.rank, self.future = ask, rank, future
+
+
+class Line:
+    """Owns the wire. ``state`` is ``opening``, ``up`` or ``down``; ``on_up`` is called when the wire was (re)opened."""
+
+    def __init__(self, wire: Wire, dialogue: Dialogue, transcript: Transcript) -> None:
+        self.wire, self.dialogue, self.transcript = wire, dialogue, transcript
+        self.state = "opening"
+        self.on_up: Callable[[], None] = lambda: None
+        self.reason = ""
+        self.typical = 0.02
+        self._order = count()
+        self._queue: list[tuple[int, int, Job]] = []
+        self._wake = asyncio.Event()
+        self._buffer = b""
+        self._arrived = asyncio.Event()
+        self._lost = False
+        self._urgent: list[float] = []
+        self._task: asyncio.Task[None] | None = None
+
+    def start(self) -> None:
+        """Begin to open the wire and to serve exchanges."""
+        self._task = asyncio.get_running_loop().create_task(self._run())
+
+    async def close(self) -> None:
+        """End the worker and close the wire."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+        await self.wire.close()
+
+    def expect_urgent(self, when: float) -> None:
+        """Something urgent will be due at this loop time: reads that would delay it are held back."""
+        heapq.heappush(self._urgent, when)
+
+    async def exchange(self, ask: Ask, rank: int = READ) -> dict[str, Any]:
+        """Send a command when its turn comes and return the reply's fields. Raises Fault."""
+        if self.state == "down":
+            raise NoAnswer
+        future: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
+        heapq.heappush(self._queue, (rank, next(self._order), Job(ask, rank, future)))
+        self._wake.set()
+        return await future
+
+    # --- the worker -----------------------------------------------------------------------------------------------
+
+    async def _run(self) -> None:
+        failures = 0
+        while True:
+            try:
+                await self.wire.open(self._on_data, self._on_lost)
+            except OSError as error:
+                self._down(f"cannot open {self.wire.name}: {error}")
+                await asyncio.sleep(BACK_OFF[min(failures, len(BACK_OFF) - 1)])
+                failures += 1
+                continue
+            failures, self._lost, self._buffer, self.state, self.reason = 0, False, b"", "up", ""
+            self.on_up()
+            await self._serve()
+            await self.wire.close()
+
+    async def _serve(self) -> None:
+        """Serve jobs until the wire is lost."""
+        while not self._lost:
+            job = await self._next()
+            if job is None:
+                continue
+            outcome = await self._exchange(job.ask)
+            if not job.future.done():
+                if isinstance(outcome, Fault):
+                    job.future.set_exception(outcome)
+                else:
+                    job.future.set_result(outcome)
+            if isinstance(outcome, NoAnswer) and not self._lost and not await self._prove():
+                self._down("the mount does not answer")
+                while not self._lost and not await self._prove():
+                    await asyncio.sleep(1.0)
+                if not self._lost:
+                    self.state = "up"
+                    self.on_up()
+        self._down(f"{self.wire.name} was lost")
+
+    async def _next(self) -> Job | None:
+        """The next job in order of rank; a read waits where it would delay something urgent."""
+        while self._queue and self._queue[0][2].future.done():
+            heapq.heappop(self._queue)
+        if not self._queue:
+            self._wake.clear()
+            await self._wake.wait()
+            return None
+        now = asyncio.get_running_loop().time()
+        while self._urgent and self._urgent[0] < now - 0.05:
+            heapq.heappop(self._urgent)
+        if self._urgent and self._queue[0][0] >= POSITION and self._urgent[0] - now < 1.5 * self.typical:
+            self._wake.clear()
+            try:
+                await asyncio.wait_for(self._wake.wait(), max(0.0, self._urgent[0] - now) + 0.05)
+            except TimeoutError:
+                heapq.heappop(self._urgent)
+            return None
+        return heapq.heappop(self._queue)[2]
+
+    async def _exchange(self, ask: Ask) -> dict[str, Any] | Fault:
+        """One request and its reply, or the Fault that came instead."""
+        try:
+            request = self.dialogue.encode(ask)
+        except Fault as fault:
+            return fault
+        if self._buffer:
+            self.transcript.put("mount", "<", self._buffer, "dropped: nobody asked")
+            self._buffer = b""
+        self._arrived.clear()
+        self.transcript.put("mount", ">", request)
+        loop = asyncio.get_running_loop()
+        began = loop.time()
+        try:
+            self.wire.write(request)
+        except OSError as error:
+            self._on_lost(str(error))
+            return NoAnswer()
+        deadline = began + self.dialogue.timeout
+        while True:
+            taken = self.dialogue.take(ask, self._buffer)
+            if taken is not None:
+                break
+            left = deadline - loop.time()
+            if left <= 0 or self._lost:
+                self.transcript.put("mount", "<", self._buffer, "no complete answer")
+                return NoAnswer()
+            self._arrived.clear()
+            try:
+                async with asyncio.timeout(left):
+                    await self._arrived.wait()
+            except TimeoutError:
+                continue
+        outcome, length = taken
+        self.transcript.put("mount", "<", self._buffer[:length])
+        self._buffer = self._buffer[length:]
+        self.typical += 0.2 * (loop.time() - began - self.typical)
+        return outcome
+
+    async def _prove(self) -> bool:
+        """Drain, then exchange echoes until the line is in step again."""
+        for attempt in range(PROOFS):
+            await self._drain()
+            proven = True
+            for ask in self.dialogue.proof(attempt):
+                outcome = await self._exchange(ask)
+                if isinstance(outcome, Fault) or not self.dialogue.proven(ask, outcome):
+                    proven = False
+                    break
+            if proven:
+                return True
+            if self._lost:
+                return False
+            if self.state == "up":
+                self._down("the mount does not answer")
+        return False
+
+    async def _drain(self) -> None:
+        """Wait until the wire has been quiet for a moment, and forget what came."""
+        while True:
+            self._arrived.clear()
+            try:
+                async with asyncio.timeout(QUIET):
+                    await self._arrived.wait()
+            except TimeoutError:
+                break
+        self._buffer = b""
+
+    def _down(self, reason: str) -> None:
+        """Fail everything that waits; from now on every exchange fails at once."""
+        self.state, self.reason = "down", reason
+        self.transcript.note("mount", reason)
+        for _, _, job in self._queue:
+            if not job.future.done():
+                job.future.set_exception(NoAnswer())
+        self._queue.clear()
+
+    def _on_data(self, data: bytes) -> None:
+        self._buffer = (self._buffer + data)[-4096:]
+        self._arrived.set()
+
+    def _on_lost(self, reason: str) -> None:
+        self._lost = True
+        self._arrived.set()
+        self._wake.set()

@@ -1,0 +1,111 @@
+"""Site and clock as every client is told them, and what of a client's setting goes to the mount.
+
+An unaligned hand control is told what clients set; an aligned one keeps its own (telling it could cost the alignment),
+and the gateway then serves the client's values itself. Nothing here waits for the mount to answer a setting.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from gateway.operations import Moment, Place, SetClock, SetSite
+from gateway.spherical import wrap180
+
+#: Settings this near to what the mount has are not sent again.
+SITE_EQUAL = 1.0 / 60.0
+CLOCK_EQUAL = 30.0
+
+
+class Observatory:
+    """``now`` never goes back; ``host`` is the host's own clock, Unix seconds."""
+
+    def __init__(self, now: Callable[[], float], host: Callable[[], float], site: Place | None) -> None:
+        self._now, self._host = now, host
+        self.configured = site
+        self.mount_site: Place | None = None
+        self.kept_site: Place | None = None
+        self.half: SetSite | None = None
+        self.mount_clock: tuple[Moment, float] | None = None
+        self.kept_clock: tuple[Moment, float] | None = None
+
+    # --- what is told ---------------------------------------------------------------------------------------------
+
+    def site(self) -> Place | None:
+        """The site in force: what a client set, else the mount's, else the configured one."""
+        place = self.kept_site or self.mount_site or self.configured
+        if self.half is None:
+            return place
+        latitude = self.half.latitude if self.half.latitude is not None else (place.latitude if place else None)
+        longitude = self.half.longitude if self.half.longitude is not None else (place.longitude if place else None)
+        return place if latitude is None or longitude is None else Place(latitude, wrap180(longitude))
+
+    def clock(self) -> Moment | None:
+        """The clock in force, running; None when neither a client nor the mount has told one."""
+        held = self.kept_clock or self.mount_clock
+        if held is None:
+            return None
+        moment, at = held
+        return Moment(unix=moment.unix + self._now() - at, offset=moment.offset)
+
+    def unix(self) -> float:
+        """UTC as the mount sees it, else as the host does."""
+        moment = self.clock()
+        return self._host() if moment is None else moment.unix
+
+    # --- what was told --------------------------------------------------------------------------------------------
+
+    def mount_says_site(self, place: Place) -> None:
+        self.mount_site = place
+
+    def mount_says_clock(self, moment: Moment) -> None:
+        self.mount_clock = (moment, self._now())
+
+    def set_site_half(self, operation: SetSite) -> SetSite | None:
+        """Take one or both halves of a site -> the whole site once both halves were set."""
+        held = self.half or SetSite()
+        self.half = SetSite(
+            latitude=operation.latitude if operation.latitude is not None else held.latitude,
+            longitude=operation.longitude if operation.longitude is not None else held.longitude,
+        )
+        return self.half if None not in (self.half.latitude, self.half.longitude) else None
+
+    def take_site(self) -> SetSite | None:
+        """The site to hand on now: the halves that were set, completed by what is known; None when that is not a site."""
+        if self.half is None:
+            return None
+        place = self.site()
+        if place is None or (self.kept_site or self.mount_site or self.configured) is None and None in (
+            self.half.latitude,
+            self.half.longitude,
+        ):
+            return None
+        self.half = None
+        return SetSite(latitude=place.latitude, longitude=place.longitude)
+
+    def same_site(self, operation: SetSite) -> bool:
+        """Whether the mount stands there already, within an arcminute."""
+        place = self.mount_site
+        if place is None or operation.latitude is None or operation.longitude is None:
+            return False
+        return (
+            abs(place.latitude - operation.latitude) <= SITE_EQUAL
+            and abs(wrap180(place.longitude - operation.longitude)) <= SITE_EQUAL
+        )
+
+    def same_clock(self, operation: SetClock) -> bool:
+        """Whether the mount's clock shows that already, within 30 s."""
+        if self.mount_clock is None:
+            return False
+        moment, at = self.mount_clock
+        return abs(moment.unix + self._now() - at - operation.unix) <= CLOCK_EQUAL
+
+    def keep_site(self, operation: SetSite) -> None:
+        """Serve this site from now on, whatever the mount thinks."""
+        assert operation.latitude is not None and operation.longitude is not None
+        self.kept_site = Place(operation.latitude, wrap180(operation.longitude))
+
+    def keep_clock(self, operation: SetClock) -> None:
+        """Serve this clock from now on."""
+        self.kept_clock = (Moment(operation.unix, operation.offset), self._now())
+
+

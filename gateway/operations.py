@@ -1,0 +1,326 @@
+"""The canonical mount: everything that can be meant, as values.
+
+A surface yields these, a driver carries them out; neither knows the other. They are frozen, so they can be
+logged, compared, replayed and named in a table. Angles are degrees, right ascension included; right ascension
+and declination are of date (JNow) unless an endpoint is set to J2000; longitude counts EAST positive, a UTC
+offset is local minus UTC in hours. Motion comes in two kinds: *sky* (``Move``) and *axis* (``MoveAxis``).
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Any, ClassVar
+
+from msgspec import Struct
+
+
+class Operation(Struct, frozen=True):
+    """Base of all operations. ``reads`` tells the hub that it changes nothing."""
+
+
+class Direction(Enum):
+    """The four hand-control arrows, as seen on the sky."""
+
+    NORTH = "n"
+    SOUTH = "s"
+    EAST = "e"
+    WEST = "w"
+
+    @property
+    def axis(self) -> int:
+        """1 = right ascension / azimuth, 2 = declination / altitude."""
+        return 2 if self in (Direction.NORTH, Direction.SOUTH) else 1
+
+
+class Tracking(Enum):
+    """What the mount does when nobody moves it."""
+
+    OFF = "off"
+    ALTAZ = "alt-az"
+    EQ_NORTH = "eq-north"
+    EQ_SOUTH = "eq-south"
+
+    @property
+    def equatorial(self) -> bool:
+        return self in (Tracking.EQ_NORTH, Tracking.EQ_SOUTH)
+
+
+class Rate(Struct, frozen=True):
+    """A hand rate: a name (guide, center, find, max), a hand-control key 1-9, or degrees/s.
+
+    ``max`` together with degrees is the fastest rate that is not above so many.
+    """
+
+    name: str | None = None
+    key: int | None = None
+    degrees: float | None = None
+
+
+# --- what a mount answers -------------------------------------------------------------------------------------
+
+
+class Equatorial(Struct, frozen=True):
+    """A place on the sky: right ascension and declination in degrees."""
+
+    ra: float
+    dec: float
+
+
+class Horizontal(Struct, frozen=True):
+    """Azimuth from north through east and altitude, degrees."""
+
+    az: float
+    alt: float
+
+
+class Place(Struct, frozen=True):
+    """A site: latitude north positive, longitude east positive, degrees."""
+
+    latitude: float
+    longitude: float
+
+
+class Moment(Struct, frozen=True):
+    """A clock reading: UTC as Unix seconds and the mount's own offset (local minus UTC, hours, DST counted)."""
+
+    unix: float
+    offset: float
+
+
+class Status(Struct, frozen=True):
+    """How the mount stands: its tracking mode, whether it is aligned, and how it is built."""
+
+    tracking: Tracking
+    aligned: bool
+    equatorial: bool
+
+
+class Identity(Struct, frozen=True):
+    """Who the mount is, in words and numbers."""
+
+    product: str
+    version: str
+    model: str
+    motors: tuple[str, ...] = ()
+
+
+# --- reads ----------------------------------------------------------------------------------------------------
+
+
+class Read(Operation, frozen=True):
+    """Base of the operations that change nothing; ``answers`` is the struct a driver fills from reply fields."""
+
+    answers: ClassVar[type[Struct] | None] = None
+
+
+class Position(Read, frozen=True):
+    """-> Equatorial."""
+
+    answers = Equatorial
+
+
+class HorizontalPosition(Read, frozen=True):
+    """-> Horizontal: a fork's own answer, or derived from right ascension, declination, site and clock."""
+
+    answers = Horizontal
+
+
+class AxisPosition(Read, frozen=True):
+    """-> Horizontal: where the two motor axes stand, whatever they point at."""
+
+    answers = Horizontal
+
+
+class Slewing(Read, frozen=True):
+    """-> bool: a goto is under way (never true for hand-rate motion)."""
+
+
+class GetStatus(Read, frozen=True):
+    """-> Status."""
+
+
+class GetIdentity(Read, frozen=True):
+    """-> Identity."""
+
+
+class GetSite(Read, frozen=True):
+    """-> Place."""
+
+
+class GetClock(Read, frozen=True):
+    """-> Moment."""
+
+
+class SiderealTime(Read, frozen=True):
+    """-> float: local apparent sidereal time, degrees."""
+
+
+class PierSide(Read, frozen=True):
+    """-> ``"E"`` or ``"W"``: the side of the pier the tube is on."""
+
+
+class GuideRate(Read, frozen=True):
+    """-> float: autoguide rate of an axis as a fraction of sidereal."""
+
+    axis: int
+
+
+class Focuser(Read, frozen=True):
+    """-> bool: a focuser answers."""
+
+
+# --- motion ---------------------------------------------------------------------------------------------------
+
+
+class Goto(Operation, frozen=True):
+    """Slew to a place of date and track there. Raises BelowHorizon, TooHigh, NotAligned, NoAnswer.
+
+    ``lowest`` and ``highest`` narrow the altitude limits; without ``track`` a stopped drive stays stopped.
+    """
+
+    ra: float
+    dec: float
+    lowest: float | None = None
+    highest: float | None = None
+    track: bool = True
+
+
+class GotoHorizontal(Operation, frozen=True):
+    """Slew to an azimuth and altitude, degrees."""
+
+    az: float
+    alt: float
+    lowest: float | None = None
+    highest: float | None = None
+
+
+class GotoAxes(Operation, frozen=True):
+    """Bring the two motor axes to these readings, degrees (a horizon place only on a fork)."""
+
+    az: float
+    alt: float
+
+
+class Sync(Operation, frozen=True):
+    """The mount points at this place of date now. Raises SyncTooFar, NoAnswer."""
+
+    ra: float
+    dec: float
+
+
+class Move(Operation, frozen=True):
+    """Start moving in a sky direction at a hand rate, until halted."""
+
+    direction: Direction
+    rate: Rate
+
+
+class Halt(Operation, frozen=True):
+    """End the motion of one axis (1 or 2)."""
+
+    axis: int
+
+
+class Stop(Operation, frozen=True):
+    """End every motion and goto; tracking stays as it was."""
+
+
+class Pulse(Operation, frozen=True):
+    """Guide in a direction for some milliseconds."""
+
+    direction: Direction
+    ms: int
+
+
+class SetTracking(Operation, frozen=True):
+    """Tracking on in the mount's own mode, or off."""
+
+    on: bool
+
+
+class TrackRate(Operation, frozen=True):
+    """A drive rate: ``sidereal``, ``solar``, ``lunar``, or a multiple of sidereal."""
+
+    name: str | None = None
+    factor: float | None = None
+
+
+class Park(Operation, frozen=True):
+    """Go to the park position, then tracking off."""
+
+
+class Home(Operation, frozen=True):
+    """Go to the stored home position."""
+
+
+class SetHome(Operation, frozen=True):
+    """The present position is home."""
+
+
+class HomeState(Read, frozen=True):
+    """-> int: 0 failed or never searched, 1 at home (or parked), 2 on the way."""
+
+
+class Unpark(Operation, frozen=True):
+    """Take up service again: tracking on, the mount's state read anew."""
+
+
+class Sleep(Operation, frozen=True):
+    """Hibernate, or tracking off where the mount cannot."""
+
+
+class Wake(Operation, frozen=True):
+    """Wake up, or tracking on where the mount cannot hibernate."""
+
+
+# --- settings -------------------------------------------------------------------------------------------------
+
+
+class SetSite(Operation, frozen=True):
+    """Latitude and/or longitude (east positive) in degrees; None keeps what is there."""
+
+    latitude: float | None = None
+    longitude: float | None = None
+
+
+class SetClock(Operation, frozen=True):
+    """UTC as Unix seconds and the offset local minus UTC in hours."""
+
+    unix: float
+    offset: float
+
+
+class SetGuideRate(Operation, frozen=True):
+    """Autoguide rate of an axis as a fraction of sidereal."""
+
+    axis: int
+    rate: float
+
+
+class Backlash(Operation, frozen=True):
+    """Antibacklash of an axis, 0-99."""
+
+    axis: int
+    value: int
+
+
+class PeriodicError(Operation, frozen=True):
+    """Periodic error correction on, off, or the other way round (None), on one axis or both (None)."""
+
+    axis: int | None = None
+    on: bool | None = None
+
+
+class Focus(Operation, frozen=True):
+    """Move the focuser: +1 in, -1 out, 0 halt; speed 1-4."""
+
+    direction: int
+    speed: int = 2
+
+
+def named(name: str) -> type[Operation] | None:
+    """The operation class of that name, or None."""
+    found: Any = globals().get(name)
+    if isinstance(found, type) and issubclass(found, Operation) and found not in (Operation, Read):
+        return found
+    return None

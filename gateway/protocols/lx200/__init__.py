@@ -1,0 +1,1 @@
+"""Meade LX200 (revision L, 2002, and what came after it)."""

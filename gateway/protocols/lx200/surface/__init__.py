@@ -1,0 +1,13 @@
+"""The LX200 surface: what its rows in ``mappings/lx200/surface.toml`` call."""
+
+from __future__ import annotations
+
+from gateway.protocols.lx200.surface import accessories, clock, motion, site, target, tracking
+from gateway.surface import Special
+
+SPECIALS: dict[str, Special] = {
+    name: function
+    for module in (accessories, clock, motion, site, target, tracking)
+    for name, function in vars(module).items()
+    if callable(function) and getattr(function, "__module__", "") == module.__name__ and not name.startswith("_")
+}

@@ -1,0 +1,97 @@
+"""Formats, home and park, focuser, drive corrections: the small commands."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gateway.operations import Backlash, Focus, HomeState, PeriodicError, Unpark
+from gateway.surface import Handling, Session, Start
+from gateway.tables import Command
+
+
+def toggle_precision(session: Session, command: Command, values: dict[str, Any]) -> None:
+    """:U - the format of coordinates, for this client."""
+    session.kept["precision"] = "low" if session.kept["precision"] == "high" else "high"
+
+
+def toggle_pointing(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
+    """:P - high-precision pointing, another thing than the format; the new state is told."""
+    on = session.kept["pointing"] = not session.kept.get("pointing", False)
+    return {"precision": "HIGH PRECISION" if on else "LOW  PRECISION"}
+
+
+def restart(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:I - back into service, and this client's state as at power-on."""
+    session.kept.clear()
+    session.kept["precision"] = session.settings.get("precision", "high")
+    yield Start(Unpark())
+
+
+def home_state(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:h?"""
+    return {"state": (yield HomeState())}
+
+
+def focus(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:F+ :F- :FQ"""
+    direction = {"+": 1, "-": -1, "Q": 0}[command.name[1]]
+    yield Start(Focus(direction, session.kept.get("focus speed", 2)))
+
+
+def focus_speed(session: Session, command: Command, values: dict[str, Any]) -> None:
+    """:FF :FS :F<n>"""
+    session.kept["focus speed"] = {"FF": 4, "FS": 1}.get(command.name) or max(1, min(4, values["speed"]))
+
+
+def backlash(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:$BA the declination motor, :$BZ the right-ascension motor."""
+    yield Start(Backlash(2 if command.name == "$BA" else 1, values["value"]))
+
+
+def periodic_error(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """$Q :$QA :$QZ - a toggle for both axes, or on and off for one."""
+    if command.name == "$Q":
+        on = session.shared["pec"] = not session.shared.get("pec", False)
+        yield Start(PeriodicError(None, on))
+    else:
+        yield Start(PeriodicError(2 if "A" in command.name else 1, command.name.endswith("+")))
+
+
+def step_quality(session: Session, command: Command, values: dict[str, Any]) -> None:
+    """:Sq - the next lower quality, from the worst back to the best."""
+    steps = ("SU", "EX", "VG", "GD", "FR", "PR", "VP")
+    present = steps.index(session.kept.get("quality", "VP"))
+    session.kept["quality"] = steps[(present + 1) % len(steps)]
+
+
+def silence(session: Session, command: Command, values: dict[str, Any]) -> bytes:
+    """Nothing needs doing, and nothing is what programs take best."""
+    return b""
+
+
+def tube_temperature(session: Session, command: Command, values: dict[str, Any]) -> Any:
+    """:fT - only an LX200GPS has a thermometer; there is none behind the gateway."""
+    return {"value": 0.0} if session.model["name"] == "lx200gps" else b""
+
+
+def object_text(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
+    """:LI - the manual's static text where the model does not search."""
+    return {"text": session.model.get("object_text", "")}
+
+
+_KEPT = {"Gb": ("brighter", -5.5), "Gf": ("fainter", 20.0), "GF": ("field", 15), "Gl": ("larger", 0),
+         "Gs": ("smaller", 200), "Gy": ("types", "GPDCO"), "Gq": ("quality", "VP")}
+
+
+def tell_search(session: Session, command: Command, values: dict[str, Any]) -> Any:
+    """:Gb :Gf :GF :Gl :Gs :Gy :Gq - this client's search limits."""
+    name, default = _KEPT[command.name]
+    return session.kept.get(name, default)
+
+
+def set_search(session: Session, command: Command, values: dict[str, Any]) -> None:
+    """:Sb :Sf :SF :Sl :Ss :Sy"""
+    if "fault" in values:
+        raise values["fault"]
+    name, _ = _KEPT["G" + command.name[1]]
+    session.kept[name] = next(iter(values.values()))

@@ -1,0 +1,159 @@
+"""Local time, date and UTC offset.
+
+A client sets the three in any order, even over several connections; they are handed on as one instant, once all three
+are there, when a moment has passed, or before the clock is needed. What is preserved is UTC. Meade's offset is what
+must be ADDED to local time to get UTC; inside, offsets are local minus UTC.
+"""
+
+from __future__ import annotations
+
+import calendar
+from datetime import UTC, date, datetime, timedelta
+from typing import Any
+
+from gateway.errors import Fault
+from gateway.operations import GetClock, Moment, SetClock, SiderealTime
+from gateway.surface import Defer, Handling, Session
+from gateway.tables import Command
+
+#: One pause after the last piece, then what is there is taken.
+QUIET = 2.0
+_TEXT = "Updating        planetary data. "
+
+
+def printable(offset: float) -> float:
+    """The offset that is told: whole and half hours as they are; a quarter would be read in two ways, so its half."""
+    return round(offset * 2) / 2 if abs(offset * 2 - round(offset * 2)) < 1e-6 else (offset * 2 // 1) / 2
+
+
+def _local(session: Session) -> Handling:
+    """The client's local time now, as a naive datetime, with the offset it will be told."""
+    yield from commit(session)
+    moment: Moment = yield GetClock()
+    offset = printable(session.kept.get("offset", moment.offset))
+    # Half a second is what a whole-second reply is off by on average; none is invented here: cut, as clocks do.
+    return datetime.fromtimestamp(moment.unix, UTC).replace(tzinfo=None) + timedelta(hours=offset)
+
+
+def tell_time(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:GL in 24 hours, :Ga in 12."""
+    local: datetime = yield from _local(session)
+    hour = local.hour if command.name == "GL" else (local.hour + 11) % 12 + 1
+    return {"time": hour * 3600 + local.minute * 60 + local.second}
+
+
+def tell_date(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:GC"""
+    local: datetime = yield from _local(session)
+    return {"date": local.date()}
+
+
+def tell_offset(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:GG"""
+    yield from commit(session)
+    offset = session.kept.get("offset")
+    if offset is None:
+        moment: Moment = yield GetClock()
+        offset = moment.offset
+    return {"offset": -printable(offset)}
+
+
+def _draft(session: Session) -> dict[str, Any]:
+    draft: dict[str, Any] = session.kept.setdefault("draft", {})
+    return draft
+
+
+def set_piece(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:SL :SC :SG - one of three; the third one, or a pause, hands them on."""
+    if "fault" in values:
+        raise values["fault"]
+    draft = _draft(session)
+    draft["touched"] = session.clock()
+    if command.name == "SG":
+        session.kept["offset"] = -values["offset"]
+        draft["offset"] = True
+    elif command.name == "SL":
+        draft["time"] = (values["time"], session.clock())
+    else:
+        draft["date"] = values["date"]
+    if {"time", "date", "offset"} <= draft.keys():
+        yield from commit(session)
+    else:
+        yield Defer(QUIET, "commit_quiet")
+    return {"text": _TEXT, "blank": " " * 32} if command.name == "SC" else None
+
+
+def commit_quiet(session: Session, command: Command | None, values: dict[str, Any]) -> Handling:
+    """After the pause: hand on what is there, unless another piece has come meanwhile."""
+    if session.clock() - _draft(session).get("touched", 0.0) >= QUIET - 0.1:
+        yield from commit(session)
+
+
+def commit(session: Session) -> Handling:
+    """Hand the drafted time and date on as one instant."""
+    draft = _draft(session)
+    pieces = dict(draft)
+    draft.clear()
+    if "time" not in pieces and "date" not in pieces:
+        return
+    try:
+        present: Moment = yield GetClock()
+    except Fault:
+        present = Moment(session.clock(), 0.0)
+    offset = session.kept.get("offset", present.offset)
+    now = datetime.fromtimestamp(present.unix + offset * 3600.0, UTC)
+    day = pieces.get("date", now.date())
+    if "time" in pieces:
+        seconds, at = pieces["time"]
+        elapsed = session.clock() - at
+    else:
+        seconds, elapsed = now.hour * 3600 + now.minute * 60 + now.second + now.microsecond / 1e6, 0.0
+    yield SetClock(_instant(session, day, seconds, offset) + elapsed, offset)
+
+
+def _instant(session: Session, day: date, seconds: float, offset: float) -> float:
+    """Unix seconds of a local time. An LX200GPS is told the UTC date: the reading nearer this computer's clock counts."""
+    midnight = float(calendar.timegm(day.timetuple()))
+    local = midnight + seconds - offset * 3600.0
+    if not session.model.get("utc_date"):
+        return local
+    universal = midnight + (seconds - offset * 3600.0) % 86400.0
+    return min(local, universal, key=lambda unix: abs(unix - session.clock()))
+
+
+def set_stamp(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:hIyyMMddHHmmss - date and local time at once."""
+    stamp = values["stamp"]
+    try:
+        local = datetime.strptime(stamp, "%y%m%d%H%M%S").replace(tzinfo=UTC)
+    except ValueError:
+        return b""
+    draft = _draft(session)
+    draft["date"] = local.date()
+    draft["time"] = (local.hour * 3600 + local.minute * 60 + local.second, session.clock())
+    yield from commit(session)
+
+
+def tell_sidereal(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:GS - apparent, from the mount's clock and site, plus what :SS set."""
+    yield from commit(session)
+    sidereal: float = yield SiderealTime()
+    return {"sidereal": (sidereal + session.kept.get("sidereal offset", 0.0)) % 360.0}
+
+
+def set_sidereal(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:SS - kept as an offset of this client's."""
+    if "fault" in values:
+        raise values["fault"]
+    sidereal: float = yield SiderealTime()
+    session.kept["sidereal offset"] = values["sidereal"] - sidereal
+
+
+def toggle_hours(session: Session, command: Command, values: dict[str, Any]) -> None:
+    """:H"""
+    session.kept["twelve"] = not session.kept.get("twelve", False)
+
+
+def tell_hours(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
+    """:Gc"""
+    return {"hours": "12" if session.kept.get("twelve") else "24"}

@@ -1,0 +1,69 @@
+"""Arrows, their rates, and guiding. No command here has a reply, but :Sw."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gateway.errors import Invalid
+from gateway.operations import Direction, Halt, Move, Pulse, Rate, SetGuideRate, Stop
+from gateway.surface import Handling, Session, Start
+from gateway.tables import Command
+
+_NAMES = {"RG": "guide", "RC": "center", "RM": "find", "RS": "max"}
+_SIDEREAL = 15.041067
+LONGEST_PULSE = 60_000
+
+
+def move(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:Mn :Ms :Me :Mw - at this client's rate."""
+    direction = Direction(command.name[1])
+    kept = session.kept
+    own = kept.get("rate_ra" if direction.axis == 1 else "rate_dec")
+    rate = Rate(degrees=own) if own else kept.get("rate", Rate(name="center"))
+    if rate.name == "max" and "fastest" in kept:
+        rate = Rate(name="max", degrees=kept["fastest"])
+    yield Start(Move(direction, rate))
+
+
+def halt(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:Qn :Qs :Qe :Qw - only that axis."""
+    yield Start(Halt(Direction(command.name[1]).axis))
+
+
+def stop(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:Q - everything."""
+    yield Start(Stop())
+
+
+def choose_rate(session: Session, command: Command, values: dict[str, Any]) -> None:
+    """:RG :RC :RM :RS, and :R<n> with the key's own number (0 is the slowest)."""
+    name = _NAMES.get(command.name)
+    session.kept["rate"] = Rate(name=name) if name else Rate(key=max(1, values["key"]))
+    session.kept.pop("rate_ra", None)
+    session.kept.pop("rate_dec", None)
+
+
+def axis_rate(session: Session, command: Command, values: dict[str, Any]) -> None:
+    """:RA :RE - degrees a second for the arrows of one axis, until another rate is chosen."""
+    session.kept["rate_ra" if command.name == "RA" else "rate_dec"] = values["rate"] or None
+
+
+def max_rate(session: Session, command: Command, values: dict[str, Any]) -> None:
+    """:Sw - the fastest rate for this client; some programs use it as their rate slider, so it is chosen, too."""
+    low, high = session.model["max_rates"]
+    if "fault" in values or not low <= values["rate"] <= max(high, 8):
+        raise Invalid(f"The slew rate is {low} to {high} degrees a second.")
+    session.kept["fastest"] = float(values["rate"])
+    session.kept["rate"] = Rate(name="max")
+
+
+def guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:Rg - arcseconds a second, at most sidereal."""
+    fraction = min(1.0, values["rate"] / _SIDEREAL)
+    for axis in (1, 2):
+        yield Start(SetGuideRate(axis, fraction))
+
+
+def pulse(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:Mg - a timed guide pulse in milliseconds."""
+    yield Start(Pulse(Direction(values["direction"]), min(values["ms"], LONGEST_PULSE)))

@@ -1,0 +1,98 @@
+"""Targets, gotos and syncs. A target is a client's own, until it is refused: a refused half clears the whole."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gateway.errors import NoTarget
+from gateway.operations import Equatorial, Goto, GotoHorizontal, Horizontal, HorizontalPosition, Position, Slewing, Sync
+from gateway.surface import Handling, Session
+from gateway.tables import Command
+
+#: A declination asked for right after a right ascension belongs to the same instant.
+PAIR = 1.0
+
+
+def set_target(session: Session, _: Command, values: dict[str, Any]) -> None:
+    """:Sr :Sd - programs go on to :MS# even after a 0, so a refused half must not leave a stale target."""
+    _set(session, values, "ra", "dec")
+
+
+def set_horizontal_target(session: Session, _: Command, values: dict[str, Any]) -> None:
+    """:Sa :Sz"""
+    _set(session, values, "alt", "az")
+
+
+def _set(session: Session, values: dict[str, Any], *pair: str) -> None:
+    if "fault" in values:
+        for name in pair:
+            session.kept.pop(name, None)
+        raise values["fault"]
+    session.kept.update(values)
+
+
+def tell_target(session: Session, _: Command, values: dict[str, Any]) -> dict[str, float]:
+    """:Gr :Gd - zero before any was set, as a Meade says after power-on."""
+    return {name: session.kept.get(name, 0.0) for name in ("ra", "dec")}
+
+
+def right_ascension(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+    """:GR - its position is kept for the :GD that follows."""
+    seen: Equatorial = yield Position()
+    session.kept["pair"] = (seen, session.clock())
+    return seen
+
+
+def declination(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+    """:GD - of the same instant as the :GR before it."""
+    seen, at = session.kept.pop("pair", (None, 0.0))
+    if seen is None or session.last != b":GR#" or not 0 <= session.clock() - at < PAIR:
+        seen = yield Position()
+    return seen
+
+
+def azimuth(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+    """:GZ"""
+    seen: Horizontal = yield HorizontalPosition()
+    session.kept["horizontal pair"] = (seen, session.clock())
+    return seen
+
+
+def altitude(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+    """:GA - of the same instant as the :GZ before it."""
+    seen, at = session.kept.pop("horizontal pair", (None, 0.0))
+    if seen is None or session.last != b":GZ#" or not 0 <= session.clock() - at < PAIR:
+        seen = yield HorizontalPosition()
+    return seen
+
+
+def goto(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+    """:MS - to the target, or a refusal with words."""
+    kept = session.kept
+    if "ra" not in kept or "dec" not in kept:
+        raise NoTarget
+    yield Goto(kept["ra"], kept["dec"], lowest=kept.get("lowest"), highest=kept.get("highest"),
+               track=not kept.get("land", False))
+
+
+def goto_horizontal(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+    """:MA - to the azimuth and altitude of :Sz and :Sa."""
+    kept = session.kept
+    if "az" not in kept or "alt" not in kept:
+        raise NoTarget
+    yield GotoHorizontal(kept["az"], kept["alt"], lowest=kept.get("lowest"), highest=kept.get("highest"))
+
+
+def sync(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+    """:CM - a bare # is what programs read as failure; they want a text at once otherwise."""
+    kept = session.kept
+    if "ra" not in kept or "dec" not in kept:
+        raise NoTarget
+    yield Sync(kept["ra"], kept["dec"])
+    return {"text": session.settings.get("sync_text") or session.model["sync_text"]}
+
+
+def distance_bars(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+    """:D - one bar while a goto is under way, nothing when it is over."""
+    slewing = yield Slewing()
+    return {"bars": session.model["bars_moving" if slewing else "bars_idle"]}

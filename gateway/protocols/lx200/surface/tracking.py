@@ -1,0 +1,103 @@
+"""Alignment mode, tracking and its rate in hertz.
+
+Meade counts the rate as the frequency of a synchronous motor: 60 Hz is a turn in 24 hours, so sidereal is 60.164 Hz,
+printed 60.1; that is also what programs send when they mean sidereal.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gateway.errors import Invalid, NotAligned
+from gateway.operations import GetStatus, SetTracking, Status, Tracking, TrackRate
+from gateway.surface import Handling, Session, Start
+from gateway.tables import Command
+
+SIDEREAL_HERTZ = 60.16427
+_NAMED = {"TQ": ("sidereal", 60.1), "TS": ("solar", 60.0), "TL": ("lunar", 57.9)}
+_MENU = ("ALTAZ", "POLAR", "LAND")
+
+
+def alignment(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """ACK - L only to a client that asked for land mode: widely used programs fail on it."""
+    return {"mode": (yield from _letter(session))}
+
+
+def _letter(session: Session) -> Handling:
+    if session.kept.get("land"):
+        return "L"
+    status: Status = yield GetStatus()
+    return "P" if status.equatorial else "A"
+
+
+def menu(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:G0 :G1 :G2 - the alignment menu, the present mode marked."""
+    index = int(command.name[1])
+    letter = yield from _letter(session)
+    return {"text": f"{'>' if _MENU[index].startswith(letter) else ' '}{_MENU[index]:<15}"}
+
+
+def status(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:GW - how it is built, whether it tracks, whether it is aligned."""
+    seen: Status = yield GetStatus()
+    return {
+        "build": "P" if seen.equatorial else "A",
+        "tracking": "N" if seen.tracking is Tracking.OFF else "T",
+        "aligned": "1" if seen.aligned else "0",
+    }
+
+
+def align(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:Aa - a hand control cannot be aligned from outside: 1 when it is aligned already, else 0."""
+    seen: Status = yield GetStatus()
+    if not seen.aligned:
+        raise NotAligned
+
+
+def land(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:AL - tracking off."""
+    session.kept["land"] = True
+    yield Start(SetTracking(on=False))
+
+
+def track(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:AA :AP - tracking on, in the mount's own mode: its alignment must survive."""
+    session.kept["land"] = False
+    yield Start(SetTracking(on=True))
+
+
+def named_rate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:TQ :TS :TL"""
+    name, session.shared["hertz"] = _NAMED[command.name]
+    yield Start(TrackRate(name=name))
+
+
+def tell_hertz(session: Session, command: Command, values: dict[str, Any]) -> dict[str, float]:
+    """:GT"""
+    return {"hertz": session.shared.get("hertz", 60.1)}
+
+
+def set_hertz(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:ST :T<ddd.ddd> - from now on at this rate; 60.1 to 60.2 is sidereal exactly."""
+    if "fault" in values:
+        raise values["fault"]
+    hertz = values["hertz"]
+    if not 0 < hertz < 100:
+        raise Invalid("The tracking rate is given in hertz, 60.1 for sidereal.")
+    session.shared["manual hertz"] = hertz
+    yield from _drive(session, hertz)
+
+
+def custom(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:TM :T+ :T- - the manual rate, a tenth of a hertz more or less."""
+    step = {"TM": 0.0, "T+": 0.1, "T-": -0.1}[command.name]
+    hertz = session.shared["manual hertz"] = round(session.shared.get("manual hertz", 60.1) + step, 3)
+    yield from _drive(session, hertz)
+
+
+def _drive(session: Session, hertz: float) -> Handling:
+    session.shared["hertz"] = min(hertz, 99.9)
+    if 60.1 <= round(hertz, 3) <= 60.2:
+        yield Start(TrackRate(name="sidereal"))
+    else:
+        yield Start(TrackRate(factor=hertz / SIDEREAL_HERTZ))

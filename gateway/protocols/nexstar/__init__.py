@@ -1,0 +1,1 @@
+"""Celestron NexStar hand control (versions 1.2 to 5.x)."""

@@ -1,0 +1,31 @@
+"""The NexStar driver: operations become the commands of the hand control that was found.
+
+``SPECIALS`` lists the functions that rows of ``mappings/nexstar/driver.toml`` call, and the driver's own follow-ups.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from gateway.protocols.nexstar.driver import goto, identify, motion, place, position, tracking
+
+SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
+    function.__name__: function
+    for function in (
+        identify.identity,
+        position.position, position.horizontal_position, position.pier_side, position.sync,
+        goto.goto, goto.goto_axes, goto.slewing, goto.park, goto.home, goto.set_home, goto.home_state, goto.unpark,
+        goto.sleep, goto.wake,
+        motion.move, motion.halt, motion.stop, motion.pulse, motion.backlash,
+        motion.periodic_error, motion.focus,
+        tracking.status, tracking.set_tracking, tracking.track_rate, tracking.guide_rate, tracking.set_guide_rate,
+        place.get_site, place.set_site, place.get_clock, place.set_clock,
+    )
+}
+FOLLOW_UPS: dict[type[Any], Callable[[Any, Any], Any]] = {
+    tracking.VerifyTracking: tracking.verify,
+    motion.StepOn: motion.step_on,
+    motion.EndPulse: motion.end_pulse,
+    motion.NextPulse: motion.next_pulse,
+}

@@ -1,0 +1,176 @@
+"""Gotos, parking and homing: started at once, watched by ``L``, ended by the last word.
+
+A goto counts as under way from the moment the hand control acknowledged it; ``L`` may still say 0 for a while.
+"""
+
+from __future__ import annotations
+
+from gateway.driver import Ask, Later, Pause, Steps
+from gateway.errors import NotAligned, Unsupported
+from gateway.operations import (
+    Goto,
+    GotoAxes,
+    Home,
+    HomeState,
+    Horizontal,
+    Operation,
+    Park,
+    SetHome,
+    Sleep,
+    Slewing,
+    Tracking,
+    Unpark,
+    Wake,
+)
+from gateway.protocols.nexstar.driver import tracking
+from gateway.protocols.nexstar.driver.position import to_mount
+from gateway.protocols.nexstar.driver.state import GotoState, NexStar
+
+START_GRACE = 3.0
+CANCEL_WAIT = 5.0
+#: Where an equatorial mount's axes stand when it points at the pole: both at their index.
+POLE_AXES = (90.0, 90.0)
+
+
+def goto(mount: NexStar, operation: Goto) -> Steps:
+    """``r`` or ``R``. A hand control without alignment would only say ``#`` and do nothing, so it is asked first."""
+    answer = yield Ask("J")
+    mount.aligned = bool(answer["aligned"])
+    if not mount.aligned:
+        raise NotAligned
+    yield from clear_the_way(mount)
+    if operation.track and mount.tracking is Tracking.OFF and tracking.own_mode(mount) and mount.knows("T"):
+        yield from tracking.set_tracking(mount, tracking.SetTracking(on=True))
+    ra, dec = to_mount(mount, operation.ra, operation.dec)
+    yield Ask("r" if mount.knows("r") else "R", {"ra": ra, "dec": dec})
+    mount.parked = False
+    mount.goto = GotoState(since=mount.now())
+
+
+def goto_axes(mount: NexStar, operation: GotoAxes) -> Steps:
+    """``b`` or ``B``."""
+    yield from clear_the_way(mount)
+    yield from _to_axes(mount, operation.az, operation.alt, None)
+
+
+def _to_axes(mount: NexStar, az: float, alt: float, then: str | None) -> Steps:
+    yield Ask("b" if mount.knows("b") else "B", {"az": az, "alt": alt})
+    mount.goto = GotoState(since=mount.now(), then=then, horizontal=Horizontal(az, alt))
+
+
+def clear_the_way(mount: NexStar) -> Steps:
+    """End what moves now: the newer goto wins, as at the keypad. Hand motion by rate 0; ``M``, wait for ``L`` = 0."""
+    mount.steps.clear()
+    for axis in list(mount.moving):
+        yield Ask(f"slew_{'azm' if axis == 1 else 'alt'}_pos", {"rate": 0})
+        mount.moving.pop(axis, None)
+    if mount.goto is not None:
+        yield Ask("M")
+        deadline = mount.now() + CANCEL_WAIT
+        while mount.now() < deadline:
+            answer = yield Ask("L")
+            if answer["slewing"] == "0":
+                break
+            yield Pause(0.1)
+        mount.goto = None
+    if mount.remembered is not None:
+        mode, mount.remembered = mount.remembered, None
+        if mode is not Tracking.OFF:
+            yield from tracking.send_mode(mount, mode)
+
+
+def slewing(mount: NexStar, _: Slewing) -> Steps:
+    """-> bool. ``L``, latched from the acknowledgement of the goto until the mount has had time to begin."""
+    answer = yield Ask("L")
+    moving = answer["slewing"] == "1"
+    state = mount.goto
+    if state is None:
+        return moving
+    if moving:
+        state.seen = True
+        return True
+    if not state.seen and mount.now() - state.since < START_GRACE and not (yield from _arrived(mount, state)):
+        return True
+    mount.goto = None
+    yield from _finish(mount, state)
+    return False
+
+
+def _arrived(mount: NexStar, state: GotoState) -> Steps:
+    """Whether a short goto was over before it was first looked at."""
+    if mount.now() - state.since < 1.0:
+        return False
+    before = yield Ask("E")
+    yield Pause(0.3)
+    after = yield Ask("E")
+    return before == after and mount.now() - state.since > 1.5
+
+
+def _finish(mount: NexStar, state: GotoState) -> Steps:
+    """The goto is over: park, note home, or come back to a special drive rate."""
+    if state.then == "park":
+        mount.parked, mount.remembered = True, None
+        if mount.knows("T"):
+            yield Ask("T", {"mode": 0})
+            mount.tracking = Tracking.OFF
+    elif state.then == "home":
+        mount.home_state = 1
+    elif mount.rate.name != "sidereal":
+        yield from tracking.track_rate(mount, mount.rate)
+
+
+def park(mount: NexStar, _: Park) -> Steps:
+    """To the park position by ``b`` (which works unaligned too); tracking goes off when it is there."""
+    yield from clear_the_way(mount)
+    az, alt = mount.settings.park or (POLE_AXES if mount.german else (0.0, 0.0))
+    yield from _to_axes(mount, az, alt, "park")
+
+
+def set_home(mount: NexStar, _: SetHome) -> Steps:
+    """Remember where the axes stand now."""
+    answer = yield Ask("z" if mount.knows("z") else "Z")
+    mount.home, mount.home_state = Horizontal(answer["az"], answer["alt"]), 1
+
+
+def home(mount: NexStar, _: Home) -> Steps:
+    """To the stored home position. Raises Unsupported when none was stored."""
+    if mount.home is None:
+        mount.home_state = 0
+        raise Unsupported("No home position was stored.")
+    yield from clear_the_way(mount)
+    mount.home_state = 2
+    yield from _to_axes(mount, mount.home.az, mount.home.alt, "home")
+
+
+def home_state(mount: NexStar, _: HomeState) -> Steps:
+    """-> 2 on the way, 1 at home or parked, 0 else."""
+    if mount.goto is not None and mount.goto.then in ("home", "park"):
+        return 2
+    return 1 if mount.parked else mount.home_state
+    yield  # a generator like all others
+
+
+def unpark(mount: NexStar, _: Unpark) -> Steps:
+    """Tracking on again, the mount's state read anew."""
+    mount.parked = False
+    if mount.goto is None and mount.knows("T") and tracking.own_mode(mount) is not None:
+        yield from tracking.set_tracking(mount, tracking.SetTracking(on=True))
+    yield from tracking.read_status(mount)
+
+
+def sleep(mount: NexStar, _: Sleep) -> Steps:
+    """``x`` where the firmware has it, else tracking off."""
+    if mount.knows("x"):
+        yield Ask("x")
+    else:
+        yield from tracking.set_tracking(mount, tracking.SetTracking(on=False))
+
+
+def wake(mount: NexStar, operation: Operation) -> Steps:
+    """``y`` where the firmware has it, else tracking on."""
+    assert isinstance(operation, Wake | Sleep)
+    if mount.knows("y"):
+        yield Ask("y")
+        yield Later(2.0, Unpark())
+    else:
+        yield from tracking.set_tracking(mount, tracking.SetTracking(on=True))

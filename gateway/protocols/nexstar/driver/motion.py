@@ -1,0 +1,198 @@
+"""Moving by hand, stopping, guiding.
+
+A sky direction becomes a motor sense here, once. Fast motion overrides tracking on the mount, so tracking is put off
+before it and restored after the last axis has stopped. Hand controls before 1.6 have no pass-through: there a motion is
+a chain of small gotos.
+"""
+
+from __future__ import annotations
+
+from gateway.driver import Ask, Later, Steps
+from gateway.errors import Fault, Unsupported
+from gateway.operations import Backlash, Direction, Focus, Halt, Move, Operation, PeriodicError, Pulse, Rate
+from gateway.operations import Stop, Tracking
+from gateway.protocols.nexstar.driver import tracking
+from gateway.protocols.nexstar.driver.goto import clear_the_way
+from gateway.protocols.nexstar.driver.state import NexStar
+from gateway.spherical import fold_declination
+
+FOCUSER = 18
+PULSE_FIRMWARE = (6, 12)
+LONGEST_PULSE = 2550
+#: Up to this version the pier side is told with its letters swapped in the southern hemisphere.
+LETTERS_SWAPPED = (5, 24)
+STEP_EVERY = 0.6
+_AXIS = {1: "azm", 2: "alt"}
+_FOCUS_KEYS = {1: 2, 2: 4, 3: 6, 4: 9}
+
+
+def sense(mount: NexStar, direction: Direction) -> int:
+    """+1 or -1: which way a motor turns for a sky direction. Positive on axis 1 is west, but east in EQ south."""
+    positive = direction in (Direction.NORTH, Direction.WEST)
+    if direction.axis == 1 and tracking.own_mode(mount) is Tracking.EQ_SOUTH:
+        positive = not positive
+    return 1 if positive else -1
+
+
+def _flipped(mount: NexStar, direction: Direction) -> Steps:
+    """Whether the tube is on the side of the pier (W) where the declination motor turns the other way."""
+    if direction.axis == 1 or not mount.german or not mount.knows("p"):
+        return False
+    try:
+        answer = yield Ask("p")
+    except Fault:
+        return False
+    swapped = mount.southern and mount.version is not None and mount.version <= LETTERS_SWAPPED
+    return bool((answer["side"] == "W") != swapped)
+
+
+def move(mount: NexStar, operation: Move) -> Steps:
+    """``P 2 16|17 36|37 rate``; tracking off first unless an equatorial mount moves at rates 1-2."""
+    axis, sign = operation.direction.axis, sense(mount, operation.direction)
+    if mount.goto is not None:
+        yield from clear_the_way(mount)
+    if not mount.knows("slew_azm_pos"):
+        yield from _begin_steps(mount, axis, sign, operation.rate)
+        return
+    if (yield from _flipped(mount, operation.direction)):
+        sign = -sign
+    side = "pos" if sign > 0 else "neg"
+    free = operation.rate.name is None and operation.rate.key is None
+    gentle = not free and mount.key_for(operation.rate) <= 2
+    equatorial = (mount.remembered or mount.tracking or Tracking.OFF).equatorial
+    mount.parked = False
+    if not (gentle and equatorial and mount.remembered is None):
+        yield from tracking.put_off(mount)
+    mount.moving[axis] = sign
+    if free and operation.rate.degrees is not None:
+        quarter_arcseconds = min(round(min(operation.rate.degrees, mount.rates["fastest"]) * 14400), 0xFFFC)
+        yield Ask(f"rate_{_AXIS[axis]}_{side}", {"rate": quarter_arcseconds})
+    else:
+        yield Ask(f"slew_{_AXIS[axis]}_{side}", {"rate": mount.key_for(operation.rate)})
+
+
+def halt(mount: NexStar, operation: Halt) -> Steps:
+    """Rate 0 on one axis; after the last one tracking comes back, once."""
+    mount.steps.pop(operation.axis, None)
+    if not mount.knows("slew_azm_pos"):
+        return
+    yield Ask(f"slew_{_AXIS[operation.axis]}_pos", {"rate": 0})
+    mount.moving.pop(operation.axis, None)
+    if not mount.moving:
+        yield from tracking.restore(mount)
+
+
+def stop(mount: NexStar, _: Stop) -> Steps:
+    """Rate 0 on both axes and ``M``: the one ends hand motion, the other a goto; tracking stays as it was."""
+    mount.steps.clear()
+    mount.pulsing.clear()
+    going, mount.goto = mount.goto, None
+    if going is not None:
+        mount.home_state = 0 if going.then == "home" else mount.home_state
+        yield Ask("M")
+    if mount.knows("slew_azm_pos"):
+        for axis in (1, 2):
+            yield Ask(f"slew_{_AXIS[axis]}_pos", {"rate": 0})
+    mount.moving.clear()
+    if going is None:
+        yield Ask("M")
+    yield from tracking.restore(mount)
+
+
+# --- hand controls before 1.6 -----------------------------------------------------------------------------------
+
+
+class StepOn(Operation, frozen=True):
+    """Internal: the next small goto of a motion on a hand control without pass-through."""
+
+
+def _begin_steps(mount: NexStar, axis: int, sign: int, rate: Rate) -> Steps:
+    degrees = rate.degrees if rate.degrees is not None else mount.key_speed(mount.key_for(rate))
+    mount.steps[axis] = sign * degrees * STEP_EVERY
+    yield from step_on(mount, StepOn())
+
+
+def step_on(mount: NexStar, _: StepOn) -> Steps:
+    """``E``, then ``R`` a little further on; again until halted. West lowers the right ascension."""
+    if not mount.steps:
+        return
+    answer = yield Ask("E")
+    ra = answer["ra"] - mount.steps.get(1, 0.0)
+    dec = max(-90.0, min(90.0, fold_declination(0.0, answer["dec"])[1] + mount.steps.get(2, 0.0)))
+    yield Ask("R", {"ra": ra, "dec": dec})
+    yield Later(STEP_EVERY, StepOn())
+
+
+# --- guiding ----------------------------------------------------------------------------------------------------
+
+
+class EndPulse(Operation, frozen=True):
+    """Internal: a guide pulse timed by the gateway is over. Ranks as a stop."""
+
+    axis: int
+
+
+class NextPulse(Operation, frozen=True):
+    """Internal: the rest of a guide pulse longer than the motor's 2.55 s."""
+
+    axis: int
+
+
+def pulse(mount: NexStar, operation: Pulse) -> Steps:
+    """AUX 0x26 where both motors have it; else guide rate for that long; in alt-az there is no such fallback."""
+    axis, sign = operation.direction.axis, sense(mount, operation.direction)
+    if operation.ms <= 0:
+        return
+    if mount.motors and min(mount.motors.values()) >= PULSE_FIRMWARE:
+        mount.pulsing[axis] = (sign, operation.ms)
+        yield from next_pulse(mount, NextPulse(axis))
+        return
+    if not (mount.tracking or Tracking.OFF).equatorial or not mount.knows("slew_azm_pos"):
+        raise Unsupported("This mount cannot be guided in alt-az: its motors know no guide pulses.")
+    mount.pulsing[axis] = (sign, 0)
+    side = "pos" if sign > 0 else "neg"
+    yield Ask(f"slew_{_AXIS[axis]}_{side}", {"rate": int(mount.rates["guide"])})
+    yield Later(operation.ms / 1000.0, EndPulse(axis), urgent=True)
+
+
+def next_pulse(mount: NexStar, operation: NextPulse) -> Steps:
+    """One piece of at most 2.55 s, then the next."""
+    sign, left = mount.pulsing.pop(operation.axis, (0, 0))
+    piece = min(left, LONGEST_PULSE)
+    if piece <= 0:
+        return
+    rate = sign * round(100 * mount.settings.guide_rate)
+    yield Ask("pulse", {"device": 15 + operation.axis, "rate": rate, "ticks": max(1, round(piece / 10))})
+    if left > piece:
+        mount.pulsing[operation.axis] = (sign, left - piece)
+        yield Later(piece / 1000.0, NextPulse(operation.axis))
+
+
+def end_pulse(mount: NexStar, operation: EndPulse) -> Steps:
+    """Rate 0, unless a stop already did it."""
+    if mount.pulsing.pop(operation.axis, None) is not None:
+        yield Ask(f"slew_{_AXIS[operation.axis]}_pos", {"rate": 0})
+
+
+# --- mechanics --------------------------------------------------------------------------------------------------
+
+
+def backlash(mount: NexStar, operation: Backlash) -> Steps:
+    """AUX 0x10 and 0x11: the same in both senses."""
+    for side in ("pos", "neg"):
+        yield Ask(f"set_backlash_{side}", {"device": 15 + operation.axis, "value": operation.value})
+
+
+def periodic_error(mount: NexStar, operation: PeriodicError) -> Steps:
+    """AUX 0x0D on the right-ascension motor; only there is periodic error correction on these mounts."""
+    if not mount.has("pec") or operation.axis == 2:
+        raise Unsupported("This mount has no periodic error correction.")
+    yield Ask("pec_playback", {"device": 16, "on": int(operation.on is not False)})
+
+
+def focus(mount: NexStar, operation: Focus) -> Steps:
+    """A focuser on the mount's bus moves like an axis (AUX 0x24, 0x25)."""
+    if not mount.focuser:
+        raise Unsupported("No focuser answers on this mount.")
+    rate = _FOCUS_KEYS[operation.speed] if operation.direction else 0
+    yield Ask("move_neg" if operation.direction < 0 else "move_pos", {"device": FOCUSER, "rate": rate})

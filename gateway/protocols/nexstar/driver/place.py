@@ -1,0 +1,119 @@
+"""Site and clock of the hand control.
+
+What is preserved is UTC: a hand control counts its zone in whole hours, so an odd offset goes out rounded and the local
+time goes with it. Versions before 2.3 have neither; there the GPS unit, the clock of a CGE, and the settings stand in.
+"""
+
+from __future__ import annotations
+
+import calendar
+from datetime import UTC, datetime, timedelta
+
+from gateway.driver import Ask, Steps
+from gateway.errors import Fault, Unsupported
+from gateway.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite
+from gateway.protocols.nexstar.driver.state import NexStar
+from gateway.spherical import wrap180
+
+
+def get_site(mount: NexStar, _: GetSite) -> Steps:
+    """``w``; else the GPS unit; else the site of the settings. -> Place."""
+    if mount.knows("w"):
+        answer = yield Ask("w")
+        mount.site = Place(answer["latitude"], answer["longitude"])
+        return mount.site
+    if mount.has("gps"):
+        try:
+            if (yield Ask("gps_linked"))["linked"]:
+                latitude = (yield Ask("gps_latitude"))["latitude"]
+                longitude = (yield Ask("gps_longitude"))["longitude"]
+                mount.site = Place(latitude, wrap180(longitude))
+                return mount.site
+        except Fault:
+            pass
+    if mount.settings.site is None:
+        raise Unsupported("This hand control does not tell its site.")
+    mount.site = Place(*mount.settings.site)
+    return mount.site
+
+
+def set_site(mount: NexStar, operation: SetSite) -> Steps:
+    """``W``. Both halves are needed."""
+    if not mount.knows("W") or operation.latitude is None or operation.longitude is None:
+        raise Unsupported("This hand control takes no site.")
+    yield Ask("W", {"latitude": operation.latitude, "longitude": wrap180(operation.longitude)})
+    mount.site = Place(operation.latitude, operation.longitude)
+
+
+def unix_of(year: int, month: int, day: int, hour: int, minute: int, second: int) -> float:
+    """Calendar fields -> Unix seconds as if they were UTC. Raises ValueError for an impossible date."""
+    return float(calendar.timegm(datetime(year, month, day, hour, minute, min(second, 59)).timetuple()))
+
+
+def get_clock(mount: NexStar, _: GetClock) -> Steps:
+    """``i`` or ``h``; else the clock of a CGE; else the GPS unit. -> Moment."""
+    if mount.knows("i") and not mount.starsense:
+        a = yield Ask("i")
+        return _moment(a, a["quarters"] / 4.0)
+    if mount.knows("h"):
+        a = yield Ask("h")
+        return _moment(a, float(a["zone"]))
+    for part in ("gps", "rtc"):
+        if not mount.has(part):
+            continue
+        try:
+            if part == "gps" and not (yield Ask("gps_linked"))["linked"]:
+                continue
+            day = yield Ask(f"{part}_date")
+            year = yield Ask(f"{part}_year")
+            time = yield Ask(f"{part}_time")
+        except Fault:
+            continue
+        return _moment({**day, **year, **time}, 0.0, century=0)
+    raise Unsupported("This hand control does not tell the time.")
+
+
+def _moment(fields: dict[str, int], zone: float, century: int = 2000) -> Moment:
+    offset = zone + fields.get("dst", 0)
+    try:
+        local = unix_of(century + fields["year"], fields["month"], fields["day"],
+                        fields["hour"], fields["minute"], fields["second"])
+    except ValueError as error:
+        raise Unsupported(f"The hand control's clock is impossible: {error}.") from None
+    return Moment(unix=local - offset * 3600.0, offset=offset)
+
+
+def set_clock(mount: NexStar, operation: SetClock) -> Steps:
+    """``I`` or ``H``: zone as near as the mount can count, daylight saving 0, local time to match; UTC is exact.
+
+    Where the mount's own zone and daylight saving already make that offset, they are left as they are.
+    """
+    if mount.knows("I") and not mount.starsense:
+        quarters, dst = round(operation.offset * 4), 0
+        name, zone, fields = "I", quarters / 4.0, {"quarters": quarters}
+    elif mount.knows("H"):
+        hours, dst = _zone(operation.offset), 0
+        present = yield Ask("h")
+        if present["zone"] + present["dst"] == operation.offset:
+            hours, dst = present["zone"], present["dst"]
+        name, zone, fields = "H", float(hours), {"zone": hours}
+    elif mount.has("rtc") and mount.knows("rtc_set_date"):
+        yield from _set_rtc(operation.unix)
+        return
+    else:
+        raise Unsupported("This hand control takes no time.")
+    local = datetime.fromtimestamp(round(operation.unix), UTC) + timedelta(hours=zone + dst)
+    yield Ask(name, {"hour": local.hour, "minute": local.minute, "second": local.second, "month": local.month,
+                     "day": local.day, "year": local.year % 100, "dst": dst, **fields})
+
+
+def _zone(offset: float) -> int:
+    """The whole hours nearest to an offset, halves upwards."""
+    return int(offset + 100.5) - 100
+
+
+def _set_rtc(unix: float) -> Steps:
+    moment = datetime.fromtimestamp(round(unix), UTC)
+    yield Ask("rtc_set_date", {"month": moment.month, "day": moment.day})
+    yield Ask("rtc_set_year", {"year": moment.year})
+    yield Ask("rtc_set_time", {"hour": moment.hour, "minute": moment.minute, "second": moment.second})

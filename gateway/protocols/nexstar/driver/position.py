@@ -1,0 +1,49 @@
+"""Where the mount points, and what it is told about it."""
+
+from __future__ import annotations
+
+from gateway.driver import Ask, Steps
+from gateway.operations import Equatorial, Horizontal, HorizontalPosition, PierSide, Position, Sync
+from gateway.protocols.nexstar.driver.state import NexStar
+from gateway.protocols.nexstar.driver.tracking import own_mode
+from gateway.spherical import fold_declination, wrap180, wrap360
+
+
+def position(mount: NexStar, _: Position) -> Steps:
+    """``e`` or ``E``, folded past the pole, with the offset of a sync that the hand control could not take."""
+    answer = yield Ask("e" if mount.knows("e") else "E")
+    ra, dec = fold_declination(answer["ra"] + mount.offset[0], answer["dec"] + mount.offset[1])
+    mount.last = Equatorial(ra, dec)
+    return mount.last
+
+
+def horizontal_position(mount: NexStar, _: HorizontalPosition) -> Steps:
+    """A fork's own azimuth and altitude; None where the axes are equatorial (the hub derives it then)."""
+    mode = own_mode(mount)
+    if mount.german or (mode is not None and mode.equatorial) or mount.offset != (0.0, 0.0):
+        return None
+    answer = yield Ask("z" if mount.knows("z") else "Z")
+    return Horizontal(az=wrap360(answer["az"]), alt=max(-90.0, min(90.0, answer["alt"])))
+
+
+def pier_side(mount: NexStar, _: PierSide) -> Steps:
+    """``p``: E or W; a fork is always E."""
+    if not mount.german or not mount.knows("p"):
+        return "E"
+    answer = yield Ask("p")
+    return answer["side"]
+
+
+def to_mount(mount: NexStar, ra: float, dec: float) -> tuple[float, float]:
+    """A place of date as this hand control must be told it."""
+    return fold_declination(ra - mount.offset[0], dec - mount.offset[1])
+
+
+def sync(mount: NexStar, operation: Sync) -> Steps:
+    """``s`` or ``S``; before 4.10 an offset kept here and added to everything the mount says."""
+    if mount.knows("s"):
+        yield Ask("s", {"ra": operation.ra, "dec": operation.dec})
+        return
+    answer = yield Ask("e" if mount.knows("e") else "E")
+    ra, dec = fold_declination(answer["ra"], answer["dec"])
+    mount.offset = (wrap180(wrap360(operation.ra) - ra), operation.dec - dec)

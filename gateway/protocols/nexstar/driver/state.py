@@ -1,0 +1,131 @@
+"""What the driver knows of the mount it has found, and what it remembers between two operations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from msgspec import Struct
+
+from gateway.driver import Driver
+from gateway.operations import Equatorial, Horizontal, Moment, Place, Rate, Tracking, TrackRate
+from gateway.tables import Version, load, parse_version
+
+
+class Settings(Struct, frozen=True):
+    """What a user may set for a NexStar mount; the defaults suit most."""
+
+    site: tuple[float, float] | None = None
+    mode: str | None = None
+    guide_rate: float = 0.5
+    park: tuple[float, float] | None = None
+
+
+class GotoState(Struct):
+    """A goto under way: since when, and whether the mount has said so itself."""
+
+    since: float
+    seen: bool = False
+    then: str | None = None
+    horizontal: Horizontal | None = None
+
+
+class NexStar(Driver):
+    """A Celestron hand control. ``now`` is any clock that never goes back, in seconds."""
+
+    protocol = load("nexstar")
+
+    def __init__(self, now: Callable[[], float], settings: Settings = Settings(), model: str | None = None,
+                 version: str | None = None) -> None:
+        from gateway.protocols.nexstar.driver import SPECIALS  # the specials know this class
+
+        self.specials = SPECIALS
+        self.now, self.settings = now, settings
+        self.named_model = model
+        self.named_version = parse_version(version) if version and version[0].isdigit() else None
+        self.model = model
+        self.version: Version | None = self.named_version
+        self.version_text = "?"
+        self.starsense = False
+        self.motors: dict[int, Version] = {}
+        self.focuser = False
+        # the drive
+        self.tracking: Tracking | None = None
+        self.own_mode: Tracking | None = None
+        self.rate = TrackRate(name="sidereal")
+        self.aligned = False
+        # motion
+        self.goto: GotoState | None = None
+        self.moving: dict[int, float] = {}
+        self.remembered: Tracking | None = None
+        self.restores = 0
+        self.steps: dict[int, float] = {}
+        self.pulsing: dict[int, tuple[int, int]] = {}
+        # position
+        self.last: Equatorial | None = None
+        self.offset: tuple[float, float] = (0.0, 0.0)
+        self.parked = False
+        self.home: Horizontal | None = None
+        self.home_state = 0
+        # site and clock
+        self.site: Place | None = None
+        self.clock: Moment | None = None
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """The row of models.toml; an unknown mount is an alt-az fork without extras."""
+        return self.protocol.models.get(self.model or "", UNKNOWN)
+
+    @property
+    def german(self) -> bool:
+        """Whether the mount is built equatorially."""
+        return bool(self.facts["mount"] == "german")
+
+    @property
+    def southern(self) -> bool:
+        return self.site is not None and self.site.latitude < 0
+
+    def has(self, part: str) -> bool:
+        return part in self.facts["has"]
+
+    @property
+    def shifted(self) -> bool:
+        """CGE and Advanced GT 3.01-3.04 count EQ north as 1 and EQ south as 2."""
+        low_high = self.facts.get("shifted")
+        if not low_high or self.version is None:
+            return False
+        return parse_version(low_high[0]) <= self.version <= parse_version(low_high[1])
+
+    @property
+    def rates(self) -> dict[str, Any]:
+        """The fixed-rate table of the mount's family."""
+        return rate_tables()[self.facts["rates"]]
+
+    def key_speed(self, key: int) -> float:
+        """Degrees a second of a hand-control key 1-9."""
+        sidereal, degrees = self.rates["sidereal"], self.rates["degrees"]
+        if key <= len(sidereal):
+            return float(sidereal[key - 1]) * SIDEREAL
+        return float(degrees[key - len(sidereal) - 1])
+
+    def key_for(self, rate: Rate) -> int:
+        """The key that comes nearest to a hand rate (never above one given in degrees a second)."""
+        if rate.key is not None:
+            return max(1, min(9, rate.key))
+        if rate.name is not None and rate.degrees is None:
+            return {"guide": int(self.rates["guide"]), "center": 4, "find": 7, "max": 9}[rate.name]
+        wanted = rate.degrees or 0.0
+        return max([key for key in range(1, 10) if self.key_speed(key) <= wanted + 1e-9], default=1)
+
+
+SIDEREAL = 15.041067 / 3600.0
+UNKNOWN: dict[str, Any] = {"mount": "fork", "rates": "se", "has": [], "motors": "0.0", "versions": []}
+
+_RATES: dict[str, dict[str, Any]] = {}
+
+
+def rate_tables() -> dict[str, dict[str, Any]]:
+    """``mappings/nexstar/rates.toml``, read once."""
+    if not _RATES:
+        _RATES.update(load("nexstar").extra("rates.toml"))
+    return _RATES

@@ -1,0 +1,178 @@
+"""Tracking: the mode, its rate, and what a hand control calls them.
+
+Tracking is a pair, mode and rate. Fast motion overrides it on the mount, so it is remembered whole before the first
+axis moves and put back once after the last one has stopped (NexStar protocol, Slewing Commands, note).
+"""
+
+from __future__ import annotations
+
+from gateway.driver import Ask, Later, Steps
+from gateway.errors import Fault, NoDevice, Unsupported
+from gateway.operations import GetStatus, GuideRate, Operation, SetGuideRate, SetTracking, Status, Tracking, TrackRate
+from gateway.protocols.nexstar.driver.state import NexStar
+
+_CODES = {0: Tracking.OFF, 1: Tracking.ALTAZ, 2: Tracking.EQ_NORTH, 3: Tracking.EQ_SOUTH}
+_SHIFTED = {0: Tracking.OFF, 1: Tracking.EQ_NORTH, 2: Tracking.EQ_SOUTH}
+_SPECIAL = {"sidereal": 0xFFFF, "solar": 0xFFFE, "lunar": 0xFFFD}
+_SIDEREAL_ARCSECONDS = 15.041067
+#: Rates of the named drives as multiples of sidereal (a day against 24h50m, solar against sidereal).
+VERIFY_AFTER = 1.0
+
+
+def mode_of(mount: NexStar, code: int) -> Tracking:
+    """What the answer of ``t`` means. An unknown code (4 is seen on some) counts as equatorial."""
+    fallback = Tracking.EQ_SOUTH if mount.southern else Tracking.EQ_NORTH
+    return (_SHIFTED if mount.shifted else _CODES).get(code, fallback)
+
+
+def code_of(mount: NexStar, mode: Tracking) -> int:
+    """What ``T`` must be sent for a mode."""
+    codes = _SHIFTED if mount.shifted else _CODES
+    return next((code for code, known in codes.items() if known is mode), 1)
+
+
+def read_status(mount: NexStar) -> Steps:
+    """Ask ``J`` and, where the version has it, ``t``."""
+    answer = yield Ask("J")
+    mount.aligned = bool(answer["aligned"])
+    if mount.aligned:
+        mount.offset = (0.0, 0.0) if mount.knows("s") else mount.offset
+    else:
+        mount.offset = (0.0, 0.0)
+    if mount.knows("t"):
+        answer = yield Ask("t")
+        _learn(mount, mode_of(mount, answer["mode"]))
+    elif mount.tracking is None and mount.settings.mode is not None:
+        _learn(mount, Tracking(mount.settings.mode))
+    return None
+
+
+def _learn(mount: NexStar, mode: Tracking) -> None:
+    mount.tracking = mode
+    if mode is not Tracking.OFF:
+        mount.own_mode = mode
+
+
+def own_mode(mount: NexStar) -> Tracking | None:
+    """The mode this mount tracks in: the last one that was not off, else how it is built; None when unknown."""
+    if mount.own_mode is not None:
+        return mount.own_mode
+    if not mount.knows("t") and mount.settings.mode is None:
+        return None
+    if mount.german:
+        return Tracking.EQ_SOUTH if mount.southern else Tracking.EQ_NORTH
+    return Tracking.ALTAZ
+
+
+def status(mount: NexStar, _: GetStatus) -> Steps:
+    """-> Status. While fast motion has put tracking off, the mode it will come back to counts."""
+    yield from read_status(mount)
+    mode = mount.remembered or mount.tracking or Tracking.OFF
+    known = own_mode(mount)
+    equatorial = known.equatorial if known is not None else mount.german
+    return Status(tracking=mode, aligned=mount.aligned, equatorial=equatorial)
+
+
+def send_mode(mount: NexStar, mode: Tracking) -> Steps:
+    """``T``, and the special rate again when tracking comes back."""
+    if not mount.knows("T") or (mode is not Tracking.OFF and own_mode(mount) is None):
+        raise Unsupported("This hand control cannot change tracking.")
+    yield Ask("T", {"mode": code_of(mount, mode)})
+    _learn(mount, mode)
+    if mode.equatorial and mount.rate.name != "sidereal":
+        yield from _send_rate(mount)
+
+
+def set_tracking(mount: NexStar, operation: SetTracking) -> Steps:
+    """On in the mount's own mode, or off. A fork is never put into an equatorial mode, nor the reverse."""
+    mount.parked = mount.parked and not operation.on
+    mode = own_mode(mount) if operation.on else Tracking.OFF
+    if mode is None:
+        raise Unsupported("The tracking mode of this mount is not known.")
+    if mount.moving:
+        mount.remembered = mode
+        return
+    yield from send_mode(mount, mode)
+
+
+def put_off(mount: NexStar) -> Steps:
+    """Before fast motion: remember what the mount does now, once, and put tracking off."""
+    if mount.remembered is not None or not mount.knows("T"):
+        return
+    if mount.knows("t"):
+        answer = yield Ask("t")
+        _learn(mount, mode_of(mount, answer["mode"]))
+    mount.remembered = mount.tracking or Tracking.OFF
+    if mount.remembered is not Tracking.OFF:
+        yield Ask("T", {"mode": 0})
+        mount.tracking = Tracking.OFF
+
+
+def restore(mount: NexStar) -> Steps:
+    """After the last axis has stopped: back to what was remembered, and look a second later whether it took."""
+    mode, mount.remembered = mount.remembered, None
+    if mode is None or mode is Tracking.OFF:
+        return
+    yield from send_mode(mount, mode)
+    mount.restores = 1
+    if mount.knows("t"):
+        yield Later(VERIFY_AFTER, VerifyTracking(mode=mode.value))
+
+
+class VerifyTracking(Operation, frozen=True):
+    """Internal: a hand control may ignore ``T`` sent right after motion."""
+
+    mode: str
+
+
+def verify(mount: NexStar, operation: VerifyTracking) -> Steps:
+    """``t`` a second later; once more ``T`` if it did not take."""
+    if mount.moving or mount.goto is not None or mount.restores == 0 or mount.parked:
+        return
+    mount.restores -= 1
+    wanted = Tracking(operation.mode)
+    answer = yield Ask("t")
+    if mode_of(mount, answer["mode"]) is not wanted:
+        yield from send_mode(mount, wanted)
+
+
+def track_rate(mount: NexStar, operation: TrackRate) -> Steps:
+    """Sidereal by ``T``; the named rates by the motor's own codes; any other one as fine as the motor takes it."""
+    mount.rate = operation
+    mode = own_mode(mount)
+    if mode is None or not mode.equatorial or not mount.knows("rate_azm_pos"):
+        return  # in alt-az both axes follow the sky: the rate is kept, the tracking stays the mount's
+    if mount.remembered is not None or (mount.tracking or Tracking.OFF) is Tracking.OFF:
+        return  # it is sent when tracking comes back
+    if operation.name == "sidereal":
+        yield Ask("T", {"mode": code_of(mount, mode)})
+    else:
+        yield from _send_rate(mount)
+
+
+def _send_rate(mount: NexStar) -> Steps:
+    sense = "neg" if mount.own_mode is Tracking.EQ_SOUTH else "pos"
+    if mount.rate.name is not None:
+        yield Ask(f"rate_azm_{sense}", {"rate": _SPECIAL[mount.rate.name]})
+        return
+    arcseconds = _SIDEREAL_ARCSECONDS * (mount.rate.factor or 0.0)
+    try:
+        yield Ask(f"fine_rate_{sense}", {"device": 16, "rate": round(arcseconds * 1024)})
+    except NoDevice:
+        # A plain rate must never reach the codes 0xFFFD-0xFFFF.
+        yield Ask(f"rate_azm_{sense}", {"rate": min(round(arcseconds * 4), 0xFFFC)})
+
+
+def guide_rate(mount: NexStar, operation: GuideRate) -> Steps:
+    """-> the autoguide rate as a fraction of sidereal (AUX 0x47)."""
+    answer = yield Ask("guide_rate", {"device": 15 + operation.axis})
+    return answer["rate"] / 256.0
+
+
+def set_guide_rate(mount: NexStar, operation: SetGuideRate) -> Steps:
+    """AUX 0x46."""
+    value = max(0, min(255, round(operation.rate * 256)))
+    try:
+        yield Ask("set_guide_rate", {"device": 15 + operation.axis, "rate": value})
+    except Fault as fault:
+        raise Unsupported("This mount's motors have no guide rate.") from fault

@@ -1,0 +1,178 @@
+"""Sexagesimal text, and the small change of clocks and calendars.
+
+Everything printed goes through whole ticks: round once, wrap, then split. Everything read goes through one
+lenient pattern: any separator that a program was ever seen to send, seconds optional, a fraction on the last part,
+and a last part of exactly 60 that carries (some programs round that way). Degrees in, degrees out.
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import date as Date
+
+_SEPARATOR = rb"(?:\xc2\xb0|[\xdf\xb0*:' ])[ ]*"
+_PARTS = re.compile(
+    rb"[ ]*([+-]?)[ ]*(\d{1,3}(?:\.\d*)?)(?:" + _SEPARATOR + rb"(\d{1,2}(?:\.\d*)?)(?:" + _SEPARATOR
+    + rb"(\d{1,2}(?:\.\d*)?))?)?[\"' ]*"
+)
+
+
+def parse(raw: bytes) -> float:
+    """``sDD*MM:SS`` in any of its written forms, as a signed number of whole units. Raises ValueError."""
+    found = _PARTS.fullmatch(raw)
+    if found is None:
+        raise ValueError(f"{raw!r} is not a sexagesimal number")
+    sign, *texts = found.groups()
+    parts = [text for text in texts if text is not None]
+    if any(b"." in text for text in parts[:-1]):
+        raise ValueError(f"{raw!r} has a fraction before its last part")
+    numbers = [float(text) for text in parts]
+    if any(number >= 60 for number in numbers[1:-1]) or (len(numbers) > 1 and numbers[-1] > 60):
+        raise ValueError(f"{raw!r} has minutes or seconds over 59")
+    value = sum(number / 60**power for power, number in enumerate(numbers))
+    return -value if sign == b"-" else value
+
+
+def parse_hours(raw: bytes) -> float:
+    """Right ascension ``HH:MM:SS`` or ``HH:MM.T`` -> degrees; seconds of 60 at the day's end come out as 0."""
+    value = parse(raw)
+    if value == 24 and raw.lstrip()[:2] == b"23":
+        return 0.0
+    return value * 15.0
+
+
+def parse_azimuth(raw: bytes) -> float:
+    """Azimuth -> degrees in [0, 360); exactly 360 is north."""
+    value = parse(raw)
+    if not -360 <= value <= 360:
+        raise ValueError(f"{raw!r} is no azimuth")
+    return value % 360.0
+
+
+def parse_longitude(raw: bytes) -> float:
+    """Meade longitude, west positive, unsigned 0-360 or signed -> degrees in (-180, 180], west positive."""
+    value = parse(raw)
+    if not -180 <= value <= 360:
+        raise ValueError(f"{raw!r} is no longitude")
+    return value - 360.0 if value > 180 else value
+
+
+def parse_clock(raw: bytes) -> float:
+    """Time of day -> seconds since midnight."""
+    return parse(raw) * 3600.0
+
+
+def _split(ticks: int, *bases: int) -> list[int]:
+    parts = []
+    for base in reversed(bases):
+        ticks, part = divmod(ticks, base)
+        parts.append(part)
+    return [ticks, *reversed(parts)]
+
+
+def _ticks(value: float, per_degree: float) -> tuple[str, int]:
+    ticks = round(abs(value) * per_degree)
+    return ("-" if value < 0 and ticks else "+"), ticks
+
+
+def hours(degrees: float) -> str:
+    """Degrees -> ``HH:MM:SS``."""
+    return "{:02d}:{:02d}:{:02d}".format(*_split(round(degrees * 240.0) % 86400, 60, 60))
+
+
+def hours_low(degrees: float) -> str:
+    """Degrees -> ``HH:MM.T``."""
+    return "{:02d}:{:02d}.{:d}".format(*_split(round(degrees * 40.0) % 14400, 60, 10))
+
+
+def signed(degrees: float) -> str:
+    """Degrees in [-90, 90] -> ``sDD*MM:SS``."""
+    sign, ticks = _ticks(degrees, 3600)
+    return sign + "{:02d}*{:02d}:{:02d}".format(*_split(_within(ticks, 324000), 60, 60))
+
+
+def signed_low(degrees: float) -> str:
+    """Degrees in [-90, 90] -> ``sDD*MM``."""
+    sign, ticks = _ticks(degrees, 60)
+    return sign + "{:02d}*{:02d}".format(*_split(_within(ticks, 5400), 60))
+
+
+def _within(ticks: int, limit: int) -> int:
+    if ticks > limit:
+        raise ValueError("an altitude, declination or latitude lies beyond 90 degrees")
+    return ticks
+
+
+def azimuth(degrees: float) -> str:
+    """Degrees -> ``DDD*MM:SS``."""
+    return "{:03d}*{:02d}:{:02d}".format(*_split(round(degrees * 3600.0) % 1296000, 60, 60))
+
+
+def azimuth_low(degrees: float) -> str:
+    """Degrees -> ``DDD*MM``."""
+    return "{:03d}*{:02d}".format(*_split(round(degrees * 60.0) % 21600, 60))
+
+
+def longitude(degrees: float) -> str:
+    """West-positive degrees -> ``sDDD*MM`` in (-180, 180]."""
+    ticks = round(degrees * 60.0) % 21600
+    ticks -= 21600 if ticks > 10800 else 0
+    return ("-" if ticks < 0 else "+") + "{:03d}*{:02d}".format(*_split(abs(ticks), 60))
+
+
+def clock(seconds: float) -> str:
+    """Seconds since midnight -> ``HH:MM:SS`` (whole seconds, as clocks show them)."""
+    return "{:02d}:{:02d}:{:02d}".format(*_split(int(seconds) % 86400, 60, 60))
+
+
+def offset(value: float) -> str:
+    """Hours -> ``sHH`` when whole, else ``sHH.H``."""
+    tenths = round(abs(value) * 10)
+    sign = "-" if value < 0 and tenths else "+"
+    whole, part = divmod(tenths, 10)
+    return f"{sign}{whole:02d}" + (f".{part}" if part else "")
+
+
+def parse_offset(raw: bytes) -> float:
+    """``sHH``, ``sHH.H``, ``s5``, ``sHH:MM`` -> hours; x.7 and x.8 mean three quarters (Nepal, Chatham)."""
+    text = raw.replace(b" ", b"")
+    value = parse(text)
+    if b":" not in text:
+        whole, tenths = divmod(round(abs(value) * 10), 10)
+        if tenths in (7, 8) and len(text.partition(b".")[2]) < 2:
+            value = (whole + 0.75) * (-1 if text.startswith(b"-") else 1)
+    if not -15 < value < 15:
+        raise ValueError(f"{raw!r} is no UTC offset")
+    return value
+
+
+def date(value: Date) -> str:
+    """A date -> ``MM/DD/YY``."""
+    return f"{value.month:02d}/{value.day:02d}/{value.year % 100:02d}"
+
+
+def parse_date(raw: bytes) -> Date:
+    """``MM/DD/YY`` with any separator; years up to 50 belong to this century; four digits as they stand."""
+    found = re.fullmatch(rb" ?(\d{1,2})[/:. -](\d{1,2})[/:. -](\d{2}|\d{4}) ?", raw)
+    if found is None:
+        raise ValueError(f"{raw!r} is no date MM/DD/YY")
+    month, day, year = (int(group) for group in found.groups())
+    if year < 100:
+        year += 2000 if year <= 50 else 1900
+    return Date(year, month, day)
+
+
+def dms_bytes(degrees: float) -> bytes:
+    """NexStar site field: degrees, minutes, seconds, 1 for south or west; degrees are north/east positive."""
+    ticks = round(abs(degrees) * 3600.0)
+    d, m, s = _split(ticks, 60, 60)
+    return bytes((d, m, s, 1 if degrees < 0 and ticks else 0))
+
+
+def parse_dms_bytes(raw: bytes, limit: int) -> float:
+    """The same four bytes -> degrees, north/east positive. Raises ValueError for an impossible place."""
+    d, m, s, negative = raw
+    value = d + m / 60.0 + s / 3600.0
+    if m > 59 or s > 59 or negative > 1 or value > limit:
+        raise ValueError(f"{tuple(raw)} is no latitude or longitude")
+    return -value if negative else value

@@ -1,0 +1,81 @@
+"""Simulated mounts, in this process or for other programs to connect to."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from typing import Any
+
+from gateway.config import Endpoint, MountConfig
+from gateway.errors import UserError
+from gateway.ports import Guest, Port, open_port
+from gateway.tables import load, parse_version
+from gateway.wires import SimulatorWire
+
+DEFAULT_MODEL = {"nexstar": "6-8se", "lx200": "autostar"}
+DEFAULT_SITE = (45.0, 10.0)
+
+
+def parse_time(text: str) -> float:
+    """ISO 8601 -> Unix seconds; without a zone it is UTC. Raises UserError."""
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        raise UserError(f"{text!r} is no time; write it like 2026-01-15T22:00:00Z") from None
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def running_clock(start: float | None) -> Callable[[], float]:
+    """This computer's clock, or one that began at ``start`` just now."""
+    if start is None:
+        return time.time
+    began = time.monotonic()
+    return lambda: start + time.monotonic() - began
+
+
+def make_simulator(endpoint: Endpoint, *, clock: Callable[[], float], site: tuple[float, float] = DEFAULT_SITE,
+                   aligned: bool = True, speed: float = 1.0) -> Any:
+    """The simulated mount that an endpoint names. Raises UserError for a version the model never had."""
+    model = endpoint.model or DEFAULT_MODEL[endpoint.protocol]
+    if endpoint.protocol != "nexstar":
+        raise UserError(f"{endpoint.protocol} mounts cannot be simulated; nexstar can")
+    from gateway.protocols.nexstar.simulator import HandControl
+
+    if endpoint.version and not endpoint.version.startswith("starsense-"):
+        parse_version(endpoint.version)
+    return HandControl(model, endpoint.version or load("nexstar").models[model]["versions"][-1], clock=clock,
+                       site=site, aligned=aligned, speed=speed)
+
+
+def simulated_wire(endpoint: Endpoint, config: MountConfig) -> SimulatorWire:
+    """A mount ``…@sim`` as the wire of a gateway."""
+    simulator = make_simulator(endpoint, clock=time.time, site=config.site or DEFAULT_SITE, speed=config.speed)
+    return SimulatorWire(f"sim {endpoint.protocol}", simulator.feed, config.latency)
+
+
+class _Caller:
+    """One connection to a simulated mount: all of them talk to the same one, each answer after the latency."""
+
+    def __init__(self, feed: Callable[[bytes], bytes], latency: float, write: Callable[[bytes], Any]) -> None:
+        self._feed, self._latency, self._write = feed, latency, write
+
+    def feed(self, data: bytes) -> None:
+        answer = self._feed(data)
+        if answer and self._latency:
+            asyncio.get_running_loop().call_later(self._latency, self._write, answer)
+        elif answer:
+            self._write(answer)
+
+    def close(self) -> None:
+        self._write = lambda data: None
+
+
+async def serve_simulator(simulator: Any, places: list[str], latency: float) -> list[Port]:
+    """Open a simulated mount for other programs."""
+
+    def arrive(name: str, host: str, write: Callable[[bytes], Any]) -> Guest:
+        return _Caller(simulator.feed, latency, write)
+
+    return [await open_port(place, arrive) for place in places]

@@ -1,0 +1,146 @@
+"""Surface: a client's commands in, operations out, replies back; without I/O.
+
+``handle`` runs one command as a generator: it yields operations and is sent their answers, and its value is the reply.
+The rows of ``surface.toml`` say what is done; those with ``call`` are functions of the protocol's own package. A
+``Start`` is an operation whose outcome the client is never told: it is not waited for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Mapping
+from typing import Any, NamedTuple
+
+import msgspec
+
+from gateway import operations
+from gateway.errors import Fault, Invalid, NoTarget
+from gateway.operations import Operation
+from gateway.tables import Command, Protocol, SurfaceRow
+
+
+class Start(NamedTuple):
+    """Perform an operation without waiting for it: its command has no reply."""
+
+    operation: Operation
+
+
+class Defer(NamedTuple):
+    """Call a special of this surface again after some seconds."""
+
+    seconds: float
+    special: str
+
+
+Want = Operation | Start | Defer
+Handling = Generator[Want, Any, Any]
+Special = Callable[["Session", Command, dict[str, Any]], Any]
+
+
+class Session:
+    """What belongs to one client: its target, formats, rates, limits. ``kept`` is copied when a client comes back."""
+
+    __slots__ = ("changed", "clock", "kept", "last", "model", "settings", "shared")
+
+    def __init__(self, model: Mapping[str, Any], settings: Mapping[str, Any], clock: Callable[[], float],
+                 shared: dict[str, Any], changed: Callable[[], None] = lambda: None) -> None:
+        self.model, self.settings, self.clock = model, settings, clock
+        #: What all clients of a mount have in common, and what to call when the lasting part of it has changed.
+        self.shared, self.changed = shared, changed
+        #: The frame before this one.
+        self.last = b""
+        self.kept: dict[str, Any] = {"precision": settings.get("precision", "high")}
+
+    def known(self, name: str) -> Any:
+        """A kept value, else the presented model's constant, else None."""
+        value = self.kept.get(name)
+        return self.model.get(name) if value is None else value
+
+
+class Surface:
+    """One protocol's face to its clients."""
+
+    def __init__(self, protocol: Protocol, specials: Mapping[str, Special]) -> None:
+        self.protocol, self.specials = protocol, specials
+
+    def handle(self, session: Session, frame: bytes) -> Handling:
+        """One framed command -> its reply (empty: none). Yields operations; never raises for what a client sent."""
+        found = self.protocol.find(frame)
+        if found is None:
+            return b""
+        command, picture = found
+        row = self.protocol.surface.get(command.name)
+        if row is None:
+            return b""
+        try:
+            try:
+                values = picture.decode(frame)
+            except ValueError as error:
+                if row.call:
+                    values = {"fault": Invalid(str(error))}
+                else:
+                    raise Invalid(str(error)) from None
+            answer = yield from self._act(session, command, row, values)
+            return self.reply(session, command, answer)
+        except Fault as fault:
+            return self.refusal(command, fault)
+
+    def _act(self, session: Session, command: Command, row: SurfaceRow, values: dict[str, Any]) -> Handling:
+        """Carry out a row's verb -> the reply's values."""
+        if row.keep is not None:
+            session.kept.update({name: values[name] for name in row.keep})
+            return None
+        if row.tell is not None:
+            return {name: session.known(name) for name in row.tell}
+        if row.say is not None:
+            return row.say
+        if row.ask is not None:
+            operation = self._operation(session, row.ask, values)
+            if not command.replies:
+                yield Start(operation)
+                return None
+            return (yield operation)
+        assert row.call is not None
+        outcome = self.specials[row.call](session, command, values)
+        if isinstance(outcome, Generator):
+            outcome = yield from outcome
+        return outcome
+
+    def _operation(self, session: Session, name: str, values: dict[str, Any]) -> Operation:
+        """The operation with its fields taken from the command, else from what the client set before."""
+        kind = operations.named(name)
+        assert kind is not None
+        fields: dict[str, Any] = {}
+        for field in msgspec.structs.fields(kind):
+            value = values.get(field.name, session.kept.get(field.name))
+            if value is None and field.required:
+                raise NoTarget
+            if value is not None:
+                fields[field.name] = value
+        return kind(**fields)
+
+    def reply(self, session: Session, command: Command, answer: Any) -> bytes:
+        """The first reply form that is no refusal and suits the client's format, filled in."""
+        if isinstance(answer, bytes):
+            return answer
+        for reply, picture in command.replies:
+            if reply.fault is None and reply.when in (None, session.kept["precision"], session.model.get("name")):
+                return picture.encode(_fields(answer, picture.fields))
+        return b""
+
+    def refusal(self, command: Command, fault: Fault) -> bytes:
+        """The reply form that stands for this fault, else the first that stands for any, else silence."""
+        refusals = [(reply, picture) for reply, picture in command.replies if reply.fault is not None]
+        name = type(fault).__name__
+        chosen = next((item for item in refusals if item[0].fault == name), refusals[0] if refusals else None)
+        if chosen is None:
+            return b""
+        return chosen[1].encode(dict.fromkeys(chosen[1].fields, str(fault)))
+
+
+def _fields(answer: Any, names: Mapping[str, Any]) -> Mapping[str, Any]:
+    """An answer as the fields a reply wants: a mapping, a struct, or one bare value for one field."""
+    if isinstance(answer, Mapping):
+        return answer
+    if isinstance(answer, msgspec.Struct):
+        return msgspec.structs.asdict(answer)
+    return dict.fromkeys(names, answer)

@@ -1,0 +1,249 @@
+"""The mappings as objects: what a command looks like, what a surface does with it, how a driver carries it out.
+
+Four files a protocol: ``commands.toml`` (the manual), ``surface.toml`` (a client says this -> what we do),
+``driver.toml`` (to carry out an operation -> which commands), ``models.toml`` (what differs between models).
+The verbs of a surface row are ask, keep, tell, say, call; those of a driver's way are send and call; there are no
+others. Whatever cannot be used raises MappingError with file, row and reason.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from gateway import operations
+from gateway.errors import MappingError
+from gateway.pictures import Picture, Source
+
+Version = tuple[int, ...]
+
+OUTCOMES = ("translated", "derived", "kept", "synthesised", "refused", "silent")
+
+
+def parse_version(text: str) -> Version:
+    """``"4.21"`` -> (4, 21). Raises ValueError."""
+    return tuple(int(part) for part in text.split("."))
+
+
+def show_version(version: Version) -> str:
+    """The manual's way of writing: one digit below 3 (1.6, 2.2), two from 3 on (3.01, 4.10)."""
+    major, minor = version[:2]
+    return f"{major}.{minor:02d}" if major > 2 and major < 100 else f"{major}.{minor}"
+
+
+class Reply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One form of reply. ``when`` chooses by the client's format, ``fault`` is the error it stands for."""
+
+    wire: Source
+    when: str | None = None
+    fault: str | None = None
+
+
+class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A command as ``commands.toml`` writes it."""
+
+    request: str | list[str | int]
+    help: str
+    reply: str | list[str | int | Reply] | None = None
+    models: list[str] | None = None
+    since: str | None = None
+    beyond: str | None = None
+
+
+class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a surface does with a command: exactly one of the five verbs, and what a reader should know."""
+
+    ask: str | None = None
+    keep: list[str] | None = None
+    tell: list[str] | None = None
+    say: dict[str, Any] | None = None
+    call: str | None = None
+    asks: list[str] = []
+    outcome: str | None = None
+    without: str | None = None
+    why: str | None = None
+
+    @property
+    def verbs(self) -> list[str]:
+        return [verb for verb in ("ask", "keep", "tell", "say", "call") if getattr(self, verb) is not None]
+
+    @property
+    def operations(self) -> list[str]:
+        """Every operation this row may ask of the mount."""
+        return ([self.ask] if self.ask else []) + self.asks
+
+
+class Way(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One way of carrying out an operation: the commands it sends, or a Python special and those it uses."""
+
+    send: list[str] = []
+    call: str | None = None
+    uses: list[str] = []
+    outcome: str = "translated"
+    why: str | None = None
+
+    @property
+    def commands(self) -> list[str]:
+        return self.send + self.uses
+
+
+class Command:
+    """A command ready for use: its request forms, its reply forms, and who has it."""
+
+    __slots__ = ("beyond", "help", "models", "name", "replies", "requests", "since")
+
+    def __init__(self, where: str, name: str, row: CommandRow) -> None:
+        self.name, self.help, self.beyond = name, row.help, row.beyond
+        self.models = frozenset(row.models) if row.models is not None else None
+        try:
+            self.since = parse_version(row.since) if row.since else None
+            self.requests = [Picture(source) for source in _requests(row.request)]
+            self.replies = [(reply, Picture(reply.wire)) for reply in _replies(row.reply)]
+        except ValueError as error:
+            raise MappingError(where, name, str(error)) from None
+
+    @property
+    def request(self) -> Picture:
+        return self.requests[0]
+
+    def known_to(self, model: str | None, version: Version | None) -> bool:
+        """Whether this model and version have the command, by the manual."""
+        if self.models is not None and model is not None and model not in self.models:
+            return False
+        return self.since is None or version is None or version >= self.since
+
+    def __repr__(self) -> str:
+        return f"Command({self.name})"
+
+
+def _requests(request: str | list[str | int]) -> list[Source]:
+    """A list of letters, numbers and fields is one binary frame; a list of longer strings is alternatives."""
+    if isinstance(request, str):
+        return [request]
+    if all(isinstance(piece, int) or len(piece) == 1 or piece.startswith("{") for piece in request):
+        return [request]
+    return [str(piece) for piece in request]
+
+
+def _replies(reply: str | list[str | int | Reply] | None) -> list[Reply]:
+    if reply is None:
+        return []
+    variants = [item for item in reply if isinstance(item, Reply)]
+    if isinstance(reply, str) or not variants:
+        return [Reply(wire=reply)]  # type: ignore[arg-type]
+    return variants
+
+
+class Protocol:
+    """One protocol: commands always, the other three tables when first asked for."""
+
+    def __init__(self, name: str, folder: Path) -> None:
+        self.name, self.folder = name, folder
+        rows = self._read("commands.toml", CommandRow)
+        self.commands = {key: Command(self._where("commands.toml"), key, row) for key, row in rows.items()}
+        self._by_literal: dict[bytes, list[tuple[Command, Picture]]] = {}
+        for command in self.commands.values():
+            for picture in command.requests:
+                self._by_literal.setdefault(picture.literal, []).append((command, picture))
+        self._surface: dict[str, SurfaceRow] | None = None
+        self._driver: dict[str, list[Way]] | None = None
+        self._models: dict[str, dict[str, Any]] | None = None
+
+    def _where(self, file: str) -> str:
+        return f"mappings/{self.name}/{file}"
+
+    def _read(self, file: str, form: Any) -> dict[str, Any]:
+        """One TOML file, row by row, so that an error can name its row."""
+        try:
+            tables = tomllib.loads((self.folder / file).read_text("utf-8"))
+        except (OSError, tomllib.TOMLDecodeError) as error:
+            raise MappingError(self._where(file), "file", str(error)) from None
+        rows = {}
+        for key, value in tables.items():
+            try:
+                rows[key] = msgspec.convert(value, form)
+            except msgspec.ValidationError as error:
+                raise MappingError(self._where(file), key, str(error)) from None
+        return rows
+
+    @property
+    def surface(self) -> dict[str, SurfaceRow]:
+        """Command name -> what the surface does with it."""
+        if self._surface is None:
+            where, rows = self._where("surface.toml"), self._read("surface.toml", SurfaceRow)
+            for key, row in rows.items():
+                self._check_surface(where, key, row)
+            self._surface = rows
+        return self._surface
+
+    def _check_surface(self, where: str, key: str, row: SurfaceRow) -> None:
+        if key not in self.commands:
+            raise MappingError(where, key, "commands.toml has no such command")
+        if len(row.verbs) != 1:
+            raise MappingError(where, key, "one verb of ask, keep, tell, say, call is needed")
+        for name in row.operations:
+            if operations.named(name) is None:
+                raise MappingError(where, key, f"no operation is called {name!r}")
+        for outcome in (row.outcome, row.without):
+            if outcome is not None and outcome not in OUTCOMES:
+                raise MappingError(where, key, f"outcome {outcome!r} is none of {', '.join(OUTCOMES)}")
+        if "refused" in (row.outcome, row.without) and not row.why:
+            raise MappingError(where, key, "a refused row says why")
+
+    @property
+    def driver(self) -> dict[str, list[Way]]:
+        """Operation name -> the ways to carry it out, best first."""
+        if self._driver is None:
+            where, rows = self._where("driver.toml"), self._read("driver.toml", list[Way])
+            for key, ways in rows.items():
+                if operations.named(key) is None:
+                    raise MappingError(where, key, "no operation is called so")
+                for way in ways:
+                    self._check_way(where, key, way)
+            self._driver = rows
+        return self._driver
+
+    def _check_way(self, where: str, key: str, way: Way) -> None:
+        if bool(way.send) == bool(way.call):
+            raise MappingError(where, key, "one of send, call is needed")
+        for name in way.commands:
+            if name not in self.commands:
+                raise MappingError(where, key, f"commands.toml has no [{name}]")
+        if way.outcome not in OUTCOMES:
+            raise MappingError(where, key, f"outcome {way.outcome!r} is none of {', '.join(OUTCOMES)}")
+
+    @property
+    def models(self) -> dict[str, dict[str, Any]]:
+        """Model name -> what differs."""
+        if self._models is None:
+            self._models = self._read("models.toml", dict[str, Any])
+        return self._models
+
+    def extra(self, file: str) -> dict[str, dict[str, Any]]:
+        """A further table of this protocol, such as ``rates.toml``."""
+        return self._read(file, dict[str, Any])
+
+    def find(self, frame: bytes) -> tuple[Command, Picture] | None:
+        """The command whose picture fits the whole frame, longest literal beginning first."""
+        for length in range(min(len(frame), 8), 0, -1):
+            for command, picture in self._by_literal.get(frame[:length], ()):
+                if picture.matcher.fullmatch(frame):
+                    return command, picture
+        return None
+
+
+def mappings_folder() -> Path:
+    """Where ``mappings/`` lies: inside the installed package, or beside it in a checkout."""
+    here = Path(__file__).resolve().parent
+    inside = here / "mappings"
+    return inside if inside.is_dir() else here.parent / "mappings"
+
+
+@lru_cache
+def load(name: str) -> Protocol:
+    """The protocol of that name (``lx200`` or ``nexstar``). Raises MappingError."""
+    return Protocol(name, mappings_folder() / name)

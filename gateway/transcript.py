@@ -1,0 +1,48 @@
+"""The transcript: every exchange and every fault, on both sides, as it happened.
+
+Entries are values; sinks are functions that take them. Without a sink nothing is recorded and nothing is spent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+
+class Entry(NamedTuple):
+    """One thing that happened: ``arrow`` is ``>`` towards the mount, ``<`` from it, ``!`` for a note."""
+
+    time: float
+    side: str
+    arrow: str
+    data: bytes
+    note: str = ""
+
+
+Sink = Callable[[Entry], None]
+
+
+class Transcript:
+    """Hands entries to its sinks. ``clock`` gives Unix seconds."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self.clock = clock
+        self.sinks: list[Sink] = []
+        self._said: set[str] = set()
+
+    def put(self, side: str, arrow: str, data: bytes = b"", note: str = "") -> None:
+        """Record bytes that passed, or a note."""
+        if self.sinks:
+            entry = Entry(self.clock(), side, arrow, data, note)
+            for sink in self.sinks:
+                sink(entry)
+
+    def note(self, side: str, text: str) -> None:
+        """Record a fault or a decision in words."""
+        self.put(side, "!", note=text)
+
+    def note_once(self, side: str, text: str) -> None:
+        """The same, but only the first time these words are said."""
+        if text not in self._said:
+            self._said.add(text)
+            self.note(side, text)

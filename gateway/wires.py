@@ -1,0 +1,131 @@
+"""Wires: how bytes reach the mount.
+
+A wire opens, writes, and calls back with what arrives. pyserial blocks, so a serial wire has one reader thread that
+hands bytes to the loop: every URL that ``serial.serial_for_url`` opens works. A simulated mount is a wire too.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    import serial
+
+OnData = Callable[[bytes], None]
+OnLost = Callable[[str], None]
+
+
+class Wire(Protocol):
+    """A way to the mount."""
+
+    name: str
+
+    async def open(self, on_data: OnData, on_lost: OnLost) -> None:
+        """Raises OSError when the port cannot be opened."""
+
+    def write(self, data: bytes) -> None:
+        """Raises OSError when the port is gone."""
+
+    async def close(self) -> None: ...
+
+
+class SerialWire:
+    """Any pyserial URL: a device name, ``socket://``, ``rfc2217://``, ``hwgrep://``, ``spy://`` …"""
+
+    def __init__(self, url: str, baud: int = 9600) -> None:
+        self.name, self.baud = url, baud
+        self._port: serial.SerialBase | None = None
+        self._thread: threading.Thread | None = None
+
+    async def open(self, on_data: OnData, on_lost: OnLost) -> None:
+        """Open the port and start its reader. Raises OSError with a reason a person understands."""
+        loop = asyncio.get_running_loop()
+        port = await loop.run_in_executor(None, open_port, self.name, self.baud)
+        self._port = port
+        self._thread = threading.Thread(
+            target=self._read, args=(port, loop, on_data, on_lost), name=f"read {self.name}", daemon=True
+        )
+        self._thread.start()
+
+    def _read(self, port: serial.SerialBase, loop: asyncio.AbstractEventLoop, on_data: OnData, on_lost: OnLost) -> None:
+        """Hand over whatever arrives, until the port is closed or lost."""
+        try:
+            while self._port is port:
+                data = port.read(1)
+                if data:
+                    waiting = port.in_waiting
+                    data += port.read(waiting) if waiting else b""
+                    loop.call_soon_threadsafe(on_data, bytes(data))
+        except (OSError, TypeError, ValueError, AttributeError) as error:
+            # pyserial raises the last three when a port is closed under a pending read
+            if self._port is port and not loop.is_closed():
+                loop.call_soon_threadsafe(on_lost, str(error))
+
+    def write(self, data: bytes) -> None:
+        if self._port is None:
+            raise OSError(errno.ENODEV, "port is closed")
+        self._port.write(data)
+
+    async def close(self) -> None:
+        port, self._port = self._port, None
+        if port is not None:
+            await asyncio.get_running_loop().run_in_executor(None, self._shut, port)
+
+    def _shut(self, port: Any) -> None:
+        cancel = getattr(port, "cancel_read", None)
+        if cancel is not None:
+            cancel()
+        if self._thread is not None:
+            self._thread.join(1.0)
+        port.close()
+
+
+def open_port(url: str, baud: int) -> Any:
+    """Open a serial URL for exclusive use. Raises OSError that says what is wrong."""
+    import serial
+
+    try:
+        return serial.serial_for_url(url, baudrate=baud, timeout=0.25, write_timeout=2.0, exclusive=True)
+    except serial.SerialException as error:
+        number = getattr(error, "errno", None)
+        text = str(error)
+        if number == errno.ENOENT or "No such file" in text:
+            raise OSError(errno.ENOENT, "no such port") from None
+        if number in (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK) or "lock" in text:
+            raise OSError(errno.EBUSY, "the port is in use by another program") from None
+        if number == errno.EACCES or "Permission denied" in text:
+            raise OSError(errno.EACCES, "permission denied (is this user in the group dialout?)") from None
+        raise OSError(number or errno.EIO, text) from None
+    except ValueError as error:
+        raise OSError(errno.EINVAL, str(error)) from None
+
+
+class SimulatorWire:
+    """A simulated mount in this process; ``latency`` is the time it takes to answer, in seconds."""
+
+    def __init__(self, name: str, feed: Callable[[bytes], bytes], latency: float = 0.0) -> None:
+        self.name, self._feed, self._latency = name, feed, latency
+        self._on_data: OnData | None = None
+
+    async def open(self, on_data: OnData, on_lost: OnLost) -> None:
+        self._on_data = on_data
+
+    def write(self, data: bytes) -> None:
+        answer = self._feed(data)
+        if answer:
+            loop = asyncio.get_running_loop()
+            if self._latency:
+                loop.call_later(self._latency, self._deliver, answer)
+            else:
+                loop.call_soon(self._deliver, answer)
+
+    def _deliver(self, answer: bytes) -> None:
+        if self._on_data is not None:
+            self._on_data(answer)
+
+    async def close(self) -> None:
+        self._on_data = None

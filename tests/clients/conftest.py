@@ -1,0 +1,19 @@
+"""What every test with real programs needs: a workshop that ends all it started and tells what they said."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from .processes import Workshop
+
+
+@pytest.fixture
+def workshop(tmp_path: Path) -> Iterator[Workshop]:
+    """Processes of one test; the product has to live until it is told to end, and to end with status 0."""
+    shop = Workshop(tmp_path)
+    yield shop
+    faults = shop.close()
+    assert not faults, faults

@@ -1,0 +1,62 @@
+"""Hamlib's rotators: its Meade model through the gateway, its Celestron model on the simulator itself."""
+
+from __future__ import annotations
+
+import pytest
+
+from .hamlib import CELESTRON, MEADE, Rotator, terminal_to
+from .hand_control import HandControl
+from .processes import Workshop, requires, wait_until
+from .product import start_gateway, start_simulator
+from .sky import NORTH, SOUTH, Site, arcseconds
+
+NEAR = 0.15
+"""Degrees by which azimuth or elevation may be off: minutes of arc on the wire, 16 bits at the Celestron."""
+
+
+def off(one: tuple[float, float], other: tuple[float, float]) -> float:
+    """The larger of two differences, in degrees."""
+    return max(abs((a - b + 180.0) % 360.0 - 180.0) for a, b in zip(one, other, strict=True))
+
+
+def turns_and_stops(rotator: Rotator, truth: HandControl) -> None:
+    """Read, turn, arrive; turn far away and stop on the way."""
+    assert off(rotator.position(), truth.horizontal()) < NEAR
+    azimuth, _ = truth.horizontal()
+    target = (round((azimuth + 60.5) % 360.0, 1), 48.25)
+    rotator.go(*target)
+    wait_until("turning", truth.goto_running, 3.0)
+    wait_until("arrival", lambda: not truth.goto_running(), 60.0)
+    assert off(truth.horizontal(), target) < NEAR, (truth.horizontal(), target)
+    assert off(rotator.position(), target) < NEAR, (rotator.position(), target)
+
+    far = ((target[0] + 120.0) % 360.0, 55.0)
+    rotator.go(*far)
+    wait_until("turning again", lambda: off(truth.horizontal(), target) > 1.0, 10.0)
+    rotator.stop()
+    wait_until("end of the goto", lambda: not truth.goto_running(), 3.0)
+    wait_until("standstill", lambda: stands(truth), 5.0)
+    assert off(truth.horizontal(), far) > 1.0, "the mount went on to its target"
+
+
+def stands(truth: HandControl) -> bool:
+    """Whether the mount did not move between two looks, a third look's time apart."""
+    before = truth.position()
+    truth.tracking_mode()
+    return arcseconds(before, truth.position()) < 1.0
+
+
+@pytest.mark.parametrize("site", [pytest.param(NORTH, id="north"), pytest.param(SOUTH, id="south")])
+def test_meade_through_the_gateway(workshop: Workshop, site: Site) -> None:
+    """Hamlib's LX200 model on the gateway's pseudo terminal, in front of a NexStar mount."""
+    requires("rotctld")
+    wire, truth = start_simulator(workshop, "nexstar:6-8se", site, speed=4.0)
+    surface = start_gateway(workshop, wire, "autostar", "pty")
+    turns_and_stops(Rotator(workshop, MEADE, surface.path), truth)
+
+
+def test_celestron_on_the_simulator(workshop: Workshop) -> None:
+    """Hamlib's NexStar model finds a NexStar in the simulator."""
+    requires("rotctld", "socat")
+    wire, truth = start_simulator(workshop, "nexstar:6-8se", NORTH, speed=4.0)
+    turns_and_stops(Rotator(workshop, CELESTRON, terminal_to(workshop, wire.port)), truth)

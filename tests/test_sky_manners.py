@@ -1,0 +1,155 @@
+"""How the sky behaves: it answers while it loads and when it cannot, stays small, never asks the network."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from datetime import UTC, datetime
+
+import pytest
+
+from gateway.sky import Sky
+from gateway.sky.almanac import Almanac, Frame
+
+GREENWICH_1987 = (13 + 10 / 60 + 46.1351 / 3600) * 15  # Meeus 12.a, apparent, 1987 April 10, 0h UT1
+UT1_UTC_1987 = -0.2910912  # the IERS, that day
+
+
+def unix(*date: int) -> float:
+    return datetime(*date, tzinfo=UTC).timestamp()  # type: ignore[misc, arg-type]
+
+
+def test_answers_while_loading() -> None:
+    loading, go_on = threading.Event(), threading.Event()
+
+    class Slow(Sky):
+        def load(self) -> None:
+            loading.set()
+            go_on.wait(10)
+            super().load()
+
+    sky = Slow()
+    sky.start()
+    assert loading.wait(10)
+    try:
+        assert not sky.ready
+        assert sky.sidereal_time(unix(1987, 4, 10), 0.0) == pytest.approx(GREENWICH_1987, abs=0.02 / 240)
+        worker = next(thread for thread in threading.enumerate() if thread.name == "sky")
+        assert worker.daemon
+    finally:
+        go_on.set()
+    worker.join(30)
+    assert sky.ready
+    moment = unix(1987, 4, 10) - UT1_UTC_1987
+    assert sky.sidereal_time(moment, 0.0) == pytest.approx(GREENWICH_1987, abs=0.005 / 240)
+
+
+def test_goes_on_without_erfa(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, "gateway.sky.exact", raising=False)
+    monkeypatch.delattr("gateway.sky.exact", raising=False)
+    monkeypatch.setitem(sys.modules, "erfa", None)
+    sky = Sky()
+    sky.load()
+    assert not sky.ready
+    assert "erfa" in sky.failure
+    assert sky.sidereal_time(unix(1987, 4, 10), 0.0) == pytest.approx(GREENWICH_1987, abs=0.02 / 240)
+
+
+@pytest.fixture(scope="module")
+def loaded() -> Sky:
+    sky = Sky()
+    sky.load()
+    return sky
+
+
+@pytest.mark.parametrize("moment", [-1e300, -1e11, -2208988800.5, 0.0, 4102444800.0, 1e11, 1e300])
+@pytest.mark.parametrize(("lat", "lon"), [(90.0, 0.0), (-90.0, 180.0), (0.0, -540.0), (1e9, 1e9)])
+def test_no_date_and_no_site_fails(loaded: Sky, moment: float, lat: float, lon: float) -> None:
+    for sky in (loaded, Sky()):
+        places = [
+            sky.horizon(10.0, 90.0, lat, lon, moment),
+            sky.equatorial(10.0, -90.0, lat, lon, moment),
+            sky.to_of_date(0.0, 90.0, moment),
+            sky.to_j2000(0.0, -90.0, moment),
+            sky.sun(moment),
+            sky.moon(moment, lat, lon)[:2],
+        ]
+        for longitude, latitude in places:
+            assert 0.0 <= longitude < 360.0 and -90.0 <= latitude <= 90.0
+        assert 0.0 <= sky.sidereal_time(moment, lon) < 360.0
+
+
+def test_a_frame_serves_a_whole_minute_of_several_clocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[float] = []
+    original = Almanac.frame
+
+    def counted(self: Almanac, moment: float) -> Frame:
+        made.append(moment)
+        return original(self, moment)
+
+    monkeypatch.setattr(Almanac, "frame", counted)
+    sky = Sky()
+    for second in range(60):
+        for clock in (unix(2026, 11, 21), unix(2001, 1, 1)):
+            sky.horizon(10.0, 20.0, 45.0, 10.0, clock + second)
+            sky.to_of_date(10.0, 20.0, clock + second)
+    assert sorted(made) == [unix(2001, 1, 1), unix(2026, 11, 21)]
+    for minute in range(1000):
+        sky.sidereal_time(60.0 * minute, 0.0)
+    assert len(sky._frames) <= 16
+
+
+def run(program: str) -> str:
+    """What a fresh interpreter prints."""
+    done = subprocess.run(
+        [sys.executable, "-bb", "-W", "error", "-c", program],
+        check=False,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def test_importing_loads_nothing_heavy() -> None:
+    heavy = "{'numpy', 'erfa', 'astropy', 'astropy_iers_data', 'threading', 'typing', 'socket', 'asyncio'}"
+    assert run(f"import sys, gateway.sky; print(sorted({heavy} & set(sys.modules)))") == "[]"
+
+
+def test_nothing_touches_the_network() -> None:
+    program = """
+import socket, sys
+touched = []
+class Forbidden(socket.socket):
+    def __new__(cls, *arguments, **options):
+        touched.append(arguments)
+        raise OSError("no network here")
+socket.socket = Forbidden
+sys.addaudithook(lambda event, arguments: event.startswith(("socket.", "urllib.")) and touched.append(event))
+from gateway.sky import Sky
+sky = Sky()
+sky.load()
+for moment in (-1e9, 0.0, 1.7e9, 4.0e9):
+    sky.horizon(1.0, 2.0, 3.0, 4.0, moment), sky.sun(moment), sky.moon(moment, 1.0, 2.0)
+print(sky.ready, sky.failure, touched, "astropy" in sys.modules)
+"""
+    assert run(program) == "True  [] False"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_memory_stays_small() -> None:
+    program = """
+def resident():
+    with open("/proc/self/status") as status:
+        return next(int(line.split()[1]) for line in status if line.startswith("VmRSS"))
+bare = resident()
+from gateway.sky import Sky
+sky = Sky()
+sky.load()
+for minute in range(100):
+    sky.horizon(1.0, 2.0, 3.0, 4.0, 1.7e9 + 60 * minute), sky.sun(1.7e9), sky.moon(1.7e9, 1.0, 2.0)
+print(resident() - bare)
+"""
+    assert int(run(program)) < 50 * 1024
