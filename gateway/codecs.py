@@ -50,6 +50,7 @@ _TEXT_ANGLES = {
     "DDD*MM": _sexagesimal(sx.azimuth_low, sx.parse_azimuth, 0, _BELOW_DAY),
     "sDDD*MM": _sexagesimal(sx.longitude, sx.parse_longitude, -180, 180),
     "hh:mm:ss": _sexagesimal(sx.clock, sx.parse_clock, 0, 86399.9999),
+    "hh:mm:ss 12h": _sexagesimal(sx.clock_12, sx.parse_clock, 0, 86399.9999),
 }
 
 # --- text: numbers and words ----------------------------------------------------------------------------------
@@ -119,8 +120,9 @@ _TEXT_OTHERS = {
     "NNN": _number("NNN", 0, 3, False, 0, 999),
     "NNN'": _suffixed(_number("NNN", 0, 3, False, 0, 999), "'"),
     "NNNN": _number("NNNN", 0, 4, False, 0, 999999, longest=6),
-    "DD*": _suffixed(_number("DD", 0, 2, False, -90, 9999), "*"),
-    "DD": _suffixed(_number("DD", 0, 2, False, -90, 9999), ""),
+    "DD*": Codec(lambda value: b"%02d*" % round(value), sx.limit, rb" ?[+-]?\d*\.?\d*[*'\xdf\xb0\xc2]*"),
+    "DD": Codec(lambda value: b"%02d" % round(value), sx.limit, rb" ?[+-]?\d*\.?\d*[*'\xdf\xb0\xc2]*"),
+    "N": _number("N", 0, 1, False, 2, 8),
     "TT.T": _number("TT.T", 1, 2, False, 0, 99.9),
     "TTT.T": _number("TTT.T", 1, 3, False, 0, 999.9),
     "DDD.DDD": _number("DDD.DDD", 3, 3, False, 0, 999.999),

@@ -17,13 +17,18 @@ _PARTS = re.compile(
 )
 
 
-def parse(raw: bytes) -> float:
-    """``sDD*MM:SS`` in any of its written forms, as a signed number of whole units. Raises ValueError."""
+def parse(raw: bytes, least: int = 2) -> float:
+    """``sDD*MM:SS`` in any of its written forms, as a signed number of whole units.
+
+    Raises ValueError, also for fewer than ``least`` parts.
+    """
     found = _PARTS.fullmatch(raw)
     if found is None:
         raise ValueError(f"{raw!r} is not a sexagesimal number")
     sign, *texts = found.groups()
     parts = [text for text in texts if text is not None]
+    if len(parts) < least:
+        raise ValueError(f"{raw!r} is incomplete")
     if any(b"." in text for text in parts[:-1]):
         raise ValueError(f"{raw!r} has a fraction before its last part")
     numbers = [float(text) for text in parts]
@@ -59,7 +64,7 @@ def parse_longitude(raw: bytes) -> float:
 
 def parse_clock(raw: bytes) -> float:
     """Time of day -> seconds since midnight."""
-    return parse(raw) * 3600.0
+    return parse(raw, least=3) * 3600.0
 
 
 def _split(ticks: int, *bases: int) -> list[int]:
@@ -125,6 +130,21 @@ def clock(seconds: float) -> str:
     return "{:02d}:{:02d}:{:02d}".format(*_split(int(seconds) % 86400, 60, 60))
 
 
+def clock_12(seconds: float) -> str:
+    """Seconds since midnight -> ``HH:MM:SS`` as a 12-hour clock shows it, 12, 1 … 11."""
+    hour, rest = divmod(int(seconds) % 86400, 3600)
+    return clock((hour + 11) % 12 * 3600 + 3600 + rest) if hour % 12 else clock(12 * 3600 + rest)
+
+
+def limit(raw: bytes) -> float:
+    """An altitude limit in degrees; a number over 90 is in arcminutes."""
+    value = float(raw.rstrip(b"*'\xdf\xb0\xc2 "))
+    value = value / 60.0 if abs(value) > 90 else value
+    if not -90 <= value <= 90:
+        raise ValueError(f"{raw!r} is no altitude limit")
+    return value
+
+
 def offset(value: float) -> str:
     """Hours -> ``sHH`` when whole, else ``sHH.H``."""
     tenths = round(abs(value) * 10)
@@ -136,7 +156,7 @@ def offset(value: float) -> str:
 def parse_offset(raw: bytes) -> float:
     """``sHH``, ``sHH.H``, ``s5``, ``sHH:MM`` -> hours; x.7 and x.8 mean three quarters (Nepal, Chatham)."""
     text = raw.replace(b" ", b"")
-    value = parse(text)
+    value = parse(text, least=1)
     if b":" not in text:
         whole, tenths = divmod(round(abs(value) * 10), 10)
         if tenths in (7, 8) and len(text.partition(b".")[2]) < 2:

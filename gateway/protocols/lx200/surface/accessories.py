@@ -76,7 +76,7 @@ def tube_temperature(session: Session, command: Command, values: dict[str, Any])
 
 def object_text(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
     """:LI - the manual's static text where the model does not search."""
-    return {"text": session.model.get("object_text", "")}
+    return {"text": session.model.get("object_text", "No object selected")}
 
 
 _KEPT = {"Gb": ("brighter", -5.5), "Gf": ("fainter", 20.0), "GF": ("field", 15), "Gl": ("larger", 0),

@@ -38,8 +38,7 @@ def _local(session: Session) -> Handling:
 def tell_time(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:GL in 24 hours, :Ga in 12."""
     local: datetime = yield from _local(session)
-    hour = local.hour if command.name == "GL" else (local.hour + 11) % 12 + 1
-    return {"time": hour * 3600 + local.minute * 60 + local.second}
+    return {"time": local.hour * 3600 + local.minute * 60 + local.second}
 
 
 def tell_date(session: Session, command: Command, values: dict[str, Any]) -> Handling:

@@ -90,11 +90,7 @@ def set_highest(session: Session, command: Command, values: dict[str, Any]) -> N
 def _degrees(values: dict[str, Any]) -> float:
     if "fault" in values:
         raise values["fault"]
-    limit = float(values["limit"])
-    limit = limit / 60.0 if abs(limit) > 90 else limit
-    if not -90 <= limit <= 90:
-        raise Invalid("An altitude limit lies between -90 and 90 degrees.")
-    return limit
+    return float(values["limit"])
 
 
 def tell_limit(session: Session, command: Command, values: dict[str, Any]) -> dict[str, float]:

@@ -1,0 +1,269 @@
+"""The command line. One line per open endpoint on stdout; a mistake is one line on stderr and exit code 2."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import signal
+import sys
+import time
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+from gateway import __version__
+from gateway.config import Config, check, make_config, parse_device, parse_endpoint, parse_site, read_config
+from gateway.errors import UserError
+
+#: How long a mount may take to say who it is: three commands at the hand control's worst.
+FIND_MOUNT = 6.0
+DEMO_PORT = 4030
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run a command -> its exit code: 0 done, 2 bad input."""
+    parser = _parser()
+    arguments = parser.parse_args(argv)
+    try:
+        return int(arguments.run(arguments) or 0)
+    except UserError as error:
+        print(f"mount-gateway: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 0
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="mount-gateway",
+        description="Lets Meade LX200 software drive a Celestron NexStar mount.",
+        epilog="An endpoint is PROTOCOL[:MODEL[/VERSION]]@WHERE, for example nexstar@/dev/ttyUSB0 or lx200@tcp://:4030.",
+    )
+    parser.add_argument("--version", action="version", version=f"mount-gateway {__version__}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+
+    demo = commands.add_parser("demo", help="a simulated mount to play with, on TCP port 4030 and a virtual serial port")
+    demo.add_argument("--port", type=int, default=DEMO_PORT, help="TCP port (default 4030; 0 takes any free one)")
+    demo.add_argument("--pty", default="/tmp/lx200", metavar="PATH", help="virtual serial port (default /tmp/lx200)")
+    demo.add_argument("--speed", type=float, default=4.0, help="slews this many times faster than real (default 4)")
+    demo.add_argument("--log", action="store_true", help="show the conversation on both sides")
+    demo.set_defaults(run=_demo)
+
+    run = commands.add_parser("run", help="connect clients to a mount")
+    run.add_argument("--mount", metavar="ENDPOINT", help="for example nexstar@/dev/ttyUSB0; its port is any pyserial URL")
+    run.add_argument("--surface", metavar="ENDPOINT", action="append", default=[],
+                     help="for example lx200@tcp://127.0.0.1:4030 or lx200:autostar@pty:/tmp/lx200; may be repeated")
+    run.add_argument("--config", type=Path, metavar="FILE", help="read gateway.toml; what is given here wins")
+    run.add_argument("--site", metavar="LAT,LON", help="where the mount stands, for hand controls that cannot tell")
+    run.add_argument("--mode", choices=("alt-az", "eq-north", "eq-south"),
+                     help="tracking mode, for hand controls that cannot tell (before 2.3)")
+    run.add_argument("--equinox", choices=("jnow", "j2000", "auto"), help="what the mount's coordinates mean")
+    run.add_argument("--site-time", choices=("unaligned", "always", "never"),
+                     help="whether site and time set by clients are sent to the mount (default: while it is not aligned)")
+    run.add_argument("--lowest", type=float, metavar="DEG", help="lowest altitude of a goto (default 0)")
+    run.add_argument("--highest", type=float, metavar="DEG", help="highest altitude of a goto (default 90)")
+    run.add_argument("--sync-limit", type=float, metavar="DEG", help="refuse syncs further than this (default 15)")
+    run.add_argument("--baud", type=int, help="baud rate of the mount's port (default 9600)")
+    run.add_argument("--wait", action="store_true", help="keep trying when no mount answers; clients stay connected")
+    run.add_argument("--log", action="store_true", help="show the conversation on both sides, decoded")
+    run.add_argument("--loop", choices=("fast", "asyncio"), default="fast", help="event loop: uvloop where it exists")
+    run.set_defaults(run=_run)
+
+    sim = commands.add_parser("sim", help="a simulated mount for other programs")
+    sim.add_argument("device", metavar="PROTOCOL[:MODEL[/VERSION]]", help="for example nexstar:cpc/4.21")
+    sim.add_argument("--at", action="append", metavar="WHERE", help="tcp://HOST:PORT or pty:PATH; may be repeated")
+    sim.add_argument("--latency", type=float, default=0.0, metavar="S", help="seconds to answer (a real one: 0.1-0.3)")
+    sim.add_argument("--speed", type=float, default=1.0, help="slews this many times faster")
+    sim.add_argument("--time", metavar="ISO", help="begin at this UTC time")
+    sim.add_argument("--site", metavar="LAT,LON", default="45,10", help="default 45,10")
+    sim.add_argument("--unaligned", action="store_true", help="as after power-on, before the star alignment")
+    sim.set_defaults(run=_sim)
+
+    tables = commands.add_parser("tables", help="what becomes of every command, per model")
+    group = tables.add_mutually_exclusive_group()
+    group.add_argument("--write", action="store_true", help="write mappings/README.md")
+    group.add_argument("--check", action="store_true", help="fail when mappings/README.md is stale or a row is wrong")
+    tables.set_defaults(run=_tables)
+
+    explain = commands.add_parser("explain", help="what happens to one command, in words and bytes")
+    explain.add_argument("client", choices=("lx200", "nexstar"), help="the protocol the command is written in")
+    explain.add_argument("mount", choices=("lx200", "nexstar"), help="the protocol of the mount")
+    explain.add_argument("command", help="for example ':Sr05:34:32#'; \\x06 and the like are understood")
+    explain.set_defaults(run=_explain)
+    return parser
+
+
+# --- commands ---------------------------------------------------------------------------------------------------
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    config = _config(arguments)
+    return _with_loop(arguments.loop == "fast", lambda: _serve_gateway(config))
+
+
+def _config(arguments: argparse.Namespace) -> Config:
+    """The file and the flags as one; flags win."""
+    mount: dict[str, Any] = {}
+    surfaces: list[dict[str, Any]] = []
+    where = "command line"
+    top: dict[str, Any] = {}
+    if arguments.config is not None:
+        import msgspec
+
+        where = str(arguments.config)
+        held = msgspec.to_builtins(read_config(arguments.config))
+        mount, surfaces = held.pop("mount"), held.pop("surface")
+        top = held
+    if arguments.mount:
+        mount["at"] = arguments.mount
+    if arguments.surface:
+        surfaces = [{"at": surface} for surface in arguments.surface]
+    for key in ("mode", "equinox", "site-time", "lowest", "highest", "sync-limit", "baud"):
+        value = getattr(arguments, key.replace("-", "_"))
+        if value is not None:
+            mount[key] = value
+    if arguments.site:
+        mount["site"] = parse_site(arguments.site)
+    if "at" not in mount:
+        raise UserError("run: which mount? --mount nexstar@/dev/ttyUSB0, or --config gateway.toml")
+    top = {**top, "wait": top.get("wait") or arguments.wait, "log": top.get("log") or arguments.log}
+    return check(make_config({**top, "mount": mount, "surface": surfaces}, where), where)
+
+
+def _demo(arguments: argparse.Namespace) -> int:
+    surfaces = [{"at": f"lx200@tcp://127.0.0.1:{arguments.port}"}]
+    if sys.platform != "win32":
+        surfaces.append({"at": f"lx200@pty:{arguments.pty}"})
+    tables = {"mount": {"at": "nexstar@sim", "speed": arguments.speed}, "surface": surfaces, "log": arguments.log}
+    config = check(make_config(tables, "demo"), "demo")
+    print("A simulated NexStar 6/8 SE, driven by whatever LX200 program connects. Ctrl-C ends it.", flush=True)
+    return _with_loop(True, lambda: _serve_gateway(config))
+
+
+def _sim(arguments: argparse.Namespace) -> int:
+    from gateway.simulators import make_simulator, parse_time, running_clock
+
+    endpoint = parse_device(arguments.device)
+    if arguments.latency < 0 or arguments.speed <= 0:
+        raise UserError("sim: --latency is 0 or more seconds, --speed more than 0")
+    start = parse_time(arguments.time) if arguments.time else None
+    simulator = make_simulator(endpoint, clock=running_clock(start), site=parse_site(arguments.site),
+                               aligned=not arguments.unaligned, speed=arguments.speed)
+    places = arguments.at or ["tcp://127.0.0.1:0"]
+    return _with_loop(True, lambda: _serve_simulator(simulator, endpoint.protocol, places, arguments.latency))
+
+
+def _tables(arguments: argparse.Namespace) -> int:
+    from gateway import pairs
+
+    if arguments.check:
+        return pairs.check()
+    if arguments.write:
+        print(f"wrote {pairs.write()}")
+        return 0
+    print(pairs.text())
+    return 0
+
+
+def _explain(arguments: argparse.Namespace) -> int:
+    from gateway.explain import explain
+
+    print(explain(arguments.client, arguments.mount, arguments.command))
+    return 0
+
+
+# --- serving ----------------------------------------------------------------------------------------------------
+
+
+def _with_loop(fast: bool, serve: Callable[[], Awaitable[int]]) -> int:
+    """Run on uvloop where it is installed, else on asyncio's own loop."""
+    factory: Callable[[], asyncio.AbstractEventLoop] | None = None
+    if fast:
+        try:
+            import uvloop
+
+            factory = uvloop.new_event_loop
+        except ImportError:
+            factory = None
+    with asyncio.Runner(loop_factory=factory) as runner:
+        return runner.run(serve())  # type: ignore[arg-type]
+
+
+def _until_signal() -> asyncio.Event:
+    """An event that SIGINT and SIGTERM set."""
+    done = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        try:
+            loop.add_signal_handler(number, done.set)
+        except NotImplementedError:  # Windows
+            signal.signal(number, lambda *_: loop.call_soon_threadsafe(done.set))
+    return done
+
+
+async def _serve_gateway(config: Config) -> int:
+    from gateway.assembly import Gateway
+    from gateway.transcript import Transcript
+
+    done = _until_signal()
+    transcript = Transcript(time.time)
+    if config.log:
+        from gateway.logline import printer
+
+        transcript.sinks.append(printer(parse_endpoint(config.mount.at).protocol, sys.stderr))
+    gateway = Gateway(config, transcript)
+    opened = await gateway.open()
+    try:
+        if not config.wait:
+            await _find(gateway, done)
+        gateway.sky.start()
+        for where in opened:
+            print(f"ready {where}", flush=True)
+        if config.wait and not await gateway.found(FIND_MOUNT) and not done.is_set():
+            assert gateway.hub is not None
+            reason = gateway.hub.line.reason or "no answer"
+            print(f"mount-gateway: {gateway.mount}: {reason}; trying on", file=sys.stderr, flush=True)
+        await done.wait()
+    finally:
+        await gateway.close()
+    return 0
+
+
+async def _find(gateway: Any, done: asyncio.Event) -> None:
+    """Wait for the mount; raise UserError that says what is there instead."""
+    deadline = asyncio.get_running_loop().time() + FIND_MOUNT
+    hub = gateway.hub
+    while asyncio.get_running_loop().time() < deadline and not done.is_set():
+        if await gateway.found(0.1 if hub.line.state == "opening" else 0.3):
+            return
+        if hub.line.state == "down":
+            break
+    if done.is_set() or hub.identified.is_set():
+        return
+    reason = hub.line.reason
+    if reason.startswith("cannot open"):
+        raise UserError(f"{gateway.mount}: {reason}")
+    await hub.line.close()
+    from gateway.probe import who_answers
+
+    found = await who_answers(gateway.mount.where, gateway.config.mount.baud)
+    if found and found != gateway.mount.protocol:
+        raise UserError(f"{gateway.mount}: the mount speaks {found}; write {found}@{gateway.mount.where}")
+    raise UserError(f"{gateway.mount}: no mount answers (is it switched on, and the cable in the hand control?); "
+                    "--wait keeps trying")
+
+
+async def _serve_simulator(simulator: Any, protocol: str, places: list[str], latency: float) -> int:
+    from gateway.simulators import serve_simulator
+
+    done = _until_signal()
+    ports = await serve_simulator(simulator, places, latency)
+    for port in ports:
+        print(f"ready {protocol}:{simulator.model}@{port.where}", flush=True)
+    await done.wait()
+    for port in ports:
+        await port.close()
+    return 0

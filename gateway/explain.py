@@ -1,0 +1,139 @@
+"""What happens to one command: words and bytes on both sides, found by running it through the real surface and driver.
+
+The mount is a stand-in that answers every question with something plausible and never moves.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from typing import Any
+
+from gateway import operations as op
+from gateway.driver import Ask, Driver, Steps
+from gateway.errors import Fault, UserError
+from gateway.logline import meaning, show
+from gateway.pairs import outcome, surface_rows
+from gateway.sky import Sky
+from gateway.surface import Defer, Session, Start, Surface
+from gateway.tables import load
+
+_SITE = op.Place(45.0, 10.0)
+_PLACE = op.Equatorial(83.633, 22.0145)
+
+
+def explain(client: str, mount: str, typed: str) -> str:
+    """Lines of text. Raises UserError for a command that the protocol does not have."""
+    frame = unescape(typed)
+    protocol, driven = load(client), load(mount)
+    found = protocol.find(frame)
+    if found is None:
+        raise UserError(f"{client} has no command {typed!r}" + ("; is its # missing?" if client == "lx200" else ""))
+    command, picture = found
+    row = surface_rows(protocol).get(command.name)
+    lines = [f"{show(frame)}  {command.help}"]
+    if command.models is not None:
+        lines.append(f"  by the manual only on {', '.join(sorted(command.models))}")
+    if command.beyond:
+        lines.append(f"  beyond the manual: {command.beyond}")
+    try:
+        values = picture.decode(frame)
+        lines += [f"  {name} = {value}" for name, value in values.items()]
+    except ValueError as error:
+        lines.append(f"  not valid: {error}")
+    lines.append(f"outcome on a {mount} mount: {outcome(row, driven)}")
+    if row is not None and row.why:
+        lines.append(f"  {row.why}")
+    if row is not None:
+        lines += _run(client, mount, frame)
+    return "\n".join(lines)
+
+
+def unescape(typed: str) -> bytes:
+    """``\\xHH`` in what was typed becomes that byte."""
+    raw = typed.encode("latin-1", "replace")
+    return re.sub(rb"\\x([0-9A-Fa-f]{2})", lambda hit: bytes((int(hit.group(1), 16),)), raw)
+
+
+def _run(client: str, mount: str, frame: bytes) -> list[str]:
+    """The command carried out on a mount that only answers."""
+    from gateway.assembly import DRIVERS, FACES
+    from gateway.config import Endpoint, MountConfig, SurfaceConfig
+    from gateway.safety import Limits
+
+    if client not in FACES or mount not in DRIVERS:
+        return [f"  a {client} client on a {mount} mount is not carried out yet"]
+    face = FACES[client](Endpoint(client, "-"), SurfaceConfig(at="-"), Limits())
+    driver, _, dialogue = DRIVERS[mount](Endpoint(mount, "-"), MountConfig(at="-"), time.monotonic)
+    surface: Surface = face.surface
+    session = Session(face.model, face.settings, time.time, {"sites": {}})
+    session.kept.update(ra=_PLACE.ra, dec=_PLACE.dec, az=180.0, alt=45.0)
+    lines: list[str] = []
+    stand_in = _StandIn(driver, dialogue, lines)
+    steps = surface.handle(session, frame)
+    answer: Any = None
+    fault: Fault | None = None
+    try:
+        while True:
+            wanted = steps.send(answer) if fault is None else steps.throw(fault)
+            answer, fault = None, None
+            if isinstance(wanted, Defer):
+                continue
+            operation = wanted.operation if isinstance(wanted, Start) else wanted
+            lines.append(f"  means {_words(operation)}")
+            try:
+                answer = stand_in.perform(operation)
+            except Fault as error:
+                fault = error if not isinstance(wanted, Start) else None
+                lines.append(f"    {error}")
+    except StopIteration as end:
+        reply = end.value
+    lines.append(f"reply: {show(reply) if reply else 'none'}")
+    return lines
+
+
+def _words(operation: op.Operation) -> str:
+    fields = ", ".join(f"{f}={getattr(operation, f)!r}" for f in operation.__struct_fields__
+                       if getattr(operation, f) is not None)
+    return f"{type(operation).__name__}({fields})"
+
+
+class _StandIn:
+    """Performs operations on a driver whose mount answers each command with the emptiest true-looking reply."""
+
+    def __init__(self, driver: Driver, dialogue: Any, lines: list[str]) -> None:
+        self.driver, self.dialogue, self.lines = driver, dialogue, lines
+        self.sky = Sky()
+
+    def perform(self, operation: op.Operation) -> Any:
+        if isinstance(operation, op.SiderealTime):
+            return self.sky.sidereal_time(time.time(), _SITE.longitude)
+        if isinstance(operation, op.SetSite):
+            operation = op.SetSite(operation.latitude if operation.latitude is not None else _SITE.latitude,
+                                   operation.longitude if operation.longitude is not None else _SITE.longitude)
+        if isinstance(operation, op.GotoHorizontal):
+            operation = op.GotoAxes(operation.az, operation.alt)
+        return self._drive(self.driver.perform(operation))
+
+    def _drive(self, steps: Steps) -> Any:
+        answer: Any = None
+        try:
+            while True:
+                step = steps.send(answer)
+                answer = None
+                if isinstance(step, Ask):
+                    request = self.dialogue.encode(step)
+                    answer = self._answer(step)
+                    words = meaning(self.driver.protocol.name, request)
+                    self.lines.append(f"    to the mount: {show(request)}  {words}")
+        except StopIteration as end:
+            return end.value
+
+    def _answer(self, ask: Ask) -> dict[str, Any]:
+        """Something plausible for every field of the reply."""
+        command = self.driver.protocol.commands[ask.command]
+        plausible = {"ra": _PLACE.ra, "dec": _PLACE.dec, "az": 180.0, "alt": 45.0, "aligned": 1, "mode": 1, "slewing": "0",
+                     "latitude": _SITE.latitude, "longitude": _SITE.longitude, "month": 1, "day": 1, "year": 26,
+                     "side": "E", "linked": 1, "echo": 120, "major": 4, "minor": 21, "model": 12}
+        fields = command.replies[0][1].fields if command.replies else {}
+        return {name: plausible.get(name, 0) for name in fields}

@@ -1,0 +1,41 @@
+"""The conversation as lines a person reads: time, who, direction, bytes, meaning."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime
+from typing import TextIO
+
+from gateway.tables import load
+from gateway.transcript import Entry
+
+
+def show(data: bytes) -> str:
+    """Bytes with everything unprintable as ``\\xHH``."""
+    return "".join(chr(byte) if 32 <= byte < 127 and byte != 92 else f"\\x{byte:02x}" for byte in data)
+
+
+def meaning(protocol: str, data: bytes) -> str:
+    """What a request means, by the manual's words; empty for what no manual knows."""
+    found = load(protocol).find(data)
+    return found[0].help if found else ""
+
+
+def line(entry: Entry, mount_protocol: str) -> str:
+    """One entry as one line, without the line's end."""
+    clock = datetime.fromtimestamp(entry.time, UTC).strftime("%H:%M:%S.%f")[:-3]
+    words = entry.note
+    if not words and entry.arrow == ">":
+        client = "lx200" if entry.data[:1] in (b":", b"\x06", b"$") else "nexstar"
+        words = meaning(mount_protocol if entry.side == "mount" else client, entry.data)
+    return f"{clock} {entry.side:<21} {entry.arrow} {show(entry.data):<24} {words}".rstrip()
+
+
+def printer(mount_protocol: str, stream: TextIO) -> Callable[[Entry], None]:
+    """A sink that writes one line per entry."""
+
+    def put(entry: Entry) -> None:
+        stream.write(line(entry, mount_protocol) + "\n")
+        stream.flush()
+
+    return put

@@ -1,0 +1,93 @@
+"""A whole gateway in one process on virtual time: LX200 client bytes in at one end, a simulated mount at the other."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+from gateway import operations as op
+from gateway.assembly import DRIVERS, FACES
+from gateway.config import Endpoint, MountConfig, SurfaceConfig
+from gateway.guests import Reception
+from gateway.hub import Hub, Policy
+from gateway.line import Line
+from gateway.observatory import Observatory
+from gateway.safety import Limits
+from gateway.simulators import make_simulator
+from gateway.sky import Sky
+from gateway.transcript import Entry, Transcript
+from gateway.wires import SimulatorWire
+
+#: 2026-01-15 22:00 UTC
+EVENING = 1768514400.0
+
+
+class Bridge:
+    """``sim`` is the simulated mount, ``hub`` the gateway's, ``client()`` a new connection."""
+
+    def __init__(self, mount: str = "6-8se", version: str | None = None, *, site: tuple[float, float] = (45.0, 10.0),
+                 latency: float = 0.05, aligned: bool = True, speed: float = 1.0, surface: str = "autostar",
+                 config: dict[str, Any] | None = None) -> None:
+        loop = asyncio.get_running_loop()
+        self._began = loop.time()
+        self.clock = lambda: EVENING + loop.time() - self._began
+        self.settings = MountConfig(at="-", **(config or {}))
+        endpoint = Endpoint("nexstar", "sim", mount, version)
+        self.sim = make_simulator(endpoint, clock=self.clock, site=site, aligned=aligned, speed=speed)
+        self.transcript = Transcript(self.clock)
+        self.entries: list[Entry] = []
+        self.transcript.sinks.append(self.entries.append)
+        driver, follow_ups, dialogue = DRIVERS["nexstar"](Endpoint("nexstar", "sim"), self.settings, loop.time)
+        self.driver: Any = driver
+        line = Line(SimulatorWire("sim", self.sim.feed, latency), dialogue, self.transcript)
+        given = self.settings.site
+        self.observatory = Observatory(loop.time, self.clock, op.Place(*given) if given else None)
+        limits = Limits(self.settings.lowest, self.settings.highest, self.settings.sync_limit)
+        self.hub = Hub(driver, follow_ups, line, Sky(), self.observatory, self.transcript,
+                       Policy(limits, self.settings.site_time, self.settings.equinox))
+        face = FACES["lx200"](Endpoint("lx200", "-", surface), SurfaceConfig(at="-"), limits)
+        self.reception = Reception(self.hub, face, {"sites": {}}, self.clock, lambda: None)
+
+    async def __aenter__(self) -> Bridge:
+        self.hub.start()
+        await self.hub.identified.wait()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.hub.close()
+
+    def client(self, host: str = "127.0.0.1") -> Visitor:
+        return Visitor(self, host)
+
+    def sent(self) -> list[bytes]:
+        """Every request that went to the mount so far."""
+        return [entry.data for entry in self.entries if entry.side == "mount" and entry.arrow == ">"]
+
+
+class Visitor:
+    """One LX200 connection."""
+
+    def __init__(self, bridge: Bridge, host: str) -> None:
+        self.heard = b""
+        self._guest = bridge.reception.arrive(host, host, self._hear)
+
+    def _hear(self, data: bytes) -> None:
+        self.heard += data
+
+    async def ask(self, data: bytes, seconds: float = 10.0, *, until: bytes = b"") -> bytes:
+        """Send bytes and wait for the reply: up to ``until``, else for whatever comes first; b"" after ``seconds``."""
+        self.heard = b""
+        self._guest.feed(data)
+        end = asyncio.get_running_loop().time() + seconds
+        while asyncio.get_running_loop().time() < end:
+            if self.heard and (not until or self.heard.endswith(until)):
+                break
+            await asyncio.sleep(0.01)
+        return self.heard
+
+    def tell(self, data: bytes) -> None:
+        """Send bytes that have no reply."""
+        self._guest.feed(data)
+
+    def close(self) -> None:
+        self._guest.close()

@@ -1,0 +1,81 @@
+"""The floors of the house: imports point down only, I/O stays on the upper ones, nobody below knows both protocols."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import gateway
+
+ROOT = Path(gateway.__file__).parent
+FLOORS = {
+    "errors": 0, "operations": 0,
+    "spherical": 1, "mount_geometry": 2, "sexagesimal": 1, "codecs": 1, "pictures": 1, "transcript": 1, "safety": 1, "kinematics": 2,
+    "tables": 2, "sky": 3, "protocols": 4, "surface": 3, "driver": 3, "observatory": 3, "equinox": 4, "logline": 3,
+    "wires": 5, "line": 5, "hub": 5, "clients": 5, "ports": 5, "guests": 5, "probe": 5, "pairs": 5,
+    "config": 6, "simulators": 6, "assembly": 6, "explain": 6, "cli": 7, "__main__": 7, "__init__": 0,
+}  # fmt: skip
+IO_MODULES = {"asyncio", "socket", "serial", "threading", "selectors"}
+
+
+def _modules() -> list[tuple[str, Path]]:
+    return [(path.relative_to(ROOT).with_suffix("").parts[0], path) for path in sorted(ROOT.rglob("*.py"))]
+
+
+def _imports(path: Path) -> set[str]:
+    """Every module imported anywhere in a file, ``gateway.x`` as written."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module} if node.module != "gateway" else {f"gateway.{alias.name}" for alias in node.names}
+    return names
+
+
+def test_every_module_has_a_floor() -> None:
+    assert {name for name, _ in _modules()} == set(FLOORS)
+
+
+def test_imports_point_down() -> None:
+    wrong = []
+    for name, path in _modules():
+        for imported in _imports(path):
+            parts = imported.split(".")
+            if parts[0] != "gateway" or len(parts) < 2 or parts[1] in (name, "__version__"):
+                continue
+            if FLOORS[parts[1]] > FLOORS[name]:
+                wrong.append(f"{path.relative_to(ROOT)} imports {imported}")
+    assert wrong == []
+
+
+def test_input_and_output_live_on_the_upper_floors() -> None:
+    allowed_low = {"sky"}  # loads its library on a thread
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {imported}"
+        for name, path in _modules()
+        for imported in _imports(path)
+        if imported.split(".")[0] in IO_MODULES and FLOORS[name] < 5 and name not in allowed_low
+    ]
+    assert wrong == []
+
+
+def test_no_protocol_knows_another() -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {imported}"
+        for path in (ROOT / "protocols").rglob("*.py")
+        for imported in _imports(path)
+        if imported.startswith("gateway.protocols.")
+        and imported.split(".")[2] != path.relative_to(ROOT / "protocols").parts[0]
+    ]
+    assert wrong == []
+
+
+def test_the_lower_floors_name_no_protocol() -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {imported}"
+        for name, path in _modules()
+        for imported in _imports(path)
+        if FLOORS[name] < 5 and name != "protocols" and imported.startswith("gateway.protocols.")
+    ]
+    assert wrong == []

@@ -1,0 +1,51 @@
+"""NexStar codecs and tables against the Celestron manual, typed by hand."""
+
+from __future__ import annotations
+
+import pytest
+
+from gateway.codecs import codec
+from gateway.tables import load, parse_version
+from tests.manual_files import raw, rows
+
+NEXSTAR = load("nexstar")
+_CODECS = {"zone": "s8", "rate16": "u16", "rate24": "u24"}
+_BINARY = {"rev24", "srev24", "latitude", "longitude", "zone", "rate16", "rate24", "guide_rate"}
+_SCALE = {"rate16": 4.0, "rate24": 1024.0}
+
+
+def test_the_manual_has_23_opcodes_and_21_pass_through_rows_and_each_has_a_row() -> None:
+    forms = [row for row in rows("nexstar_forms.txt") if not row[0].startswith("no_response")]
+    assert len(forms) == 44
+    assert sum(len(name) == 1 for name, *_ in forms) == 23
+    for name, request, since, _ in forms:
+        found = NEXSTAR.find(raw(request))
+        assert found is not None, name
+        if name == "P":  # the opcode itself is any of its rows
+            continue
+        assert found[0].name == name
+        assert found[0].since == parse_version(since), name
+        assert found[0].beyond is None
+
+
+@pytest.mark.parametrize(("way", "form", "data", "value", "tolerance"), rows("nexstar_fields.txt"))
+def test_number_on_the_wire(way: str, form: str, data: str, value: str, tolerance: str) -> None:
+    if form == "guide_rate":
+        pytest.skip("a guide rate is a plain byte here; its percentage is the driver's")
+    field, scale = codec(_CODECS.get(form, form)), _SCALE.get(form, 1.0)
+    wire = raw(data)
+    if way in ("both", "in"):
+        near = max(float(tolerance), 1e-9)
+        decoded = field.decode(wire) / scale
+        assert abs(decoded - float(value)) <= near or abs(abs(decoded - float(value)) - 360.0) <= near
+    if way in ("both", "out"):
+        given = float(value) * scale
+        assert field.encode(given if form not in ("zone", "rate16", "rate24") else round(given)) == wire
+
+
+@pytest.mark.parametrize("command", NEXSTAR.commands.values(), ids=lambda command: command.name)
+def test_one_first_byte_has_one_length(command: object) -> None:
+    name = command.request.literal[:1]  # type: ignore[attr-defined]
+    lengths = {c.request.width for c in NEXSTAR.commands.values() if c.request.literal[:1] == name}
+    assert len(lengths) == 1
+    assert None not in lengths

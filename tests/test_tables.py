@@ -1,0 +1,97 @@
+"""The mappings are sound, and a broken row is named with its file and its reason."""
+
+from __future__ import annotations
+
+import shutil
+from datetime import date
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway import pairs
+from gateway.codecs import Codec
+from gateway.errors import MappingError
+from gateway.protocols.lx200.surface import SPECIALS as LX200_SPECIALS
+from gateway.protocols.nexstar.driver import SPECIALS as NEXSTAR_SPECIALS
+from gateway.tables import Protocol, load, mappings_folder
+
+PROTOCOLS = [load("lx200"), load("nexstar")]
+SAMPLES = {"ra": 83.6, "dec": -22.5, "latitude": -33.5, "longitude": 118.25, "date": date(2026, 3, 20)}
+
+
+def _sample(name: str, field: Codec) -> Any:
+    """Some value that the field can carry."""
+    for value in (SAMPLES.get(name), 5, 7.5, "A", "text", *"SEWTP0", "12", "HIGH PRECISION", "GD", "n"):
+        if value is None:
+            continue
+        try:
+            raw = field.encode(value)
+            field.decode(raw)
+        except (ValueError, TypeError, AttributeError):
+            continue
+        return value
+    raise AssertionError(f"no sample for {name}")
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda protocol: protocol.name)
+def test_every_request_finds_its_own_command(protocol: Protocol) -> None:
+    for command in protocol.commands.values():
+        for picture in command.requests:
+            frame = picture.encode({name: _sample(name, field) for name, field in picture.fields.items()})
+            found = protocol.find(frame)
+            assert found is not None, command
+            # A frame may be written by a more general row, too; its own length and literal must win.
+            assert found[0] is command or len(found[1].literal) >= len(picture.literal), (command, frame, found)
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda protocol: protocol.name)
+def test_no_reply_is_the_beginning_of_another(protocol: Protocol) -> None:
+    for command in protocol.commands.values():
+        wires = [picture.encode({name: _sample(name, field) for name, field in picture.fields.items()})
+                 for reply, picture in command.replies if reply.when is None]
+        for one, other in combinations(wires, 2):
+            assert not one.startswith(other), command
+            assert not other.startswith(one), command
+
+
+def test_every_function_a_row_calls_exists_and_every_special_is_called() -> None:
+    calls = {row.call for row in load("lx200").surface.values() if row.call}
+    helpers = {"commit", "commit_quiet", "printable"}
+    assert calls == LX200_SPECIALS.keys() - helpers
+    ways = {way.call for rows in load("nexstar").driver.values() for way in rows if way.call}
+    assert ways == NEXSTAR_SPECIALS.keys()
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "says"),
+    [
+        ("surface.toml", 'GR = { ask = "Positoin" }', "GR"),
+        ("surface.toml", 'GR = { ask = "Position", tell = ["ra"] }', "one verb"),
+        ("surface.toml", 'QQQ = { say = {} }', "no such command"),
+        ("surface.toml", 'GR = { aks = "Position" }', "aks"),
+        ("surface.toml", 'Aa = { call = "align", outcome = "refused" }', "says why"),
+        ("surface.toml", "GR = {", "surface.toml"),
+        ("commands.toml", '[GR]\nrequest = ":GR{x:nonsense}#"\nhelp = "x"', "nonsense"),
+        ("commands.toml", '[GR]\nrequest = ":GR{x}#"\nhelp = "x"', "name:form"),
+        ("commands.toml", '[GR]\nhelp = "x"', "request"),
+    ],
+)
+def test_a_broken_row_is_named(tmp_path: Path, file: str, text: str, says: str) -> None:
+    folder = tmp_path / "lx200"
+    shutil.copytree(mappings_folder() / "lx200", folder)
+    (folder / file).write_text(text)
+    with pytest.raises(MappingError, match=says) as raised:
+        _ = Protocol("lx200", folder).surface
+    assert file in str(raised.value)
+
+
+def test_the_printed_tables_are_up_to_date(capsys: pytest.CaptureFixture[str]) -> None:
+    assert pairs.check() == 0, capsys.readouterr().err
+
+
+def test_missing_rows_are_counted() -> None:
+    assert set(pairs.missing("lx200", "nexstar")) == {
+        "CL", "gps", "gT", "LB", "LC", "LF", "Lf", "LM", "LN", "LS", "SE", "Se", "??", "?+", "?-",
+    }  # fmt: skip
