@@ -144,7 +144,7 @@ def _demo(arguments: argparse.Namespace) -> int:
 
 
 def _sim(arguments: argparse.Namespace) -> int:
-    from gateway.simulators import make_simulator, parse_time, running_clock
+    from gateway.simulators import DEFAULT_MODEL, make_simulator, parse_time, running_clock
 
     endpoint = parse_device(arguments.device)
     if arguments.latency < 0 or arguments.speed <= 0:
@@ -153,7 +153,8 @@ def _sim(arguments: argparse.Namespace) -> int:
     simulator = make_simulator(endpoint, clock=running_clock(start), site=parse_site(arguments.site),
                                aligned=not arguments.unaligned, speed=arguments.speed)
     places = arguments.at or ["tcp://127.0.0.1:0"]
-    return _with_loop(True, lambda: _serve_simulator(simulator, endpoint.protocol, places, arguments.latency))
+    name = f"{endpoint.protocol}:{endpoint.model or DEFAULT_MODEL[endpoint.protocol]}"
+    return _with_loop(True, lambda: _serve_simulator(simulator, name, places, arguments.latency))
 
 
 def _tables(arguments: argparse.Namespace) -> int:
@@ -256,13 +257,13 @@ async def _find(gateway: Any, done: asyncio.Event) -> None:
                     "--wait keeps trying")
 
 
-async def _serve_simulator(simulator: Any, protocol: str, places: list[str], latency: float) -> int:
+async def _serve_simulator(simulator: Any, name: str, places: list[str], latency: float) -> int:
     from gateway.simulators import serve_simulator
 
     done = _until_signal()
     ports = await serve_simulator(simulator, places, latency)
     for port in ports:
-        print(f"ready {protocol}:{simulator.model}@{port.where}", flush=True)
+        print(f"ready {name}@{port.where}", flush=True)
     await done.wait()
     for port in ports:
         await port.close()

@@ -70,12 +70,12 @@ def _number(
         return text.encode("ascii")
 
     def decode(raw: bytes) -> float | int:
-        value = float(raw.replace(b" ", b""))
+        value = sx.number(raw)
         if not low <= value <= high:
             raise ValueError(f"{raw!r} is outside {low:g}..{high:g}")
         return value if decimals else int(value)
 
-    return Codec(encode, decode, rb" ?[+-]?\d*\.?\d*")
+    return Codec(encode, decode, _FREE)
 
 
 def _suffixed(codec: Codec, suffix: str) -> Codec:
@@ -88,7 +88,7 @@ def _suffixed(codec: Codec, suffix: str) -> Codec:
     def decode(raw: bytes) -> Any:
         return codec.decode(raw.rstrip(b"*'\xdf\xb0\xc2 "))
 
-    return Codec(encode, decode, codec.pattern + rb"[*'\xdf\xb0\xc2]*")
+    return Codec(encode, decode, _FREE)
 
 
 def _word(choices: str) -> Codec:
@@ -102,7 +102,9 @@ def _word(choices: str) -> Codec:
         return raw
 
     pattern = b"|".join(_escaped(word) for word in sorted(words, key=len, reverse=True))
-    return Codec(encode, lambda raw: raw.decode("latin-1"), b"(?:" + pattern + b")")
+    widths = {len(word) for word in words}
+    width = widths.pop() if len(widths) == 1 else None
+    return Codec(encode, lambda raw: raw.decode("latin-1"), b"(?:" + pattern + b")", width)
 
 
 def _escaped(word: bytes) -> bytes:
@@ -120,8 +122,8 @@ _TEXT_OTHERS = {
     "NNN": _number("NNN", 0, 3, False, 0, 999),
     "NNN'": _suffixed(_number("NNN", 0, 3, False, 0, 999), "'"),
     "NNNN": _number("NNNN", 0, 4, False, 0, 999999, longest=6),
-    "DD*": Codec(lambda value: b"%02d*" % round(value), sx.limit, rb" ?[+-]?\d*\.?\d*[*'\xdf\xb0\xc2]*"),
-    "DD": Codec(lambda value: b"%02d" % round(value), sx.limit, rb" ?[+-]?\d*\.?\d*[*'\xdf\xb0\xc2]*"),
+    "DD*": Codec(lambda value: b"%02d*" % round(value), sx.limit, _FREE),
+    "DD": Codec(lambda value: b"%02d" % round(value), sx.limit, _FREE),
     "N": _number("N", 0, 1, False, 2, 8),
     "TT.T": _number("TT.T", 1, 2, False, 0, 99.9),
     "TTT.T": _number("TTT.T", 1, 3, False, 0, 999.9),

@@ -217,12 +217,20 @@ class Hub:
             await self.identified.wait()
         rank = POSITION if isinstance(operation, op.Position) else READ
         value = await self._run(self.driver.perform(operation), rank)
+        if isinstance(operation, op.Slewing) and self.slewing and not value:
+            await self._settled()
         if isinstance(operation, op.HorizontalPosition) and value is None:
             value = await self._derived_horizon()
         if isinstance(operation, op.Position) and self.policy.equinox == "j2000":
             value = op.Equatorial(*self.sky.to_of_date(value.ra, value.dec, self.observatory.unix()))
         self._learn(operation, value)
         return value
+
+    async def _settled(self) -> None:
+        """A goto has just ended: nobody is told so before the position is known where it ended."""
+        self._seen.pop(op.HorizontalPosition, None)
+        self._seen.pop(op.Position, None)
+        await self._read(op.Position())
 
     async def _derived_horizon(self) -> op.Horizontal:
         """Azimuth and altitude from right ascension, declination, site and clock."""

@@ -1,7 +1,7 @@
 """The mechanics of a simulated mount: two motors as functions of time, tracking, slewing and moved by hand.
 
-It knows no protocol and owns no clock: every method takes ``now`` in Unix seconds, and between two calls the
-axes move by formula, never by steps, so nothing depends on how often somebody looks. Angles are degrees, rates
+It knows no protocol and owns no clock: every method takes ``now`` in Unix seconds. Between two calls the
+axes move by formula, never by steps, so nothing depends on how often one looks. Angles are degrees, rates
 degrees a second of time. What a motor does is one of: rest, a rate, a goto, or following the sky.
 """
 
@@ -35,7 +35,7 @@ class Mechanics:
         self._aim: Pair = (0.0, 0.0)
         self._held = False  # in alt-az both axes follow the aim
 
-    # --- what can be seen ----------------------------------------------------------------------------------
+    # --- what can be seen -------------------------------------------------------------------------------
 
     @property
     def geometry(self) -> Geometry:
@@ -80,7 +80,7 @@ class Mechanics:
         self.advance(now)
         return self._axes[axis].pulse != 0.0
 
-    # --- what can be told ----------------------------------------------------------------------------------
+    # --- what can be told -------------------------------------------------------------------------------
 
     def track(self, now: float, on: bool, sense: int = 1) -> None:
         """Tracking on or off; hand motion ends, a goto goes on. ``sense``: which way a polar axis turns."""
@@ -95,7 +95,7 @@ class Mechanics:
         self._follow(now)
 
     def goto_sky(self, now: float, ra: float, dec: float) -> None:
-        """Slew to a place the mount believes in; it is followed meanwhile, tracked (or left) on arrival."""
+        """Slew to a place the mount believes in, which moves on meanwhile; on arrival track it, if on."""
         self.advance(now)
         here = self._where(now)
         hour_angle = wrap180(self.sky.sidereal(now) - ra)
@@ -125,7 +125,7 @@ class Mechanics:
             self._arrive(now)
 
     def move(self, now: float, axis: int, rate: float, gentle: bool = False) -> None:
-        """A hand rate, 0 to end it. A ``gentle`` one adds to the tracking of a polar mount, others override it.
+        """A hand rate, 0 to end it. A ``gentle`` one adds to a polar mount's tracking, others override it.
 
         A rate of 0 ends hand motion or the goto of this axis and does nothing to an axis that has neither.
         Tracking that was overridden stays away until `track` or `resume`.
@@ -147,7 +147,7 @@ class Mechanics:
             self.set_rate(now, axis, 0.0)
 
     def set_rate(self, now: float, axis: int, rate: float, drive: bool = False) -> None:
-        """The rate of one motor, instead of tracking; a ``drive`` rate is tracking, and gentle ones add to it."""
+        """The rate of one motor, instead of tracking. A ``drive`` rate is tracking: gentle ones add to it."""
         self._take(now, axis)
         self._axes[axis].rate, self._axes[axis].drive = max(-self.fastest, min(self.fastest, rate)), drive
 
@@ -190,7 +190,7 @@ class Mechanics:
             motor.position, motor.rate = position, 0.0
         self._follow(now)
 
-    # --- how it moves --------------------------------------------------------------------------------------
+    # --- how it moves -----------------------------------------------------------------------------------
 
     def advance(self, now: float) -> None:
         """Let happen, in their order, the arrivals and the ends of pulses that are due by ``now``."""
@@ -285,6 +285,8 @@ class Mechanics:
         """The goto is over: tracking again, unless a motor was told something else."""
         for motor in self._axes.values():
             motor.leg = motor.goal = None
+        if self.build is Build.GERMAN:  # one that was cancelled half way may be on either side
+            self.flipped = wrap180(self._axes[2].position + self.correction[1] - 90.0) > 0.0
         if not any(motor.taken for motor in self._axes.values()):
             self._follow(now)
 

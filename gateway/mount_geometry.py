@@ -1,7 +1,7 @@
 """What the numbers of two mount axes mean: axes <-> hour angle and declination, for a place and a moment.
 
-Three builds: an alt-az fork, a fork on a wedge, a German mount. Angles are degrees, longitude is positive east,
-hour angles are positive west. No function raises for finite arguments.
+Three builds: an alt-az fork, a fork on a wedge, a German mount. Angles are degrees, longitude is positive
+east, hour angles are positive west. No function raises for finite arguments.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ class Geometry(NamedTuple):
     """Axes <-> hour angle and declination.
 
     A wedge is an alt-az mount whose zenith is the elevated pole. A German mount reads 90/90 with its
-    counterweight down and its tube at that pole. The motors turn the same way everywhere: positive on axis 1 is
-    west in the northern hemisphere and east in the southern one; positive on axis 2 is up, on a polar mount
-    towards the elevated pole. ``flipped`` is the other way of pointing at the same place: the tube has been
-    driven through the pole, or through the zenith.
+    counterweight down and its tube at that pole. The motors turn the same way everywhere: positive on axis 1
+    is west in the northern hemisphere and east in the southern one; positive on axis 2 is up, on a polar
+    mount towards the elevated pole. ``flipped`` is the other way of pointing at the same place: the tube has
+    been driven through the pole, or through the zenith.
     """
 
     build: Build

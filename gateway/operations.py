@@ -215,6 +215,14 @@ class Move(Operation, frozen=True):
     rate: Rate
 
 
+class MoveAxis(Operation, frozen=True):
+    """Start turning a motor: axis 1 or 2, sense +1 or -1, at a hand rate, until halted."""
+
+    axis: int
+    sense: int
+    rate: Rate
+
+
 class Halt(Operation, frozen=True):
     """End the motion of one axis (1 or 2)."""
 
@@ -232,10 +240,23 @@ class Pulse(Operation, frozen=True):
     ms: int
 
 
+class PulseAxis(Operation, frozen=True):
+    """Guide with a motor: axis 1 or 2, sense +1 or -1, for some milliseconds."""
+
+    axis: int
+    sense: int
+    ms: int
+
+
+class CancelGoto(Operation, frozen=True):
+    """End the goto under way; hand motion goes on."""
+
+
 class SetTracking(Operation, frozen=True):
-    """Tracking on in the mount's own mode, or off."""
+    """Tracking on in the mount's own mode, or in the one named, or off."""
 
     on: bool
+    mode: Tracking | None = None
 
 
 class TrackRate(Operation, frozen=True):

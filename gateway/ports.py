@@ -12,7 +12,7 @@ import os
 import tempfile
 import zlib
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 from gateway.errors import UserError
 from gateway.wires import SerialWire
@@ -59,16 +59,19 @@ class _Connection(asyncio.Protocol):
         self._port = port
         self._guest: Guest | None = None
         self._transport: asyncio.Transport | None = None
-        self.data_received: Callable[[bytes], None] = lambda data: None  # type: ignore[method-assign]
+        self._feed: Callable[[bytes], None] = lambda data: None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.Transport)
-        self._transport = transport
-        transport.set_write_buffer_limits(high=SLOW_READER)
-        peer = transport.get_extra_info("peername") or ("?", 0)
-        self._guest = self._port.arrive(f"{peer[0]}:{peer[1]}", str(peer[0]), transport.write)
-        self.data_received = self._guest.feed  # type: ignore[method-assign]
+        stream = cast(asyncio.Transport, transport)  # uvloop's own class does not derive from it
+        self._transport = stream
+        stream.set_write_buffer_limits(high=SLOW_READER)
+        peer = stream.get_extra_info("peername") or ("?", 0)
+        self._guest = self._port.arrive(f"{peer[0]}:{peer[1]}", str(peer[0]), stream.write)
+        self._feed = self._guest.feed
         self._port.connections.add(self)
+
+    def data_received(self, data: bytes) -> None:
+        self._feed(data)
 
     def pause_writing(self) -> None:
         """The other side does not read: let it go rather than hold its replies for ever."""

@@ -25,8 +25,7 @@ def parse(raw: bytes, least: int = 2) -> float:
     found = _PARTS.fullmatch(raw)
     if found is None:
         raise ValueError(f"{raw!r} is not a sexagesimal number")
-    sign, *texts = found.groups()
-    parts = [text for text in texts if text is not None]
+    parts = [text for text in found.groups()[1:] if text is not None]
     if len(parts) < least:
         raise ValueError(f"{raw!r} is incomplete")
     if any(b"." in text for text in parts[:-1]):
@@ -35,7 +34,14 @@ def parse(raw: bytes, least: int = 2) -> float:
     if any(number >= 60 for number in numbers[1:-1]) or (len(numbers) > 1 and numbers[-1] > 60):
         raise ValueError(f"{raw!r} has minutes or seconds over 59")
     value = sum(number / 60**power for power, number in enumerate(numbers))
-    return -value if sign == b"-" else value
+    return -value if found.group(1) == b"-" else value
+
+
+def number(raw: bytes) -> float:
+    """A plain decimal number, blanks around it allowed. Raises ValueError."""
+    if re.fullmatch(rb" *[+-]?(?:\d+\.?\d*|\.\d+) *", raw) is None:
+        raise ValueError(f"{raw!r} is no number")
+    return float(raw)
 
 
 def parse_hours(raw: bytes) -> float:
@@ -138,7 +144,7 @@ def clock_12(seconds: float) -> str:
 
 def limit(raw: bytes) -> float:
     """An altitude limit in degrees; a number over 90 is in arcminutes."""
-    value = float(raw.rstrip(b"*'\xdf\xb0\xc2 "))
+    value = number(raw.rstrip(b"*'\xdf\xb0\xc2 "))
     value = value / 60.0 if abs(value) > 90 else value
     if not -90 <= value <= 90:
         raise ValueError(f"{raw!r} is no altitude limit")

@@ -76,6 +76,6 @@ async def serve_simulator(simulator: Any, places: list[str], latency: float) -> 
     """Open a simulated mount for other programs."""
 
     def arrive(name: str, host: str, write: Callable[[bytes], Any]) -> Guest:
-        return _Caller(simulator.feed, latency, write)
+        return _Caller(simulator.connection(), latency, write)
 
     return [await open_port(place, arrive) for place in places]

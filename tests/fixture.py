@@ -85,7 +85,7 @@ class Talk:
         self.now = self.mount.clock.unix
         self.session = Session(self.face.model, self.face.settings, lambda: self.now, {"sites": {}})
         self.framer = self.face.framer()
-        self.deferred: list[Defer] = []
+        self.deferred: list[tuple[float, Session, str]] = []
 
     def send(self, data: bytes) -> bytes:
         """Everything the surface answers to these bytes."""
@@ -96,9 +96,9 @@ class Talk:
         return reply
 
     def _handle(self, frame: bytes) -> bytes:
-        return self._run(self.face.surface.handle(self.session, frame)) or b""
+        return self._run(self.face.surface.handle(self.session, frame), self.session) or b""
 
-    def _run(self, steps: Any) -> bytes | None:
+    def _run(self, steps: Any, session: Session) -> bytes | None:
         answer: Any = None
         fault: Fault | None = None
         try:
@@ -106,7 +106,8 @@ class Talk:
                 wanted = steps.send(answer) if fault is None else steps.throw(fault)
                 answer, fault = None, None
                 if isinstance(wanted, Defer):
-                    self.deferred.append(wanted)
+                    self.deferred = [item for item in self.deferred if item[1:] != (session, wanted.special)]
+                    self.deferred.append((self.now + wanted.seconds, session, wanted.special))
                     continue
                 try:
                     answer = self.mount.perform(wanted.operation if isinstance(wanted, Start) else wanted)
@@ -115,10 +116,23 @@ class Talk:
         except StopIteration as end:
             return end.value
 
+    def reconnect(self) -> None:
+        """Close the connection and open the next one, which begins with what this one has kept."""
+        before = self.session
+        self.session = Session(before.model, before.settings, before.clock, before.shared, before.changed)
+        self.session.kept = dict(before.kept)
+        self.framer = self.face.framer()
+
     def wait(self, seconds: float) -> None:
-        """Let time pass: what was deferred until then is done."""
+        """Let time pass, on the host and on the mount: what was deferred until then is done, each at its time."""
+        until = self.now + seconds
+        while due := sorted((item for item in self.deferred if item[0] <= until), key=lambda item: item[0]):
+            at, session, special = due[0]
+            self.deferred.remove(due[0])
+            self._pass(at - self.now)
+            self._run(self.face.surface.specials[special](session, None, {}), session)  # type: ignore[arg-type]
+        self._pass(until - self.now)
+
+    def _pass(self, seconds: float) -> None:
         self.now += seconds
         self.mount.clock = op.Moment(self.mount.clock.unix + seconds, self.mount.clock.offset)
-        due, self.deferred = self.deferred, []
-        for wanted in due:
-            self._run(self.face.surface.specials[wanted.special](self.session, None, {}))  # type: ignore[arg-type]

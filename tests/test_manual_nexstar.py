@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
 from gateway.codecs import codec
+from gateway.protocols.nexstar.driver.tracking import rate_code
 from gateway.tables import load, parse_version
 from tests.manual_files import raw, rows
 
 NEXSTAR = load("nexstar")
-_CODECS = {"zone": "s8", "rate16": "u16", "rate24": "u24"}
-_BINARY = {"rev24", "srev24", "latitude", "longitude", "zone", "rate16", "rate24", "guide_rate"}
-_SCALE = {"rate16": 4.0, "rate24": 1024.0}
+_CODECS = {"zone": "s8", "rate16": "u16", "rate24": "u24", "year8": "u8", "year16": "u16", "guide_rate": "u8"}
+#: What a driver makes of a value before the codec sees it.
+_NUMBERS: dict[str, Callable[[float], int]] = {
+    "zone": round,
+    "rate16": rate_code,
+    "rate24": lambda value: round(value * 1024),
+    "year8": lambda value: round(value) - 2000,
+    "year16": round,
+    "guide_rate": lambda percent: min(255, round(percent * 2.56)),
+}
 
 
 def test_the_manual_has_23_opcodes_and_21_pass_through_rows_and_each_has_a_row() -> None:
@@ -30,17 +40,17 @@ def test_the_manual_has_23_opcodes_and_21_pass_through_rows_and_each_has_a_row()
 
 @pytest.mark.parametrize(("way", "form", "data", "value", "tolerance"), rows("nexstar_fields.txt"))
 def test_number_on_the_wire(way: str, form: str, data: str, value: str, tolerance: str) -> None:
-    if form == "guide_rate":
-        pytest.skip("a guide rate is a plain byte here; its percentage is the driver's")
-    field, scale = codec(_CODECS.get(form, form)), _SCALE.get(form, 1.0)
+    field, number = codec(_CODECS.get(form, form)), _NUMBERS.get(form)
     wire = raw(data)
     if way in ("both", "in"):
-        near = max(float(tolerance), 1e-9)
-        decoded = field.decode(wire) / scale
-        assert abs(decoded - float(value)) <= near or abs(abs(decoded - float(value)) - 360.0) <= near
+        decoded = field.decode(wire)
+        if number is None:
+            near = max(float(tolerance), 1e-9)
+            assert abs(decoded - float(value)) <= near or abs(abs(decoded - float(value)) - 360.0) <= near
+        else:
+            assert decoded == number(float(value))
     if way in ("both", "out"):
-        given = float(value) * scale
-        assert field.encode(given if form not in ("zone", "rate16", "rate24") else round(given)) == wire
+        assert field.encode(float(value) if number is None else number(float(value))) == wire
 
 
 @pytest.mark.parametrize("command", NEXSTAR.commands.values(), ids=lambda command: command.name)

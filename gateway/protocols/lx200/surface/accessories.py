@@ -40,11 +40,15 @@ def focus(session: Session, command: Command, values: dict[str, Any]) -> Handlin
 
 def focus_speed(session: Session, command: Command, values: dict[str, Any]) -> None:
     """:FF :FS :F<n>"""
+    if "fault" in values:
+        raise values["fault"]
     session.kept["focus speed"] = {"FF": 4, "FS": 1}.get(command.name) or max(1, min(4, values["speed"]))
 
 
 def backlash(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:$BA the declination motor, :$BZ the right-ascension motor."""
+    if "fault" in values:
+        raise values["fault"]
     yield Start(Backlash(2 if command.name == "$BA" else 1, values["value"]))
 
 

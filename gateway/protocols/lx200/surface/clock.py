@@ -69,8 +69,7 @@ def set_piece(session: Session, command: Command, values: dict[str, Any]) -> Han
     draft = _draft(session)
     draft["touched"] = session.clock()
     if command.name == "SG":
-        session.kept["offset"] = -values["offset"]
-        draft["offset"] = True
+        session.kept["offset"] = draft["offset"] = -values["offset"]
     elif command.name == "SL":
         draft["time"] = (values["time"], session.clock())
     else:
@@ -99,7 +98,8 @@ def commit(session: Session) -> Handling:
         present: Moment = yield GetClock()
     except Fault:
         present = Moment(session.clock(), 0.0)
-    offset = session.kept.get("offset", present.offset)
+    # A draft goes on with the next connection, and the pause of the one before may hand it on: it carries its offset.
+    offset = pieces.get("offset", session.kept.get("offset", present.offset))
     now = datetime.fromtimestamp(present.unix + offset * 3600.0, UTC)
     day = pieces.get("date", now.date())
     if "time" in pieces:

@@ -37,6 +37,8 @@ def stop(session: Session, command: Command, values: dict[str, Any]) -> Handling
 
 def choose_rate(session: Session, command: Command, values: dict[str, Any]) -> None:
     """:RG :RC :RM :RS, and :R<n> with the key's own number (0 is the slowest)."""
+    if "fault" in values:
+        raise values["fault"]
     name = _NAMES.get(command.name)
     session.kept["rate"] = Rate(name=name) if name else Rate(key=max(1, values["key"]))
     session.kept.pop("rate_ra", None)
@@ -45,6 +47,8 @@ def choose_rate(session: Session, command: Command, values: dict[str, Any]) -> N
 
 def axis_rate(session: Session, command: Command, values: dict[str, Any]) -> None:
     """:RA :RE - degrees a second for the arrows of one axis, until another rate is chosen."""
+    if "fault" in values:
+        raise values["fault"]
     session.kept["rate_ra" if command.name == "RA" else "rate_dec"] = values["rate"] or None
 
 
@@ -59,6 +63,8 @@ def max_rate(session: Session, command: Command, values: dict[str, Any]) -> None
 
 def guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:Rg - arcseconds a second, at most sidereal."""
+    if "fault" in values:
+        raise values["fault"]
     fraction = min(1.0, values["rate"] / _SIDEREAL)
     for axis in (1, 2):
         yield Start(SetGuideRate(axis, fraction))
@@ -66,4 +72,6 @@ def guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Ha
 
 def pulse(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:Mg - a timed guide pulse in milliseconds."""
+    if "fault" in values:
+        raise values["fault"]
     yield Start(Pulse(Direction(values["direction"]), min(values["ms"], LONGEST_PULSE)))

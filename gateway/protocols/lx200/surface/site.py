@@ -51,6 +51,8 @@ def _set(session: Session, operation: SetSite) -> Handling:
 
 def select(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:W - by this model's count: from 0, or from 1 with 0 for the first."""
+    if "fault" in values:
+        raise values["fault"]
     index = values["site"]
     index = max(0, index - 1) if session.model["first_site"] == 1 else index
     if index > 3:

@@ -91,7 +91,8 @@ def set_hertz(session: Session, command: Command, values: dict[str, Any]) -> Han
 def custom(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:TM :T+ :T- - the manual rate, a tenth of a hertz more or less."""
     step = {"TM": 0.0, "T+": 0.1, "T-": -0.1}[command.name]
-    hertz = session.shared["manual hertz"] = round(session.shared.get("manual hertz", 60.1) + step, 3)
+    hertz = round(session.shared.get("manual hertz", 60.1) + step, 3)
+    hertz = session.shared["manual hertz"] = max(0.1, min(99.9, hertz))
     yield from _drive(session, hertz)
 
 

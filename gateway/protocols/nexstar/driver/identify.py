@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gateway.driver import Ask, Steps
-from gateway.errors import Fault
+from gateway.errors import Fault, NoDevice
 from gateway.operations import Identity, Operation
 from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.protocols.nexstar.driver.tracking import read_status
@@ -13,6 +13,8 @@ STARSENSE = 19
 #: What a GT hand control's number stands for, by the manual: before 104.0 treat it as 1.2, from then on as 4.03.
 GT_OLD, GT_NEW = (1, 2), (4, 3)
 AZM, ALT, FOCUSER = 16, 17, 18
+#: What a hand control too old to tell its model may have behind it.
+PARTS = {"gps": 176, "rtc": 178}
 
 
 def identity(mount: NexStar, _: Operation) -> Steps:
@@ -70,3 +72,10 @@ def _motors(mount: NexStar) -> Steps:
             mount.focuser = version != (0, 0)
         else:
             mount.motors[device] = version
+    if mount.model is None:
+        for part, device in PARTS.items():
+            try:
+                yield Ask("device_version", {"device": device})
+            except NoDevice:
+                continue
+            mount.found.add(part)

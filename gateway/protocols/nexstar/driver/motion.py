@@ -65,8 +65,8 @@ def move(mount: NexStar, operation: Move) -> Steps:
         yield from tracking.put_off(mount)
     mount.moving[axis] = sign
     if free and operation.rate.degrees is not None:
-        quarter_arcseconds = min(round(min(operation.rate.degrees, mount.rates["fastest"]) * 14400), 0xFFFC)
-        yield Ask(f"rate_{_AXIS[axis]}_{side}", {"rate": quarter_arcseconds})
+        arcseconds = min(operation.rate.degrees, mount.rates["fastest"]) * 3600.0
+        yield Ask(f"rate_{_AXIS[axis]}_{side}", {"rate": tracking.rate_code(arcseconds)})
     else:
         yield Ask(f"slew_{_AXIS[axis]}_{side}", {"rate": mount.key_for(operation.rate)})
 

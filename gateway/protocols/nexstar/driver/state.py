@@ -49,6 +49,7 @@ class NexStar(Driver):
         self.starsense = False
         self.motors: dict[int, Version] = {}
         self.focuser = False
+        self.found: set[str] = set()
         # the drive
         self.tracking: Tracking | None = None
         self.own_mode: Tracking | None = None
@@ -86,7 +87,7 @@ class NexStar(Driver):
         return self.site is not None and self.site.latitude < 0
 
     def has(self, part: str) -> bool:
-        return part in self.facts["has"]
+        return part in self.facts["has"] or part in self.found
 
     @property
     def shifted(self) -> bool:

@@ -159,8 +159,12 @@ def _send_rate(mount: NexStar) -> Steps:
     try:
         yield Ask(f"fine_rate_{sense}", {"device": 16, "rate": round(arcseconds * 1024)})
     except NoDevice:
-        # A plain rate must never reach the codes 0xFFFD-0xFFFF.
-        yield Ask(f"rate_azm_{sense}", {"rate": min(round(arcseconds * 4), 0xFFFC)})
+        yield Ask(f"rate_azm_{sense}", {"rate": rate_code(arcseconds)})
+
+
+def rate_code(arcseconds: float) -> int:
+    """A variable rate as its 16-bit number, which must never reach the tracking codes 0xFFFD-0xFFFF."""
+    return min(round(arcseconds * 4), 0xFFFC)
 
 
 def guide_rate(mount: NexStar, operation: GuideRate) -> Steps:

@@ -1,0 +1,87 @@
+"""The devices behind a hand control: two motors always, a GPS unit and a clock on some models, nothing else.
+
+A command to a device that is not there, and one that no device knows, gets the no-response form: as many bytes as were
+asked for, one more, ``#`` (NexStar protocol, Pass-through Commands with No Response). Firmware upload is such a command.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Any
+
+from gateway.errors import NoDevice
+from gateway.operations import GetClock, GetSite, Moment, Place, SetClock
+from gateway.surface import Handling, Session
+from gateway.tables import Command, parse_version
+
+MOTORS = {16: 1, 17: 2}
+GPS, RTC = 176, 178
+
+
+def motor(values: dict[str, Any]) -> int:
+    """The axis (1, 2) of the motor that a command speaks to. Raises NoDevice."""
+    axis = MOTORS.get(values["device"])
+    if axis is None:
+        raise NoDevice
+    return axis
+
+
+def version(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
+    """AUX 0xFE - what is asked for beyond two bytes is the build number."""
+    device = values["device"]
+    if device in MOTORS:
+        major, minor = parse_version(session.model["motors"])[:2]
+        return {"major": major, "minor": minor, "build": 0}
+    if device == GPS and "gps" in session.model["has"]:
+        return {"major": 1, "minor": 6, "build": 0}
+    if device == RTC and "rtc" in session.model["has"]:
+        return {"major": 1, "minor": 1, "build": 0}
+    raise NoDevice
+
+
+def _require(session: Session, part: str) -> None:
+    if part not in session.model["has"]:
+        raise NoDevice
+
+
+def gps_flag(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
+    """Linked, and time valid."""
+    _require(session, "gps")
+    return {"linked": 1, "valid": 1}
+
+
+def gps_place(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """Latitude and longitude."""
+    _require(session, "gps")
+    place: Place = yield GetSite()
+    return {"latitude": place.latitude, "longitude": place.longitude}
+
+
+def universal_time(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """Date, year and time of the GPS unit or the clock: always UT."""
+    _require(session, command.name[:3])
+    moment: Moment = yield GetClock()
+    now = datetime.fromtimestamp(moment.unix, UTC)
+    return {"month": now.month, "day": now.day, "year": now.year, "hour": now.hour, "minute": now.minute,
+            "second": now.second}
+
+
+def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """Set date, year, time of the clock: each changes its own part of UT."""
+    _require(session, "rtc")
+    moment: Moment = yield GetClock()
+    try:
+        now = datetime.fromtimestamp(moment.unix, UTC).replace(**values)
+    except (ValueError, TypeError):
+        return
+    yield SetClock(now.timestamp(), moment.offset)
+
+
+def absent(session: Session, command: Command, values: dict[str, Any]) -> None:
+    """A device or a function that no mount behind this gateway has."""
+    raise NoDevice
+
+
+def no_response(frame: bytes) -> bytes:
+    """The answer to a pass-through command that nobody answers; other commands get none."""
+    return bytes(frame[7] + 1) + b"#" if len(frame) == 8 and frame[:1] == b"P" else b""

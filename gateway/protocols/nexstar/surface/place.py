@@ -1,0 +1,62 @@
+"""Site and clock. A hand control's zone counts hours east of Greenwich, whole ones (i and I: quarters); UTC is preserved."""
+
+from __future__ import annotations
+
+import calendar
+from datetime import UTC, datetime
+from typing import Any
+
+from gateway.errors import Fault
+from gateway.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite
+from gateway.surface import Handling, Session
+from gateway.tables import Command
+
+
+def site(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """w"""
+    place: Place = yield GetSite()
+    return {"latitude": place.latitude, "longitude": place.longitude}
+
+
+def set_site(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """W - an impossible place does nothing."""
+    if "fault" in values:
+        return
+    try:
+        yield SetSite(latitude=values["latitude"], longitude=values["longitude"])
+    except Fault:
+        return
+
+
+def clock(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """h, i - local time that matches the zone that is told. What was set is told again as it was set."""
+    moment: Moment = yield GetClock()
+    quarters = command.name == "i"
+    offset, dst = moment.offset, 0
+    held = session.shared.get("zone")
+    if held is not None and held[0] + held[1] == offset and (quarters or held[0] == int(held[0])):
+        zone, dst = held
+    else:
+        zone = round(offset * 4) / 4 if quarters else float(int(offset + 100.5) - 100)
+    local = datetime.fromtimestamp(moment.unix + (zone + dst) * 3600.0, UTC)
+    return {"hour": local.hour, "minute": local.minute, "second": local.second, "month": local.month,
+            "day": local.day, "year": local.year % 100, "zone": int(zone), "quarters": round(zone * 4), "dst": dst}
+
+
+def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """H, I - an impossible time does nothing."""
+    zone = values["quarters"] / 4.0 if "quarters" in values else float(values["zone"])
+    dst = values["dst"]
+    if dst not in (0, 1) or not -14 <= zone <= 14:
+        return
+    try:
+        local = datetime(2000 + values["year"], values["month"], values["day"], values["hour"], values["minute"],
+                         values["second"])
+    except ValueError:
+        return
+    offset = zone + dst
+    session.shared["zone"] = (zone, dst)
+    try:
+        yield SetClock(calendar.timegm(local.timetuple()) - offset * 3600.0, offset)
+    except Fault:
+        return

@@ -1,0 +1,117 @@
+"""Positions, gotos, syncs as a hand control answers them.
+
+A hand control always says ``#`` to a goto: a refusal shows as no motion (``L`` stays 0) and in the log. On an equatorial
+hand control the azimuth and altitude commands read and move the motor axes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gateway.errors import Fault
+from gateway.operations import (
+    AxisPosition,
+    CancelGoto,
+    GetStatus,
+    Goto,
+    GotoAxes,
+    GotoHorizontal,
+    HorizontalPosition,
+    PierSide,
+    SiderealTime,
+    Slewing,
+    Sync,
+)
+from gateway.protocols.nexstar.surface.devices import motor
+from gateway.surface import Handling, Session, Start
+from gateway.tables import Command
+
+
+def german(session: Session) -> bool:
+    """Whether the presented mount is equatorial."""
+    return bool(session.model["mount"] == "german")
+
+
+def axes(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """Z z"""
+    return (yield AxisPosition() if german(session) else HorizontalPosition())
+
+
+def goto(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """R r - acknowledged at once; a malformed one does nothing."""
+    if "fault" not in values:
+        yield Start(Goto(values["ra"], values["dec"]))
+
+
+def goto_axes(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """B b"""
+    if "fault" not in values:
+        yield Start(_to(session, values["az"], values["alt"]))
+
+
+def _to(session: Session, az: float, alt: float) -> GotoAxes | GotoHorizontal:
+    return GotoAxes(az, alt) if german(session) else GotoHorizontal(az % 360.0, alt)
+
+
+def sync(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """S s - what cannot be done shows in the log alone."""
+    if "fault" not in values:
+        try:
+            yield Sync(values["ra"], values["dec"])
+        except Fault:
+            return
+
+
+def slewing(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """L - gotos only, ASCII."""
+    return {"slewing": "1" if (yield Slewing()) else "0"}
+
+
+def cancel(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """M - gotos only: motion at a rate goes on until rate 0."""
+    yield Start(CancelGoto())
+
+
+def aligned(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """J - binary."""
+    status = yield GetStatus()
+    return {"aligned": int(status.aligned)}
+
+
+def pier_side(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """p - always E over a fork."""
+    if not german(session):
+        return {"side": "E"}
+    return {"side": (yield PierSide())}
+
+
+def sidereal(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """l"""
+    return {"sidereal": (yield SiderealTime())}
+
+
+# --- single axes, for programs that speak to the motors ----------------------------------------------------------
+
+
+def axis_position(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """AUX 0x01"""
+    number = motor(values)
+    seen = yield AxisPosition() if german(session) else HorizontalPosition()
+    return {"position": seen.az if number == 1 else seen.alt}
+
+
+def axis_goto(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """AUX 0x02, 0x17 - the other axis goes where it was last sent, else stays."""
+    number = motor(values)
+    seen = yield AxisPosition() if german(session) else HorizontalPosition()
+    wanted = session.kept.setdefault("axis goto", {})
+    wanted = {1: seen.az, 2: seen.alt, **wanted, number: values["position"]}
+    session.kept["axis goto"] = {number: values["position"]}
+    alt = wanted[2] - 360.0 if wanted[2] > 180.0 else wanted[2]
+    yield Start(_to(session, wanted[1], alt))
+
+
+def axis_done(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """AUX 0x13 - 255 when the goto is over."""
+    motor(values)
+    return {"done": 0 if (yield Slewing()) else 255}

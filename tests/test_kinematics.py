@@ -1,0 +1,234 @@
+"""The simulated mechanics by a clock of the test's own: tracking holds, gotos arrive, rates are rates."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import pytest
+
+from gateway.kinematics import Mechanics
+from gateway.mount_geometry import Build, Geometry, Sky
+from gateway.spherical import separation, sidereal_time, wrap180
+
+START = 1_775_000_000.0
+ARCSECOND = 1 / 3600
+SITES = (45.0, -34.0)
+BUILDS = tuple(Build)
+
+
+def mount(build: Build, latitude: float, *, on: bool = True) -> Mechanics:
+    """A mount at work: 40 degrees west of the meridian, 20 degrees on the equator's high side."""
+    sky = Sky(latitude, 10.0)
+    pole = 1 if latitude > 0 else -1
+    axes = Geometry(build, latitude).axes(40.0, 20.0 * pole, Geometry(build, latitude).other_side(40.0))
+    made = Mechanics(build, sky, START, axes)
+    made.flipped = made.geometry.other_side(40.0)
+    made.track(START, on, sense=pole)
+    return made
+
+
+def apart(made: Mechanics, now: float, ra: float, dec: float) -> float:
+    """Arcseconds between where the tube points and a place."""
+    return separation(*made.truth(now), ra, dec) * 3600
+
+
+@pytest.mark.parametrize("latitude", SITES)
+@pytest.mark.parametrize("build", BUILDS)
+def test_tracking_holds_for_an_hour_and_rest_drifts(build: Build, latitude: float) -> None:
+    made = mount(build, latitude)
+    ra, dec = made.truth(START)
+    before = made.axes(START)
+    for minute in range(61):
+        assert apart(made, START + 60 * minute, ra, dec) < 0.1
+    assert made.tracking(START + 3600)
+    assert made.axes(START + 3600) != before
+    made.track(START + 3600, False)
+    assert not made.tracking(START + 3600)
+    ra, dec = made.truth(START + 3600)
+    drifted = made.truth(START + 3700)
+    assert wrap180(drifted[0] - ra) * 3600 == pytest.approx(1504.1, abs=0.1)
+    assert drifted[1] == pytest.approx(dec, abs=1e-9)
+
+
+@pytest.mark.parametrize("latitude", SITES)
+@pytest.mark.parametrize("build", BUILDS)
+@pytest.mark.parametrize("where", [(25.0, 10.0), (-60.0, -20.0), (-5.0, 5.0), (40.0, 20.0)])
+def test_goto_arrives_exactly_on_the_moving_target(
+    build: Build, latitude: float, where: tuple[float, float]
+) -> None:
+    made = mount(build, latitude)
+    ra = made.sky.sidereal(START) - where[0]
+    made.goto_sky(START, ra, where[1])
+    distances, now = [], START
+    while made.slewing(now):
+        distances.append(apart(made, now, ra, where[1]))
+        now += 0.5
+        assert now < START + 300
+    assert apart(made, now, ra, where[1]) < 1e-5
+    assert apart(made, now + 1800, ra, where[1]) < 0.1
+    assert made.tracking(now)
+    assert len(set(distances)) == len(distances)
+
+
+@pytest.mark.parametrize("build", BUILDS)
+def test_each_axis_of_a_goto_never_turns_back(build: Build) -> None:
+    made = mount(build, 45.0, on=False)
+    made.goto_axes(START, 130.0, 70.0)
+    seen = [made.axes(START + n / 4) for n in range(400)]
+    for axis, goal in ((0, 130.0), (1, 70.0)):
+        left = [abs(wrap180(goal - axes[axis])) for axes in seen]
+        assert left == sorted(left, reverse=True)
+        assert left[-1] < 1e-9
+    slow = [abs(b[0] - a[0]) for a, b in pairwise(seen) if b != a][-3:]
+    assert max(slow) < 0.5  # the last of it is crept
+
+
+def test_speed_shortens_gotos_only() -> None:
+    usual, quick = mount(Build.GERMAN, 45.0), mount(Build.GERMAN, 45.0)
+    quick.speed = 10.0
+    for made in (usual, quick):
+        made.goto_axes(START, 100.0, 60.0)
+    assert not quick.slewing(START + 2.5) and usual.slewing(START + 15)
+    quick.track(START + 2.5, False)
+    quick.move(START + 2.5, 1, 2.0)
+    assert wrap180(quick.axes(START + 5.5)[0] - quick.axes(START + 4.5)[0]) == pytest.approx(2.0)
+
+
+def test_what_is_seen_does_not_depend_on_looking() -> None:
+    looked, blind = mount(Build.ALTAZ, 45.0), mount(Build.ALTAZ, 45.0)
+    for made in (looked, blind):
+        made.goto_sky(START, 100.0, 60.0)
+        made.pulse(START + 1, 1, 0.002, 1.0)
+    for n in range(600):
+        looked.axes(START + 1 + n / 5)
+    assert looked.axes(START + 300) == pytest.approx(blind.axes(START + 300), abs=1e-6)
+
+
+@pytest.mark.parametrize("latitude", SITES)
+def test_gentle_rates_add_to_equatorial_tracking_and_others_suspend_it(latitude: float) -> None:
+    made = mount(Build.GERMAN, latitude)
+    west = made.geometry.pole
+    ra, _ = made.truth(START)
+    made.move(START, 1, west * 7.5 * ARCSECOND, gentle=True)
+    assert made.tracking(START + 10)
+    made.move(START + 10, 1, 0.0)
+    assert wrap180(made.truth(START + 60)[0] - ra) * 3600 == pytest.approx(-75, abs=0.01)
+    made.move(START + 60, 1, west * 1.0)
+    made.move(START + 61, 1, 0.0)
+    assert not made.tracking(START + 61)
+    ra, _ = made.truth(START + 61)
+    assert wrap180(made.truth(START + 71)[0] - ra) * 3600 == pytest.approx(150.4, abs=0.1)
+    made.resume(START + 71)
+    assert made.tracking(START + 71)
+
+
+def test_stopping_an_axis_that_rests_changes_nothing() -> None:
+    for build in BUILDS:
+        made = mount(build, 45.0)
+        made.move(START + 1, 1, 0.0)
+        made.move(START + 1, 2, 0.0)
+        assert made.tracking(START + 2)
+
+
+def test_in_alt_az_the_other_motor_keeps_its_last_rate() -> None:
+    made = mount(Build.ALTAZ, 45.0)
+    before, after = made.axes(START), made.axes(START + 1)
+    made.move(START + 1, 2, 1.0)
+    later = made.axes(START + 2)
+    assert later[0] - after[0] == pytest.approx(after[0] - before[0], rel=1e-2)
+    assert later[1] - after[1] == pytest.approx(1.0)
+
+
+def test_stopping_one_axis_of_a_goto_leaves_the_other() -> None:
+    made = mount(Build.GERMAN, 45.0)
+    made.goto_axes(START, 100.0, 60.0)
+    made.move(START + 1, 2, 0.0)
+    assert made.slewing(START + 1, 1) and not made.slewing(START + 1, 2)
+    made.move(START + 2, 1, 0.0)
+    assert not made.slewing(START + 2)
+    assert made.tracking(START + 2)
+
+
+def test_a_goto_replaces_one_under_way() -> None:
+    made = mount(Build.ALTAZ, 45.0)
+    made.goto_sky(START, 100.0, 60.0)
+    there = made.axes(START + 2)
+    made.goto_sky(START + 2, 50.0, 30.0)
+    assert made.axes(START + 2) == pytest.approx(there)
+    assert apart(made, START + 300, 50.0, 30.0) < 0.01
+
+
+def test_pulses_move_by_rate_times_time_whatever_the_mode() -> None:
+    for build in BUILDS:
+        made = mount(build, 45.0)
+        before = made.truth(START)
+        made.pulse(START, 1, 15 * ARCSECOND, 2.0)
+        assert made.pulsing(START + 1.9, 1) and not made.pulsing(START + 2.1, 1)
+        moved = separation(*before, *made.truth(START + 60)) * 3600
+        assert moved == pytest.approx(30 * cosine(build), rel=0.01)
+        assert made.tracking(START + 60)
+
+
+def cosine(build: Build) -> float:
+    """How much of a turn of axis 1 is seen on the sky where `mount` points."""
+    return math.cos(math.radians(mount(build, 45.0).axes(START)[1]))
+
+
+def test_a_sync_moves_the_belief_and_not_the_tube() -> None:
+    for build in BUILDS:
+        made = mount(build, -34.0)
+        truth, axes = made.truth(START), made.axes(START)
+        made.sync(START, 200.0, -40.0)
+        assert made.axes(START) == pytest.approx(axes, abs=1e-9)
+        assert apart(made, START, *truth) < 1e-6
+        assert separation(*made.believed(START), 200.0, -40.0) < 1e-9
+        made.goto_sky(START, 210.0, -35.0)
+        assert separation(*made.believed(START + 300), 210.0, -35.0) < 1e-6
+
+
+def test_german_mounts_choose_their_side_and_show_the_pole_passed() -> None:
+    made = mount(Build.GERMAN, 45.0)
+    lst = sidereal_time(START, 10.0)
+    made.goto_sky(START, lst + 30.0, 60.0)
+    assert made.flipped and made.axes(START + 300)[1] == pytest.approx(120.0)
+    assert made.believed(START + 300)[1] == pytest.approx(60.0)
+    made.move(START + 300, 2, -2.0)
+    made.move(START + 320, 2, 0.0)
+    assert made.believed(START + 320)[1] == pytest.approx(100.0)
+    assert made.truth(START + 320)[1] == pytest.approx(80.0)
+
+
+def test_a_motor_sent_alone_rests_where_it_was_sent() -> None:
+    made = mount(Build.GERMAN, 45.0)
+    made.goto_axis(START, 2, 80.0)
+    assert made.slewing(START + 1, 2) and not made.slewing(START + 1, 1)
+    assert made.axes(START + 100)[1] == pytest.approx(80.0)
+    turned = wrap180(made.axes(START + 110)[0] - made.axes(START + 100)[0])
+    assert turned * 3600 == pytest.approx(150.41, abs=0.01)  # the other one tracks on
+
+
+def test_rates_have_a_greatest() -> None:
+    made = mount(Build.ALTAZ, 45.0, on=False)
+    made.set_rate(START, 1, 50.0)
+    assert wrap180(made.axes(START + 1)[0] - made.axes(START)[0]) == pytest.approx(4.0)
+
+
+def test_a_fork_put_on_its_wedge_keeps_pointing() -> None:
+    made = mount(Build.ALTAZ, 45.0)
+    place = made.truth(START)
+    made.rebuild(START, Build.WEDGE)
+    assert separation(*made.truth(START), *place) < 1e-9
+    assert separation(*made.believed(START), *place) < 1e-9
+    made.track(START, True, sense=1)
+    assert apart(made, START + 3600, *place) < 0.1
+
+
+def test_another_site_leaves_the_axes_and_follows_what_is_in_view() -> None:
+    for build in BUILDS:
+        made = mount(build, 45.0)
+        axes = made.axes(START)
+        made.relocate(START, Sky(50.0, 20.0, 3600.0))
+        assert made.axes(START) == pytest.approx(axes)
+        place = made.truth(START)
+        assert apart(made, START + 1800, *place) < 0.1

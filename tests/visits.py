@@ -1,0 +1,101 @@
+"""Connections to a ``fixture.Mount`` through the product's own reception, so that what one keeps for the next is real.
+
+The hub behind it is the smallest that a client can do with: reads are at hand, everything else is performed at once.
+Needs a running event loop; ``tests.virtual.run`` gives one on virtual time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Coroutine
+from typing import Any
+
+from gateway import operations as op
+from gateway.assembly import FACES
+from gateway.config import Endpoint, SurfaceConfig
+from gateway.guests import Reception
+from gateway.hub import MISSING
+from gateway.safety import Limits
+from gateway.transcript import Transcript
+from tests.fixture import Mount
+
+
+class Still:
+    """Stands in for the hub. ``changed`` is to be called when the mount's readings were set anew."""
+
+    def __init__(self, mount: Mount) -> None:
+        self.mount, self.loop = mount, asyncio.get_running_loop()
+        self.now = self.loop.time
+        self.transcript = Transcript(self.clock)
+        self.version = self.stops = 0
+        #: What the host's clock is ahead of the loop's, and the mount's ahead of the host's.
+        self._epoch = mount.clock.unix - self.now()
+        self._ahead = 0.0
+
+    def clock(self) -> float:
+        """The host's clock."""
+        return self._epoch + self.now()
+
+    def changed(self) -> None:
+        self.version += 1
+
+    def peek(self, operation: op.Operation) -> Any:
+        if isinstance(operation, op.Position | op.Slewing) and self.mount.fault is None:
+            return self.mount.perform(operation)
+        return MISSING
+
+    def touch(self, now: float) -> None:
+        """Nobody refreshes anything here."""
+
+    def fresh_until(self, kinds: list[type[op.Operation]]) -> float:
+        return self.now() + 0.5
+
+    async def perform(self, operation: op.Operation, stops: int | None = None) -> Any:
+        await asyncio.sleep(0)
+        self.mount.clock = op.Moment(self.clock() + self._ahead, self.mount.clock.offset)
+        answer = self.mount.perform(operation)
+        self._ahead = self.mount.clock.unix - self.clock()
+        self.changed()
+        return answer
+
+    async def stop(self) -> None:
+        self.stops += 1
+        await self.perform(op.Stop())
+
+    def spawn(self, work: Coroutine[Any, Any, Any]) -> asyncio.Task[Any]:
+        return self.loop.create_task(work)
+
+
+class House:
+    """A mount behind a port. ``visit`` is one connection."""
+
+    def __init__(self, mount: Mount | None = None, model: str = "autostar", **settings: Any) -> None:
+        self.mount = mount or Mount()
+        self.hub: Any = Still(self.mount)
+        face = FACES["lx200"](Endpoint("lx200", "-", model), SurfaceConfig(at="-", **settings), Limits())
+        self.shared: dict[str, Any] = {"sites": {}}
+        self.reception = Reception(self.hub, face, self.shared, self.hub.clock, lambda: None)
+
+    def visit(self, host: str = "192.168.4.2") -> Visit:
+        return Visit(self, host)
+
+
+class Visit:
+    """One connection from a host."""
+
+    def __init__(self, house: House, host: str) -> None:
+        self._heard = b""
+        self._guest = house.reception.arrive(f"{host}:1", host, self._hear)
+
+    def _hear(self, data: bytes) -> None:
+        self._heard += data
+
+    async def ask(self, data: bytes) -> bytes:
+        """Bytes in, everything that comes back for them."""
+        self._guest.feed(data)
+        await asyncio.sleep(0.01)
+        heard, self._heard = self._heard, b""
+        return heard
+
+    def close(self) -> None:
+        self._guest.close()
