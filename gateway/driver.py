@@ -17,10 +17,14 @@ from gateway.tables import Command, Protocol, Version, Way
 
 
 class Ask(NamedTuple):
-    """Send a command with these field values; answered with the reply's fields, or a Fault is thrown in."""
+    """Send a command with these field values; answered with the reply's fields, or a Fault is thrown in.
+
+    With ``patience`` (seconds) silence is an answer, too: ``Silence`` is thrown in and the line is not doubted.
+    """
 
     command: str
     values: Mapping[str, Any] = {}
+    patience: float | None = None
 
 
 class Pause(NamedTuple):
@@ -50,6 +54,8 @@ class Driver:
     ``specials`` maps the names that rows call to functions ``(driver, operation) -> Steps``.
     """
 
+    #: Whether an aligned mount may be told site and time without losing its alignment.
+    takes_site_aligned = False
     protocol: Protocol
     specials: Mapping[str, Callable[[Any, Any], Steps]]
     model: str | None = None

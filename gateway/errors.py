@@ -86,6 +86,18 @@ class NoAnswer(Fault):
     words = "No answer from mount."
 
 
+class Silence(Fault):
+    """A question that a mount of this kind may leave unanswered."""
+
+    words = "The mount does not know this question."
+
+
+class Busy(Fault):
+    """The mount said that it cannot take a command now (LX200GPS, NAK)."""
+
+    words = "The mount is busy."
+
+
 class NoDevice(Fault):
     """The hand control answered, but the device it was asked to reach did not."""
 

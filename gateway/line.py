@@ -14,7 +14,7 @@ from itertools import count
 from typing import Any, Protocol
 
 from gateway.driver import Ask
-from gateway.errors import Fault, NoAnswer
+from gateway.errors import Fault, NoAnswer, Refused, Silence
 from gateway.transcript import Transcript
 from gateway.wires import Wire
 
@@ -27,8 +27,8 @@ BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 class Dialogue(Protocol):
     """How a protocol's requests and replies look on the wire."""
 
-    timeout: float
-
+    def timeout(self, ask: Ask) -> float: ...
+    def pace(self, ask: Ask) -> float: ...
     def encode(self, ask: Ask) -> bytes: ...
     def take(self, ask: Ask, buffer: bytes) -> tuple[dict[str, Any] | Fault, int] | None: ...
     def proof(self, attempt: int) -> Iterator[Ask]: ...
@@ -162,14 +162,16 @@ class Line:
         except OSError as error:
             self._on_lost(str(error))
             return NoAnswer()
-        deadline = began + self.dialogue.timeout
+        deadline = began + (ask.patience or self.dialogue.timeout(ask))
         while True:
-            taken = self.dialogue.take(ask, self._buffer)
+            taken = self._take(ask)
             if taken is not None:
                 break
             left = deadline - loop.time()
             if left <= 0 or self._lost:
                 self.transcript.put("mount", "<", self._buffer, "no complete answer")
+                if ask.patience is not None and not self._buffer and not self._lost:
+                    return Silence()
                 return NoAnswer()
             self._arrived.clear()
             try:
@@ -181,7 +183,17 @@ class Line:
         self.transcript.put("mount", "<", self._buffer[:length])
         self._buffer = self._buffer[length:]
         self.typical += 0.2 * (loop.time() - began - self.typical)
+        pace = self.dialogue.pace(ask)
+        if pace:
+            await asyncio.sleep(pace)
         return outcome
+
+    def _take(self, ask: Ask) -> tuple[dict[str, Any] | Fault, int] | None:
+        """The reply, when it is complete; one that cannot be read at all is garbled, never the end of the line."""
+        try:
+            return self.dialogue.take(ask, self._buffer)
+        except (ValueError, KeyError, IndexError) as error:
+            return Refused(f"Garbled answer from the mount: {error}"), len(self._buffer)
 
     async def _prove(self) -> bool:
         """Drain, then exchange echoes until the line is in step again."""

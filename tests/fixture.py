@@ -114,7 +114,8 @@ class Talk:
                 except Fault as error:
                     fault = None if isinstance(wanted, Start) else error
         except StopIteration as end:
-            return end.value
+            reply: bytes | None = end.value
+            return reply
 
     def reconnect(self) -> None:
         """Close the connection and open the next one, which begins with what this one has kept."""

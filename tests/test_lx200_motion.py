@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from gateway import operations as op
+from gateway.errors import NoAnswer
 from gateway.operations import Direction, Rate
 from tests.fixture import Mount, Talk
 
 
-def asked(*frames: bytes, model: str = "autostar") -> list[op.Operation]:
+def asked(*frames: bytes, model: str = "autostar") -> list[Any]:
     """The operations that a client's commands lead to; none of these commands may have a reply."""
     talk = Talk(model=model)
     assert talk.send(b"".join(frames)) == b""
@@ -59,9 +62,9 @@ def test_axis_rates_hold_for_their_axis_until_another_is_chosen() -> None:
 
 def test_the_guide_rate_is_a_fraction_of_sidereal_on_both_axes() -> None:
     first, second = asked(b":Rg7.5#", model="lx200gps")
-    assert (first.axis, second.axis) == (1, 2)  # type: ignore[attr-defined]
-    assert first.rate == second.rate == pytest.approx(0.4986, abs=1e-3)  # type: ignore[attr-defined]
-    assert [step.rate for step in asked(b":Rg30.0#", model="lx200gps")] == [1.0, 1.0]  # type: ignore[attr-defined]
+    assert (first.axis, second.axis) == (1, 2)
+    assert first.rate == second.rate == pytest.approx(0.4986, abs=1e-3)
+    assert [step.rate for step in asked(b":Rg30.0#", model="lx200gps")] == [1.0, 1.0]
 
 
 # --- stops and guiding --------------------------------------------------------------------------------------------
@@ -87,8 +90,6 @@ def test_half_a_guide_pulse_moves_nothing(frame: bytes) -> None:
 
 
 def test_a_command_without_a_reply_stays_silent_when_the_mount_fails() -> None:
-    from gateway.errors import NoAnswer
-
     talk = Talk()
     talk.mount.fault = NoAnswer()
     assert talk.send(b":Mn#:Qn#:Q#:Mgn0500#:hP#:TQ#:AL#:AP#:F+#:hW#") == b""
@@ -127,7 +128,9 @@ def test_an_impossible_tracking_rate_is_refused(frame: bytes) -> None:
     assert talk.mount.asked == []
 
 
-@pytest.mark.parametrize(("start", "step", "told"), [(b":T000.2#", b":T-#", b"00.1#"), (b":T099.8#", b":T+#", b"99.9#")])
+@pytest.mark.parametrize(("start", "step", "told"), [
+    (b":T000.2#", b":T-#", b"00.1#"), (b":T099.8#", b":T+#", b"99.9#"),
+])
 def test_steps_of_the_tracking_rate_end_where_rates_end(start: bytes, step: bytes, told: bytes) -> None:
     talk = Talk()
     assert talk.send(start + step * 5 + b":GT#") == b"1" + told

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,8 +12,8 @@ from gateway import operations as op
 from tests.fixture import Talk
 
 
-def _place(talk: Talk) -> tuple[float | None, float | None]:
-    """The last halves that were set."""
+def _place(talk: Talk) -> tuple[Any, Any]:
+    """The last halves that were set: latitude, longitude; None where none was."""
     sites = talk.mount.of(op.SetSite)
     return (next((site.latitude for site in reversed(sites) if site.latitude is not None), None),
             next((site.longitude for site in reversed(sites) if site.longitude is not None), None))
@@ -57,7 +59,9 @@ def test_latitude(north: int) -> None:
     assert _place(talk) == (pytest.approx(north / 60), None)
 
 
-@pytest.mark.parametrize("refused", [b":St+91*00#", b":St+90*01#", b":St#", b":Stabc#", b":Sg361*00#", b":Sg-181*00#", b":Sg#"])
+@pytest.mark.parametrize("refused", [
+    b":St+91*00#", b":St+90*01#", b":St#", b":Stabc#", b":Sg361*00#", b":Sg-181*00#", b":Sg#",
+])
 def test_an_impossible_place_is_refused(refused: bytes) -> None:
     talk = Talk()
     assert talk.send(refused) == b"0"
@@ -101,7 +105,8 @@ def test_selecting_a_stored_site_makes_it_the_site(model: str, numbers: bytes) -
         assert talk.send(b":Gt#:Gg#") == b"+4%d*30#+01%d*15#" % (index, index)
     assert len(talk.mount.of(op.SetSite)) == 4
     first = talk.mount.of(op.SetSite)[0]
-    assert first.latitude == pytest.approx(40.5) and first.longitude == pytest.approx(-10.25)
+    assert first.latitude == pytest.approx(40.5)
+    assert first.longitude == pytest.approx(-10.25)
 
 
 def test_zero_is_the_first_site_where_they_count_from_one() -> None:

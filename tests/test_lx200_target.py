@@ -53,7 +53,8 @@ def test_a_target_is_read_back_as_it_was_set(ra: int, dec: int) -> None:
     assert talk.send(b":Sr%s#:Sd%s#:Gr#:Gd#" % (hours, degrees)) == b"11%s#%s#" % (hours, degrees)
     talk.send(b":CM#")
     (sync,) = talk.mount.of(op.Sync)
-    assert sync.ra == pytest.approx(ra / 240) and sync.dec == pytest.approx(dec / 3600)
+    assert sync.ra == pytest.approx(ra / 240)
+    assert sync.dec == pytest.approx(dec / 3600)
 
 
 def test_a_goto_carries_the_target_and_this_clients_limits() -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,7 +16,7 @@ from tests.virtual import run
 from tests.visits import House
 
 FILES = files("lx200-*.txt")
-WAYS = {
+WAYS: dict[str, Callable[[bytes], list[bytes]]] = {
     "as typed": lambda packet: [packet],
     "byte by byte": lambda packet: [bytes((byte,)) for byte in packet],
     "with a # behind": lambda packet: [packet + b"#"],
@@ -42,7 +44,7 @@ def _set_up(mount: Mount, sites: dict[str, dict[str, object]], text: str) -> Non
             raise ValueError(text)
 
 
-def _settings(talk: Conversation) -> dict[str, str]:
+def _settings(talk: Conversation) -> dict[str, Any]:
     return {name: value for name, value in talk.settings.items() if name != "connections"}
 
 

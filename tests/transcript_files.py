@@ -1,7 +1,7 @@
 """Reader for the conversations in ``tests/transcripts``; it imports nothing from the product.
 
 One line is one thing: ``;;`` a comment, ``>`` a packet of the client's, ``<`` everything it must have been answered
-since the last ``<`` (alone: nothing), ``@`` seconds that pass, ``!`` something to be set up. The bytes are written as in
+since the last ``<`` (alone: nothing), ``@`` seconds that pass, ``!`` something to be set up. Bytes are written as in
 ``tests/manual``: ``\\xHH`` is one byte, everything else is itself, and a blank at an end is ``\\x20``.
 """
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Coroutine
-from typing import Any
+from typing import Any, cast
 
 from gateway import operations as op
 from gateway.assembly import FACES
@@ -71,10 +71,10 @@ class House:
 
     def __init__(self, mount: Mount | None = None, model: str = "autostar", **settings: Any) -> None:
         self.mount = mount or Mount()
-        self.hub: Any = Still(self.mount)
+        self.hub = Still(self.mount)
         face = FACES["lx200"](Endpoint("lx200", "-", model), SurfaceConfig(at="-", **settings), Limits())
         self.shared: dict[str, Any] = {"sites": {}}
-        self.reception = Reception(self.hub, face, self.shared, self.hub.clock, lambda: None)
+        self.reception = Reception(cast(Any, self.hub), face, self.shared, self.hub.clock, lambda: None)
 
     def visit(self, host: str = "192.168.4.2") -> Visit:
         return Visit(self, host)

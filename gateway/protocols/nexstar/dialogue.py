@@ -20,8 +20,15 @@ EXTRA = 4
 class NexStarDialogue:
     """What a line must know to exchange commands with a hand control. Source: Developer Notes, Timeouts."""
 
-    timeout = 3.5
     protocol: Protocol = load("nexstar")
+
+    def timeout(self, ask: Ask) -> float:
+        """A hand control may take 3.5 s, at worst."""
+        return 3.5
+
+    def pace(self, ask: Ask) -> float:
+        """Every command is answered, so none need be waited for beyond its answer."""
+        return 0.0
 
     def encode(self, ask: Ask) -> bytes:
         """The request bytes. Raises Fault for a value that has no form on the wire."""
@@ -38,10 +45,7 @@ class NexStarDialogue:
         if len(buffer) < width:
             return None
         if buffer[width - 1 : width] == b"#":
-            try:
-                return picture.decode(buffer[:width]), width
-            except ValueError:
-                return Refused(f"Garbled answer from the mount: {buffer[:width]!r}"), width
+            return picture.decode(buffer[:width]), width
         if self.protocol.commands[ask.command].request.literal.startswith(b"P"):
             return None if len(buffer) <= width else (NoDevice(), width + 1)
         end = buffer.find(b"#", width)

@@ -1,0 +1,25 @@
+"""The LX200 driver: operations become the commands of the Meade that was found.
+
+``SPECIALS`` lists the functions that rows of ``mappings/lx200/driver.toml`` call, and the driver's own follow-ups.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from gateway.protocols.lx200.driver import identify, motion, place, pointing
+
+SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
+    function.__name__: function
+    for function in (
+        identify.identity, identify.status,
+        pointing.position, pointing.horizontal_position, pointing.slewing, pointing.goto, pointing.goto_axes,
+        pointing.cancel_goto, pointing.sync, pointing.park, pointing.home, pointing.set_home, pointing.home_state,
+        pointing.unpark, pointing.sleep, pointing.wake,
+        motion.move, motion.move_axis, motion.halt, motion.stop, motion.pulse, motion.pulse_axis, motion.set_tracking,
+        motion.track_rate, motion.set_guide_rate, motion.backlash, motion.periodic_error, motion.focus,
+        place.get_site, place.set_site, place.get_clock, place.set_clock,
+    )
+}
+FOLLOW_UPS: dict[type[Any], Callable[[Any, Any], Any]] = {motion.EndPulse: motion.end_pulse}

@@ -1,0 +1,152 @@
+"""Positions, gotos, syncs. A Meade says no to a goto, with words; that no is passed on."""
+
+from __future__ import annotations
+
+from gateway.driver import Steps
+from gateway.errors import NoAnswer, Refused
+from gateway.operations import (
+    CancelGoto,
+    Equatorial,
+    Goto,
+    GotoAxes,
+    Home,
+    HomeState,
+    Horizontal,
+    HorizontalPosition,
+    Park,
+    Position,
+    SetHome,
+    Sleep,
+    Slewing,
+    Sync,
+    Unpark,
+    Wake,
+)
+from gateway.protocols.lx200.driver.identify import read_status
+from gateway.protocols.lx200.driver.state import GotoState, Meade, ask
+from gateway.spherical import fold_declination
+
+#: A goto counts as under way this long at least, and until the bars were empty twice.
+START_GRACE = 0.8
+QUIET = 2
+
+
+def position(mount: Meade, _: Position) -> Steps:
+    """:GR and :GD -> Equatorial."""
+    ra = (yield from ask(mount, "GR"))["ra"]
+    dec = (yield from ask(mount, "GD"))["dec"]
+    return Equatorial(*fold_declination(ra, dec))
+
+
+def horizontal_position(mount: Meade, _: HorizontalPosition) -> Steps:
+    """:GZ and :GA -> Horizontal."""
+    az = (yield from ask(mount, "GZ"))["az"]
+    alt = (yield from ask(mount, "GA"))["alt"]
+    return Horizontal(az, alt)
+
+
+def slewing(mount: Meade, _: Slewing) -> Steps:
+    """:D -> bool, latched from the goto until the telescope has settled; hand motion is none."""
+    if mount.goto is None:
+        return False
+    bars = (yield from ask(mount, "D"))["bars"]
+    state = mount.goto
+    if state is None:
+        return False
+    if bars.strip():
+        state.quiet = 0
+        return True
+    state.quiet += 1
+    if mount.now() - state.since < START_GRACE or state.quiet < QUIET:
+        return True
+    mount.goto = None
+    mount.parked = state.then == "park"
+    return False
+
+
+def goto(mount: Meade, operation: Goto) -> Steps:
+    """:Sr :Sd :MS - refusals come with the telescope's own words."""
+    yield from _clear_the_way(mount)
+    yield from ask(mount, "Sr", ra=operation.ra)
+    yield from ask(mount, "Sd", dec=operation.dec)
+    yield from ask(mount, "MS")
+    mount.parked, mount.goto = False, GotoState(since=mount.now())
+
+
+def goto_axes(mount: Meade, operation: GotoAxes) -> Steps:
+    """:Sz :Sa :MA - where the model has it."""
+    yield from _clear_the_way(mount)
+    yield from ask(mount, "Sz", az=operation.az)
+    yield from ask(mount, "Sa", alt=operation.alt)
+    yield from ask(mount, "MA")
+    mount.parked, mount.goto = False, GotoState(since=mount.now())
+
+
+def _clear_the_way(mount: Meade) -> Steps:
+    """The newer goto wins; arrows are let go."""
+    if mount.goto is not None or mount.moving:
+        mount.goto = None
+        mount.moving.clear()
+        yield from ask(mount, "Q")
+
+
+def cancel_goto(mount: Meade, _: CancelGoto) -> Steps:
+    """:Q, when a goto is under way: it would end hand motion, too."""
+    if mount.goto is not None:
+        mount.goto = None
+        yield from ask(mount, "Q")
+
+
+def sync(mount: Meade, operation: Sync) -> Steps:
+    """:Sr :Sd :CM - an empty text is a no."""
+    yield from ask(mount, "Sr", ra=operation.ra)
+    yield from ask(mount, "Sd", dec=operation.dec)
+    answer = yield from ask(mount, "CM")
+    if not answer["text"].strip():
+        raise Refused("The mount refused the sync.")
+
+
+def park(mount: Meade, _: Park) -> Steps:
+    """:hP"""
+    yield from _clear_the_way(mount)
+    yield from ask(mount, "hP")
+    mount.goto = GotoState(since=mount.now(), then="park")
+
+
+def home(mount: Meade, _: Home) -> Steps:
+    """:hF"""
+    yield from _clear_the_way(mount)
+    yield from ask(mount, "hF")
+
+
+def set_home(mount: Meade, _: SetHome) -> Steps:
+    """:hS"""
+    yield from ask(mount, "hS")
+
+
+def home_state(mount: Meade, _: HomeState) -> Steps:
+    """:h? -> 0 failed, 1 found, 2 searching."""
+    return (yield from ask(mount, "h?"))["state"]
+
+
+def unpark(mount: Meade, _: Unpark) -> Steps:
+    """A parked LX200GPS wakes by :I, others by the next goto; the state is read anew."""
+    if mount.parked and mount.model == "lx200gps":
+        try:
+            yield from ask(mount, "I")
+        except NoAnswer:
+            pass
+    mount.parked = False
+    yield from read_status(mount)
+
+
+def sleep(mount: Meade, _: Sleep) -> Steps:
+    """:hN"""
+    yield from ask(mount, "hN")
+
+
+def wake(mount: Meade, _: Wake) -> Steps:
+    """:hW"""
+    yield from ask(mount, "hW")
+
+

@@ -1,0 +1,76 @@
+"""What the driver knows of the Meade it has found, and what it remembers between two operations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from msgspec import Struct
+
+from gateway.driver import Ask, Driver, Pause, Steps
+from gateway.errors import Busy
+from gateway.operations import Place, Tracking
+from gateway.tables import load
+
+BUSY_RETRIES, BUSY_WAIT = 6, 0.4
+
+
+class GotoState(Struct):
+    """A goto under way: since when, what it is for, and how often the bars have been empty."""
+
+    since: float
+    then: str | None = None
+    quiet: int = 0
+
+
+class Meade(Driver):
+    """A Meade telescope. ``now`` is any clock that never goes back, in seconds."""
+
+    protocol = load("lx200")
+    takes_site_aligned = True
+
+    def __init__(self, now: Callable[[], float], model: str | None = None) -> None:
+        from gateway.protocols.lx200.driver import SPECIALS  # the specials know this class
+
+        self.specials = SPECIALS
+        self.now = now
+        self.named_model = self.model = model
+        self.product, self.firmware = "", ""
+        self.low = False
+        # alignment and tracking
+        self.letter = "A"
+        self.home_letter = "A"
+        self.tells_status = False
+        self.aligned = True
+        self.tracking = Tracking.ALTAZ
+        # motion
+        self.goto: GotoState | None = None
+        self.moving: dict[int, str] = {}
+        self.pulsing: dict[int, str] = {}
+        self.parked = False
+        self.site: Place | None = None
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """The row of models.toml; unknown telescopes are driven as an Autostar."""
+        return self.protocol.models[self.model or "autostar"]
+
+    @property
+    def equatorial(self) -> bool:
+        return self.home_letter in "PG"
+
+    @property
+    def southern(self) -> bool:
+        return self.site is not None and self.site.latitude < 0
+
+
+def ask(mount: Meade, command: str, **values: Any) -> Steps:
+    """Send a command; a busy telescope (NAK) is waited for, a few times."""
+    for attempt in range(BUSY_RETRIES):
+        try:
+            return (yield Ask(command, {**values, "low": mount.low}))
+        except Busy:
+            if attempt == BUSY_RETRIES - 1:
+                raise
+            yield Pause(BUSY_WAIT)
+    return None

@@ -1,0 +1,258 @@
+"""The command line as a person meets it: ready lines, one clear line for every mistake, clean ends."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+GATEWAY = [sys.executable, "-bb", "-m", "gateway"]
+PATIENCE = 20.0
+
+
+class Running:
+    """A product process whose stdout is read line by line."""
+
+    def __init__(self, *arguments: str) -> None:
+        self.process = subprocess.Popen(
+            [*GATEWAY, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+
+    def ready(self) -> str:
+        """The WHERE of the next ready line."""
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            if line.startswith("ready "):
+                return line.strip().partition("@")[2]
+        assert self.process.stderr is not None
+        raise AssertionError(f"ended early: {self.process.stderr.read()}")
+
+    def end(self, number: int = signal.SIGTERM) -> int:
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        code = self.process.wait(PATIENCE)
+        for stream in (self.process.stdout, self.process.stderr):
+            assert stream is not None
+            stream.close()
+        return code
+
+
+@pytest.fixture
+def started() -> Iterator[list[Running]]:
+    running: list[Running] = []
+    yield running
+    for one in running:
+        if one.process.poll() is None:
+            one.process.kill()
+        one.end()
+
+
+def ask(where: str, data: bytes, until: bytes = b"#") -> bytes:
+    host, _, port = where.removeprefix("tcp://").rpartition(":")
+    with socket.create_connection((host, int(port)), PATIENCE) as link:
+        link.settimeout(PATIENCE)
+        link.sendall(data)
+        heard = b""
+        while not heard.endswith(until):
+            piece = link.recv(100)
+            if not piece:
+                break
+            heard += piece
+        return heard
+
+
+def refused(*arguments: str) -> str:
+    """The one line that a mistake gets."""
+    done = subprocess.run([*GATEWAY, *arguments], capture_output=True, text=True, timeout=PATIENCE, check=False)
+    assert done.returncode == 2, done
+    assert "Traceback" not in done.stderr
+    lines = done.stderr.strip().splitlines()
+    assert len(lines) == 1, lines
+    return lines[0]
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_demo_serves_tcp_and_a_virtual_serial_port(tmp_path: Path, started: list[Running], number: int) -> None:
+    pty = tmp_path / "lx200"
+    demo = Running("demo", "--port", "0", "--pty", str(pty))
+    started.append(demo)
+    tcp, serial_name = demo.ready(), demo.ready()
+    assert serial_name == f"pty:{pty}"
+    assert re.fullmatch(rb"\d\d:\d\d:\d\d#", ask(tcp, b":GR#"))
+    device = os.open(pty, os.O_RDWR | os.O_NOCTTY)
+    os.write(device, b"#:GD#")
+    heard = b""
+    while not heard.endswith(b"#"):
+        heard += os.read(device, 100)
+    os.close(device)
+    assert re.fullmatch(rb"[+-]\d\d\*\d\d:\d\d#", heard)
+    assert demo.end(number) == 0
+    assert not pty.is_symlink()
+
+
+def test_a_stale_link_is_replaced_and_a_held_one_is_not(tmp_path: Path, started: list[Running]) -> None:
+    pty = tmp_path / "lx200"
+    pty.symlink_to("/dev/pts/999")
+    first = Running("demo", "--port", "0", "--pty", str(pty))
+    started.append(first)
+    first.ready()
+    first.ready()
+    assert os.readlink(pty) != "/dev/pts/999"
+    assert "another gateway holds it" in refused("demo", "--port", "0", "--pty", str(pty))
+
+
+def test_a_file_is_not_taken_for_a_link(tmp_path: Path) -> None:
+    path = tmp_path / "lx200"
+    path.write_text("precious")
+    assert str(path) in refused("demo", "--port", "0", "--pty", str(path))
+    assert path.read_text() == "precious"
+
+
+def test_a_port_in_use_is_named(started: list[Running]) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        where = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
+        line = refused("run", "--mount", "nexstar@sim", "--surface", f"lx200@{where}")
+    assert where in line
+    assert "in use" in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["run", "--mount", "nexstar@/dev/does-not-exist", "--surface", "lx200@tcp://:0"], "no such port"),
+        (["run", "--mount", "nexstar:gpe@sim", "--surface", "lx200@tcp://:0"], "did you mean"),
+        (["run", "--mount", "nexstr@sim", "--surface", "lx200@tcp://:0"], "no protocol"),
+        (["run", "--mount", "nexstar:cge/new@sim", "--surface", "lx200@tcp://:0"], "no version"),
+        (["run", "--mount", "nexstar", "--surface", "lx200@tcp://:0"], "PROTOCOL"),
+        (["run", "--mount", "nexstar@sim"], "at least one surface"),
+        (["run", "--surface", "lx200@tcp://:0"], "which mount"),
+        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://nowhere"], "tcp://HOST:PORT"),
+        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--site", "north"], "LAT,LON"),
+        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--lowest", "95"], "lowest"),
+        (["run", "--mount", "nexstar@foo://bar", "--surface", "lx200@tcp://:0"], "foo://bar"),
+        (["run", "--config", "/does/not/exist.toml"], "/does/not/exist.toml"),
+        (["sim", "nexstar:cge", "--time", "yesterday"], "2026-01-15"),
+        (["sim", "nexstar:cge", "--site", "91,0"], "latitude"),
+        (["sim", "nexstar:cge", "--speed", "0"], "--speed"),
+        (["sim", "nexstar:cge", "--at", "pty:/does/not/exist/x"], "/does/not/exist/x"),
+        (["explain", "lx200", "nexstar", ":XY#"], "no command"),
+    ],
+)
+def test_a_mistake_gets_one_clear_line(arguments: list[str], says: str) -> None:
+    assert says in refused(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('[mount]\nat = "nexstar@sim"\nlattitude = 3\n[[surface]]\nat = "lx200@tcp://:0"', "lattitude"),
+        ('[mount]\nat = "nexstar@sim"\nsite-tme = "never"\n[[surface]]\nat = "lx200@tcp://:0"', "'site-time'"),
+        ('[mount]\nat = "nexstar@sim"\nsite-time = "often"\n[[surface]]\nat = "lx200@tcp://:0"', "unaligned"),
+        ('[mount]\nat = "nexstar@sim"\nbaud = "fast"\n[[surface]]\nat = "lx200@tcp://:0"', "baud"),
+        ('[mount]\nat = "nexstar@sim"\n[[surface]]\nequinox = "jnow"', "at"),
+        ('[mount\n', "gateway.toml"),
+    ],
+)
+def test_a_mistake_in_the_file_is_named(tmp_path: Path, text: str, says: str) -> None:
+    path = tmp_path / "gateway.toml"
+    path.write_text(text)
+    line = refused("run", "--config", str(path))
+    assert says in line
+    assert str(path) in line
+
+
+def test_a_config_file_is_obeyed(tmp_path: Path, started: list[Running]) -> None:
+    path = tmp_path / "gateway.toml"
+    path.write_text(
+        '[mount]\nat = "nexstar:cge@sim"\nsite = [-34.0, 18.5]\n'
+        '[[surface]]\nat = "lx200:lx200gps@tcp://127.0.0.1:0"\nprecision = "low"\n'
+    )
+    gateway = Running("run", "--config", str(path))
+    started.append(gateway)
+    where = gateway.ready()
+    assert ask(where, b":GVP#") == b"LX2001#"
+    assert re.fullmatch(rb"\d\d:\d\d\.\d#", ask(where, b":GR#"))
+    assert ask(where, b":Gt#") == b"-34*00#"
+
+
+def test_no_mount_answering_is_said_and_waited_for(started: list[Running]) -> None:
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))
+        silent.listen()
+        mount = f"nexstar@socket://127.0.0.1:{silent.getsockname()[1]}"
+        waiting = Running("run", "--wait", "--mount", mount, "--surface", "lx200@tcp://127.0.0.1:0")
+        started.append(waiting)
+        where = waiting.ready()
+        assert ask(where, b":GVP#") == b"Autostar#"
+        line = refused("run", "--mount", mount, "--surface", "lx200@tcp://127.0.0.1:0")
+        assert "no mount answers" in line
+        assert "--wait" in line
+
+
+def test_a_meade_behind_a_nexstar_endpoint_is_recognised(started: list[Running]) -> None:
+    with socket.socket() as meade:
+        meade.bind(("127.0.0.1", 0))
+        meade.listen()
+        mount = f"nexstar@socket://127.0.0.1:{meade.getsockname()[1]}"
+        process = subprocess.Popen(
+            [*GATEWAY, "run", "--mount", mount, "--surface", "lx200@tcp://127.0.0.1:0"],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        heard = b""
+        meade.settimeout(PATIENCE)
+        for _ in range(2):  # the gateway, then its question who is there
+            link, _ = meade.accept()
+            link.settimeout(PATIENCE)
+            while piece := link.recv(100):
+                heard += piece
+                if b"\x06" in piece:
+                    link.sendall(b"P")
+            link.close()
+        _, error = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 2
+    assert "speaks lx200" in error
+    assert b":" not in heard
+
+
+def test_a_mount_that_comes_later_is_found(started: list[Running]) -> None:
+    with socket.socket() as reserved:
+        reserved.bind(("127.0.0.1", 0))
+        port = reserved.getsockname()[1]
+    gateway = Running("run", "--wait", "--mount", f"nexstar@socket://127.0.0.1:{port}", "--surface", "lx200@tcp://:0")
+    started.append(gateway)
+    where = gateway.ready()
+    simulator = Running("sim", "nexstar:cpc", "--at", f"tcp://127.0.0.1:{port}")
+    started.append(simulator)
+    simulator.ready()
+    deadline = time.monotonic() + PATIENCE
+    host, _, number = where.removeprefix("tcp://").rpartition(":")
+    with socket.create_connection((host, int(number)), PATIENCE) as link:
+        link.settimeout(1.0)
+        heard = b""
+        while not heard and time.monotonic() < deadline:
+            link.sendall(b":GR#")
+            try:
+                heard = link.recv(100)
+            except TimeoutError:
+                continue
+    assert re.match(rb"\d\d:\d\d:\d\d#", heard)
+
+
+def test_tables_and_explain_print() -> None:
+    tables = subprocess.run([*GATEWAY, "tables"], capture_output=True, text=True, timeout=PATIENCE, check=True)
+    assert "LX200 on NexStar" in tables.stdout
+    assert "NexStar on LX200" in tables.stdout
+    words = subprocess.run(
+        [*GATEWAY, "explain", "lx200", "nexstar", ":MS#"], capture_output=True, text=True, timeout=PATIENCE, check=True
+    )
+    assert "r3B78EC00,0FA79E00" in words.stdout
