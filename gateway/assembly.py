@@ -11,6 +11,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from msgspec.structs import replace
+
 from gateway import operations as op
 from gateway.config import Config, Endpoint, MountConfig, SurfaceConfig, parse_endpoint
 from gateway.driver import Driver
@@ -48,12 +50,37 @@ def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Fa
     protocol = load("lx200")
     name = endpoint.model or "autostar"
     settings = {"precision": config.precision, "limits": limits, "sync_text": config.sync_text}
-    return Face(Surface(protocol, SPECIALS), Framer, frozenset({b":Q#"}), {**protocol.models[name], "name": name},
-                settings)
+    model = {**protocol.models[name], "name": name}
+    return Face(Surface(protocol, SPECIALS), lambda now: Framer().feed, frozenset({b":Q#"}), model, settings)
 
 
-DRIVERS: dict[str, Callable[[Endpoint, MountConfig, Callable[[], float]], Driven]] = {"nexstar": _nexstar_driver}
-FACES: dict[str, Callable[[Endpoint, SurfaceConfig, Limits], Face]] = {"lx200": _lx200_face}
+def _meade_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float]) -> Driven:
+    from gateway.protocols.lx200.dialogue import MeadeDialogue
+    from gateway.protocols.lx200.driver import FOLLOW_UPS
+    from gateway.protocols.lx200.driver.state import Meade
+
+    return Meade(now, endpoint.model), dict(FOLLOW_UPS), MeadeDialogue()
+
+
+def _nexstar_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Face:
+    from gateway.protocols.nexstar.surface import FORK, GERMAN, SPECIALS, framing, presented
+    from gateway.protocols.nexstar.surface.devices import no_response
+    from gateway.surface import Surface
+
+    model = presented(endpoint.model, endpoint.version)
+    fit = None if endpoint.model else lambda equatorial: presented(GERMAN if equatorial else FORK, endpoint.version)
+    surface = Surface(load("nexstar"), SPECIALS, no_response)
+    return Face(surface, framing(model), frozenset(), model, {"precision": "high"}, fit=fit)
+
+
+DRIVERS: dict[str, Callable[[Endpoint, MountConfig, Callable[[], float]], Driven]] = {
+    "lx200": _meade_driver,
+    "nexstar": _nexstar_driver,
+}
+FACES: dict[str, Callable[[Endpoint, SurfaceConfig, Limits], Face]] = {
+    "lx200": _lx200_face,
+    "nexstar": _nexstar_face,
+}
 
 
 class Gateway:
@@ -71,10 +98,12 @@ class Gateway:
             if endpoint.protocol not in FACES:
                 raise UserError(f"{endpoint}: no {endpoint.protocol} surface; write {' or '.join(FACES)}")
         self.ports: list[Port] = []
+        self.faces: list[tuple[str, Face]] = []
+        self.fitted = asyncio.Event()
         self.hub: Hub | None = None
 
-    async def open(self) -> list[str]:
-        """Open the ports and the line -> one ``PROTOCOL:MODEL@WHERE`` per surface. Raises UserError."""
+    async def open(self) -> None:
+        """Open the ports and the line. Raises UserError."""
         config, loop = self.config.mount, asyncio.get_running_loop()
         driver, follow_ups, dialogue = DRIVERS[self.mount.protocol](self.mount, config, loop.time)
         limits = Limits(config.lowest, config.highest, config.sync_limit)
@@ -84,12 +113,10 @@ class Gateway:
         self.hub = hub = Hub(driver, follow_ups, line, self.sky, observatory, self.transcript,
                              Policy(limits, config.site_time, config.equinox))
         shared: dict[str, Any] = {"sites": {}}
-        opened = []
         for endpoint, surface in zip(self.endpoints, self.config.surface, strict=True):
             face = FACES[endpoint.protocol](endpoint, surface, limits)
             if surface.equinox == "j2000":
-                face = Face(**{**{f: getattr(face, f) for f in face.__struct_fields__},
-                               "equinox": J2000(self.sky, observatory.unix)})
+                face = replace(face, equinox=J2000(self.sky, observatory.unix))
             reception = Reception(hub, face, shared, time.time, lambda: None)
             try:
                 port = await open_port(endpoint.where, reception.arrive)
@@ -97,9 +124,24 @@ class Gateway:
                 await self.close()
                 raise
             self.ports.append(port)
-            opened.append(f"{endpoint.protocol}:{face.model['name']}@{port.where}")
+            self.faces.append((endpoint.protocol, face))
         hub.start()
-        return opened
+        hub.spawn(self._fit())
+
+    async def _fit(self) -> None:
+        """Present what fits the mount, where the user named no model."""
+        assert self.hub is not None
+        await self.hub.identified.wait()
+        equatorial = (await self.hub.read(op.GetStatus())).equatorial
+        for _, face in self.faces:
+            if face.fit is not None:
+                face.model.update(face.fit(equatorial))
+        self.fitted.set()
+
+    def names(self) -> list[str]:
+        """One ``PROTOCOL:MODEL@WHERE`` per open port."""
+        return [f"{protocol}:{face.model['name']}@{port.where}"
+                for (protocol, face), port in zip(self.faces, self.ports, strict=True)]
 
     def _wire(self) -> Wire:
         if self.mount.where == "sim":
@@ -113,7 +155,7 @@ class Gateway:
         assert self.hub is not None
         try:
             async with asyncio.timeout(seconds):
-                await self.hub.identified.wait()
+                await self.fitted.wait()
         except TimeoutError:
             return False
         return True

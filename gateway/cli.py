@@ -16,7 +16,9 @@ from gateway.config import Config, check, make_config, parse_device, parse_endpo
 from gateway.errors import UserError
 
 #: How long a mount may take to say who it is: three commands at the hand control's worst.
-FIND_MOUNT = 6.0
+FIND_MOUNT = 8.0
+#: With --wait, how long the ready lines wait for the mount to say what fits it.
+QUICK = 0.5
 DEMO_PORT = 4030
 
 
@@ -45,7 +47,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"mount-gateway {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
-    demo = commands.add_parser("demo", help="a simulated mount to play with, on TCP port 4030 and a virtual serial port")
+    demo = commands.add_parser("demo", help="a simulated mount to play with, on TCP 4030 and a virtual serial port")
     demo.add_argument("--port", type=int, default=DEMO_PORT, help="TCP port (default 4030; 0 takes any free one)")
     demo.add_argument("--pty", default="/tmp/lx200", metavar="PATH", help="virtual serial port (default /tmp/lx200)")
     demo.add_argument("--speed", type=float, default=4.0, help="slews this many times faster than real (default 4)")
@@ -53,7 +55,7 @@ def _parser() -> argparse.ArgumentParser:
     demo.set_defaults(run=_demo)
 
     run = commands.add_parser("run", help="connect clients to a mount")
-    run.add_argument("--mount", metavar="ENDPOINT", help="for example nexstar@/dev/ttyUSB0; its port is any pyserial URL")
+    run.add_argument("--mount", metavar="ENDPOINT", help="for example nexstar@/dev/ttyUSB0; any pyserial URL will do")
     run.add_argument("--surface", metavar="ENDPOINT", action="append", default=[],
                      help="for example lx200@tcp://127.0.0.1:4030 or lx200:autostar@pty:/tmp/lx200; may be repeated")
     run.add_argument("--config", type=Path, metavar="FILE", help="read gateway.toml; what is given here wins")
@@ -62,7 +64,7 @@ def _parser() -> argparse.ArgumentParser:
                      help="tracking mode, for hand controls that cannot tell (before 2.3)")
     run.add_argument("--equinox", choices=("jnow", "j2000", "auto"), help="what the mount's coordinates mean")
     run.add_argument("--site-time", choices=("unaligned", "always", "never"),
-                     help="whether site and time set by clients are sent to the mount (default: while it is not aligned)")
+                     help="send the mount site and time that clients set? (default: while it is not aligned)")
     run.add_argument("--lowest", type=float, metavar="DEG", help="lowest altitude of a goto (default 0)")
     run.add_argument("--highest", type=float, metavar="DEG", help="highest altitude of a goto (default 90)")
     run.add_argument("--sync-limit", type=float, metavar="DEG", help="refuse syncs further than this (default 15)")
@@ -216,14 +218,15 @@ async def _serve_gateway(config: Config) -> int:
 
         transcript.sinks.append(printer(parse_endpoint(config.mount.at).protocol, sys.stderr))
     gateway = Gateway(config, transcript)
-    opened = await gateway.open()
+    await gateway.open()
     try:
         if not config.wait:
             await _find(gateway, done)
         gateway.sky.start()
-        for where in opened:
-            print(f"ready {where}", flush=True)
-        if config.wait and not await gateway.found(FIND_MOUNT) and not done.is_set():
+        found = not config.wait or await gateway.found(QUICK)
+        for name in gateway.names():
+            print(f"ready {name}", flush=True)
+        if not found and not await gateway.found(FIND_MOUNT) and not done.is_set():
             assert gateway.hub is not None
             reason = gateway.hub.line.reason or "no answer"
             print(f"mount-gateway: {gateway.mount}: {reason}; trying on", file=sys.stderr, flush=True)
@@ -242,7 +245,7 @@ async def _find(gateway: Any, done: asyncio.Event) -> None:
             return
         if hub.line.state == "down":
             break
-    if done.is_set() or hub.identified.is_set():
+    if done.is_set() or gateway.fitted.is_set():
         return
     reason = hub.line.reason
     if reason.startswith("cannot open"):

@@ -23,10 +23,8 @@ INBOX = 256
 MEMO = 32
 
 
-class Framing(Protocol):
-    """How a protocol's commands are cut out of a byte stream."""
-
-    def feed(self, data: bytes) -> list[bytes]: ...
+#: Cuts a protocol's commands out of a byte stream: bytes as they came -> the commands that are complete now.
+Framing = Callable[[bytes], list[bytes]]
 
 
 class Equinox(Protocol):
@@ -39,11 +37,11 @@ class Equinox(Protocol):
 class Client:
     """Answers one connection. ``write`` takes reply bytes; ``stop_frames`` are the commands that stop everything."""
 
-    def __init__(self, name: str, hub: Hub, surface: Surface, session: Session, framer: Framing,
+    def __init__(self, name: str, hub: Hub, surface: Surface, session: Session, framing: Framing,
                  write: Callable[[bytes], Any], stop_frames: frozenset[bytes], equinox: Equinox | None,
                  transcript: Transcript) -> None:
         self.name, self.hub, self.surface, self.session = name, hub, surface, session
-        self.framer, self.write, self.stop_frames, self.equinox = framer, write, stop_frames, equinox
+        self.framing, self.write, self.stop_frames, self.equinox = framing, write, stop_frames, equinox
         self.transcript = transcript
         self._inbox: deque[tuple[bytes, int, bool]] = deque(maxlen=INBOX)
         self._task: asyncio.Task[None] | None = None
@@ -68,7 +66,7 @@ class Client:
                     self.transcript.put(self.name, "<", reply)
                 self.write(reply)
                 return
-        for frame in self.framer.feed(data):
+        for frame in self.framing(data):
             stopping = frame in self.stop_frames
             if stopping:
                 hub.spawn(self._stop())
@@ -97,11 +95,13 @@ class Client:
             self._task = self.hub.loop.create_task(self._wait(frame, steps, wanted, stops, stopping))
             return
 
-    def _through(self, steps: Handling, answer: Any, stops: int, stopping: bool) -> Operation:
+    def _through(
+        self, steps: Handling, answer: Any, stops: int, stopping: bool, fault: Fault | None = None
+    ) -> Operation:
         """Go on with a command as far as it goes without waiting -> the operation that must be waited for."""
         while True:
-            wanted = steps.send(answer)
-            answer = None
+            wanted = steps.send(answer) if fault is None else steps.throw(fault)
+            answer, fault = None, None
             if isinstance(wanted, Start):
                 self._plain = False
                 if not (stopping and isinstance(wanted.operation, Stop)):
@@ -119,23 +119,26 @@ class Client:
                     self._plain = False
                 answer = self._outward(wanted, value)
 
+    async def _finish(self, steps: Handling, wanted: Operation, stops: int, stopping: bool) -> Any:
+        """Wait for one operation after the other until the command is done -> its reply."""
+        while True:
+            answer, fault = None, None
+            try:
+                answer = self._outward(wanted, await self.hub.perform(self._inward(wanted), stops))
+            except Fault as error:
+                self.transcript.note(self.name, f"{type(wanted).__name__}: {error}")
+                fault = error
+            try:
+                wanted = self._through(steps, answer, stops, stopping, fault)
+            except StopIteration as end:
+                return end.value
+
     async def _wait(self, frame: bytes, steps: Handling, wanted: Operation, stops: int, stopping: bool) -> None:
         """Finish a command that needs the mount, then the ones that came meanwhile."""
         self._plain = False
-        reply: Any = None
+        reply = None
         try:
-            while True:
-                try:
-                    answer = self._outward(wanted, await self.hub.perform(self._inward(wanted), stops))
-                except Fault as fault:
-                    self.transcript.note(self.name, f"{type(wanted).__name__}: {fault}")
-                    wanted = steps.throw(fault)
-                    while isinstance(wanted, Start | Defer):
-                        wanted = self._through(steps, None, stops, stopping)
-                    continue
-                wanted = self._through(steps, answer, stops, stopping)
-        except StopIteration as end:
-            reply = end.value
+            reply = await self._finish(steps, wanted, stops, stopping)
         finally:
             self._task = None
         self._answer(frame, reply)
@@ -177,15 +180,14 @@ class Client:
     async def _deferred_special(self, special: str) -> None:
         """Run a special later; it has no reply, so it may also outlive its connection."""
         steps = self.surface.specials[special](self.session, None, {})  # type: ignore[arg-type]
-        answer: Any = None
         try:
-            while True:
-                wanted = steps.send(answer)
-                answer = await self.hub.perform(wanted)
+            wanted = self._through(steps, None, self.hub.stops, False)
         except StopIteration:
-            pass
+            return
+        try:
+            await self._finish(steps, wanted, self.hub.stops, False)
         except Fault as fault:
-            self.transcript.note(self.name, str(fault))
+            self.transcript.note(self.name, f"{special}: {fault}")
 
     def _inward(self, operation: Operation) -> Operation:
         return operation if self.equinox is None else self.equinox.inward(operation)

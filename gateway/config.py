@@ -67,7 +67,7 @@ def parse_site(text: str) -> tuple[float, float]:
     try:
         latitude, longitude = (float(part) for part in text.split(","))
     except ValueError:
-        raise UserError(f"{text!r} is no site; write LAT,LON in degrees, north and east positive: 45.5,-122.7") from None
+        raise UserError(f"{text!r} is no site; write LAT,LON, north and east positive: 45.5,-122.7") from None
     if not (-90 <= latitude <= 90 and -180 <= longitude <= 360):
         raise UserError(f"{text!r}: latitude is -90 to 90, longitude -180 to 180 (east positive)")
     return latitude, longitude
@@ -119,7 +119,9 @@ _CHOICES: dict[str, tuple[str, ...]] = {
 
 def check(config: Config, where: str) -> Config:
     """Check what types cannot: choices and ranges. Raises UserError."""
-    for table, struct in [("mount", config.mount), *(("surface", surface) for surface in config.surface)]:
+    tables: list[tuple[str, MountConfig | SurfaceConfig]] = [("mount", config.mount)]
+    tables += [("surface", surface) for surface in config.surface]
+    for table, struct in tables:
         parse_endpoint(struct.at)
         for key, choices in _CHOICES.items():
             value = getattr(struct, key.replace("-", "_"), None)

@@ -56,6 +56,7 @@ class Driver:
 
     #: Whether an aligned mount may be told site and time without losing its alignment.
     takes_site_aligned = False
+    loses_alignment = False
     protocol: Protocol
     specials: Mapping[str, Callable[[Any, Any], Steps]]
     model: str | None = None

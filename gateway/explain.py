@@ -132,8 +132,9 @@ class _StandIn:
     def _answer(self, ask: Ask) -> dict[str, Any]:
         """Something plausible for every field of the reply."""
         command = self.driver.protocol.commands[ask.command]
-        plausible = {"ra": _PLACE.ra, "dec": _PLACE.dec, "az": 180.0, "alt": 45.0, "aligned": 1, "mode": 1, "slewing": "0",
-                     "latitude": _SITE.latitude, "longitude": _SITE.longitude, "month": 1, "day": 1, "year": 26,
-                     "side": "E", "linked": 1, "echo": 120, "major": 4, "minor": 21, "model": 12}
+        plausible = {"ra": _PLACE.ra, "dec": _PLACE.dec, "az": 180.0, "alt": 45.0, "aligned": 1, "mode": 1,
+                     "slewing": "0", "latitude": _SITE.latitude, "longitude": _SITE.longitude,
+                     "month": 1, "day": 1, "year": 26, "side": "E", "linked": 1, "echo": 120,
+                     "major": 4, "minor": 21, "model": 12}
         fields = command.replies[0][1].fields if command.replies else {}
         return {name: plausible.get(name, 0) for name in fields}

@@ -24,11 +24,13 @@ class Face(Struct, frozen=True):
     """A surface as it is presented on one port."""
 
     surface: Surface
-    framer: Callable[[], Framing]
+    framing: Callable[[Callable[[], float]], Framing]
     stop_frames: frozenset[bytes]
     model: dict[str, Any]
     settings: dict[str, Any]
     equinox: Equinox | None = None
+    #: Whether the mount is equatorial -> the model to present; None where the user has named one.
+    fit: Callable[[bool], dict[str, Any]] | None = None
 
 
 class Reception:
@@ -43,11 +45,11 @@ class Reception:
         """A new connection."""
         face = self.face
         session = Session(face.model, face.settings, self.clock, self.shared, self.changed)
-        at, kept = self._left.pop(host, (-1e9, {}))
+        at, kept = self._left.get(host, (-1e9, {}))
         if self.hub.now() - at <= INHERIT_FOR:
             session.kept = dict(kept)
-        client = Client(name, self.hub, face.surface, session, face.framer(), write, face.stop_frames, face.equinox,
-                        self.hub.transcript)
+        client = Client(name, self.hub, face.surface, session, face.framing(self.hub.now), write, face.stop_frames,
+                        face.equinox, self.hub.transcript)
         return _Visit(client, lambda: self._leave(host, session))
 
     def _leave(self, host: str, session: Session) -> None:

@@ -70,14 +70,14 @@ class Observatory:
         return self.half if None not in (self.half.latitude, self.half.longitude) else None
 
     def take_site(self) -> SetSite | None:
-        """The site to hand on now: the halves that were set, completed by what is known; None when that is not a site."""
+        """The site to hand on now: the halves that were set, completed by what is known; None while it is no site."""
         if self.half is None:
             return None
         place = self.site()
-        if place is None or (self.kept_site or self.mount_site or self.configured) is None and None in (
+        if place is None or ((self.kept_site or self.mount_site or self.configured) is None and None in (
             self.half.latitude,
             self.half.longitude,
-        ):
+        )):
             return None
         self.half = None
         return SetSite(latitude=place.latitude, longitude=place.longitude)

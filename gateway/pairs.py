@@ -1,7 +1,7 @@
 """The pair tables: what becomes of every command of one protocol on a mount of the other.
 
-Printed from the mappings, never written by hand: ``mappings/README.md`` is this module's output, and ``check`` fails when
-that file is stale. A row without an outcome is *missing* and counted.
+Printed from the mappings, never written by hand: ``mappings/README.md`` is this module's output, and ``check`` fails
+when that file is stale. A row without an outcome is *missing* and counted.
 """
 
 from __future__ import annotations
@@ -101,8 +101,8 @@ def text() -> str:
 def _pair(client: str, mount: str) -> str:
     protocol, driven = load(client), load(mount)
     rows = surface_rows(protocol)
-    lines = [f"\n## {_TITLES[client]} on {_TITLES[mount]}\n", "| command | meaning | outcome | on the mount | remarks |",
-             "|---|---|---|---|---|"]
+    lines = [f"\n## {_TITLES[client]} on {_TITLES[mount]}\n"]
+    lines += ["| command | meaning | outcome | on the mount | remarks |", "|---|---|---|---|---|"]
     for name, command in protocol.commands.items():
         row = rows.get(name)
         mounted = ", ".join(f"`{c}`" for c in sent(row, driven))
@@ -118,7 +118,8 @@ def _pair(client: str, mount: str) -> str:
     for model, facts in driven.models.items():
         for version in facts.get("versions", [""]):
             known = counts(client, mount, model, effective(driven, model, version) if version else None)
-            lines.append(f"| {model} | {version or '-'} | " + " | ".join(str(known[o]) for o in (*OUTCOMES, MISSING)) + " |")
+            cells = [model, version or "-", *(str(known[name]) for name in (*OUTCOMES, MISSING))]
+            lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
 

@@ -7,8 +7,8 @@ and a last part of exactly 60 that carries (some programs round that way). Degre
 
 from __future__ import annotations
 
+import datetime
 import re
-from datetime import date as Date
 
 _SEPARATOR = rb"(?:\xc2\xb0|[\xdf\xb0*:' ])[ ]*"
 _PARTS = re.compile(
@@ -33,8 +33,8 @@ def parse(raw: bytes, least: int = 2) -> float:
     numbers = [float(text) for text in parts]
     if any(number >= 60 for number in numbers[1:-1]) or (len(numbers) > 1 and numbers[-1] > 60):
         raise ValueError(f"{raw!r} has minutes or seconds over 59")
-    value = sum(number / 60**power for power, number in enumerate(numbers))
-    return -value if found.group(1) == b"-" else value
+    value = sum((number / 60.0**power for power, number in enumerate(numbers)), 0.0)
+    return -value if found[1] == b"-" else value
 
 
 def number(raw: bytes) -> float:
@@ -172,12 +172,12 @@ def parse_offset(raw: bytes) -> float:
     return value
 
 
-def date(value: Date) -> str:
+def date(value: datetime.date) -> str:
     """A date -> ``MM/DD/YY``."""
     return f"{value.month:02d}/{value.day:02d}/{value.year % 100:02d}"
 
 
-def parse_date(raw: bytes) -> Date:
+def parse_date(raw: bytes) -> datetime.date:
     """``MM/DD/YY`` with any separator; years up to 50 belong to this century; four digits as they stand."""
     found = re.fullmatch(rb" ?(\d{1,2})[/:. -](\d{1,2})[/:. -](\d{2}|\d{4}) ?", raw)
     if found is None:
@@ -185,7 +185,7 @@ def parse_date(raw: bytes) -> Date:
     month, day, year = (int(group) for group in found.groups())
     if year < 100:
         year += 2000 if year <= 50 else 1900
-    return Date(year, month, day)
+    return datetime.date(year, month, day)
 
 
 def dms_bytes(degrees: float) -> bytes:

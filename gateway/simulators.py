@@ -39,8 +39,10 @@ def make_simulator(endpoint: Endpoint, *, clock: Callable[[], float], site: tupl
                    aligned: bool = True, speed: float = 1.0) -> Any:
     """The simulated mount that an endpoint names. Raises UserError for a version the model never had."""
     model = endpoint.model or DEFAULT_MODEL[endpoint.protocol]
-    if endpoint.protocol != "nexstar":
-        raise UserError(f"{endpoint.protocol} mounts cannot be simulated; nexstar can")
+    if endpoint.protocol == "lx200":
+        from gateway.protocols.lx200.simulator import Meade
+
+        return Meade(model, clock=clock, site=site, aligned=aligned, speed=speed)
     from gateway.protocols.nexstar.simulator import HandControl
 
     if endpoint.version and not endpoint.version.startswith("starsense-"):

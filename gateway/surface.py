@@ -59,18 +59,21 @@ class Session:
 class Surface:
     """One protocol's face to its clients."""
 
-    def __init__(self, protocol: Protocol, specials: Mapping[str, Special]) -> None:
-        self.protocol, self.specials = protocol, specials
+    def __init__(
+        self, protocol: Protocol, specials: Mapping[str, Special], unanswered: Callable[[bytes], bytes] = lambda _: b""
+    ) -> None:
+        #: ``unanswered`` gives the reply to a frame that nothing here answers, and to a fault that has no form.
+        self.protocol, self.specials, self.unanswered = protocol, specials, unanswered
 
     def handle(self, session: Session, frame: bytes) -> Handling:
         """One framed command -> its reply (empty: none). Yields operations; never raises for what a client sent."""
         found = self.protocol.find(frame)
         if found is None:
-            return b""
+            return self.unanswered(frame)
         command, picture = found
         row = self.protocol.surface.get(command.name)
         if row is None:
-            return b""
+            return self.unanswered(frame)
         try:
             try:
                 values = picture.decode(frame)
@@ -82,7 +85,7 @@ class Surface:
             answer = yield from self._act(session, command, row, values)
             return self.reply(session, command, answer)
         except Fault as fault:
-            return self.refusal(command, fault)
+            return self.refusal(command, fault) or self.unanswered(frame)
 
     def _act(self, session: Session, command: Command, row: SurfaceRow, values: dict[str, Any]) -> Handling:
         """Carry out a row's verb -> the reply's values."""

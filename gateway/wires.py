@@ -10,10 +10,7 @@ import asyncio
 import errno
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Protocol
-
-if TYPE_CHECKING:
-    import serial
+from typing import Any, Protocol
 
 OnData = Callable[[bytes], None]
 OnLost = Callable[[str], None]
@@ -38,7 +35,7 @@ class SerialWire:
 
     def __init__(self, url: str, baud: int = 9600) -> None:
         self.name, self.baud = url, baud
-        self._port: serial.SerialBase | None = None
+        self._port: Any = None
         self._thread: threading.Thread | None = None
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
@@ -51,7 +48,7 @@ class SerialWire:
         )
         self._thread.start()
 
-    def _read(self, port: serial.SerialBase, loop: asyncio.AbstractEventLoop, on_data: OnData, on_lost: OnLost) -> None:
+    def _read(self, port: Any, loop: asyncio.AbstractEventLoop, on_data: OnData, on_lost: OnLost) -> None:
         """Hand over whatever arrives, until the port is closed or lost."""
         try:
             while self._port is port:

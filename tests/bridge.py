@@ -1,4 +1,4 @@
-"""A whole gateway in one process on virtual time: LX200 client bytes in at one end, a simulated mount at the other."""
+"""A whole gateway in one process on virtual time: a client's bytes in at one end, a simulated mount at the other."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ class Bridge:
     """``sim`` is the simulated mount, ``hub`` the gateway's, ``client()`` a new connection."""
 
     def __init__(self, mount: str = "6-8se", version: str | None = None, *, site: tuple[float, float] = (45.0, 10.0),
-                 latency: float = 0.05, aligned: bool = True, speed: float = 1.0, surface: str = "autostar",
-                 config: dict[str, Any] | None = None) -> None:
+                 latency: float = 0.05, aligned: bool = True, speed: float = 1.0, surface: str | None = "autostar",
+                 config: dict[str, Any] | None = None, driven: str = "nexstar", presented: str = "lx200") -> None:
         loop = asyncio.get_running_loop()
         self._began = loop.time()
         self.clock = lambda: EVENING + loop.time() - self._began
         self.settings = MountConfig(at="-", **(config or {}))
-        endpoint = Endpoint("nexstar", "sim", mount, version)
+        endpoint = Endpoint(driven, "sim", mount, version)
         self.sim = make_simulator(endpoint, clock=self.clock, site=site, aligned=aligned, speed=speed)
         self.transcript = Transcript(self.clock)
         self.entries: list[Entry] = []
         self.transcript.sinks.append(self.entries.append)
-        driver, follow_ups, dialogue = DRIVERS["nexstar"](Endpoint("nexstar", "sim"), self.settings, loop.time)
+        driver, follow_ups, dialogue = DRIVERS[driven](Endpoint(driven, "sim"), self.settings, loop.time)
         self.driver: Any = driver
         line = Line(SimulatorWire("sim", self.sim.feed, latency), dialogue, self.transcript)
         given = self.settings.site
@@ -45,7 +45,7 @@ class Bridge:
         limits = Limits(self.settings.lowest, self.settings.highest, self.settings.sync_limit)
         self.hub = Hub(driver, follow_ups, line, Sky(), self.observatory, self.transcript,
                        Policy(limits, self.settings.site_time, self.settings.equinox))
-        face = FACES["lx200"](Endpoint("lx200", "-", surface), SurfaceConfig(at="-"), limits)
+        face = FACES[presented](Endpoint(presented, "-", surface), SurfaceConfig(at="-"), limits)
         self.reception = Reception(self.hub, face, {"sites": {}}, self.clock, lambda: None)
 
     async def __aenter__(self) -> Bridge:
@@ -65,7 +65,7 @@ class Bridge:
 
 
 class Visitor:
-    """One LX200 connection."""
+    """One connection."""
 
     def __init__(self, bridge: Bridge, host: str) -> None:
         self.heard = b""

@@ -84,13 +84,13 @@ class Talk:
         self.face: Face = FACES[protocol](Endpoint(protocol, "-", model), SurfaceConfig(at="-", **settings), Limits())
         self.now = self.mount.clock.unix
         self.session = Session(self.face.model, self.face.settings, lambda: self.now, {"sites": {}})
-        self.framer = self.face.framer()
+        self.framing = self.face.framing(lambda: self.now)
         self.deferred: list[tuple[float, Session, str]] = []
 
     def send(self, data: bytes) -> bytes:
         """Everything the surface answers to these bytes."""
         reply = b""
-        for frame in self.framer.feed(data):
+        for frame in self.framing(data):
             reply += self._handle(frame)
             self.session.last = frame
         return reply
@@ -122,7 +122,7 @@ class Talk:
         before = self.session
         self.session = Session(before.model, before.settings, before.clock, before.shared, before.changed)
         self.session.kept = dict(before.kept)
-        self.framer = self.face.framer()
+        self.framing = self.face.framing(lambda: self.now)
 
     def wait(self, seconds: float) -> None:
         """Let time pass, on the host and on the mount: what was deferred until then is done, each at its time."""

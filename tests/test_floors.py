@@ -9,12 +9,41 @@ import gateway
 
 ROOT = Path(gateway.__file__).parent
 FLOORS = {
-    "errors": 0, "operations": 0,
-    "spherical": 1, "mount_geometry": 2, "motors": 2, "sexagesimal": 1, "codecs": 1, "pictures": 1, "transcript": 1, "safety": 1, "kinematics": 2,
-    "tables": 2, "sky": 3, "protocols": 4, "surface": 3, "driver": 3, "observatory": 3, "equinox": 4, "logline": 3,
-    "wires": 5, "line": 5, "hub": 5, "clients": 5, "ports": 5, "guests": 5, "probe": 5, "pairs": 5,
-    "config": 6, "simulators": 6, "assembly": 6, "explain": 6, "cli": 7, "__main__": 7, "__init__": 0,
-}  # fmt: skip
+    "errors": 0,
+    "operations": 0,
+    "__init__": 0,
+    "spherical": 1,
+    "sexagesimal": 1,
+    "codecs": 1,
+    "pictures": 1,
+    "transcript": 1,
+    "safety": 1,
+    "kinematics": 2,
+    "mount_geometry": 2,
+    "motors": 2,
+    "tables": 2,
+    "sky": 3,
+    "surface": 3,
+    "driver": 3,
+    "observatory": 3,
+    "logline": 3,
+    "protocols": 4,
+    "equinox": 4,
+    "wires": 5,
+    "line": 5,
+    "hub": 5,
+    "clients": 5,
+    "ports": 5,
+    "guests": 5,
+    "probe": 5,
+    "pairs": 5,
+    "config": 6,
+    "simulators": 6,
+    "assembly": 6,
+    "explain": 6,
+    "cli": 7,
+    "__main__": 7,
+}
 IO_MODULES = {"asyncio", "socket", "serial", "threading", "selectors"}
 
 

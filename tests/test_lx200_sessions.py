@@ -94,8 +94,6 @@ async def test_the_one_that_closed_last_is_the_one_that_counts(house: House) -> 
     assert await house.visit().ask(b":Gr#") == b"01:00:00#"
 
 
-@pytest.mark.xfail(strict=True, reason="Reception.arrive takes the state out instead of copying it, so of two "
-                                       "connections that overlap only the first goes on where the last one ended")
 @house
 async def test_connections_that_overlap_go_on_too(house: House) -> None:
     """A program that opens the next connection before it has closed the one before loses no target."""
@@ -158,8 +156,6 @@ async def test_a_closed_connections_pause_ends_all_the_same(house: House) -> Non
     assert clock.unix == pytest.approx(unix("2026-07-05 05:30:02"), abs=0.05)
 
 
-@pytest.mark.xfail(strict=True, reason="Client._deferred_special does not throw a Fault into the special, so commit "
-                                       "cannot fall back to the host's clock and the client's time is lost")
 @house
 async def test_a_pause_ends_on_a_mount_that_tells_no_time_too(house: House) -> None:
     perform = house.mount.perform

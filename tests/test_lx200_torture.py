@@ -1,4 +1,4 @@
-"""Bytes that upset parsers, with the exact replies, typed by hand; each whole, byte by byte, and with something behind."""
+"""Bytes that upset parsers, with exact replies, typed by hand; each whole, byte by byte, and with something behind."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 
-import erfa  # type: ignore[import-untyped]
+import erfa
 
 from gateway.sky.almanac import ASTRONOMICAL_UNIT, Almanac, Frame
 from gateway.sky.earth import EarthRotation

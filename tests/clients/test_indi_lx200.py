@@ -96,16 +96,20 @@ def check_tracking(telescope: Telescope, truth: HandControl, equatorial: bool) -
     scenario.tracks_again(telescope, truth, mode)
 
 
-def check_horizontal_goto(telescope: Telescope, truth: HandControl, site: Site) -> None:
-    """LX200 16 can send the mount to an azimuth and an altitude.
+def check_horizontal_goto(telescope: Telescope, truth: HandControl, site: Site, equatorial: bool) -> None:
+    """LX200 16 can send the mount to an azimuth and an altitude: a fork by its axes, which no sync has moved.
 
     It takes the manual's "0: no fault" of `:MA#` for a refusal and shows no slew; the mount goes.
     """
     telescope.client.send("HORIZONTAL_COORD", {"ALT": "50", "AZ": "120"})
 
     def arrived() -> bool:
-        target = spot_at(120.0, 50.0, site, truth.clock()[0])
-        return not truth.goto_running() and arcseconds(truth.position(), target) < 600.0
+        if truth.goto_running():
+            return False
+        if not equatorial:
+            azimuth, altitude = truth.horizontal()
+            return abs(azimuth - 120.0) < 0.2 and abs(altitude - 50.0) < 0.2
+        return arcseconds(truth.position(), spot_at(120.0, 50.0, site, truth.clock()[0])) < 600.0
 
     telescope.client.wait_for("arrival at azimuth 120°, altitude 50°", arrived, 60.0)
 

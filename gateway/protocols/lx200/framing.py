@@ -1,7 +1,7 @@
 """Framing what LX200 clients send.
 
-Everything before a ``:`` is dropped; ``#`` ends a command; a ``:`` in front of a letter, ``$`` or ``?`` begins a new one
-(some programs forget a ``#``); a raw 0x06 is a command of its own, anywhere, and ends a half one. Carriage returns,
+Everything before a ``:`` is dropped; ``#`` ends a command; a ``:`` in front of a letter, ``$`` or ``?`` begins a new
+one (some programs forget a ``#``); a raw 0x06 is a command of its own, anywhere, and ends a half one. Carriage returns,
 line feeds and NULs do not exist. A command longer than 64 bytes is dropped up to the next ``:``.
 """
 

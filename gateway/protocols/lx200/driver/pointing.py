@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+
 from gateway.driver import Steps
 from gateway.errors import NoAnswer, Refused
 from gateway.operations import (
@@ -132,10 +134,8 @@ def home_state(mount: Meade, _: HomeState) -> Steps:
 def unpark(mount: Meade, _: Unpark) -> Steps:
     """A parked LX200GPS wakes by :I, others by the next goto; the state is read anew."""
     if mount.parked and mount.model == "lx200gps":
-        try:
+        with contextlib.suppress(NoAnswer):
             yield from ask(mount, "I")
-        except NoAnswer:
-            pass
     mount.parked = False
     yield from read_status(mount)
 

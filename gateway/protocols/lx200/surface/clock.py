@@ -111,7 +111,7 @@ def commit(session: Session) -> Handling:
 
 
 def _instant(session: Session, day: date, seconds: float, offset: float) -> float:
-    """Unix seconds of a local time. An LX200GPS is told the UTC date: the reading nearer this computer's clock counts."""
+    """Unix seconds of a local time. An LX200GPS is told the UTC date: the reading nearer the host's clock counts."""
     midnight = float(calendar.timegm(day.timetuple()))
     local = midnight + seconds - offset * 3600.0
     if not session.model.get("utc_date"):

@@ -15,9 +15,9 @@ SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
     for function in (
         identify.identity,
         position.position, position.horizontal_position, position.pier_side, position.sync,
-        goto.goto, goto.goto_axes, goto.slewing, goto.park, goto.home, goto.set_home, goto.home_state, goto.unpark,
-        goto.sleep, goto.wake,
-        motion.move, motion.halt, motion.stop, motion.pulse, motion.backlash,
+        goto.goto, goto.goto_axes, goto.cancel_goto, goto.slewing, goto.park, goto.home, goto.set_home, goto.home_state,
+        goto.unpark, goto.sleep, goto.wake,
+        motion.move, motion.move_axis, motion.halt, motion.stop, motion.pulse, motion.pulse_axis, motion.backlash,
         motion.periodic_error, motion.focus,
         tracking.status, tracking.set_tracking, tracking.track_rate, tracking.guide_rate, tracking.set_guide_rate,
         place.get_site, place.set_site, place.get_clock, place.set_clock,

@@ -8,6 +8,7 @@ from __future__ import annotations
 from gateway.driver import Ask, Later, Pause, Steps
 from gateway.errors import NotAligned, Unsupported
 from gateway.operations import (
+    CancelGoto,
     Goto,
     GotoAxes,
     Home,
@@ -16,6 +17,7 @@ from gateway.operations import (
     Operation,
     Park,
     SetHome,
+    SetTracking,
     Sleep,
     Slewing,
     Tracking,
@@ -40,7 +42,7 @@ def goto(mount: NexStar, operation: Goto) -> Steps:
         raise NotAligned
     yield from clear_the_way(mount)
     if operation.track and mount.tracking is Tracking.OFF and tracking.own_mode(mount) and mount.knows("T"):
-        yield from tracking.set_tracking(mount, tracking.SetTracking(on=True))
+        yield from tracking.set_tracking(mount, SetTracking(on=True))
     ra, dec = to_mount(mount, operation.ra, operation.dec)
     yield Ask("r" if mount.knows("r") else "R", {"ra": ra, "dec": dec})
     mount.parked = False
@@ -77,6 +79,12 @@ def clear_the_way(mount: NexStar) -> Steps:
         mode, mount.remembered = mount.remembered, None
         if mode is not Tracking.OFF:
             yield from tracking.send_mode(mount, mode)
+
+
+def cancel_goto(mount: NexStar, _: CancelGoto) -> Steps:
+    """``M``: a goto ends, hand motion goes on."""
+    mount.goto = None
+    yield Ask("M")
 
 
 def slewing(mount: NexStar, _: Slewing) -> Steps:
@@ -154,7 +162,7 @@ def unpark(mount: NexStar, _: Unpark) -> Steps:
     """Tracking on again, the mount's state read anew."""
     mount.parked = False
     if mount.goto is None and mount.knows("T") and tracking.own_mode(mount) is not None:
-        yield from tracking.set_tracking(mount, tracking.SetTracking(on=True))
+        yield from tracking.set_tracking(mount, SetTracking(on=True))
     yield from tracking.read_status(mount)
 
 
@@ -163,7 +171,7 @@ def sleep(mount: NexStar, _: Sleep) -> Steps:
     if mount.knows("x"):
         yield Ask("x")
     else:
-        yield from tracking.set_tracking(mount, tracking.SetTracking(on=False))
+        yield from tracking.set_tracking(mount, SetTracking(on=False))
 
 
 def wake(mount: NexStar, operation: Operation) -> Steps:
@@ -173,4 +181,4 @@ def wake(mount: NexStar, operation: Operation) -> Steps:
         yield Ask("y")
         yield Later(2.0, Unpark())
     else:
-        yield from tracking.set_tracking(mount, tracking.SetTracking(on=True))
+        yield from tracking.set_tracking(mount, SetTracking(on=True))

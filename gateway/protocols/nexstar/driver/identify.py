@@ -26,7 +26,7 @@ def identity(mount: NexStar, _: Operation) -> Steps:
     if raw[0] >= 100:
         mount.version = GT_NEW if raw[0] >= 104 else GT_OLD
         mount.model = mount.named_model or "gt"
-    elif raw[0] == 1 and raw[1] >= 18 or raw >= (5, 28):
+    elif (raw[0] == 1 and raw[1] >= 18) or raw >= (5, 28):
         yield from _variant(mount)
     if mount.knows("m") and raw[0] < 100:
         yield from _model(mount)

@@ -9,8 +9,21 @@ from __future__ import annotations
 
 from gateway.driver import Ask, Later, Steps
 from gateway.errors import Fault, Unsupported
-from gateway.operations import Backlash, Direction, Focus, Halt, Move, Operation, PeriodicError, Pulse, Rate
-from gateway.operations import Stop, Tracking
+from gateway.operations import (
+    Backlash,
+    Direction,
+    Focus,
+    Halt,
+    Move,
+    MoveAxis,
+    Operation,
+    PeriodicError,
+    Pulse,
+    PulseAxis,
+    Rate,
+    Stop,
+    Tracking,
+)
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.goto import clear_the_way
 from gateway.protocols.nexstar.driver.state import NexStar
@@ -47,28 +60,34 @@ def _flipped(mount: NexStar, direction: Direction) -> Steps:
 
 
 def move(mount: NexStar, operation: Move) -> Steps:
+    """A sky direction: corrected for the side of the pier, where the mount tells it."""
+    sign = sense(mount, operation.direction)
+    if mount.knows("slew_azm_pos") and (yield from _flipped(mount, operation.direction)):
+        sign = -sign
+    yield from move_axis(mount, MoveAxis(operation.direction.axis, sign, operation.rate))
+
+
+def move_axis(mount: NexStar, operation: MoveAxis) -> Steps:
     """``P 2 16|17 36|37 rate``; tracking off first unless an equatorial mount moves at rates 1-2."""
-    axis, sign = operation.direction.axis, sense(mount, operation.direction)
+    axis, rate = operation.axis, operation.rate
     if mount.goto is not None:
         yield from clear_the_way(mount)
     if not mount.knows("slew_azm_pos"):
-        yield from _begin_steps(mount, axis, sign, operation.rate)
+        yield from _begin_steps(mount, axis, operation.sense, rate)
         return
-    if (yield from _flipped(mount, operation.direction)):
-        sign = -sign
-    side = "pos" if sign > 0 else "neg"
-    free = operation.rate.name is None and operation.rate.key is None
-    gentle = not free and mount.key_for(operation.rate) <= 2
+    side = "pos" if operation.sense > 0 else "neg"
+    free = rate.name is None and rate.key is None
+    gentle = not free and mount.key_for(rate) <= 2
     equatorial = (mount.remembered or mount.tracking or Tracking.OFF).equatorial
     mount.parked = False
     if not (gentle and equatorial and mount.remembered is None):
         yield from tracking.put_off(mount)
-    mount.moving[axis] = sign
-    if free and operation.rate.degrees is not None:
-        arcseconds = min(operation.rate.degrees, mount.rates["fastest"]) * 3600.0
+    mount.moving[axis] = operation.sense
+    if free and rate.degrees is not None:
+        arcseconds = min(rate.degrees, mount.rates["fastest"]) * 3600.0
         yield Ask(f"rate_{_AXIS[axis]}_{side}", {"rate": tracking.rate_code(arcseconds)})
     else:
-        yield Ask(f"slew_{_AXIS[axis]}_{side}", {"rate": mount.key_for(operation.rate)})
+        yield Ask(f"slew_{_AXIS[axis]}_{side}", {"rate": mount.key_for(rate)})
 
 
 def halt(mount: NexStar, operation: Halt) -> Steps:
@@ -139,8 +158,13 @@ class NextPulse(Operation, frozen=True):
 
 
 def pulse(mount: NexStar, operation: Pulse) -> Steps:
+    """A guide pulse in a sky direction."""
+    yield from pulse_axis(mount, PulseAxis(operation.direction.axis, sense(mount, operation.direction), operation.ms))
+
+
+def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
     """AUX 0x26 where both motors have it; else guide rate for that long; in alt-az there is no such fallback."""
-    axis, sign = operation.direction.axis, sense(mount, operation.direction)
+    axis, sign = operation.axis, operation.sense
     if operation.ms <= 0:
         return
     if mount.motors and min(mount.motors.values()) >= PULSE_FIRMWARE:

@@ -78,6 +78,11 @@ class NexStar(Driver):
         return self.protocol.models.get(self.model or "", UNKNOWN)
 
     @property
+    def loses_alignment(self) -> bool:  # type: ignore[override]
+        """A StarSense that is told site or time forgets its alignment."""
+        return self.starsense
+
+    @property
     def german(self) -> bool:
         """Whether the mount is built equatorially."""
         return bool(self.facts["mount"] == "german")

@@ -86,7 +86,7 @@ def send_mode(mount: NexStar, mode: Tracking) -> Steps:
 def set_tracking(mount: NexStar, operation: SetTracking) -> Steps:
     """On in the mount's own mode, or off. A fork is never put into an equatorial mode, nor the reverse."""
     mount.parked = mount.parked and not operation.on
-    mode = own_mode(mount) if operation.on else Tracking.OFF
+    mode = (operation.mode or own_mode(mount)) if operation.on else Tracking.OFF
     if mode is None:
         raise Unsupported("The tracking mode of this mount is not known.")
     if mount.moving:

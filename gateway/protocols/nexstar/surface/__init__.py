@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
+from gateway.protocols.nexstar.framing import Framer, lengths
 from gateway.protocols.nexstar.surface import devices, identity, motion, place, pointing
 from gateway.surface import Special
+from gateway.tables import load, parse_version
 
 #: row word -> function; the same word may stand in several modules, so it is written ``module.function``.
 SPECIALS: dict[str, Special] = {
@@ -12,3 +17,26 @@ SPECIALS: dict[str, Special] = {
     for name, function in vars(module).items()
     if callable(function) and getattr(function, "__module__", "") == module.__name__ and not name.startswith("_")
 }
+
+#: What is presented when nobody says otherwise: the version most programs know best, on a fork or a German mount.
+VERSION, FORK, GERMAN = "4.21", "6-8se", "cge"
+#: Answered whatever the version: one program asks it of every hand control and waits.
+ALWAYS = "v"
+
+
+def presented(model: str | None, version: str | None) -> dict[str, Any]:
+    """The model's constants as a hand control of that version tells them."""
+    name = model or FORK
+    return {**load("nexstar").models[name], "name": name, "version": parse_version(version or VERSION)}
+
+
+def framing(model: dict[str, Any]) -> Callable[[Callable[[], float]], Callable[[bytes], list[bytes]]]:
+    """How requests to a hand control of that version are cut out: opcodes it does not know are dropped bytes."""
+    commands = load("nexstar").commands.values()
+    known = lengths([c for c in commands if c.name == ALWAYS or c.known_to(None, model["version"])])
+
+    def make(now: Callable[[], float]) -> Callable[[bytes], list[bytes]]:
+        framer = Framer(known)
+        return lambda data: framer.feed(data, now())
+
+    return make

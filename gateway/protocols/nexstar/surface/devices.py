@@ -1,7 +1,7 @@
 """The devices behind a hand control: two motors always, a GPS unit and a clock on some models, nothing else.
 
-A command to a device that is not there, and one that no device knows, gets the no-response form: as many bytes as were
-asked for, one more, ``#`` (NexStar protocol, Pass-through Commands with No Response). Firmware upload is such a command.
+A command to a device that is not there, and one that no device knows, gets the no-response form: as many bytes as
+were asked for, one more, ``#`` (NexStar protocol, Pass-through Commands with No Response). So does firmware upload.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from gateway.tables import Command, parse_version
 
 MOTORS = {16: 1, 17: 2}
 GPS, RTC = 176, 178
+SETTINGS = (b"R", b"r", b"B", b"b", b"S", b"s", b"T", b"W", b"H", b"I")
 
 
 def motor(values: dict[str, Any]) -> int:
@@ -83,5 +84,7 @@ def absent(session: Session, command: Command, values: dict[str, Any]) -> None:
 
 
 def no_response(frame: bytes) -> bytes:
-    """The answer to a pass-through command that nobody answers; other commands get none."""
-    return bytes(frame[7] + 1) + b"#" if len(frame) == 8 and frame[:1] == b"P" else b""
+    """The answer to a pass-through command that nobody answers; settings that do nothing are acknowledged too."""
+    if frame[:1] == b"P":
+        return bytes(frame[7] + 1) + b"#"
+    return b"#" if frame[:1] in SETTINGS else b""

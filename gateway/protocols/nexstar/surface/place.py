@@ -1,4 +1,4 @@
-"""Site and clock. A hand control's zone counts hours east of Greenwich, whole ones (i and I: quarters); UTC is preserved."""
+"""Site and clock. A hand control's zone counts whole hours east of Greenwich (i and I: quarters); UTC is preserved."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Positions, gotos, syncs as a hand control answers them.
 
-A hand control always says ``#`` to a goto: a refusal shows as no motion (``L`` stays 0) and in the log. On an equatorial
-hand control the azimuth and altitude commands read and move the motor axes.
+A hand control always says ``#`` to a goto: a refusal shows as no motion (``L`` stays 0) and in the log. On an
+equatorial hand control the azimuth and altitude commands read and move the motor axes.
 """
 
 from __future__ import annotations

@@ -1,0 +1,279 @@
+"""The hub: the one owner of a mount.
+
+Reads are answered from a snapshot while it is fresh and share one exchange when it is not; while any client polls,
+the snapshot is refreshed in the background, so a hundred pollers cost the mount's line what one costs. Motions, and
+site and clock, have files of their own.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+from msgspec import Struct
+
+from gateway import operations as op
+from gateway.driver import Ask, Driver, Pause, Steps
+from gateway.errors import Fault, NoAnswer, NotAligned
+from gateway.hub.derived import Derived
+from gateway.hub.motions import MOTIONS, Motions
+from gateway.hub.settings import FIRST_ANSWER, SiteAndClock
+from gateway.hub.snapshot import FRESH, MISSING, RENEW, Kind, Snapshot
+from gateway.line import POSITION, READ, SETTING, Line
+from gateway.observatory import Observatory
+from gateway.safety import Limits
+from gateway.sky import Sky
+from gateway.transcript import Transcript
+
+HEARTBEAT = 5.0
+CLOCK_AGE = 120.0
+SHUTDOWN = 4.0
+
+
+class Policy(Struct, frozen=True):
+    """What the operator has decided for a mount."""
+
+    limits: Limits = Limits()
+    site_time: str = "unaligned"
+    equinox: str = "jnow"
+
+
+class Hub:
+    """``perform`` carries out any operation; ``peek`` answers a read at once when that needs no exchange."""
+
+    def __init__(self, driver: Driver, follow_ups: dict[type[Any], Callable[[Any, Any], Any]], line: Line, sky: Sky,
+                 observatory: Observatory, transcript: Transcript, policy: Policy = Policy()) -> None:
+        self.driver, self.line, self.observatory = driver, line, observatory
+        self.transcript, self.policy = transcript, policy
+        self.loop = asyncio.get_running_loop()
+        self.now = self.loop.time
+        self.derived = Derived(sky, observatory, policy.equinox)
+        self.snapshot = Snapshot()
+        self.identified = asyncio.Event()
+        self.motions = Motions(self, follow_ups)
+        self.settings = SiteAndClock(self)
+        self._sharing: dict[Kind, asyncio.Task[Any]] = {}
+        self._tasks: set[asyncio.Task[Any]] = set()
+        line.on_up = self._on_up
+
+    # --- life -----------------------------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Open the line, find out what is on it, and keep the snapshot fresh."""
+        self.line.start()
+        self.spawn(self._refresh())
+
+    async def close(self) -> None:
+        """End motion, forget what was planned, close the line."""
+        try:
+            async with asyncio.timeout(SHUTDOWN):
+                if self.moving and self.line.state == "up":
+                    await self.stop()
+        except (TimeoutError, Fault):
+            self.transcript.note("mount", "the stop at shutdown was not answered")
+        self.motions.close()
+        for task in [*self._tasks, *self._sharing.values()]:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await self.line.close()
+
+    def spawn(self, work: Any) -> asyncio.Task[Any]:
+        """Run something in the background and hold on to it."""
+        task = self.loop.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
+
+    def _on_up(self) -> None:
+        self.snapshot.clear()
+        self.spawn(self._identify())
+
+    async def _identify(self) -> None:
+        """Who is there, where it stands, what time it has."""
+        for operation in (op.GetIdentity(), op.GetSite(), op.GetClock()):
+            try:
+                value = await self.drive(self.driver.perform(operation), READ)
+            except NoAnswer:
+                return
+            except Fault as fault:
+                self.transcript.note("mount", str(fault))
+                continue
+            if isinstance(value, op.Place):
+                self.observatory.mount_says_site(value)
+            elif isinstance(value, op.Moment):
+                self.observatory.mount_says_clock(value)
+            else:
+                self.snapshot.put(type(operation), value, self.now())
+        self.identified.set()
+
+    # --- asking ---------------------------------------------------------------------------------------------------
+
+    @property
+    def moving(self) -> bool:
+        """Whether anything moves that a stop should end."""
+        return bool(self.motions.axes) or self.slewing
+
+    @property
+    def slewing(self) -> bool:
+        return bool(self.snapshot.value(op.Slewing))
+
+    def peek(self, operation: op.Operation) -> Any:
+        """The answer of a read, when it is at hand; MISSING when it must be waited for."""
+        kind = type(operation)
+        if kind not in FRESH:
+            known = self.settings.peek(kind)
+            return MISSING if known is None else known
+        if kind is op.Slewing and self.motions.goto_waits:
+            return True
+        now = self.snapshot.asked[kind] = self.now()
+        return self.snapshot.fresh(kind, now, 2.5 * self.line.typical, self.line.state == "down")
+
+    @property
+    def version(self) -> int:
+        """Grows whenever an answer changes: what was made from older ones is then out of date."""
+        return self.snapshot.version
+
+    @property
+    def stops(self) -> int:
+        """How many stops there were: a motion that was asked for before the last one is not begun."""
+        return self.motions.stops
+
+    async def stop(self) -> None:
+        """End every motion, before everything else. Raises Fault."""
+        await self.motions.stop()
+
+    def fresh_until(self, kinds: list[Kind]) -> float:
+        """The loop time until which the answers of these reads may be told."""
+        return self.snapshot.until(kinds)
+
+    def touch(self, now: float) -> None:
+        """A client was served a repeated reply: it is polling the position all the same."""
+        self.snapshot.asked[op.Position] = now
+
+    async def perform(self, operation: op.Operation, stops: int | None = None) -> Any:
+        """Carry out an operation. ``stops`` is the count of stops when it was asked for. Raises Fault."""
+        if type(operation) in FRESH:
+            return await self.read(operation)
+        if isinstance(operation, op.Stop):
+            return await self.stop()
+        if isinstance(operation, MOTIONS):
+            return await self.motions.perform(operation, stops)
+        handler = self.settings.handlers.get(type(operation))
+        if handler is not None:
+            return await handler(operation)
+        return await self.drive(self.driver.perform(operation), SETTING)
+
+    async def read(self, operation: op.Operation) -> Any:
+        """A read, from the snapshot or by an exchange that everyone who asks shares. Raises Fault."""
+        value = self.peek(operation)
+        if value is not MISSING:
+            return value
+        first = type(operation) not in self.snapshot.seen
+        try:
+            async with asyncio.timeout(FIRST_ANSWER if first else None):
+                return await asyncio.shield(self._shared(operation))
+        except TimeoutError:
+            raise NoAnswer from None
+
+    def _shared(self, operation: op.Operation) -> asyncio.Task[Any]:
+        """The exchange under way for this kind of read, else a new one."""
+        kind = type(operation)
+        task = self._sharing.get(kind)
+        if task is None:
+            task = self._sharing[kind] = self.loop.create_task(self._ask(operation))
+            task.add_done_callback(lambda done: self._unshare(kind, done))
+        return task
+
+    def _unshare(self, kind: Kind, task: asyncio.Task[Any]) -> None:
+        self._sharing.pop(kind, None)
+        if not task.cancelled():
+            task.exception()  # whoever still waits gets it; nobody waiting is no error
+
+    async def _ask(self, operation: op.Operation) -> Any:
+        await self.identified.wait()
+        if isinstance(operation, op.AxisPosition) and not self.driver.way(op.AxisPosition):
+            value: Any = self.derived.axes(await self.read(op.Position()))
+        else:
+            rank = POSITION if isinstance(operation, op.Position) else READ
+            value = await self.drive(self.driver.perform(operation), rank)
+        if isinstance(operation, op.Slewing) and self.slewing and not value:
+            await self._settled()
+        if isinstance(operation, op.HorizontalPosition) and value is None:
+            value = self.derived.horizon(await self.read(op.Position()))
+        if isinstance(operation, op.Position):
+            value = self.derived.from_mount(value)
+        self.snapshot.put(type(operation), value, self.now())
+        return value
+
+    async def _settled(self) -> None:
+        """A goto has just ended: nobody is told so before the position is known where it ended."""
+        self.snapshot.forget(op.HorizontalPosition, op.AxisPosition, op.Position)
+        await self.read(op.Position())
+
+    async def drive(self, steps: Steps, rank: int) -> Any:
+        """Carry out a driver's generator: exchanges, pauses, things to do later."""
+        answer: Any = None
+        fault: Fault | None = None
+        try:
+            while True:
+                step = steps.send(answer) if fault is None else steps.throw(fault)
+                answer, fault = None, None
+                if isinstance(step, Ask):
+                    try:
+                        answer = await self.line.exchange(step, rank)
+                    except Fault as error:
+                        fault = error
+                elif isinstance(step, Pause):
+                    await asyncio.sleep(step.seconds)
+                else:
+                    self.motions.plan(step)
+        except StopIteration as end:
+            return end.value
+        finally:
+            steps.close()
+
+    # --- keeping the snapshot fresh -------------------------------------------------------------------------------
+
+    async def _refresh(self) -> None:
+        """Renew what clients ask for; watch a goto and an altitude; else one heartbeat every few seconds."""
+        await self.identified.wait()
+        beat = self.now()
+        while True:
+            if self.line.state != "up":
+                await asyncio.sleep(0.2)
+                continue
+            now = self.now()
+            due = [kind for kind in RENEW if self._wanted(kind, now) and self.snapshot.age(kind, now) >= RENEW[kind]]
+            if due:
+                beat = now
+                await asyncio.gather(*(self._renew(kind) for kind in due))
+            elif now - beat >= HEARTBEAT:
+                beat = now
+                await self._renew(op.Position)
+            clock = self.observatory.mount_clock
+            if clock is not None and now - clock[1] > CLOCK_AGE and self._wanted(op.Position, now):
+                await self.settings.renew_clock()
+            await asyncio.sleep(min(self._pause(kind, now) for kind in RENEW))
+
+    def _wanted(self, kind: Kind, now: float) -> bool:
+        """Whether somebody polls this, or the hub itself must watch it."""
+        watched = (kind is op.Position and self.moving) or (kind is op.Slewing and self.slewing)
+        return watched or self.snapshot.polled(kind, now)
+
+    def _pause(self, kind: Kind, now: float) -> float:
+        """Seconds until this kind must be looked at again."""
+        if not self._wanted(kind, now):
+            return 0.25
+        return max(0.005, RENEW[kind] - self.snapshot.age(kind, self.now()))
+
+    async def _renew(self, kind: Kind) -> None:
+        try:
+            await asyncio.shield(self._shared(kind()))
+        except Fault as fault:
+            if not isinstance(fault, NoAnswer | NotAligned):
+                self.transcript.note_once("mount", f"{kind.__name__}: {fault}")
+            if self.snapshot.age(kind, self.now()) > RENEW[kind]:
+                await asyncio.sleep(RENEW[kind])
+        if kind is op.Position and self.moving:
+            await self.motions.watch_altitude()

@@ -1,0 +1,75 @@
+"""What no mount is asked for because it follows from other things: horizon places, axis readings, equinox.
+
+All of it needs the site, some of it the clock; without a site it is refused in words.
+"""
+
+from __future__ import annotations
+
+from msgspec.structs import replace
+
+from gateway import operations as op
+from gateway.errors import Unsupported
+from gateway.observatory import Observatory
+from gateway.sky import Sky
+from gateway.spherical import fold_declination, wrap360
+
+
+class Derived:
+    """Astronomy at this mount's site and by its clock. ``equinox`` is what the mount's coordinates mean."""
+
+    def __init__(self, sky: Sky, observatory: Observatory, equinox: str) -> None:
+        self.sky, self.observatory, self.equinox = sky, observatory, equinox
+
+    def place(self) -> op.Place:
+        """The site in force. Raises Unsupported."""
+        place = self.observatory.site()
+        if place is None:
+            raise Unsupported("The site is not known.")
+        return place
+
+    def sidereal_time(self) -> float:
+        """Local apparent sidereal time, degrees."""
+        return self.sky.sidereal_time(self.observatory.unix(), self.place().longitude)
+
+    def altitude(self, ra: float, dec: float) -> float | None:
+        """Degrees above the horizon now; None while the site is unknown."""
+        place = self.observatory.site()
+        if place is None:
+            return None
+        return self.sky.horizon(ra, dec, place.latitude, place.longitude, self.observatory.unix())[1]
+
+    def horizon(self, seen: op.Equatorial) -> op.Horizontal:
+        """Azimuth and altitude of a place of date."""
+        place = self.place()
+        unix = self.observatory.unix()
+        return op.Horizontal(*self.sky.horizon(seen.ra, seen.dec, place.latitude, place.longitude, unix))
+
+    def equatorial(self, wanted: op.GotoHorizontal) -> op.Goto:
+        """The goto that brings an equatorial mount to an azimuth and altitude."""
+        place = self.place()
+        unix = self.observatory.unix()
+        return op.Goto(*self.sky.equatorial(wanted.az, wanted.alt, place.latitude, place.longitude, unix))
+
+    def axes(self, seen: op.Equatorial) -> op.Horizontal:
+        """Where the axes of an equatorial mount would stand, both at 90 with the tube at the pole."""
+        pole = 1 if self.place().latitude >= 0 else -1
+        return op.Horizontal(wrap360(pole * (self.sidereal_time() - seen.ra)), pole * seen.dec)
+
+    def from_axes(self, wanted: op.GotoAxes) -> op.Goto:
+        """Axis readings of an equatorial mount as a place on the sky."""
+        pole = 1 if self.place().latitude >= 0 else -1
+        hour_angle, dec = fold_declination(pole * wanted.az, pole * wanted.alt)
+        return op.Goto(wrap360(self.sidereal_time() - hour_angle), dec)
+
+    def to_mount(self, operation: op.Goto | op.Sync) -> op.Goto | op.Sync:
+        """A place of date in the mount's own equinox."""
+        if self.equinox != "j2000":
+            return operation
+        ra, dec = self.sky.to_j2000(operation.ra, operation.dec, self.observatory.unix())
+        return replace(operation, ra=ra, dec=dec)
+
+    def from_mount(self, seen: op.Equatorial) -> op.Equatorial:
+        """The mount's place as one of date."""
+        if self.equinox != "j2000":
+            return seen
+        return op.Equatorial(*self.sky.to_of_date(seen.ra, seen.dec, self.observatory.unix()))

@@ -1,0 +1,196 @@
+"""Motions: one after the other, checked against the limits, and all of them ended by a stop.
+
+A motion that waits for its turn dies when a stop comes; one that runs is cancelled between two exchanges. The stop
+itself waits for the exchange on the wire and for nothing else.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from gateway import operations as op
+from gateway.driver import Later
+from gateway.errors import Fault, Stopped
+from gateway.line import MOTION, STOP
+from gateway.safety import check_altitude, check_sync, leaving
+
+if TYPE_CHECKING:
+    from gateway.hub.core import Hub
+
+GOTOS = (op.Goto, op.GotoHorizontal, op.GotoAxes, op.Park, op.Home)
+MOTIONS = (
+    *GOTOS, op.CancelGoto, op.Sync, op.Move, op.MoveAxis, op.Halt, op.Pulse, op.PulseAxis, op.SetTracking, op.TrackRate,
+    op.SetHome, op.Unpark, op.Sleep, op.Wake, op.Focus,
+)  # fmt: skip
+#: A stop forgets what was planned, but for these.
+SURVIVE_A_STOP = (op.Unpark,)
+
+
+def axis_moved(operation: op.Operation) -> int | None:
+    """The axis that an operation sets moving by hand, or None."""
+    if isinstance(operation, op.Move):
+        return operation.direction.axis
+    return operation.axis if isinstance(operation, op.MoveAxis) else None
+
+
+class Motions:
+    """Everything that can move the mount. ``stops`` counts the stops so far."""
+
+    def __init__(self, hub: Hub, follow_ups: dict[type[Any], Callable[[Any, Any], Any]]) -> None:
+        self._hub, self._follow_ups = hub, follow_ups
+        self.stops = 0
+        self.axes: set[int] = set()
+        self._turn = asyncio.Lock()
+        self._jobs: dict[asyncio.Task[Any], op.Operation] = {}
+        self._later: dict[op.Operation, asyncio.TimerHandle] = {}
+        self._altitude: float | None = None
+
+    @property
+    def goto_waits(self) -> bool:
+        """Whether a goto was asked for that the mount has not acknowledged yet."""
+        return any(isinstance(job, GOTOS) for job in self._jobs.values())
+
+    async def stop(self) -> None:
+        """End every motion: what runs or waits dies, and the stop goes to the line first."""
+        self.stops += 1
+        for task in list(self._jobs):
+            task.cancel()
+        for operation in [planned for planned in self._later if not isinstance(planned, SURVIVE_A_STOP)]:
+            self._later.pop(operation).cancel()
+        self.axes.clear()
+        async with self._turn:
+            await self._hub.drive(self._hub.driver.perform(op.Stop()), STOP)
+        self._hub.snapshot.put(op.Slewing, False, self._hub.now())
+
+    async def perform(self, operation: op.Operation, stops: int | None) -> Any:
+        """Run a motion after those before it. Raises Fault, and Stopped when a stop came first."""
+        self._make_way(operation)
+        task = self._hub.loop.create_task(self._run(operation, self.stops if stops is None else stops))
+        self._jobs[task] = operation
+        task.add_done_callback(self._ended)
+        try:
+            return await asyncio.shield(task)
+        except asyncio.CancelledError:
+            if task.cancelled():
+                raise Stopped from None
+            raise
+
+    def _make_way(self, operation: op.Operation) -> None:
+        """A halt ends what would set its axis moving, the end of gotos ends those that wait."""
+        for task, other in list(self._jobs.items()):
+            halted = isinstance(operation, op.Halt) and axis_moved(other) == operation.axis
+            if halted or (isinstance(operation, op.CancelGoto) and isinstance(other, GOTOS)):
+                task.cancel()
+
+    def _ended(self, task: asyncio.Task[Any]) -> None:
+        self._jobs.pop(task, None)
+        if not task.cancelled():
+            task.exception()  # whoever still waits gets it; nobody waiting is no error
+
+    async def _run(self, operation: op.Operation, stops: int) -> Any:
+        async with self._turn:
+            if stops != self.stops and not isinstance(operation, op.Halt):
+                raise Stopped
+            operation = await self._checked(operation)
+            rank = STOP if isinstance(operation, op.Halt | op.CancelGoto) else MOTION
+            value = await self._hub.drive(self._hub.driver.perform(operation), rank)
+        self._after(operation)
+        return value
+
+    # --- limits ---------------------------------------------------------------------------------------------------
+
+    async def _checked(self, operation: op.Operation) -> op.Operation:
+        """An operation that the limits allow, in the form that this mount can carry out. Raises Fault."""
+        hub = self._hub
+        if isinstance(operation, op.GotoHorizontal):
+            check_altitude(hub.policy.limits.narrowed(operation.lowest, operation.highest), operation.alt)
+            fork = not (await hub.read(op.GetStatus())).equatorial
+            if fork and hub.driver.way(op.GotoAxes):
+                return op.GotoAxes(operation.az, operation.alt)
+            operation = hub.derived.equatorial(operation)
+        if isinstance(operation, op.GotoAxes) and not hub.driver.way(op.AxisPosition):
+            if not (await hub.read(op.GetStatus())).equatorial:
+                return operation
+            operation = hub.derived.from_axes(operation)
+        if isinstance(operation, op.Goto):
+            self._check_goto(operation)
+            return hub.derived.to_mount(operation)
+        if isinstance(operation, op.Sync):
+            if (await hub.read(op.GetStatus())).aligned:
+                here = await hub.read(op.Position())
+                check_sync(hub.policy.limits, here, op.Equatorial(operation.ra, operation.dec))
+            return hub.derived.to_mount(operation)
+        return operation
+
+    def _check_goto(self, operation: op.Goto) -> None:
+        altitude = self._hub.derived.altitude(operation.ra, operation.dec)
+        if altitude is None:
+            self._hub.transcript.note_once("mount", "site unknown: gotos are not checked against the horizon")
+            return
+        check_altitude(self._hub.policy.limits.narrowed(operation.lowest, operation.highest), altitude)
+
+    async def watch_altitude(self) -> None:
+        """Stop a motion by hand that leaves the altitude limits, early enough for the next look to come in time."""
+        seen = self._hub.snapshot.value(op.Position)
+        altitude = None if seen is None else self._hub.derived.altitude(seen.ra, seen.dec)
+        before, self._altitude = self._altitude, altitude
+        if before is None or altitude is None or self._hub.slewing:
+            return
+        if leaving(self._hub.policy.limits, before, altitude, 1.5 * abs(altitude - before)):
+            self._hub.transcript.note("mount", f"stopped at the altitude limit ({altitude:.1f} degrees)")
+            await self.stop()
+
+    # --- what is known afterwards -----------------------------------------------------------------------------------
+
+    def _after(self, operation: op.Operation) -> None:
+        """What is known without asking, once an operation has been carried out."""
+        snapshot = self._hub.snapshot
+        axis = axis_moved(operation)
+        if isinstance(operation, GOTOS):
+            self.axes.clear()
+            snapshot.put(op.Slewing, True, self._hub.now())
+        elif axis is not None:
+            self.axes.add(axis)
+            self._altitude = None
+        elif isinstance(operation, op.Halt):
+            self.axes.discard(operation.axis)
+        elif isinstance(operation, op.CancelGoto):
+            snapshot.put(op.Slewing, False, self._hub.now())
+        elif isinstance(operation, op.Sync):
+            snapshot.forget(op.Position, op.HorizontalPosition, op.AxisPosition)
+        elif isinstance(operation, op.SetTracking | op.Unpark | op.Sleep | op.Wake):
+            snapshot.forget(op.GetStatus)
+
+    # --- later ------------------------------------------------------------------------------------------------------
+
+    def plan(self, later: Later) -> None:
+        """Have a follow-up performed after some seconds; the same one planned again replaces the first."""
+        hub = self._hub
+        old = self._later.pop(later.operation, None)
+        if old is not None:
+            old.cancel()
+        if later.urgent:
+            hub.line.expect_urgent(hub.now() + later.seconds)
+        self._later[later.operation] = hub.loop.call_later(
+            later.seconds, lambda: hub.spawn(self._follow_up(later.operation, later.urgent))
+        )
+
+    async def _follow_up(self, operation: op.Operation, urgent: bool) -> None:
+        self._later.pop(operation, None)
+        special = self._follow_ups.get(type(operation))
+        driver = self._hub.driver
+        try:
+            async with self._turn:
+                steps = special(driver, operation) if special else driver.perform(operation)
+                await self._hub.drive(steps, STOP if urgent else MOTION)
+        except Fault as fault:
+            self._hub.transcript.note("mount", f"{type(operation).__name__}: {fault}")
+
+    def close(self) -> None:
+        """Forget everything that was planned or waits."""
+        for handle in self._later.values():
+            handle.cancel()
+        for task in list(self._jobs):
+            task.cancel()

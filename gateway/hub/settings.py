@@ -1,0 +1,151 @@
+"""Site and clock: told from what is known, taken from clients at once, handed on to the mount where the policy allows.
+
+Telling an aligned hand control its site or time may cost the alignment, so by default only an unaligned one is told;
+what is not sent is kept here and said once in the log.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from gateway import operations as op
+from gateway.errors import Fault, NoAnswer
+from gateway.line import READ, SETTING
+
+if TYPE_CHECKING:
+    from gateway.hub.core import Hub
+
+#: How long a half of a site waits for the other one, and a client for the mount's first word.
+HALF_SITE = 2.0
+FIRST_ANSWER = 2.0
+
+
+class SiteAndClock:
+    """Performs the operations that read and set site and clock."""
+
+    def __init__(self, hub: Hub) -> None:
+        self._hub, self._observatory = hub, hub.observatory
+        self.handlers: dict[type[op.Operation], Callable[[Any], Any]] = {
+            op.GetSite: self._get_site,
+            op.GetClock: self._get_clock,
+            op.SiderealTime: self._sidereal_time,
+            op.SetSite: self._set_site,
+            op.SetClock: self._set_clock,
+        }
+
+    def peek(self, kind: type[op.Operation]) -> op.Place | op.Moment | None:
+        """The answer when it is known without asking."""
+        if kind is op.GetSite:
+            return self._observatory.site()
+        return self._observatory.clock() if kind is op.GetClock else None
+
+    async def _first_answers(self) -> None:
+        try:
+            async with asyncio.timeout(FIRST_ANSWER):
+                await self._hub.identified.wait()
+        except TimeoutError:
+            raise NoAnswer from None
+
+    async def _get_site(self, _: op.GetSite) -> op.Place:
+        if self._observatory.site() is None:
+            await self._first_answers()
+        return self._hub.derived.place()
+
+    async def _get_clock(self, _: op.GetClock) -> op.Moment:
+        if self._observatory.clock() is None:
+            await self._first_answers()
+        moment = self._observatory.clock()
+        if moment is None:
+            self._hub.transcript.note_once("mount", "the mount tells no time: this computer's clock stands in")
+            moment = op.Moment(self._observatory.unix(), 0.0)
+        return moment
+
+    async def _sidereal_time(self, _: op.SiderealTime) -> float:
+        await self._get_site(op.GetSite())
+        await self._get_clock(op.GetClock())
+        return self._hub.derived.sidereal_time()
+
+    # --- setting ----------------------------------------------------------------------------------------------------
+
+    async def _set_site(self, operation: op.SetSite) -> None:
+        """Take a half or the whole; the mount is told once both halves are there, or after a moment."""
+        whole = self._observatory.set_site_half(operation)
+        self._hub.snapshot.version += 1
+        if whole is not None:
+            self._hub.spawn(self._hand_on_site())
+        else:
+            self._hub.loop.call_later(HALF_SITE, lambda: self._hub.spawn(self._hand_on_site()))
+
+    async def _hand_on_site(self) -> None:
+        whole = self._observatory.take_site()
+        if whole is None:
+            return
+        same = self._observatory.same_site(whole)
+        if not same:
+            self._observatory.keep_site(whole)
+        if await self._to_be_told(same, "site"):
+            try:
+                await self._hub.drive(self._hub.driver.perform(whole), SETTING)
+            except Fault as fault:
+                self._hub.transcript.note("mount", f"site kept in the gateway: {fault}")
+            else:
+                assert whole.latitude is not None
+                assert whole.longitude is not None
+                self._observatory.mount_says_site(op.Place(whole.latitude, whole.longitude))
+                same = True
+        if same:
+            self._observatory.kept_site = None
+        self._hub.snapshot.version += 1
+
+    async def _set_clock(self, operation: op.SetClock) -> None:
+        """The client is believed at once."""
+        at = self._hub.now()
+        same = self._observatory.same_clock(operation)
+        if not same:
+            self._observatory.keep_clock(operation)
+        self._hub.snapshot.version += 1
+        self._hub.spawn(self._hand_on_clock(operation, at, same))
+
+    async def _hand_on_clock(self, operation: op.SetClock, at: float, same: bool) -> None:
+        if not await self._to_be_told(same, "clock"):
+            return
+        hub = self._hub
+        moment = op.SetClock(operation.unix + hub.now() - at, operation.offset)
+        try:
+            await hub.drive(hub.driver.perform(moment), SETTING)
+            value = await hub.drive(hub.driver.perform(op.GetClock()), READ)
+        except Fault as fault:
+            hub.transcript.note("mount", f"clock kept in the gateway: {fault}")
+            return
+        self._observatory.mount_says_clock(value)
+        self._observatory.kept_clock = None
+        hub.snapshot.version += 1
+
+    async def _to_be_told(self, same: bool, what: str) -> bool:
+        """Whether the mount is to be told a site or a clock that a client has set."""
+        hub = self._hub
+        if hub.policy.site_time == "never":
+            hub.transcript.note_once("mount", f"the {what} that was set is kept in the gateway (site-time = never)")
+            return False
+        try:
+            status = await hub.read(op.GetStatus())
+        except Fault:
+            return False
+        if not status.aligned or hub.driver.takes_site_aligned:
+            return True
+        if same:
+            return False
+        if hub.policy.site_time == "always" and not hub.driver.loses_alignment:
+            return True
+        hub.transcript.note_once("mount", f"the mount is aligned: the {what} that was set is kept in the gateway")
+        return False
+
+    async def renew_clock(self) -> None:
+        """Read the mount's clock again."""
+        try:
+            value = await self._hub.drive(self._hub.driver.perform(op.GetClock()), READ)
+        except Fault:
+            return
+        self._observatory.mount_says_clock(value)

@@ -1,0 +1,146 @@
+"""The programs that are measured, as child processes of the benchmark.
+
+Every one is started with the interpreter that runs the benchmark, listens on a free port of the loopback interface, and
+is ended by its own process id. Compiled bytecode goes to a temporary directory, so an installation and a checkout start
+alike and the checkout stays clean.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+HERE = Path(__file__).resolve().parent
+HOST = "127.0.0.1"
+PATIENCE = 20.0
+
+
+def environment(bytecode: str) -> dict[str, str]:
+    """This process's environment, with bytecode kept in the directory ``bytecode``."""
+    kept = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
+    return {**kept, "PYTHONPYCACHEPREFIX": bytecode}
+
+
+@contextmanager
+def child(command: list[str], bytecode: str, log: str = "stdout") -> Iterator[subprocess.Popen[bytes]]:
+    """A running program; ``log`` is the stream that is read here, the other one goes nowhere."""
+    streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, log: subprocess.PIPE}
+    process = subprocess.Popen(command, cwd=ROOT, env=environment(bytecode), stdin=subprocess.DEVNULL, **streams)
+    try:
+        yield process
+    finally:
+        end(process)
+
+
+def end(process: subprocess.Popen[bytes]) -> None:
+    """Ask a process to end, and make it."""
+    process.terminate()
+    try:
+        process.wait(5.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    for stream in (process.stdout, process.stderr):
+        if stream is not None:
+            stream.close()
+
+
+def port_of(process: subprocess.Popen[bytes], log: str = "stdout") -> int:
+    """The port in the first line a program writes. Raises RuntimeError when it writes none in time."""
+    stream = getattr(process, log)
+    if select.select([stream], [], [], PATIENCE)[0]:
+        number = stream.readline().decode().rstrip().rpartition(":")[2]
+        if number.isdigit():
+            return int(number)
+    raise RuntimeError(f"{process.args!r} did not come up")
+
+
+@contextmanager
+def simulator(bytecode: str, latency: float = 0.0) -> Iterator[int]:
+    """A simulated hand control -> its TCP port. ``latency`` is its time to answer in seconds."""
+    command = [sys.executable, "-m", "gateway", "sim", "nexstar:6-8se", "--at", f"tcp://{HOST}:0"]
+    with child([*command, "--latency", str(latency)], bytecode) as process:
+        yield port_of(process)
+
+
+def gateway_command(mount: int, surface: int = 0, loop: str = "fast") -> list[str]:
+    """The command line of a gateway between two TCP ports."""
+    return [sys.executable, "-m", "gateway", "run", "--loop", loop, "--mount", f"nexstar@socket://{HOST}:{mount}",
+            "--surface", f"lx200@tcp://{HOST}:{surface}"]
+
+
+@contextmanager
+def gateway(bytecode: str, mount: int, loop: str = "fast") -> Iterator[int]:
+    """A gateway in front of a mount's TCP port -> its own TCP port."""
+    with child(gateway_command(mount, loop=loop), bytecode) as process:
+        yield port_of(process)
+
+
+@contextmanager
+def echo(bytecode: str, loop: str) -> Iterator[int]:
+    """The bare echo server -> its TCP port."""
+    with child([sys.executable, str(HERE / "echo.py"), loop], bytecode) as process:
+        yield port_of(process)
+
+
+@contextmanager
+def forwarder(bytecode: str, target: int) -> Iterator[int]:
+    """socat that forwards one connection's bytes to a TCP port -> its own TCP port."""
+    listen = f"TCP4-LISTEN:0,bind={HOST},nodelay"
+    with child(["socat", "-d", "-d", listen, f"TCP4:{HOST}:{target},nodelay"], bytecode, "stderr") as process:
+        yield port_of(process, "stderr")
+
+
+@contextmanager
+def pinned(cores: set[int]) -> Iterator[None]:
+    """Keep this process, and the children it starts meanwhile, on some cores."""
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, cores)
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
+
+
+def free_port() -> int:
+    """A TCP port nobody listens on."""
+    with socket.create_server((HOST, 0)) as server:
+        return int(server.getsockname()[1])
+
+
+def connect(port: int) -> socket.socket:
+    """A blocking connection that sends at once."""
+    connection = socket.create_connection((HOST, port), PATIENCE)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return connection
+
+
+def connect_early(port: int) -> socket.socket:
+    """The same to a program that is only starting: tried every millisecond. Raises TimeoutError."""
+    until = time.monotonic() + PATIENCE
+    while time.monotonic() < until:
+        try:
+            return connect(port)
+        except ConnectionRefusedError:
+            time.sleep(0.001)
+    raise TimeoutError(f"nobody listens on port {port}")
+
+
+def ask(connection: socket.socket, question: bytes) -> bytes:
+    """Send a question and read its reply up to the ``#``. Raises OSError, also for a silence."""
+    connection.sendall(question)
+    reply = b""
+    while not reply.endswith(b"#"):
+        data = connection.recv(64)
+        if not data:
+            raise ConnectionError(f"closed after {question!r}")
+        reply += data
+    return reply
