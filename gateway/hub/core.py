@@ -244,7 +244,7 @@ class Hub:
                 await asyncio.sleep(0.2)
                 continue
             now = self.now()
-            due = [kind for kind in RENEW if self._wanted(kind, now) and self.snapshot.age(kind, now) >= RENEW[kind]]
+            due = [kind for kind in RENEW if self._wanted(kind, now) and self._pause(kind, now) <= 0]
             if due:
                 beat = now
                 await asyncio.gather(*(self._renew(kind) for kind in due))
@@ -254,7 +254,8 @@ class Hub:
             clock = self.observatory.mount_clock
             if clock is not None and now - clock[1] > CLOCK_AGE and self._wanted(op.Position, now):
                 await self.settings.renew_clock()
-            await asyncio.sleep(min(self._pause(kind, now) for kind in RENEW))
+            now = self.now()
+            await asyncio.sleep(max(0.005, min(self._pause(kind, now) for kind in RENEW)))
 
     def _wanted(self, kind: Kind, now: float) -> bool:
         """Whether somebody polls this, or the hub itself must watch it."""
@@ -262,10 +263,10 @@ class Hub:
         return watched or self.snapshot.polled(kind, now)
 
     def _pause(self, kind: Kind, now: float) -> float:
-        """Seconds until this kind must be looked at again."""
+        """Seconds until this kind must be asked again, so that its answer comes when the last one grows old."""
         if not self._wanted(kind, now):
             return 0.25
-        return max(0.005, RENEW[kind] - self.snapshot.age(kind, self.now()))
+        return max(RENEW[kind] - self.line.typical, 0.05) - self.snapshot.age(kind, now)
 
     async def _renew(self, kind: Kind) -> None:
         try:

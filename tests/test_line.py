@@ -1,0 +1,213 @@
+"""The line to the mount: one exchange at a time, stop first, and no answer that belongs to an earlier question."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from gateway.driver import Ask
+from gateway.errors import NoAnswer, NoDevice, Silence
+from gateway.line import MOTION, READ, STOP, Line
+from gateway.protocols.nexstar.dialogue import NexStarDialogue
+from gateway.transcript import Transcript
+from gateway.wires import OnData, OnLost
+from tests.virtual import run
+
+
+class Wire:
+    """A wire whose other end is a function: request -> list of (seconds later, bytes)."""
+
+    name = "test"
+
+    def __init__(self, answers: Callable[[bytes], list[tuple[float, bytes]]]) -> None:
+        self.answers = answers
+        self.sent: list[bytes] = []
+        self.opened = 0
+        self.fail_to_open = 0
+        self.on_data: OnData | None = None
+        self.on_lost: OnLost | None = None
+
+    async def open(self, on_data: OnData, on_lost: OnLost) -> None:
+        if self.fail_to_open:
+            self.fail_to_open -= 1
+            raise OSError(2, "no such port")
+        self.opened += 1
+        self.on_data, self.on_lost = on_data, on_lost
+
+    def write(self, data: bytes) -> None:
+        self.sent.append(data)
+        for delay, answer in self.answers(data):
+            asyncio.get_running_loop().call_later(delay, self.deliver, answer)
+
+    def deliver(self, answer: bytes) -> None:
+        assert self.on_data is not None
+        self.on_data(answer)
+
+    async def close(self) -> None:
+        pass
+
+
+def hand_control(data: bytes) -> list[tuple[float, bytes]]:
+    """Answers at once, as a sane hand control."""
+    replies = {b"J": b"\x01#", b"t": b"\x02#", b"V": b"\x04\x15#", b"L": b"0#", b"M": b"#"}
+    if data[:1] == b"K":
+        return [(0.01, data[1:2] + b"#")]
+    return [(0.01, replies.get(data, b"#"))]
+
+
+async def opened(answers: Callable[[bytes], list[tuple[float, bytes]]]) -> tuple[Line, Wire]:
+    wire = Wire(answers)
+    line = Line(wire, NexStarDialogue(), Transcript(lambda: 0.0))
+    line.start()
+    await asyncio.sleep(0.01)
+    return line, wire
+
+
+def test_one_exchange_at_a_time_and_stop_before_everything_that_waits() -> None:
+    async def program() -> None:
+        line, wire = await opened(lambda data: [(0.2, hand_control(data)[0][1])])
+        reads = [asyncio.ensure_future(line.exchange(Ask("J"), READ)) for _ in range(3)]
+        await asyncio.sleep(0.01)
+        motion = asyncio.ensure_future(line.exchange(Ask("V"), MOTION))
+        await asyncio.sleep(0.05)
+        assert wire.sent == [b"J"]
+        stop = asyncio.ensure_future(line.exchange(Ask("M"), STOP))
+        await asyncio.gather(*reads, motion, stop)
+        assert wire.sent == [b"J", b"M", b"V", b"J", b"J"]
+        await line.close()
+
+    run(program())
+
+
+def test_a_late_answer_is_never_taken_for_the_next() -> None:
+    """``J`` is answered after 4 s: too late. What follows is echoes until the line is in step, then the next command."""
+
+    def answers(data: bytes) -> list[tuple[float, bytes]]:
+        return [(4.0, b"\x01#")] if data == b"J" else hand_control(data)
+
+    async def program() -> None:
+        line, wire = await opened(answers)
+        with pytest.raises(NoAnswer):
+            await line.exchange(Ask("J"))
+        value = await line.exchange(Ask("t"))
+        assert value["mode"] == 2
+        echoes = [sent for sent in wire.sent if sent[:1] == b"K"]
+        assert len(set(echoes)) >= 2
+        assert wire.sent.index(b"t") > max(wire.sent.index(echo) for echo in echoes)
+        await line.close()
+
+    run(program())
+
+
+def test_a_mount_that_falls_silent_is_said_to_be_down_and_comes_back() -> None:
+    alive = True
+
+    def answers(data: bytes) -> list[tuple[float, bytes]]:
+        return hand_control(data) if alive else []
+
+    async def program() -> None:
+        nonlocal alive
+        line, _ = await opened(answers)
+        ups = []
+        line.on_up = lambda: ups.append(True)
+        alive = False
+        with pytest.raises(NoAnswer):
+            await line.exchange(Ask("J"))
+        await asyncio.sleep(15)
+        assert line.state == "down"
+        with pytest.raises(NoAnswer):  # at once, not after another timeout
+            await asyncio.wait_for(line.exchange(Ask("J")), 0.1)
+        alive = True
+        await asyncio.sleep(10)
+        assert line.state == "up"
+        assert ups == [True]
+        assert (await line.exchange(Ask("t")))["mode"] == 2
+        await line.close()
+
+    run(program())
+
+
+def test_a_lost_port_is_opened_again() -> None:
+    async def program() -> None:
+        line, wire = await opened(hand_control)
+        assert wire.on_lost is not None
+        wire.fail_to_open = 3
+        wire.on_lost("unplugged")
+        await asyncio.sleep(0.1)
+        assert line.state == "down"
+        await asyncio.sleep(10)
+        assert line.state == "up"
+        assert wire.opened == 2
+        assert (await line.exchange(Ask("t")))["mode"] == 2
+        await line.close()
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    ("ask", "reply", "expected"),
+    [
+        (Ask("J"), b"\x01#", {"aligned": 1}),
+        (Ask("w"), b"\x23\x23\x23\x00\x76\x14\x23\x01#", None),
+        (Ask("V"), b"\x04\x23#", {"major": 4, "minor": 35}),
+        (Ask("t"), b"\x02\x00#", {"mode": 2}),  # a StarSense says more than one byte
+        (Ask("device_version", {"device": 18}), b"\x00\x00\x00#", NoDevice),
+        (Ask("gps_linked"), b"\x01#", {"linked": 1}),
+        (Ask("gps_linked"), b"\x00\x00#", NoDevice),
+    ],
+)
+@pytest.mark.parametrize("way", ["whole", "byte by byte"])
+def test_replies_are_framed_by_length(ask: Ask, reply: bytes, expected: Any, way: str) -> None:
+    pieces = [reply] if way == "whole" else [bytes((byte,)) for byte in reply]
+
+    async def program() -> None:
+        line, _ = await opened(lambda data: [(0.01 * n, piece) for n, piece in enumerate(pieces)])
+        if expected is NoDevice:
+            with pytest.raises(NoDevice):
+                await line.exchange(ask)
+        else:
+            values = await line.exchange(ask)
+            if expected is None:
+                assert values["latitude"] == pytest.approx(35 + 35 / 60 + 35 / 3600)
+                assert values["longitude"] == pytest.approx(-(118 + 20 / 60 + 35 / 3600))
+            else:
+                assert values == expected
+        await line.close()
+
+    run(program())
+
+
+def test_bytes_that_nobody_asked_for_are_dropped() -> None:
+    async def program() -> None:
+        line, wire = await opened(hand_control)
+        wire.deliver(b"\x09#\x09#")
+        assert (await line.exchange(Ask("t")))["mode"] == 2
+        await line.close()
+
+    run(program())
+
+
+def test_silence_can_be_an_answer() -> None:
+    async def program() -> None:
+        line, wire = await opened(lambda data: [] if data == b"v" else hand_control(data))
+        with pytest.raises(Silence):
+            await line.exchange(Ask("v", patience=1.0))
+        assert (await line.exchange(Ask("t")))["mode"] == 2
+        assert wire.sent == [b"v", b"t"]  # the line is not doubted
+        await line.close()
+
+    run(program())
+
+
+def test_a_garbled_answer_is_a_fault_and_not_the_end() -> None:
+    async def program() -> None:
+        line, _ = await opened(lambda data: [(0.01, b"34AZ0500,12CE0500#")] if data == b"e" else hand_control(data))
+        with pytest.raises(Exception, match="Garbled"):
+            await line.exchange(Ask("e"))
+        assert (await line.exchange(Ask("t")))["mode"] == 2
+        await line.close()
+
+    run(program())

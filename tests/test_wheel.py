@@ -1,0 +1,50 @@
+"""The wheel is whole: built, installed in a fresh environment, it finds its mappings and runs the demo."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import sysconfig
+import venv
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+
+
+def test_the_wheel_runs_the_demo(tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    subprocess.run(["git", "-C", str(ROOT), "checkout-index", "-a", f"--prefix={source}/"], check=True)
+    pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
+    subprocess.run([*pip, "wheel", "--no-deps", "-w", str(tmp_path), str(source)], check=True, timeout=120)
+    [wheel] = tmp_path.glob("*.whl")
+    fresh = tmp_path / "fresh"
+    venv.create(fresh, with_pip=False)
+    [site] = fresh.glob("lib/python*/site-packages")
+    subprocess.run([*pip, "install", "--no-deps", "--target", str(site), str(wheel)], check=True, timeout=120)
+    # what it depends on is taken from this environment, the product itself is not
+    (site / "dependencies.pth").write_text(sysconfig.get_paths()["purelib"] + "\n")
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    command = [str(fresh / "bin" / "python"), "-m", "gateway", "demo", "--port", "0", "--pty", str(tmp_path / "lx200")]
+    demo = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path, env=environment)
+    try:
+        assert demo.stdout is not None
+        ready = next(line for line in demo.stdout if line.startswith("ready"))
+        port = int(ready.rpartition(":")[2])
+        with socket.create_connection(("127.0.0.1", port), 10) as link:
+            link.settimeout(10)
+            link.sendall(b":GR#")
+            assert re.fullmatch(rb"\d\d:\d\d:\d\d#", link.recv(100))
+    finally:
+        demo.send_signal(signal.SIGTERM)
+        assert demo.wait(10) == 0
+        assert demo.stdout is not None
+        demo.stdout.close()
+    where = subprocess.run(
+        [str(fresh / "bin" / "python"), "-c", "import gateway.tables as t; print(t.mappings_folder())"],
+        check=True, capture_output=True, text=True, cwd=tmp_path, env=environment,
+    )  # fmt: skip
+    assert str(site) in where.stdout
