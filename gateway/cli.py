@@ -15,8 +15,8 @@ from gateway import __version__
 from gateway.config import Config, check, make_config, parse_device, parse_endpoint, parse_site, read_config
 from gateway.errors import UserError
 
-#: How long a mount may take to say who it is: three commands at the hand control's worst.
-FIND_MOUNT = 8.0
+#: How long a mount may take to say its first word (a hand control's worst), and to say all that it is asked.
+FIRST_WORD, FIND_MOUNT = 4.0, 20.0
 #: With --wait, how long the ready lines wait for the mount to say what fits it.
 QUICK = 0.5
 DEMO_PORT = 4030
@@ -49,7 +49,8 @@ def _parser() -> argparse.ArgumentParser:
 
     demo = commands.add_parser("demo", help="a simulated mount to play with, on TCP 4030 and a virtual serial port")
     demo.add_argument("--port", type=int, default=DEMO_PORT, help="TCP port (default 4030; 0 takes any free one)")
-    demo.add_argument("--pty", default="/tmp/lx200", metavar="PATH", help="virtual serial port (default /tmp/lx200)")
+    demo.add_argument("--pty", metavar="PATH", help="virtual serial port (default /tmp/lx200, reversed /tmp/nexstar)")
+    demo.add_argument("--reverse", action="store_true", help="the other way: NexStar programs on a simulated Meade")
     demo.add_argument("--speed", type=float, default=4.0, help="slews this many times faster than real (default 4)")
     demo.add_argument("--log", action="store_true", help="show the conversation on both sides")
     demo.set_defaults(run=_demo)
@@ -136,12 +137,15 @@ def _config(arguments: argparse.Namespace) -> Config:
 
 
 def _demo(arguments: argparse.Namespace) -> int:
-    surfaces = [{"at": f"lx200@tcp://127.0.0.1:{arguments.port}"}]
+    client, mount, words = ("lx200", "nexstar", "NexStar 6/8 SE, driven by whatever LX200")
+    if arguments.reverse:
+        client, mount, words = ("nexstar", "lx200:lx200gps", "LX200GPS, driven by whatever NexStar")
+    surfaces = [{"at": f"{client}@tcp://127.0.0.1:{arguments.port}"}]
     if sys.platform != "win32":
-        surfaces.append({"at": f"lx200@pty:{arguments.pty}"})
-    tables = {"mount": {"at": "nexstar@sim", "speed": arguments.speed}, "surface": surfaces, "log": arguments.log}
+        surfaces.append({"at": f"{client}@pty:{arguments.pty or '/tmp/' + client}"})
+    tables = {"mount": {"at": f"{mount}@sim", "speed": arguments.speed}, "surface": surfaces, "log": arguments.log}
     config = check(make_config(tables, "demo"), "demo")
-    print("A simulated NexStar 6/8 SE, driven by whatever LX200 program connects. Ctrl-C ends it.", flush=True)
+    print(f"A simulated {words} program connects. Ctrl-C ends it.", flush=True)
     return _with_loop(True, lambda: _serve_gateway(config))
 
 
@@ -226,7 +230,7 @@ async def _serve_gateway(config: Config) -> int:
         found = not config.wait or await gateway.found(QUICK)
         for name in gateway.names():
             print(f"ready {name}", flush=True)
-        if not found and not await gateway.found(FIND_MOUNT) and not done.is_set():
+        if not found and not await gateway.found(FIRST_WORD) and not done.is_set():
             assert gateway.hub is not None
             reason = gateway.hub.line.reason or "no answer"
             print(f"mount-gateway: {gateway.mount}: {reason}; trying on", file=sys.stderr, flush=True)
@@ -238,12 +242,12 @@ async def _serve_gateway(config: Config) -> int:
 
 async def _find(gateway: Any, done: asyncio.Event) -> None:
     """Wait for the mount; raise UserError that says what is there instead."""
-    deadline = asyncio.get_running_loop().time() + FIND_MOUNT
-    hub = gateway.hub
-    while asyncio.get_running_loop().time() < deadline and not done.is_set():
-        if await gateway.found(0.1 if hub.line.state == "opening" else 0.3):
+    hub, now = gateway.hub, asyncio.get_running_loop().time
+    began = now()
+    while now() < began + FIND_MOUNT and not done.is_set():
+        if await gateway.found(0.1):
             return
-        if hub.line.state == "down":
+        if hub.line.state == "down" or (hub.line.answers == 0 and now() > began + FIRST_WORD):
             break
     if done.is_set() or gateway.fitted.is_set():
         return

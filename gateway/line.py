@@ -53,6 +53,7 @@ class Line:
         self.on_up: Callable[[], None] = lambda: None
         self.reason = ""
         self.typical = 0.02
+        self.answers = 0
         self._order = count()
         self._queue: list[tuple[int, int, Job]] = []
         self._wake = asyncio.Event()
@@ -182,6 +183,7 @@ class Line:
         outcome, length = taken
         self.transcript.put("mount", "<", self._buffer[:length])
         self._buffer = self._buffer[length:]
+        self.answers += 1
         self.typical += 0.2 * (loop.time() - began - self.typical)
         pace = self.dialogue.pace(ask)
         if pace:

@@ -161,7 +161,7 @@ def test_night(workshop: Workshop, driver: Driver, mount: str, site: Site, trans
     scenario.tracks_again(telescope, truth, mode)
     scenario.goes_to(telescope, truth, target_up(truth.position(), 30.0, site), exact_end=driver.asks_end)
     if driver is SIXTEEN:
-        check_horizontal_goto(telescope, truth, site)
+        check_horizontal_goto(telescope, truth, site, equatorial)
     if driver.buttons:
         check_park(telescope, truth, driver)
 
