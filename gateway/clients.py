@@ -105,7 +105,7 @@ class Client:
             if isinstance(wanted, Start):
                 self._plain = False
                 if not (stopping and isinstance(wanted.operation, Stop)):
-                    self.hub.spawn(self._started(self._inward(wanted.operation), stops))
+                    self._begin(wanted.operation, stops)
             elif isinstance(wanted, Defer):
                 self._plain = False
                 self._defer(wanted)
@@ -162,12 +162,10 @@ class Client:
         self._memo[frame] = reply
         self._memo_until = min(self._memo_until, self.hub.fresh_until(self._spent))
 
-    async def _started(self, operation: Operation, stops: int) -> None:
+    def _begin(self, operation: Operation, stops: int) -> None:
         """An operation nobody is told the outcome of: a failure goes to the transcript."""
-        try:
-            await self.hub.perform(operation, stops)
-        except Fault as fault:
-            self.transcript.note(self.name, f"{type(operation).__name__}: {fault}")
+        name = type(operation).__name__
+        self.hub.begin(self._inward(operation), stops, lambda fault: self.transcript.note(self.name, f"{name}: {fault}"))
 
     def _defer(self, wanted: Defer) -> None:
         old = self._deferred.pop(wanted.special, None)

@@ -67,7 +67,7 @@ class Bridge:
 class Visitor:
     """One connection."""
 
-    def __init__(self, bridge: Bridge, host: str) -> None:
+    def __init__(self, bridge: Any, host: str) -> None:
         self.heard = b""
         self._guest = bridge.reception.arrive(host, host, self._hear)
 

@@ -7,12 +7,13 @@ Needs a running event loop; ``tests.virtual.run`` gives one on virtual time.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from typing import Any, cast
 
 from gateway import operations as op
 from gateway.assembly import FACES
 from gateway.config import Endpoint, SurfaceConfig
+from gateway.errors import Fault
 from gateway.guests import Reception
 from gateway.hub import MISSING
 from gateway.safety import Limits
@@ -61,6 +62,15 @@ class Still:
     async def stop(self) -> None:
         self.stops += 1
         await self.perform(op.Stop())
+
+    def begin(self, operation: op.Operation, stops: int, failed: Callable[[Fault], None]) -> None:
+        async def finish() -> None:
+            try:
+                await self.perform(operation, stops)
+            except Fault as fault:
+                failed(fault)
+
+        self.spawn(finish())
 
     def spawn(self, work: Coroutine[Any, Any, Any]) -> asyncio.Task[Any]:
         return self.loop.create_task(work)

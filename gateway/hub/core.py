@@ -105,6 +105,8 @@ class Hub:
                 self.observatory.mount_says_clock(value)
             else:
                 self.snapshot.put(type(operation), value, self.now())
+        if self.policy.equinox == "auto":
+            self.derived.equinox = self.driver.equinox
         self.identified.set()
 
     # --- asking ---------------------------------------------------------------------------------------------------
@@ -158,11 +160,23 @@ class Hub:
         if isinstance(operation, op.Stop):
             return await self.stop()
         if isinstance(operation, MOTIONS):
-            return await self.motions.perform(operation, stops)
+            return await self.motions.ended(self.motions.begin(operation, stops))
         handler = self.settings.handlers.get(type(operation))
         if handler is not None:
             return await handler(operation)
         return await self.drive(self.driver.perform(operation), SETTING)
+
+    def begin(self, operation: op.Operation, stops: int, failed: Callable[[Fault], None]) -> None:
+        """Carry out an operation that nobody waits for; ``failed`` is told when it was not."""
+        motion = self.motions.begin(operation, stops) if isinstance(operation, MOTIONS) else None
+
+        async def finish() -> None:
+            try:
+                await (self.motions.ended(motion) if motion is not None else self.perform(operation, stops))
+            except Fault as fault:
+                failed(fault)
+
+        self.spawn(finish())
 
     async def read(self, operation: op.Operation) -> Any:
         """A read, from the snapshot or by an exchange that everyone who asks shares. Raises Fault."""

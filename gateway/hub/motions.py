@@ -64,12 +64,16 @@ class Motions:
             await self._hub.drive(self._hub.driver.perform(op.Stop()), STOP)
         self._hub.snapshot.put(op.Slewing, False, self._hub.now())
 
-    async def perform(self, operation: op.Operation, stops: int | None) -> Any:
-        """Run a motion after those before it. Raises Fault, and Stopped when a stop came first."""
+    def begin(self, operation: op.Operation, stops: int | None) -> asyncio.Task[Any]:
+        """Put a motion in line behind those before it; from now on it counts as asked for."""
         self._make_way(operation)
         task = self._hub.loop.create_task(self._run(operation, self.stops if stops is None else stops))
         self._jobs[task] = operation
         task.add_done_callback(self._ended)
+        return task
+
+    async def ended(self, task: asyncio.Task[Any]) -> Any:
+        """Wait for a motion that was begun. Raises Fault, and Stopped when a stop came first."""
         try:
             return await asyncio.shield(task)
         except asyncio.CancelledError:

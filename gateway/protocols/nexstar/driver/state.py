@@ -83,6 +83,13 @@ class NexStar(Driver):
         return self.starsense
 
     @property
+    def equinox(self) -> str:  # type: ignore[override]
+        """Up to 4.13, and on every GT, a hand control counts in J2000 by Celestron's own driver; others disagree."""
+        if self.starsense or self.version is None or self.version >= JNOW_FROM:
+            return "jnow"
+        return "j2000"
+
+    @property
     def german(self) -> bool:
         """Whether the mount is built equatorially."""
         return bool(self.facts["mount"] == "german")
@@ -124,6 +131,7 @@ class NexStar(Driver):
         return max([key for key in range(1, 10) if self.key_speed(key) <= wanted + 1e-9], default=1)
 
 
+JNOW_FROM = (4, 14)
 SIDEREAL = 15.041067 / 3600.0
 UNKNOWN: dict[str, Any] = {"mount": "fork", "rates": "se", "has": [], "motors": "0.0", "versions": []}
 

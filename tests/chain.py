@@ -1,0 +1,85 @@
+"""Two gateways in a row, in one process on virtual time: what one surface says is what the next driver hears."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+from gateway import operations as op
+from gateway.assembly import DRIVERS, FACES
+from gateway.config import Endpoint, MountConfig, SurfaceConfig
+from gateway.guests import Reception
+from gateway.hub import Hub, Policy
+from gateway.line import Line
+from gateway.observatory import Observatory
+from gateway.ports import Guest
+from gateway.safety import Limits
+from gateway.sky import Sky
+from gateway.transcript import Entry, Transcript
+from gateway.wires import OnData, OnLost
+from tests.bridge import Bridge, Visitor
+
+
+class GuestWire:
+    """A wire to the surface of another gateway."""
+
+    name = "the other gateway"
+
+    def __init__(self, reception: Reception) -> None:
+        self._reception = reception
+        self._guest: Guest | None = None
+
+    async def open(self, on_data: OnData, on_lost: OnLost) -> None:
+        loop = asyncio.get_running_loop()
+        self._guest = self._reception.arrive("chain", "chain", lambda data: loop.call_soon(on_data, bytes(data)))
+
+    def write(self, data: bytes) -> None:
+        assert self._guest is not None
+        self._guest.feed(data)
+
+    async def close(self) -> None:
+        if self._guest is not None:
+            self._guest.close()
+            self._guest = None
+
+
+class Chain:
+    """``outer`` speaks to clients and drives ``inner``, which drives the simulated mount."""
+
+    def __init__(self, inner: Bridge, link: str, presented: str, surface: str | None = None) -> None:
+        self.inner = inner
+        loop = asyncio.get_running_loop()
+        self.transcript = Transcript(inner.clock)
+        self.entries: list[Entry] = []
+        self.transcript.sinks.append(self.entries.append)
+        driver, follow_ups, dialogue = DRIVERS[link](Endpoint(link, "-"), MountConfig(at="-"), loop.time)
+        self.driver: Any = driver
+        line = Line(GuestWire(inner.reception), dialogue, self.transcript)
+        observatory = Observatory(loop.time, inner.clock, None)
+        limits = Limits(lowest=-90.0)  # the inner gateway and the mount have limits of their own
+        self.hub = Hub(driver, follow_ups, line, Sky(), observatory, self.transcript, Policy(limits))
+        face = FACES[presented](Endpoint(presented, "-", surface), SurfaceConfig(at="-"), limits)
+        self.reception = Reception(self.hub, face, {"sites": {}}, inner.clock, lambda: None)
+
+    async def __aenter__(self) -> Chain:
+        await self.inner.__aenter__()
+        self.hub.start()
+        await self.hub.identified.wait()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.hub.close()
+        await self.inner.__aexit__()
+
+    def client(self) -> Visitor:
+        return Visitor(self, "127.0.0.1")
+
+    def sent(self) -> list[bytes]:
+        """What the outer gateway sent to the inner one."""
+        return [entry.data for entry in self.entries if entry.side == "mount" and entry.arrow == ">"]
+
+
+def equatorial(raw: bytes) -> op.Equatorial:
+    """The answer of ``e`` in degrees."""
+    ra, dec = (int(part[:6], 16) * 360.0 / 2**24 for part in raw.rstrip(b"#").split(b","))
+    return op.Equatorial(ra, dec - 360.0 if dec > 180 else dec)
