@@ -165,7 +165,9 @@ class Client:
     def _begin(self, operation: Operation, stops: int) -> None:
         """An operation nobody is told the outcome of: a failure goes to the transcript."""
         name = type(operation).__name__
-        self.hub.begin(self._inward(operation), stops, lambda fault: self.transcript.note(self.name, f"{name}: {fault}"))
+        self.hub.begin(
+            self._inward(operation), stops, lambda fault: self.transcript.note(self.name, f"{name}: {fault}")
+        )
 
     def _defer(self, wanted: Defer) -> None:
         old = self._deferred.pop(wanted.special, None)

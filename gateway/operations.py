@@ -311,6 +311,10 @@ class SetClock(Operation, frozen=True):
     offset: float
 
 
+class ClockFromGps(Operation, frozen=True):
+    """Set the mount's clock from its GPS unit. Raises NoDevice when there is none or it is not linked."""
+
+
 class SetGuideRate(Operation, frozen=True):
     """Autoguide rate of an axis as a fraction of sidereal."""
 

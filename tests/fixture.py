@@ -30,6 +30,8 @@ class Mount:
     def __init__(self) -> None:
         self.position = op.Equatorial(188.0 + 44 / 60, 45 + 12 / 60 + 34 / 3600)
         self.horizontal = op.Horizontal(180.0, 40.0)
+        self.axes = op.Horizontal(90.0, 90.0)
+        self.pier = "E"
         self.site = op.Place(37 + 17 / 60, -(122 + 25 / 60))
         self.clock = op.Moment(unix("2026-03-21 04:15:30"), -8.0)
         self.status = op.Status(op.Tracking.EQ_NORTH, aligned=True, equatorial=True)
@@ -37,16 +39,21 @@ class Mount:
         self.limits = Limits()
         self.sky = Sky()
         self.asked: list[op.Operation] = []
+        #: What everything, or one kind of operation, ends in.
         self.fault: Fault | None = None
+        self.faults: dict[type[op.Operation], Fault] = {}
 
     def perform(self, operation: op.Operation) -> Any:
         """The answer of an operation; raises the Fault that was set, or what the limits say."""
         self.asked.append(operation)
         if self.fault is not None:
             raise self.fault
+        if type(operation) in self.faults:
+            raise self.faults[type(operation)]
         answers: dict[type[op.Operation], Any] = {
             op.Position: self.position, op.HorizontalPosition: self.horizontal, op.Slewing: self.slewing,
             op.GetStatus: self.status, op.GetSite: self.site, op.GetClock: self.clock, op.HomeState: 0,
+            op.AxisPosition: self.axes, op.PierSide: self.pier,
         }
         if isinstance(operation, op.SiderealTime):
             return self.sky.sidereal_time(self.clock.unix, self.site.longitude)
@@ -57,9 +64,12 @@ class Mount:
             self.slewing = True
         elif isinstance(operation, op.GotoHorizontal):
             check_altitude(self.limits.narrowed(operation.lowest, operation.highest), operation.alt)
+            self.slewing = True
+        elif isinstance(operation, op.GotoAxes):
+            self.slewing = True
         elif isinstance(operation, op.Sync):
             check_sync(self.limits, self.position, op.Equatorial(operation.ra, operation.dec))
-        elif isinstance(operation, op.Stop):
+        elif isinstance(operation, op.Stop | op.CancelGoto):
             self.slewing = False
         elif isinstance(operation, op.SetSite):
             self.site = op.Place(
@@ -79,9 +89,10 @@ class Talk:
     """One client of a surface over a ``Mount``: bytes in, bytes out, no I/O."""
 
     def __init__(self, mount: Mount | None = None, model: str = "autostar", protocol: str = "lx200",
-                 **settings: Any) -> None:
+                 version: str | None = None, **settings: Any) -> None:
         self.mount = mount or Mount()
-        self.face: Face = FACES[protocol](Endpoint(protocol, "-", model), SurfaceConfig(at="-", **settings), Limits())
+        endpoint = Endpoint(protocol, "-", model, version)
+        self.face: Face = FACES[protocol](endpoint, SurfaceConfig(at="-", **settings), Limits())
         self.now = self.mount.clock.unix
         self.session = Session(self.face.model, self.face.settings, lambda: self.now, {"sites": {}})
         self.framing = self.face.framing(lambda: self.now)

@@ -83,7 +83,7 @@ def test_one_exchange_at_a_time_and_stop_before_everything_that_waits() -> None:
 
 
 def test_a_late_answer_is_never_taken_for_the_next() -> None:
-    """``J`` is answered after 4 s: too late. What follows is echoes until the line is in step, then the next command."""
+    """``J`` is answered after 4 s: too late. Echoes follow until the line is in step, then the next command."""
 
     def answers(data: bytes) -> list[tuple[float, bytes]]:
         return [(4.0, b"\x01#")] if data == b"J" else hand_control(data)

@@ -14,7 +14,7 @@ from tests.manual_files import fits, raw, rows
 
 LX200 = load("lx200")
 #: Forms that nothing answers yet; this list may only shrink.
-UNANSWERED = {"CL", "gps", "gT", "LB", "LC", "LF", "Lf", "LM", "LN", "LS", "SE", "Se", "??", "?+", "?-"}
+UNANSWERED = {"CL", "LB", "LC", "LF", "Lf", "LM", "LN", "LS", "SE", "Se", "??", "?+", "?-"}
 _PICTURES = {"sHH": "sHH.H", "DDD*MM'SS": "DDD*MM:SS", "DD*": "DD*"}
 
 

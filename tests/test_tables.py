@@ -93,5 +93,5 @@ def test_the_printed_tables_are_up_to_date(capsys: pytest.CaptureFixture[str]) -
 
 def test_missing_rows_are_counted() -> None:
     assert set(pairs.missing("lx200", "nexstar")) == {
-        "CL", "gps", "gT", "LB", "LC", "LF", "Lf", "LM", "LN", "LS", "SE", "Se", "??", "?+", "?-",
+        "CL", "LB", "LC", "LF", "Lf", "LM", "LN", "LS", "SE", "Se", "??", "?+", "?-",
     }  # fmt: skip

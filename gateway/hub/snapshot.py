@@ -64,7 +64,7 @@ class Snapshot:
         return None if seen is None else seen.value
 
     def fresh(self, kind: Kind, now: float, patience: float, down: bool) -> Any:
-        """The answer if it may still be told, else MISSING; a slow line makes it live longer, a lost one much longer."""
+        """The answer if it may still be told, else MISSING; on a slow line it lives longer, on a lost one much longer."""
         seen = self.seen.get(kind)
         if seen is None or now - seen.at > (LAST_POSITION if down else max(FRESH[kind], patience)):
             return MISSING

@@ -1,6 +1,6 @@
 """``python tests/bench/bench.py [--quick] [--json FILE]``: how fast, how thrifty, how large, beside what is bare.
 
-Takes under three minutes, with ``--quick`` under forty seconds; needs Linux. README.md here says what each figure means.
+Takes under three minutes, with ``--quick`` under forty seconds; needs Linux. README.md here explains the figures.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="mount-gateway-bench-") as bytecode:
         for part in (starting, round_trip, line_load):
             figures += part.measure(bytecode, arguments.quick)
-    machine = f"{platform.machine()}, {os.cpu_count()} cores, Linux {platform.release()}, Python {platform.python_version()}"
+    machine = (f"{platform.machine()}, {os.cpu_count()} cores, Linux {platform.release()}, "
+               f"Python {platform.python_version()}")
     print(table(figures))
     print(f"\n{machine}; measured in {time.monotonic() - began:.0f} s")
     if arguments.json:

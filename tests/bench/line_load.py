@@ -2,7 +2,7 @@
 
 A hand control answers in a fifth of a second: twenty programs that each had their own exchanges would wait for each
 other. Five gateways run side by side, each with a simulated hand control that takes a tenth of a second to answer and a
-proxy between the two that counts. One of them is polled for as long as it takes to see how large it becomes.
+proxy between the two that counts. One of those that twenty programs poll is weighed at the end.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from figures import Figure
 from tally import Tally, poll
 
 LATENCY = 0.1
-SETTLE = 3.0
+#: What the gateway asked of itself at its start is no longer renewed after this time, in seconds.
+SETTLE = 3.5
 HEARTBEAT = 5.0
 
 PLAIN = ((b":GR#", b":GD#"), 4.0)
@@ -52,14 +53,15 @@ async def _all(bytecode: str, mounts: list[int], seconds: float) -> list[Figure]
     loop = asyncio.get_running_loop()
     tallies = [Tally(mount) for mount in mounts]
     polls: list[asyncio.Task[None]] = []
-    children = []
+    children = {}
     with ExitStack() as stack:
         try:
             for case, tally in zip(CASES, tallies, strict=True):
                 command = processes.gateway_command(await tally.open())
                 process = stack.enter_context(processes.child(command, bytecode))
-                children.append(process)
-                port = await asyncio.to_thread(processes.port_of, process)
+                children[case.name] = process
+            for case in CASES:
+                port = await asyncio.to_thread(processes.port_of, children[case.name])
                 for number, (questions, rate) in enumerate(case.clients):
                     delay = number / len(case.clients) / rate
                     polls.append(loop.create_task(poll(port, questions, rate, delay)))
@@ -70,11 +72,13 @@ async def _all(bytecode: str, mounts: list[int], seconds: float) -> list[Figure]
             for task in polls:
                 if task.done():
                     task.result()
-            resident = memory.resident(children[3].pid)
+            resident = memory.resident(children["twenty-mixed"].pid)
         finally:
             for task in polls:
                 task.cancel()
             await asyncio.gather(*polls, return_exceptions=True)
+            for process in children.values():
+                process.terminate()
             for tally in tallies:
                 await tally.close()
     rates = {case.name: tally.rate(began, ended) for case, tally in zip(CASES, tallies, strict=True)}

@@ -32,8 +32,11 @@ def environment(bytecode: str) -> dict[str, str]:
 @contextmanager
 def child(command: list[str], bytecode: str, log: str = "stdout") -> Iterator[subprocess.Popen[bytes]]:
     """A running program; ``log`` is the stream that is read here, the other one goes nowhere."""
-    streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, log: subprocess.PIPE}
-    process = subprocess.Popen(command, cwd=ROOT, env=environment(bytecode), stdin=subprocess.DEVNULL, **streams)
+    process = subprocess.Popen(
+        command, cwd=ROOT, env=environment(bytecode), stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE if log == "stdout" else subprocess.DEVNULL,
+        stderr=subprocess.PIPE if log == "stderr" else subprocess.DEVNULL,
+    )
     try:
         yield process
     finally:

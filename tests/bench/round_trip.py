@@ -23,7 +23,7 @@ GOAL = 1.5
 
 def measure(bytecode: str, quick: bool) -> list[Figure]:
     """Both event loops."""
-    batches = 40 if quick else 200
+    batches = 20 if quick else 200
     return [figure for loop in ("fast", "asyncio") for figure in _one_loop(bytecode, loop, batches)]
 
 
@@ -54,7 +54,7 @@ def _one_loop(bytecode: str, loop: str, batches: int) -> list[Figure]:
 
 def _settle(connections: dict[str, socket.socket]) -> None:
     """Let the gateway finish what it does after its start, and have everything called a few times."""
-    until = time.monotonic() + 2.0
+    until = time.monotonic() + 1.5
     while time.monotonic() < until:
         for connection in connections.values():
             processes.ask(connection, QUESTIONS[0])

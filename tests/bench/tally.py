@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Sequence
 
 import processes
@@ -17,6 +18,7 @@ class Tally:
         self._requests: list[float] = []
         self._server: asyncio.Server | None = None
         self._writers: list[asyncio.StreamWriter] = []
+        self._closed = asyncio.Event()
 
     async def open(self) -> int:
         """Listen -> the port."""
@@ -27,14 +29,17 @@ class Tally:
         far, on = await asyncio.open_connection(processes.HOST, self._target)
         self._writers += [back, on]
         await asyncio.gather(self._pass(near, on, True), self._pass(far, back, False))
+        self._closed.set()
 
     async def _pass(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, request: bool) -> None:
-        while data := await reader.read(4096):
-            now = asyncio.get_running_loop().time()
-            self._passed.append((now, len(data)))
-            if request:
-                self._requests.append(now)
-            writer.write(data)
+        """Hand on what comes, until either side has closed."""
+        with contextlib.suppress(ConnectionError):
+            while data := await reader.read(4096):
+                now = asyncio.get_running_loop().time()
+                self._passed.append((now, len(data)))
+                if request:
+                    self._requests.append(now)
+                writer.write(data)
         writer.close()
 
     def rate(self, began: float, ended: float) -> float:
@@ -47,11 +52,13 @@ class Tally:
         return max((sum(first <= at < first + span for at in times) for first in times), default=0)
 
     async def close(self) -> None:
+        """Close both connections and wait for what is on its way."""
         if self._server is not None:
             self._server.close()
         for writer in self._writers:
             writer.close()
-        await asyncio.sleep(0)
+        if self._writers:
+            await asyncio.wait_for(self._closed.wait(), processes.PATIENCE)
 
 
 async def poll(port: int, questions: Sequence[bytes], rate: float, delay: float) -> None:

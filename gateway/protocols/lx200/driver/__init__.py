@@ -19,7 +19,7 @@ SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
         pointing.unpark, pointing.sleep, pointing.wake,
         motion.move, motion.move_axis, motion.halt, motion.stop, motion.pulse, motion.pulse_axis, motion.set_tracking,
         motion.track_rate, motion.set_guide_rate, motion.backlash, motion.periodic_error, motion.focus,
-        place.get_site, place.set_site, place.get_clock, place.set_clock,
+        place.get_site, place.set_site, place.get_clock, place.set_clock, place.clock_from_gps,
     )
 }
 FOLLOW_UPS: dict[type[Any], Callable[[Any, Any], Any]] = {motion.EndPulse: motion.end_pulse}

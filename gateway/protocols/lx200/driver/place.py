@@ -6,8 +6,8 @@ import calendar
 from datetime import UTC, datetime, timedelta
 
 from gateway.driver import Steps
-from gateway.errors import Invalid, Refused, Unsupported
-from gateway.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite
+from gateway.errors import Invalid, NoDevice, Refused, Unsupported
+from gateway.operations import ClockFromGps, GetClock, GetSite, Moment, Place, SetClock, SetSite
 from gateway.protocols.lx200.driver.state import Meade, ask
 from gateway.spherical import wrap180
 
@@ -45,6 +45,13 @@ def get_clock(mount: Meade, _: GetClock) -> Steps:
     if seconds < 5:
         day = (yield from ask(mount, "GC"))["date"]
     return Moment(calendar.timegm(day.timetuple()) + seconds - offset * 3600.0, offset)
+
+
+def clock_from_gps(mount: Meade, _: ClockFromGps) -> Steps:
+    """:gT - minutes on a real one; its answer is not waited for longer than any other."""
+    if not mount.knows("gT"):
+        raise NoDevice("This model has no GPS.")
+    yield from ask(mount, "gT")
 
 
 def set_clock(mount: Meade, operation: SetClock) -> Steps:

@@ -10,8 +10,8 @@ import calendar
 from datetime import UTC, datetime, timedelta
 
 from gateway.driver import Ask, Steps
-from gateway.errors import Fault, Unsupported
-from gateway.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite
+from gateway.errors import Fault, NoDevice, Unsupported
+from gateway.operations import ClockFromGps, GetClock, GetSite, Moment, Place, SetClock, SetSite
 from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.spherical import wrap180
 
@@ -71,6 +71,21 @@ def get_clock(mount: NexStar, _: GetClock) -> Steps:
             continue
         return _moment({**day, **year, **time}, 0.0, century=0)
     raise Unsupported("This hand control does not tell the time.")
+
+
+def clock_from_gps(mount: NexStar, _: ClockFromGps) -> Steps:
+    """GPS unit 176, when it is linked, into the hand control's own clock; its zone stays."""
+    if not mount.has("gps") or not (yield Ask("gps_linked"))["linked"]:
+        raise NoDevice("The GPS is not linked.")
+    day = yield Ask("gps_date")
+    year = yield Ask("gps_year")
+    time = yield Ask("gps_time")
+    offset = 0.0
+    if mount.knows("h"):
+        present = yield Ask("h")
+        offset = float(present["zone"] + present["dst"])
+    moment = _moment({**day, **year, **time}, 0.0, century=0)
+    yield from set_clock(mount, SetClock(moment.unix, offset))
 
 
 def _moment(fields: dict[str, int], zone: float, century: int = 2000) -> Moment:

@@ -8,7 +8,7 @@ from typing import Any
 from gateway.protocols.nexstar.framing import Framer, lengths
 from gateway.protocols.nexstar.surface import devices, identity, motion, place, pointing
 from gateway.surface import Special
-from gateway.tables import load, parse_version
+from gateway.tables import Version, load, parse_version
 
 #: row word -> function; the same word may stand in several modules, so it is written ``module.function``.
 SPECIALS: dict[str, Special] = {
@@ -22,6 +22,8 @@ SPECIALS: dict[str, Special] = {
 VERSION, FORK, GERMAN = "4.21", "6-8se", "cge"
 #: Answered whatever the version: one program asks it of every hand control and waits.
 ALWAYS = "v"
+#: GT hand controls count from 100.
+GT_FIRST, GT_SECOND, GT_OLD, GT_NEW = 100, (104, 0), (1, 2), (4, 3)
 
 
 def presented(model: str | None, version: str | None) -> dict[str, Any]:
@@ -30,10 +32,18 @@ def presented(model: str | None, version: str | None) -> dict[str, Any]:
     return {**load("nexstar").models[name], "name": name, "version": parse_version(version or VERSION)}
 
 
+def counts_as(version: Version) -> Version:
+    """What a hand control of that number knows: before 104.0 a GT is to be treated as 1.2, from then on as 4.03."""
+    if version[0] < GT_FIRST:
+        return version
+    return GT_NEW if version >= GT_SECOND else GT_OLD
+
+
 def framing(model: dict[str, Any]) -> Callable[[Callable[[], float]], Callable[[bytes], list[bytes]]]:
     """How requests to a hand control of that version are cut out: opcodes it does not know are dropped bytes."""
     commands = load("nexstar").commands.values()
-    known = lengths([c for c in commands if c.name == ALWAYS or c.known_to(None, model["version"])])
+    version = counts_as(model["version"])
+    known = lengths([c for c in commands if c.name == ALWAYS or c.known_to(None, version)])
 
     def make(now: Callable[[], float]) -> Callable[[bytes], list[bytes]]:
         framer = Framer(known)

@@ -16,6 +16,8 @@ from gateway.tables import Command, parse_version
 
 MOTORS = {16: 1, 17: 2}
 GPS, RTC = 176, 178
+#: Years that a hand control can tell.
+CENTURY = range(2000, 2100)
 SETTINGS = (b"R", b"r", b"B", b"b", b"S", b"s", b"T", b"W", b"H", b"I")
 
 
@@ -68,14 +70,15 @@ def universal_time(session: Session, command: Command, values: dict[str, Any]) -
 
 
 def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """Set date, year, time of the clock: each changes its own part of UT."""
+    """Set date, year, time of the clock: each changes its own part of UT, an impossible one nothing."""
     _require(session, "rtc")
     moment: Moment = yield GetClock()
     try:
         now = datetime.fromtimestamp(moment.unix, UTC).replace(**values)
-    except (ValueError, TypeError):
+    except ValueError:
         return
-    yield SetClock(now.timestamp(), moment.offset)
+    if now.year in CENTURY:
+        yield SetClock(now.timestamp(), moment.offset)
 
 
 def absent(session: Session, command: Command, values: dict[str, Any]) -> None:

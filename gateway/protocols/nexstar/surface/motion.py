@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.errors import Fault
+from gateway.errors import Fault, Unsupported
 from gateway.operations import (
     Backlash,
     GetStatus,
@@ -23,10 +23,13 @@ from gateway.operations import (
 )
 from gateway.protocols.nexstar.surface.devices import motor
 from gateway.surface import Handling, Session, Start
-from gateway.tables import Command
+from gateway.tables import Command, parse_version
 
 _TRACKING = {0xFFFF: "sidereal", 0xFFFE: "solar", 0xFFFD: "lunar"}
 _MODES = {0: Tracking.OFF, 1: Tracking.ALTAZ, 2: Tracking.EQ_NORTH, 3: Tracking.EQ_SOUTH}
+#: How German mounts of a few versions count, which have no alt-az mode.
+_SHIFTED = {0: Tracking.OFF, 1: Tracking.EQ_NORTH, 2: Tracking.EQ_SOUTH}
+_KEYS, _FULL_BACKLASH = 9, 99
 
 
 def _axis_and_sense(command: Command) -> tuple[int, int]:
@@ -36,12 +39,12 @@ def _axis_and_sense(command: Command) -> tuple[int, int]:
 
 
 def fixed(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """AUX 0x24, 0x25 - a hand-control key 1-9; 0 stops the axis."""
+    """AUX 0x24, 0x25 - a hand-control key 1-9; 0 stops the axis, a key that there is not does nothing."""
     axis, sense = _axis_and_sense(command)
     if values["rate"] == 0:
         yield Start(Halt(axis))
-    else:
-        yield Start(MoveAxis(axis, sense, Rate(key=min(9, values["rate"]))))
+    elif values["rate"] <= _KEYS:
+        yield Start(MoveAxis(axis, sense, Rate(key=values["rate"])))
 
 
 def variable(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -65,38 +68,47 @@ def _rate(axis: int, sense: int, degrees: float, tracking: str | None) -> Handli
         yield Start(MoveAxis(axis, sense, Rate(degrees=degrees)))
 
 
+def _modes(session: Session) -> dict[int, Tracking]:
+    """The tracking modes as the presented version counts them."""
+    first_last = session.model.get("shifted")
+    if first_last and parse_version(first_last[0]) <= session.model["version"] <= parse_version(first_last[1]):
+        return _SHIFTED
+    return _MODES
+
+
 def mode(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """t - binary, as this version counts it."""
+    """t - binary. A program that said T 0 to a mount which cannot stop tracking is told 0 all the same."""
     status: Status = yield GetStatus()
-    wanted = status.tracking
-    if wanted.equatorial and session.shared.get("asked mode") in (2, 3):
-        return {"mode": session.shared["asked mode"]}
-    return {"mode": next(code for code, known in _MODES.items() if known is wanted)}
+    if session.kept.get("tracking off"):
+        return {"mode": 0}
+    return {"mode": next((code for code, known in _modes(session).items() if known is status.tracking), 1)}
 
 
 def set_mode(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """T - a mode above 3 does nothing."""
-    wanted = _MODES.get(values["mode"])
+    wanted = _modes(session).get(values["mode"])
     if wanted is None:
         return
+    session.kept["tracking off"] = False
     try:
         yield SetTracking(on=wanted is not Tracking.OFF, mode=wanted)
+    except Unsupported:
+        session.kept["tracking off"] = wanted is Tracking.OFF
     except Fault:
         return
 
 
 def pulse(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """AUX 0x26 - percent of sidereal for hundredths of a second."""
+    """AUX 0x26 - percent of sidereal for hundredths of a second; the percentage is the mount's own guide rate."""
     axis, ms = motor(values), values["ticks"] * 10
-    session.kept.setdefault("pulse ends", {})[axis] = session.clock() + ms / 1000.0
     if values["rate"] and ms:
+        session.shared[f"pulse ends {axis}"] = session.clock() + ms / 1000.0
         yield Start(PulseAxis(axis, 1 if values["rate"] > 0 else -1, ms))
 
 
 def pulse_active(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
-    """AUX 0x27"""
-    ends = session.kept.get("pulse ends", {}).get(motor(values), 0.0)
-    return {"active": int(session.clock() < ends)}
+    """AUX 0x27 - of the motor's last pulse, whichever client asked for it."""
+    return {"active": int(session.clock() < session.shared.get(f"pulse ends {motor(values)}", 0.0))}
 
 
 def set_guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -112,15 +124,20 @@ def guide_rate(session: Session, command: Command, values: dict[str, Any]) -> di
 
 
 def set_backlash(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """AUX 0x10, 0x11"""
+    """AUX 0x10, 0x11 - more than 99 does nothing."""
     axis = motor(values)
-    session.shared[f"backlash {axis}"] = values["value"]
-    yield Start(Backlash(axis, min(99, values["value"])))
+    if values["value"] <= _FULL_BACKLASH:
+        session.shared[_backlash_name(command, axis)] = values["value"]
+        yield Start(Backlash(axis, values["value"]))
 
 
 def backlash(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
-    """AUX 0x40, 0x41"""
-    return {"value": session.shared.get(f"backlash {motor(values)}", 0)}
+    """AUX 0x40, 0x41 - what was set."""
+    return {"value": session.shared.get(_backlash_name(command, motor(values)), 0)}
+
+
+def _backlash_name(command: Command, axis: int) -> str:
+    return f"backlash {axis} {command.name[-3:]}"
 
 
 def periodic_error(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -138,6 +155,5 @@ def wake(session: Session, command: Command, values: dict[str, Any]) -> Handling
     yield Start(Wake())
 
 
-def unsync(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def unsync(session: Session, command: Command, values: dict[str, Any]) -> None:
     """u - acknowledged: no mount here keeps a list of syncs."""
-    yield GetStatus()

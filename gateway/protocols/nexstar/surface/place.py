@@ -47,7 +47,7 @@ def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Han
     """H, I - an impossible time does nothing."""
     zone = values["quarters"] / 4.0 if "quarters" in values else float(values["zone"])
     dst = values["dst"]
-    if dst not in (0, 1) or not -14 <= zone <= 14:
+    if dst not in (0, 1) or not -14 <= zone <= 14 or values["year"] > 99:
         return
     try:
         local = datetime(2000 + values["year"], values["month"], values["day"], values["hour"], values["minute"],

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.errors import Fault
+from gateway.errors import Fault, Unsupported
 from gateway.operations import (
     AxisPosition,
     CancelGoto,
@@ -23,6 +23,7 @@ from gateway.operations import (
     Sync,
 )
 from gateway.protocols.nexstar.surface.devices import motor
+from gateway.spherical import fold_declination, wrap180
 from gateway.surface import Handling, Session, Start
 from gateway.tables import Command
 
@@ -40,12 +41,14 @@ def axes(session: Session, command: Command, values: dict[str, Any]) -> Handling
 def goto(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """R r - acknowledged at once; a malformed one does nothing."""
     if "fault" not in values:
-        yield Start(Goto(values["ra"], values["dec"]))
+        session.kept.pop("axis goto", None)
+        yield Start(Goto(*fold_declination(values["ra"], values["dec"])))
 
 
 def goto_axes(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """B b"""
     if "fault" not in values:
+        session.kept.pop("axis goto", None)
         yield Start(_to(session, values["az"], values["alt"]))
 
 
@@ -57,7 +60,7 @@ def sync(session: Session, command: Command, values: dict[str, Any]) -> Handling
     """S s - what cannot be done shows in the log alone."""
     if "fault" not in values:
         try:
-            yield Sync(values["ra"], values["dec"])
+            yield Sync(*fold_declination(values["ra"], values["dec"]))
         except Fault:
             return
 
@@ -79,10 +82,13 @@ def aligned(session: Session, command: Command, values: dict[str, Any]) -> Handl
 
 
 def pier_side(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """p - always E over a fork."""
+    """p - always E over a fork, and over a mount that has no way to tell it: a Meade never changes sides."""
     if not german(session):
         return {"side": "E"}
-    return {"side": (yield PierSide())}
+    try:
+        return {"side": (yield PierSide())}
+    except Unsupported:
+        return {"side": "E"}
 
 
 def sidereal(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -101,14 +107,13 @@ def axis_position(session: Session, command: Command, values: dict[str, Any]) ->
 
 
 def axis_goto(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """AUX 0x02, 0x17 - the other axis goes where it was last sent, else stays."""
+    """AUX 0x02, 0x17 - while the other axis is under way to where it was sent, it goes on; else it stays."""
     number = motor(values)
     seen = yield AxisPosition() if german(session) else HorizontalPosition()
-    wanted = session.kept.setdefault("axis goto", {})
-    wanted = {1: seen.az, 2: seen.alt, **wanted, number: values["position"]}
-    session.kept["axis goto"] = {number: values["position"]}
-    alt = wanted[2] - 360.0 if wanted[2] > 180.0 else wanted[2]
-    yield Start(_to(session, wanted[1], alt))
+    sent: dict[int, float] = session.kept.get("axis goto", {}) if (yield Slewing()) else {}
+    wanted = {1: seen.az, 2: seen.alt, **sent, number: values["position"]}
+    session.kept["axis goto"] = {**sent, number: values["position"]}
+    yield Start(_to(session, wanted[1], wrap180(wanted[2])))
 
 
 def axis_done(session: Session, command: Command, values: dict[str, Any]) -> Handling:
