@@ -144,7 +144,7 @@ class PtyPort:
             raise UserError("pty: there are no pseudo-terminals on this system; use a serial port pair") from None
         self.path = os.path.abspath(os.path.expanduser(path))
         self.where = f"pty:{self.path}"
-        self._lock = _lock_for(self.path)
+        self._lock_name, self._lock = _lock_for(self.path)
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
@@ -171,6 +171,8 @@ class PtyPort:
             os.write(self._master, data)
 
     def _close_files(self) -> None:
+        with contextlib.suppress(OSError):
+            os.unlink(self._lock_name)
         for number in (self._master, self._slave, self._lock):
             with contextlib.suppress(OSError):
                 os.close(number)
@@ -183,7 +185,7 @@ class PtyPort:
         self._close_files()
 
 
-def _lock_for(path: str) -> int:
+def _lock_for(path: str) -> tuple[str, int]:
     """Hold a lock for a link's name, so that two gateways cannot share it. Raises UserError."""
     import fcntl
 
@@ -194,7 +196,7 @@ def _lock_for(path: str) -> int:
     except OSError:
         os.close(number)
         raise UserError(f"cannot make {path}: another gateway holds it") from None
-    return number
+    return name, number
 
 
 def _link(device: str, path: str) -> None:

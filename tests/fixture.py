@@ -71,6 +71,10 @@ class Mount:
             check_sync(self.limits, self.position, op.Equatorial(operation.ra, operation.dec))
         elif isinstance(operation, op.Stop | op.CancelGoto):
             self.slewing = False
+        elif isinstance(operation, op.SetTracking):
+            own = op.Tracking.EQ_NORTH if self.status.equatorial else op.Tracking.ALTAZ
+            mode = (operation.mode or own) if operation.on else op.Tracking.OFF
+            self.status = op.Status(mode, aligned=self.status.aligned, equatorial=self.status.equatorial)
         elif isinstance(operation, op.SetSite):
             self.site = op.Place(
                 self.site.latitude if operation.latitude is None else operation.latitude,

@@ -108,5 +108,12 @@ class Visit:
         heard, self._heard = self._heard, b""
         return heard
 
+    async def dribble(self, data: bytes, seconds: float) -> bytes:
+        """The same, one byte after the other."""
+        for byte in data:
+            self._guest.feed(bytes((byte,)))
+            await asyncio.sleep(seconds)
+        return await self.ask(b"")
+
     def close(self) -> None:
         self._guest.close()
