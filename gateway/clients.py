@@ -10,17 +10,19 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from gateway.errors import Fault
 from gateway.hub import FRESH, MISSING, Hub
 from gateway.operations import Operation, Stop
-from gateway.surface import Defer, Handling, Session, Start, Surface
+from gateway.surface import Again, Defer, Handling, Session, Start, Surface
 from gateway.transcript import Transcript
 
 #: Commands that may wait for their turn in one connection; more than that and the oldest are dropped.
 INBOX = 256
 MEMO = 32
+#: A half that is asked for within this many seconds of the other one belongs to the same instant.
+PAIR = 1.0
 
 
 #: Cuts a protocol's commands out of a byte stream: bytes as they came -> the commands that are complete now.
@@ -32,6 +34,14 @@ class Equinox(Protocol):
 
     def inward(self, operation: Operation) -> Operation: ...
     def outward(self, operation: Operation, value: Any) -> Any: ...
+
+
+class Told(NamedTuple):
+    """What this client was last told by a read, when, and the hub's version then."""
+
+    value: Any
+    at: float
+    version: int
 
 
 class Client:
@@ -46,7 +56,9 @@ class Client:
         self._inbox: deque[tuple[bytes, int, bool]] = deque(maxlen=INBOX)
         self._task: asyncio.Task[None] | None = None
         self._deferred: dict[str, asyncio.TimerHandle] = {}
-        self._memo: dict[bytes, bytes] = {}
+        self._told: dict[type[Operation], Told] = {}
+        self._memo: dict[bytes, tuple[bytes, list[type[Operation]]]] = {}
+        self._idle = True
         self._memo_version = -1
         self._memo_until = 0.0
         self._spent: list[type[Operation]] = []
@@ -55,18 +67,20 @@ class Client:
     def feed(self, data: bytes) -> None:
         """Take bytes as they arrived."""
         hub = self.hub
-        if self._task is None and data in self._memo and self._memo_version == hub.version:
+        if self._idle and self._task is None and data in self._memo and self._memo_version == hub.version:
             now = hub.now()
             if now < self._memo_until:
-                hub.touch(now)
-                reply = self._memo[data]
+                reply, kinds = self._memo[data]
+                hub.touch(kinds, now)
                 self.session.last = data
                 if self.transcript.sinks:
                     self.transcript.put(self.name, ">", data)
                     self.transcript.put(self.name, "<", reply)
                 self.write(reply)
                 return
-        for frame in self.framing(data):
+        frames = self.framing(data)
+        self._idle = bool(frames) and data.endswith(frames[-1])  # else half a command may be waiting for its rest
+        for frame in frames:
             stopping = frame in self.stop_frames
             if stopping:
                 hub.spawn(self._stop())
@@ -110,6 +124,11 @@ class Client:
                 self._plain = False
                 self._defer(wanted)
             else:
+                if isinstance(wanted, Again):
+                    wanted = wanted.operation
+                    answer = self._again(wanted)
+                    if answer is not None:
+                        continue
                 value = self.hub.peek(wanted)
                 if value is MISSING:
                     return wanted
@@ -117,14 +136,32 @@ class Client:
                     self._spent.append(type(wanted))
                 else:
                     self._plain = False
-                answer = self._outward(wanted, value)
+                answer = self._tell(wanted, value)
+
+    def _again(self, operation: Operation) -> Any:
+        """What this client was told a moment ago; None when that is too long ago."""
+        told = self._told.get(type(operation))
+        if told is None or self.hub.now() - told.at >= PAIR:
+            return None
+        if told.version == self.hub.version:
+            self._spent.append(type(operation))
+        else:
+            self._plain = False
+        return told.value
+
+    def _tell(self, operation: Operation, value: Any) -> Any:
+        """An answer as the client is told it."""
+        value = self._outward(operation, value)
+        if type(operation) in FRESH:
+            self._told[type(operation)] = Told(value, self.hub.now(), self.hub.version)
+        return value
 
     async def _finish(self, steps: Handling, wanted: Operation, stops: int, stopping: bool) -> Any:
         """Wait for one operation after the other until the command is done -> its reply."""
         while True:
             answer, fault = None, None
             try:
-                answer = self._outward(wanted, await self.hub.perform(self._inward(wanted), stops))
+                answer = self._tell(wanted, await self.hub.perform(self._inward(wanted), stops))
             except Fault as error:
                 self.transcript.note(self.name, f"{type(wanted).__name__}: {error}")
                 fault = error
@@ -159,7 +196,7 @@ class Client:
         if self._memo_version != self.hub.version or len(self._memo) >= MEMO:
             self._memo.clear()
             self._memo_version, self._memo_until = self.hub.version, float("inf")
-        self._memo[frame] = reply
+        self._memo[frame] = reply, self._spent
         self._memo_until = min(self._memo_until, self.hub.fresh_until(self._spent))
 
     def _begin(self, operation: Operation, stops: int) -> None:

@@ -15,7 +15,7 @@ from gateway.errors import Fault, UserError
 from gateway.logline import meaning, show
 from gateway.pairs import outcome, surface_rows
 from gateway.sky import Sky
-from gateway.surface import Defer, Session, Start, Surface
+from gateway.surface import Again, Defer, Session, Start, Surface
 from gateway.tables import load
 
 _SITE = op.Place(45.0, 10.0)
@@ -79,7 +79,7 @@ def _run(client: str, mount: str, frame: bytes) -> list[str]:
             answer, fault = None, None
             if isinstance(wanted, Defer):
                 continue
-            operation = wanted.operation if isinstance(wanted, Start) else wanted
+            operation = wanted.operation if isinstance(wanted, Start | Again) else wanted
             lines.append(f"  means {_words(operation)}")
             try:
                 answer = stand_in.perform(operation)

@@ -24,6 +24,12 @@ class Start(NamedTuple):
     operation: Operation
 
 
+class Again(NamedTuple):
+    """What this client was told by a read a moment ago, so that two halves are of one instant; else asked anew."""
+
+    operation: Operation
+
+
 class Defer(NamedTuple):
     """Call a special of this surface again after some seconds."""
 
@@ -31,7 +37,7 @@ class Defer(NamedTuple):
     special: str
 
 
-Want = Operation | Start | Defer
+Want = Operation | Start | Again | Defer
 Handling = Generator[Want, Any, Any]
 Special = Callable[["Session", Command, dict[str, Any]], Any]
 

@@ -50,7 +50,7 @@ class Bridge:
 
     async def __aenter__(self) -> Bridge:
         self.hub.start()
-        await self.hub.identified.wait()
+        await self.hub.settled.wait()
         return self
 
     async def __aexit__(self, *_: object) -> None:

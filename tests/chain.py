@@ -64,7 +64,7 @@ class Chain:
     async def __aenter__(self) -> Chain:
         await self.inner.__aenter__()
         self.hub.start()
-        await self.hub.identified.wait()
+        await self.hub.settled.wait()
         return self
 
     async def __aexit__(self, *_: object) -> None:

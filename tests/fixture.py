@@ -11,12 +11,13 @@ from typing import Any
 
 from gateway import operations as op
 from gateway.assembly import FACES
+from gateway.clients import PAIR
 from gateway.config import Endpoint, SurfaceConfig
 from gateway.errors import Fault
 from gateway.guests import Face
 from gateway.safety import Limits, check_altitude, check_sync
 from gateway.sky import Sky
-from gateway.surface import Defer, Session, Start
+from gateway.surface import Again, Defer, Session, Start
 
 
 def unix(text: str) -> float:
@@ -101,6 +102,7 @@ class Talk:
         self.session = Session(self.face.model, self.face.settings, lambda: self.now, {"sites": {}})
         self.framing = self.face.framing(lambda: self.now)
         self.deferred: list[tuple[float, Session, str]] = []
+        self._told: dict[type[Any], tuple[float, Any]] = {}
 
     def send(self, data: bytes) -> bytes:
         """Everything the surface answers to these bytes."""
@@ -125,7 +127,11 @@ class Talk:
                     self.deferred.append((self.now + wanted.seconds, session, wanted.special))
                     continue
                 try:
-                    answer = self.mount.perform(wanted.operation if isinstance(wanted, Start) else wanted)
+                    operation = wanted.operation if isinstance(wanted, Start | Again) else wanted
+                    at, answer = self._told.get(type(operation), (-1e9, None))
+                    if not (isinstance(wanted, Again) and self.now - at < PAIR):
+                        answer = self.mount.perform(operation)
+                        self._told[type(operation)] = self.now, answer
                 except Fault as error:
                     fault = None if isinstance(wanted, Start) else error
         except StopIteration as end:

@@ -139,7 +139,7 @@ def frames_of(name: str) -> list[bytes]:
     picture = NEXSTAR.commands[name].request
     frames = []
     for fill in (0, 1, 35, 90):
-        values = {field: fill for field in picture.fields}
+        values = dict.fromkeys(picture.fields, fill)
         for device in (16, 17, 18, 176, 178, 153) if "device" in values else (0,):
             if "device" in values:
                 values["device"] = device

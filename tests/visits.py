@@ -45,7 +45,7 @@ class Still:
             return self.mount.perform(operation)
         return MISSING
 
-    def touch(self, now: float) -> None:
+    def touch(self, kinds: list[type[op.Operation]], now: float) -> None:
         """Nobody refreshes anything here."""
 
     def fresh_until(self, kinds: list[type[op.Operation]]) -> float:

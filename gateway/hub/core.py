@@ -50,7 +50,8 @@ class Hub:
         self.now = self.loop.time
         self.derived = Derived(sky, observatory, policy.equinox)
         self.snapshot = Snapshot()
-        self.identified = asyncio.Event()
+        #: The mount has said who it is; it has said where and when it is, as far as it can.
+        self.identified, self.settled = asyncio.Event(), asyncio.Event()
         self.motions = Motions(self, follow_ups)
         self.settings = SiteAndClock(self)
         self._sharing: dict[Kind, asyncio.Task[Any]] = {}
@@ -91,23 +92,31 @@ class Hub:
 
     async def _identify(self) -> None:
         """Who is there, where it stands, what time it has."""
-        for operation in (op.GetIdentity(), op.GetSite(), op.GetClock()):
-            try:
-                value = await self.drive(self.driver.perform(operation), READ)
-            except NoAnswer:
-                return
-            except Fault as fault:
-                self.transcript.note("mount", str(fault))
-                continue
-            if isinstance(value, op.Place):
-                self.observatory.mount_says_site(value)
-            elif isinstance(value, op.Moment):
-                self.observatory.mount_says_clock(value)
-            else:
-                self.snapshot.put(type(operation), value, self.now())
+        await self._learn(op.GetIdentity())
+        if op.GetIdentity not in self.snapshot.seen:
+            return
         if self.policy.equinox == "auto":
             self.derived.equinox = self.driver.equinox
         self.identified.set()
+        await self._learn(op.GetSite())
+        await self._learn(op.GetClock())
+        self.settled.set()
+
+    async def _learn(self, operation: op.Operation) -> None:
+        """Ask for something that is told but once."""
+        try:
+            value = await self.drive(self.driver.perform(operation), READ)
+        except NoAnswer:
+            return
+        except Fault as fault:
+            self.transcript.note("mount", str(fault))
+            return
+        if isinstance(value, op.Place):
+            self.observatory.mount_says_site(value)
+        elif isinstance(value, op.Moment):
+            self.observatory.mount_says_clock(value)
+        else:
+            self.snapshot.put(type(operation), value, self.now())
 
     # --- asking ---------------------------------------------------------------------------------------------------
 
@@ -149,9 +158,10 @@ class Hub:
         """The loop time until which the answers of these reads may be told."""
         return self.snapshot.until(kinds)
 
-    def touch(self, now: float) -> None:
-        """A client was served a repeated reply: it is polling the position all the same."""
-        self.snapshot.asked[op.Position] = now
+    def touch(self, kinds: list[Kind], now: float) -> None:
+        """A client was served a repeated reply: it is polling what that was made of all the same."""
+        for kind in kinds:
+            self.snapshot.asked[kind] = now
 
     async def perform(self, operation: op.Operation, stops: int | None = None) -> Any:
         """Carry out an operation. ``stops`` is the count of stops when it was asked for. Raises Fault."""

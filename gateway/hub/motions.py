@@ -69,6 +69,7 @@ class Motions:
         self._make_way(operation)
         task = self._hub.loop.create_task(self._run(operation, self.stops if stops is None else stops))
         self._jobs[task] = operation
+        self._hub.snapshot.version += 1  # a goto that was asked for changes what "slewing" answers
         task.add_done_callback(self._ended)
         return task
 
@@ -90,6 +91,7 @@ class Motions:
 
     def _ended(self, task: asyncio.Task[Any]) -> None:
         self._jobs.pop(task, None)
+        self._hub.snapshot.version += 1
         if not task.cancelled():
             task.exception()  # whoever still waits gets it; nobody waiting is no error
 

@@ -44,7 +44,7 @@ class SiteAndClock:
     async def _first_answers(self) -> None:
         try:
             async with asyncio.timeout(FIRST_ANSWER):
-                await self._hub.identified.wait()
+                await self._hub.settled.wait()
         except TimeoutError:
             raise NoAnswer from None
 

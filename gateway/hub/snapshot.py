@@ -64,7 +64,7 @@ class Snapshot:
         return None if seen is None else seen.value
 
     def fresh(self, kind: Kind, now: float, patience: float, down: bool) -> Any:
-        """The answer if it may still be told, else MISSING; on a slow line it lives longer, on a lost one much longer."""
+        """The answer if it may still be told, else MISSING; it lives longer on a slow line, much longer on a lost one."""
         seen = self.seen.get(kind)
         if seen is None or now - seen.at > (LAST_POSITION if down else max(FRESH[kind], patience)):
             return MISSING
@@ -72,7 +72,7 @@ class Snapshot:
 
     def until(self, kinds: list[Kind]) -> float:
         """The loop time until which the answers of these kinds may be told."""
-        return min(self.seen[kind].at + FRESH[kind] for kind in kinds)
+        return min(self.seen[kind].at + FRESH[kind] if kind in self.seen else 0.0 for kind in kinds)
 
     def age(self, kind: Kind, now: float) -> float:
         seen = self.seen.get(kind)

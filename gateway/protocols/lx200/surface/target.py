@@ -5,12 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from gateway.errors import NoTarget
-from gateway.operations import Equatorial, Goto, GotoHorizontal, Horizontal, HorizontalPosition, Position, Slewing, Sync
-from gateway.surface import Handling, Session
+from gateway.operations import Goto, GotoHorizontal, HorizontalPosition, Position, Slewing, Sync
+from gateway.surface import Again, Handling, Session
 from gateway.tables import Command
-
-#: A declination asked for right after a right ascension belongs to the same instant.
-PAIR = 1.0
 
 
 def set_target(session: Session, _: Command, values: dict[str, Any]) -> None:
@@ -37,33 +34,23 @@ def tell_target(session: Session, _: Command, values: dict[str, Any]) -> dict[st
 
 
 def right_ascension(session: Session, _: Command, values: dict[str, Any]) -> Handling:
-    """:GR - its position is kept for the :GD that follows."""
-    seen: Equatorial = yield Position()
-    session.kept["pair"] = (seen, session.clock())
-    return seen
+    """:GR"""
+    return (yield Position())
 
 
 def declination(session: Session, _: Command, values: dict[str, Any]) -> Handling:
     """:GD - of the same instant as the :GR before it."""
-    seen, at = session.kept.pop("pair", (None, 0.0))
-    if seen is None or session.last != b":GR#" or not 0 <= session.clock() - at < PAIR:
-        seen = yield Position()
-    return seen
+    return (yield Again(Position()) if session.last == b":GR#" else Position())
 
 
 def azimuth(session: Session, _: Command, values: dict[str, Any]) -> Handling:
     """:GZ"""
-    seen: Horizontal = yield HorizontalPosition()
-    session.kept["horizontal pair"] = (seen, session.clock())
-    return seen
+    return (yield HorizontalPosition())
 
 
 def altitude(session: Session, _: Command, values: dict[str, Any]) -> Handling:
     """:GA - of the same instant as the :GZ before it."""
-    seen, at = session.kept.pop("horizontal pair", (None, 0.0))
-    if seen is None or session.last != b":GZ#" or not 0 <= session.clock() - at < PAIR:
-        seen = yield HorizontalPosition()
-    return seen
+    return (yield Again(HorizontalPosition()) if session.last == b":GZ#" else HorizontalPosition())
 
 
 def goto(session: Session, _: Command, values: dict[str, Any]) -> Handling:
