@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import difflib
 import re
-import tomllib
 from pathlib import Path
 from typing import Any
 
 import msgspec
+import tomli
 
 from gateway.errors import UserError
 from gateway.tables import load, parse_version
@@ -143,10 +143,10 @@ def check(config: Config, where: str) -> Config:
 def read_config(path: Path) -> Config:
     """Read ``gateway.toml``. Raises UserError with the file and the key."""
     try:
-        tables = tomllib.loads(path.read_text("utf-8"))
+        tables = tomli.loads(path.read_text("utf-8"))
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (tomli.TOMLDecodeError, UnicodeDecodeError) as error:
         raise UserError(f"{path}: {error}") from None
     return check(make_config(tables, str(path)), str(path))
 

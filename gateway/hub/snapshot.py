@@ -64,7 +64,7 @@ class Snapshot:
         return None if seen is None else seen.value
 
     def fresh(self, kind: Kind, now: float, patience: float, down: bool) -> Any:
-        """The answer if it may still be told, else MISSING; it lives longer on a slow line, much longer on a lost one."""
+        """The answer if it may still be told, else MISSING; on a slow or a lost line it lives longer."""
         seen = self.seen.get(kind)
         if seen is None or now - seen.at > (LAST_POSITION if down else max(FRESH[kind], patience)):
             return MISSING
