@@ -60,8 +60,13 @@ def simulated_wire(endpoint: Endpoint, config: MountConfig) -> SimulatorWire:
 class _Caller:
     """One connection to a simulated mount: all of them talk to the same one, each answer after the latency."""
 
-    def __init__(self, feed: Callable[[bytes], bytes], latency: float, write: Callable[[bytes], Any]) -> None:
-        self._feed, self._latency, self._write = feed, latency, write
+    def __init__(self, simulator: Any, latency: float, write: Callable[[bytes], Any]) -> None:
+        self._latency, self._write = latency, write
+        self._feed: Callable[[bytes], bytes] = simulator.connection(self._later)
+
+    def _later(self, seconds: float, answer: bytes) -> None:
+        """Some answers come after a while."""
+        asyncio.get_running_loop().call_later(self._latency + seconds, lambda: self._write(answer))
 
     def feed(self, data: bytes) -> None:
         answer = self._feed(data)
@@ -78,6 +83,6 @@ async def serve_simulator(simulator: Any, places: list[str], latency: float) -> 
     """Open a simulated mount for other programs."""
 
     def arrive(name: str, host: str, write: Callable[[bytes], Any]) -> Guest:
-        return _Caller(simulator.connection(), latency, write)
+        return _Caller(simulator, latency, write)
 
     return [await open_port(place, arrive) for place in places]

@@ -3,79 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
-from typing import Any
 
 import pytest
 
-from gateway.spherical import separation, sidereal_time, wrap360
-from tests.bridge import Bridge, Visitor
-from tests.virtual import run
+from gateway.spherical import separation
+from tests.bridge import Bridge
+from tests.nexstar_flows import ARCSECOND, HALT, NORTH, off, on_a_bridge, place, polled, precise, settled, up
 
-ARCSECOND = 1 / 3600
-NORTH = bytes((80, 2, 17, 36, 9, 0, 0, 0))
-HALT = {axis: bytes((80, 2, 15 + axis, 36, 0, 0, 0, 0)) for axis in (1, 2)}
-
-
-def on_a_bridge(**settings: Any) -> Callable[[Callable[[Bridge], Awaitable[None]]], Callable[[], None]]:
-    """A test that gets a gateway with a NexStar surface, and a hand control behind it."""
-
-    def wrap(test: Callable[[Bridge], Awaitable[None]]) -> Callable[[], None]:
-        def wrapped() -> None:
-            async def program() -> None:
-                given = {"mount": "6-8se", "surface": "6-8se", **settings}
-                async with Bridge(presented="nexstar", **given) as bridge:
-                    await test(bridge)
-
-            run(program())
-
-        wrapped.__name__, wrapped.__doc__ = test.__name__, test.__doc__
-        return wrapped
-
-    return wrap
-
-
-def precise(letter: bytes, first: float, second: float) -> bytes:
-    """32 bits of each, as programs send them."""
-    return b"%s%08X,%08X" % (letter, int(first / 360 * 2**32) % 2**32, int(second / 360 * 2**32) % 2**32)
-
-
-def place(reply: bytes) -> tuple[float, float]:
-    assert len(reply) == 18 and reply[8:9] == b"," and reply[17:] == b"#", reply
-    first, second = int(reply[:8], 16) / 2**32 * 360, int(reply[9:17], 16) / 2**32 * 360
-    return first, second - 360 if second > 180 else second
-
-
-def up(bridge: Bridge, east: float = 20.0, dec: float = 40.0) -> tuple[float, float]:
-    """A place well above the horizon."""
-    latitude, longitude = bridge.sim.site
-    return wrap360(sidereal_time(bridge.clock(), longitude) + east), dec if latitude > 0 else -dec
-
-
-def off(bridge: Bridge, ra: float, dec: float) -> float:
-    """How far the tube really points from there, degrees."""
-    return separation(*bridge.sim.truth(), ra, dec)
-
-
-async def settled(client: Visitor, seconds: float = 120.0) -> None:
-    """Poll as INDIGO does until ``L`` is 0."""
-    end = asyncio.get_running_loop().time() + seconds
-    while asyncio.get_running_loop().time() < end:
-        if await client.ask(b"L") == b"0#":
-            return
-        await asyncio.sleep(0.5)
-    raise AssertionError("still slewing")
-
-
-async def polled(client: Visitor) -> None:
-    """A program that has been connected for a while."""
-    for _ in range(3):
-        await client.ask(b"L")
-        await client.ask(b"e")
-        await asyncio.sleep(0.5)
-
-
-# --- gotos ----------------------------------------------------------------------------------------------------------
+# --- gotos ------------------------------------------------------------------------------------------------------------
 
 FORKS = [("6-8se", "6-8se"), ("cge", "cge"), ("cpc", "6-8se"), ("nexstar-gps", "nexstar-gps")]
 
@@ -264,7 +199,7 @@ async def test_a_halt_stops_its_own_axis_only(bridge: Bridge) -> None:
     await client.ask(HALT[1])
 
 
-# --- tracking, sync, clock ----------------------------------------------------------------------------------------------
+# --- tracking, sync, clock --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("mount", "mode"), [("6-8se", 1), ("cge", 2)])
@@ -334,108 +269,3 @@ async def test_and_handed_on_to_one_that_is_not(bridge: Bridge) -> None:
     reply = await client.ask(b"h")
     assert reply[:2] + reply[3:] == b"\x0f\x1a\4\6\x1a\xfb\1#"
     assert reply[2] in (2, 3), "the mount's clock shows whole seconds"
-
-
-# --- several programs, one mount ------------------------------------------------------------------------------------------
-
-
-@on_a_bridge()
-async def test_two_programs_at_once(bridge: Bridge) -> None:
-    """Each gets its own replies, whole and in order, while the other cuts its commands to pieces."""
-    one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
-
-    async def poll(client: Visitor, mark: bytes) -> None:
-        for _ in range(40):
-            assert await client.ask(b"K" + mark) == mark + b"#"
-            assert len(place(await client.ask(b"e", until=b"#"))) == 2
-            client.heard = b""
-            for byte in b"P\1\x10\xfe\0\0\0\2":
-                client.tell(bytes((byte,)))
-                await asyncio.sleep(0.02)
-            assert client.heard == b"\x06\x0b#"
-            assert await client.ask(b"L") in (b"0#", b"1#")
-
-    async def slew() -> None:
-        third = bridge.client("10.0.0.3")
-        for east in (20.0, -20.0, 40.0):
-            assert await third.ask(precise(b"r", *up(bridge, east))) == b"#"
-            await asyncio.sleep(3)
-
-    await asyncio.gather(poll(one, b"#"), poll(other, b"L"), slew())
-
-
-@on_a_bridge()
-async def test_the_newer_goto_wins_and_both_programs_see_it(bridge: Bridge) -> None:
-    one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
-    await asyncio.gather(polled(one), polled(other))
-    ra, dec = up(bridge, 50.0)
-    await one.ask(precise(b"r", ra, dec))
-    await asyncio.sleep(1)
-    assert await other.ask(b"L") == b"1#"
-    ra, dec = up(bridge, -30.0)
-    await other.ask(precise(b"r", ra, dec))
-    await asyncio.sleep(3)
-    await settled(one)
-    assert off(bridge, ra, dec) < ARCSECOND
-
-
-@pytest.mark.xfail(strict=True, reason="gateway/hub: an L asked before the second goto ends in a 0 after its start")
-def test_l_stays_1_when_a_goto_follows_a_goto() -> None:
-    @on_a_bridge()
-    async def twice(bridge: Bridge) -> None:
-        client = bridge.client()
-        await polled(client)
-        await client.ask(precise(b"r", *up(bridge, 50.0)))
-        await asyncio.sleep(1)
-        assert await client.ask(b"L") == b"1#"
-        ra, dec = up(bridge, -30.0)
-        await client.ask(precise(b"r", ra, dec))
-        await settled(client)
-        assert off(bridge, ra, dec) < ARCSECOND
-
-    twice()
-
-
-@pytest.mark.parametrize("mount", ["6-8se", "cge", "cgem", "cpc"])
-@pytest.mark.parametrize("site", [(45.0, 10.0), (-34.0, 18.5)])
-def test_a_shared_port_tells_positions_bit_for_bit(mount: str, site: tuple[float, float]) -> None:
-    """While nothing moves, what the surface says is what the hand control itself would say."""
-
-    @on_a_bridge(mount=mount, surface=mount, site=site)
-    async def shared(bridge: Bridge) -> None:
-        client, direct = bridge.client(), bridge.sim.connection()
-        await polled(client)
-        for east in (15.0, -15.0, 40.0):
-            await client.ask(precise(b"r", *up(bridge, east)))
-            await settled(client)
-            await asyncio.sleep(3)
-            for command in (b"e", b"E", b"p"):  # tracking holds these still
-                if mount in ("cge", "cgem") or command != b"p":
-                    assert await client.ask(command) == direct(command)
-            await client.ask(b"T\0")
-            await asyncio.sleep(2)
-            for command in (b"z", b"Z", b"P\1\x10\1\0\0\0\3", b"P\1\x11\1\0\0\0\3"):
-                assert await client.ask(command) == direct(command)
-            for command in (b"J", b"t", b"L", b"m", b"v", b"w"):
-                assert await client.ask(command) == direct(command)
-            await client.ask(b"T\1" if mount in ("6-8se", "cpc") else b"T\2" if site[0] > 0 else b"T\3")
-
-    shared()
-
-
-# --- the line goes down ---------------------------------------------------------------------------------------------
-
-
-@on_a_bridge()
-async def test_the_last_position_for_ten_seconds_and_then_silence(bridge: Bridge) -> None:
-    client = bridge.client()
-    await polled(client)
-    last = await client.ask(b"e")
-    bridge.hub.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
-    began, told = asyncio.get_running_loop().time(), []
-    while (since := asyncio.get_running_loop().time() - began) < 60:
-        told.append((since, await client.ask(b"e", 1.0)))
-        await asyncio.sleep(0.5)
-    assert {reply for _, reply in told} == {last, b""}
-    assert max(since for since, reply in told if reply) < 16, "a lost line is noticed after a few seconds"
-    assert await client.ask(b"Kz", 20.0, until=b"z#") == b"z#"

@@ -128,8 +128,11 @@ class HandControl:
             self._heard = self.now
         return b"".join([self._answer(frame) for frame in (framer or self._framer).feed(data, self.now)])
 
-    def connection(self) -> Callable[[bytes], bytes]:
-        """One more way in, for another program on the same mount: its half commands are its own."""
+    def connection(self, later: Callable[[float, bytes], None] | None = None) -> Callable[[bytes], bytes]:
+        """One more way in, for another program on the same mount: its half commands are its own.
+
+        ``later`` is for simulators some of whose answers come after a while; a hand control has none such.
+        """
         framer = Framer(self._lengths)
         return lambda data: self.feed(data, framer)
 
