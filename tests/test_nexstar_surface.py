@@ -90,3 +90,9 @@ def test_sidereal_time_is_a_turn_in_eight_digits() -> None:
 def test_every_command_has_a_row() -> None:
     protocol = load("nexstar")
     assert set(protocol.commands) == set(protocol.surface)
+
+
+@pytest.mark.parametrize("version", ["1.2", "1.6", "2.2", "4.21", "5.31"])
+def test_the_variant_is_told_whatever_the_version(version: str) -> None:
+    """One program asks it of every hand control, and waits five seconds for it, twice."""
+    assert talk_to(version=version).send(b"v") == b"\x11#"

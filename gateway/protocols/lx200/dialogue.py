@@ -46,6 +46,8 @@ class MeadeDialogue:
         replies = self.protocol.commands[ask.command].replies
         if not replies:
             return {}, 0
+        if not buffer:
+            return None
         if buffer[:1] == bytes((NAK,)):
             return Busy(), 1
         for reply, picture in replies:

@@ -18,6 +18,7 @@ Values = dict[str, Any]
 
 BARS = 16
 _MENU = {"0": "ALTAZ", "1": "POLAR", "2": "LAND"}
+_TEXTS = {"GVP": "product", "GVN": "firmware", "GVD": "firmware_date", "GVT": "firmware_time", "GVF": "full_name"}
 _HELP = ("LX200 help", "Use the arrow keys to move.", "MODE shows the next menu.", "GO TO slews to the object.")
 #: A few objects by hand, J2000: enough for a telescope that is not there.
 _MESSIER = {1: (83.633, 22.015), 13: (250.423, 36.461), 31: (10.685, 41.269), 42: (83.822, -5.391),
@@ -79,8 +80,7 @@ def status(sim: Meade, name: str, _: Values) -> bytes:
 
 def text(sim: Meade, name: str, _: Values) -> bytes:
     """:GVP :GVN :GVD :GVT :GVF"""
-    key = {"GVP": "product", "GVN": "firmware", "GVD": "firmware_date", "GVT": "firmware_time", "GVF": "full_name"}[name]
-    return f"{sim.row[key]}#".encode()
+    return f"{sim.row[_TEXTS[name]]}#".encode()
 
 
 def hertz(sim: Meade, name: str, _: Values) -> bytes:

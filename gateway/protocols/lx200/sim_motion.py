@@ -72,7 +72,8 @@ def rate(sim: Meade, name: str, _: Values) -> None:
 
 def key_rate(sim: Meade, name: str, values: Values) -> None:
     """:R<n>"""
-    sim.kept["rate"] = "RG" if values["key"] <= 2 else "RC" if values["key"] <= 5 else "RM" if values["key"] <= 7 else "RS"
+    key = values["key"]
+    sim.kept["rate"] = "RG" if key <= 2 else "RC" if key <= 5 else "RM" if key <= 7 else "RS"
 
 
 def free_rate(sim: Meade, name: str, values: Values) -> None:

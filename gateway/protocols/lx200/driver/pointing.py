@@ -128,7 +128,7 @@ def set_home(mount: Meade, _: SetHome) -> Steps:
 
 def home_state(mount: Meade, _: HomeState) -> Steps:
     """:h? -> 0 failed, 1 found, 2 searching."""
-    return (yield from ask(mount, "h?"))["state"]
+    return int((yield from ask(mount, "h?"))["state"])
 
 
 def unpark(mount: Meade, _: Unpark) -> Steps:

@@ -29,7 +29,7 @@ def restart(session: Session, command: Command, values: dict[str, Any]) -> Handl
 
 def home_state(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:h?"""
-    return {"state": (yield HomeState())}
+    return {"state": str((yield HomeState()))}
 
 
 def focus(session: Session, command: Command, values: dict[str, Any]) -> Handling:
