@@ -156,3 +156,52 @@ def test_a_round_trip_of_positions_is_within_an_arcsecond_of_time() -> None:
             assert separation(told.ra, told.dec, *truth) < 10 * ARCSECOND
 
     run(program())
+
+
+@pytest.mark.parametrize("model", ["autostar", "lx200", "lx200-16", "lx200gps"])
+def test_positions_of_an_lx200_program_reach_a_meade_through_a_nexstar_surface(model: str) -> None:
+    """LX200 program -> LX200 surface -> NexStar driver -> NexStar surface -> LX200 driver -> simulated Meade."""
+
+    async def program() -> None:
+        bridge = Bridge(model, driven="lx200", presented="nexstar", surface=None, latency=0.0,
+                        config={"lowest": -90.0})
+        async with Chain(bridge, "nexstar", "lx200", "autostar") as chain:
+            client = chain.client()
+            chance = random.Random(5)
+            for _ in range(40):
+                seconds, arcseconds = chance.randrange(86400), chance.randrange(-320000, 320000)
+                h, m, s = seconds // 3600, seconds // 60 % 60, seconds % 60
+                a = abs(arcseconds)
+                dec = f"{'-' if arcseconds < 0 else '+'}{a // 3600:02d}*{a // 60 % 60:02d}:{a % 60:02d}"
+                command = f":Sr{h:02d}:{m:02d}:{s:02d}#:Sd{dec}#:MS#".encode()
+                assert (await client.ask(command, 5, until=b"110")).startswith(b"11")
+                await asyncio.sleep(1.0)
+                sent = bridge.sent()
+                # the identity, to the byte
+                assert f":Sr{h:02d}:{m:02d}:{s:02d}#".encode() in sent
+                assert f":Sd{dec}#".encode() in sent
+                client.tell(b":Q#")
+                await asyncio.sleep(0.5)
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", ["autostar", "lx200gps"])
+@pytest.mark.parametrize("instant", INSTANTS)
+def test_utc_of_an_lx200_program_reaches_a_meade_from_every_zone(model: str, instant: str) -> None:
+    async def program() -> None:
+        bridge = Bridge(model, driven="lx200", presented="nexstar", surface=None, latency=0.0, aligned=False)
+        async with Chain(bridge, "nexstar", "lx200", "autostar") as chain:
+            client = chain.client()
+            moment = datetime.fromisoformat(instant)
+            for hours in offsets():
+                local = moment + timedelta(hours=hours)
+                sent_at = asyncio.get_running_loop().time()
+                command = f":SG{-hours:+05.1f}#:SL{local:%H:%M:%S}#:SC{local:%m/%d/%y}#".encode()
+                assert (await client.ask(command, until=b" #")).startswith(b"111")
+                await asyncio.sleep(4.0)
+                passed = asyncio.get_running_loop().time() - sent_at
+                bridge.sim.feed(b"")  # come to now
+                assert abs(bridge.sim.utc() - calendar.timegm(moment.timetuple()) - passed) <= 1.5, hours
+
+    run(program())
