@@ -1,6 +1,6 @@
 """``python tests/bench/bench.py [--quick] [--json FILE]``: how fast, how thrifty, how large, beside what is bare.
 
-Takes under three minutes, with ``--quick`` under forty seconds; needs Linux. README.md here explains the figures.
+Takes under four minutes, with ``--quick`` under seventy seconds; needs Linux. README.md here explains the figures.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from figures import Figure, table
 def main() -> int:
     """Measure and print -> 0, also when a goal is missed: that depends on the machine as well."""
     parser = argparse.ArgumentParser(description="Measure the gateway on this machine.")
-    parser.add_argument("--quick", action="store_true", help="fewer rounds: under 40 seconds")
+    parser.add_argument("--quick", action="store_true", help="fewer rounds: under 70 seconds")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to a file, too")
     arguments = parser.parse_args()
     if sys.platform != "linux":

@@ -21,10 +21,6 @@ LATENCY = 0.1
 SETTLE = 3.5
 HEARTBEAT = 5.0
 
-PLAIN = ((b":GR#", b":GD#"), 4.0)
-BUSY = ((b":GR#", b":GD#", b":D#"), 2.0)
-
-
 class Case(NamedTuple):
     """A gateway and who polls it: questions and how often a second."""
 
@@ -32,35 +28,42 @@ class Case(NamedTuple):
     clients: list[tuple[tuple[bytes, ...], float]]
 
 
-CASES = (
-    Case("one", [PLAIN]),
-    Case("twenty", [PLAIN] * 20),
-    Case("one-busy", [BUSY]),
-    Case("twenty-mixed", [PLAIN] * 10 + [BUSY] * 10),
-    Case("nobody", []),
-)
+def cases(way: processes.Direction) -> tuple[Case, ...]:
+    """One and twenty that ask for positions, one and twenty of which half ask for the slew, too, and nobody."""
+    plain, busy = (way.position, 4.0), ((*way.position, way.slewing), 2.0)
+    return (
+        Case("one", [plain]),
+        Case("twenty", [plain] * 20),
+        Case("one-busy", [busy]),
+        Case("twenty-mixed", [plain] * 10 + [busy] * 10),
+        Case("nobody", []),
+    )
 
 
 def measure(bytecode: str, quick: bool) -> list[Figure]:
     """Bytes a second for the cases, requests with nobody there, and the memory of a gateway at work."""
     seconds = 11.0 if quick else 20.0
-    with ExitStack() as stack:
-        mounts = [stack.enter_context(processes.simulator(bytecode, LATENCY)) for _ in CASES]
-        return asyncio.run(_all(bytecode, mounts, seconds))
+    figures: list[Figure] = []
+    for way in processes.DIRECTIONS:
+        with ExitStack() as stack:
+            mounts = [stack.enter_context(processes.simulator(bytecode, LATENCY, way)) for _ in cases(way)]
+            figures += asyncio.run(_all(bytecode, mounts, seconds, way))
+    return figures
 
 
-async def _all(bytecode: str, mounts: list[int], seconds: float) -> list[Figure]:
+async def _all(bytecode: str, mounts: list[int], seconds: float, way: processes.Direction) -> list[Figure]:
     loop = asyncio.get_running_loop()
     tallies = [Tally(mount) for mount in mounts]
     polls: list[asyncio.Task[None]] = []
     children = {}
+    weighed = cases(way)
     with ExitStack() as stack:
         try:
-            for case, tally in zip(CASES, tallies, strict=True):
-                command = processes.gateway_command(await tally.open())
+            for case, tally in zip(weighed, tallies, strict=True):
+                command = processes.gateway_command(await tally.open(), way=way)
                 process = stack.enter_context(processes.child(command, bytecode))
                 children[case.name] = process
-            for case in CASES:
+            for case in weighed:
                 port = await asyncio.to_thread(processes.port_of, children[case.name])
                 for number, (questions, rate) in enumerate(case.clients):
                     delay = number / len(case.clients) / rate
@@ -81,11 +84,11 @@ async def _all(bytecode: str, mounts: list[int], seconds: float) -> list[Figure]
                 process.terminate()
             for tally in tallies:
                 await tally.close()
-    rates = {case.name: tally.rate(began, ended) for case, tally in zip(CASES, tallies, strict=True)}
+    rates = {case.name: tally.rate(began, ended) for case, tally in zip(weighed, tallies, strict=True)}
     return [
-        Figure("line: 20 clients that ask GR GD, against 1", rates["twenty"], "B/s", rates["one"], 1.1),
-        Figure("line: 20 clients that ask GR GD (D), against 1", rates["twenty-mixed"], "B/s", rates["one-busy"], 1.1),
-        Figure(f"line: most requests in {HEARTBEAT:g} s with no client",
-               tallies[-1].busiest(began, ended, HEARTBEAT - 0.05), "", None, 1),
-        Figure("memory: resident while 20 clients poll", resident, "MiB", None, memory.GOAL_STEADY),
+        Figure(f"line, {way.name}: 20 clients, against 1", rates["twenty"], "B/s", rates["one"], 1.1),
+        Figure(f"line, {way.name}: 20 mixed clients, against 1", rates["twenty-mixed"], "B/s", rates["one-busy"], 1.1),
+        Figure(f"line, {way.name}: most requests in {HEARTBEAT:g} s, no client",
+               tallies[-1].busiest(began, ended, HEARTBEAT - 0.05), "", None, way.heartbeat),
+        Figure(f"memory, {way.name}: while 20 clients poll", resident, "MiB", None, memory.GOAL_STEADY),
     ]

@@ -16,6 +16,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
@@ -66,24 +67,46 @@ def port_of(process: subprocess.Popen[bytes], log: str = "stdout") -> int:
     raise RuntimeError(f"{process.args!r} did not come up")
 
 
+class Direction(NamedTuple):
+    """Which programs on which mount: what they ask in turn, and what of it tells that a slew goes on."""
+
+    name: str
+    simulator: str
+    mount: str
+    surface: str
+    position: tuple[bytes, ...]
+    slewing: bytes
+    #: What one heartbeat is on the mount's line: a position.
+    heartbeat: int
+
+
+LX200_ON_NEXSTAR = Direction("LX200 on NexStar", "nexstar:6-8se", "nexstar", "lx200", (b":GR#", b":GD#"), b":D#", 1)
+NEXSTAR_ON_LX200 = Direction("NexStar on LX200", "lx200:lx200gps", "lx200", "nexstar", (b"e",), b"L", 2)
+DIRECTIONS = (LX200_ON_NEXSTAR, NEXSTAR_ON_LX200)
+
+
 @contextmanager
-def simulator(bytecode: str, latency: float = 0.0) -> Iterator[int]:
-    """A simulated hand control -> its TCP port. ``latency`` is its time to answer in seconds."""
-    command = [sys.executable, "-m", "gateway", "sim", "nexstar:6-8se", "--at", f"tcp://{HOST}:0"]
+def simulator(bytecode: str, latency: float = 0.0, way: Direction = LX200_ON_NEXSTAR) -> Iterator[int]:
+    """A simulated mount -> its TCP port. ``latency`` is its time to answer in seconds."""
+    command = [sys.executable, "-m", "gateway", "sim", way.simulator, "--at", f"tcp://{HOST}:0"]
     with child([*command, "--latency", str(latency)], bytecode) as process:
         yield port_of(process)
 
 
-def gateway_command(mount: int, surface: int = 0, loop: str = "fast") -> list[str]:
+def gateway_command(
+    mount: int, surface: int = 0, loop: str = "fast", way: Direction = LX200_ON_NEXSTAR
+) -> list[str]:
     """The command line of a gateway between two TCP ports."""
-    return [sys.executable, "-m", "gateway", "run", "--loop", loop, "--mount", f"nexstar@socket://{HOST}:{mount}",
-            "--surface", f"lx200@tcp://{HOST}:{surface}"]
+    return [sys.executable, "-m", "gateway", "run", "--loop", loop, "--mount", f"{way.mount}@socket://{HOST}:{mount}",
+            "--surface", f"{way.surface}@tcp://{HOST}:{surface}"]
 
 
 @contextmanager
-def gateway(bytecode: str, mount: int, loop: str = "fast") -> Iterator[int]:
+def gateway(
+    bytecode: str, mount: int, loop: str = "fast", way: Direction = LX200_ON_NEXSTAR
+) -> Iterator[int]:
     """A gateway in front of a mount's TCP port -> its own TCP port."""
-    with child(gateway_command(mount, loop=loop), bytecode) as process:
+    with child(gateway_command(mount, loop=loop, way=way), bytecode) as process:
         yield port_of(process)
 
 

@@ -1,4 +1,4 @@
-"""The product as processes: a simulated hand control, and the gateway in front of it."""
+"""The product as processes: a simulated hand control or Meade, and the gateway in front of it."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from .hand_control import HandControl
+from .meade import Meade
 from .processes import Workshop
 from .sky import NIGHT, Site
 
@@ -34,25 +35,53 @@ def _endpoints(ready: Sequence[str]) -> list[Endpoint]:
     return [Endpoint(*line.removeprefix("ready ").split("@", 1)) for line in ready]
 
 
-def start_simulator(
-    workshop: Workshop, mount: str, site: Site, *, speed: float = 1.0, aligned: bool = True
-) -> tuple[Endpoint, HandControl]:
-    """A simulated hand control on two TCP ports: the first for the program under test, and the truth."""
+def _simulator(
+    workshop: Workshop, mount: str, site: Site, speed: float, aligned: bool
+) -> tuple[Endpoint, Endpoint]:
+    """A simulated mount on two TCP ports."""
     anywhere = "tcp://127.0.0.1:0"
     argv = [*PRODUCT, "sim", mount, "--at", anywhere, "--at", anywhere, "--speed", f"{speed:g}"]
     argv += ["--time", NIGHT.strftime("%Y-%m-%dT%H:%M:%SZ"), f"--site={site.latitude:g},{site.longitude:g}"]
     process = workshop.start(argv if aligned else [*argv, "--unaligned"], ends_well=True)
     wire, second_wire = _endpoints(process.wait_for_lines("ready ", 2))
+    return wire, second_wire
+
+
+def start_simulator(
+    workshop: Workshop, mount: str, site: Site, *, speed: float = 1.0, aligned: bool = True
+) -> tuple[Endpoint, HandControl]:
+    """A simulated hand control on two TCP ports: the first for the program under test, and the truth."""
+    wire, second_wire = _simulator(workshop, mount, site, speed, aligned)
     truth = HandControl(second_wire.port)
     workshop.keep(truth.close)
     return wire, truth
 
 
+def start_meade(
+    workshop: Workshop, model: str, site: Site, *, speed: float = 1.0, aligned: bool = True
+) -> tuple[Endpoint, Meade]:
+    """A simulated Meade on two TCP ports: the first for the program under test, and the truth."""
+    wire, second_wire = _simulator(workshop, f"lx200:{model}", site, speed, aligned)
+    truth = Meade(second_wire.port)
+    workshop.keep(truth.close)
+    return wire, truth
+
+
+def _gateway(workshop: Workshop, mount: str, port: int, surface: str, transport: str) -> Endpoint:
+    """The gateway over a mount of one protocol, presenting a surface through `tcp` or a `pty`."""
+    where = "tcp://127.0.0.1:0" if transport == "tcp" else f"pty:{workshop.folder / 'surface'}"
+    argv = [*PRODUCT, "run", "--mount", f"{mount}@socket://127.0.0.1:{port}", "--surface", f"{surface}@{where}"]
+    process = workshop.start(argv, ends_well=True)
+    return _endpoints(process.wait_for_lines("ready ", 1))[0]
+
+
 def start_gateway(workshop: Workshop, mount: Endpoint, model: str, transport: str) -> Endpoint:
-    """The gateway over a simulated mount, presenting an LX200 model through `tcp` or a `pty`."""
-    where = "tcp://127.0.0.1:0" if transport == "tcp" else f"pty:{workshop.folder / 'lx200'}"
-    argv = [*PRODUCT, "run", "--mount", f"nexstar@socket://127.0.0.1:{mount.port}"]
-    process = workshop.start([*argv, "--surface", f"lx200:{model}@{where}"], ends_well=True)
-    surface = _endpoints(process.wait_for_lines("ready ", 1))[0]
+    """The gateway over a simulated hand control, presenting an LX200 model."""
+    surface = _gateway(workshop, "nexstar", mount.port, f"lx200:{model}", transport)
     assert surface.speaks == f"lx200:{model}", surface
     return surface
+
+
+def start_celestron_gateway(workshop: Workshop, mount: Endpoint, transport: str) -> Endpoint:
+    """The gateway over a simulated Meade, presenting the NexStar model that suits the mount it finds."""
+    return _gateway(workshop, "lx200", mount.port, "nexstar", transport)

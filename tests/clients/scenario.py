@@ -1,6 +1,6 @@
-"""What a night with an INDI mount consists of, each step proved by the hand control itself.
+"""What a night with an INDI mount consists of, each step proved by the mount itself.
 
-Every step takes the driver (`Telescope`) and the truth (`HandControl`) and compares the two.
+Every step takes the driver (`Telescope`) and the truth (a `HandControl` or a `Meade`) and compares the two.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import datetime
 import time
 from collections.abc import Callable
+from typing import Protocol
 
 from .hand_control import HandControl
 from .sky import Site, Spot, arcseconds, rounded, same_site, separation
@@ -21,7 +22,23 @@ STILL = 5.0
 """Seconds of arc that a standing mount may seem to move between two looks a quarter of a second apart."""
 
 
-def shows_position(telescope: Telescope, truth: HandControl) -> None:
+class Truth(Protocol):
+    """A mount that is asked past the gateway."""
+
+    def position(self) -> Spot:
+        """Right ascension and declination."""
+
+    def goto_running(self) -> bool:
+        """Whether a goto is under way."""
+
+    def site(self) -> Site:
+        """Where it stands."""
+
+    def clock(self) -> tuple[datetime.datetime, int]:
+        """Universal Time, and the hours that local time is ahead of it."""
+
+
+def shows_position(telescope: Telescope, truth: Truth) -> None:
     """The driver shows what the mount has, within a few of its polls."""
 
     def agrees() -> bool:
@@ -30,7 +47,7 @@ def shows_position(telescope: Telescope, truth: HandControl) -> None:
     telescope.client.wait_for("the mount's position at the driver", agrees, 2.0)
 
 
-def wait_still(telescope: Telescope, truth: HandControl, seconds: float = 10.0) -> Spot:
+def wait_still(telescope: Telescope, truth: Truth, seconds: float = 10.0) -> Spot:
     """Wait until no goto runs and two looks agree; where the mount then stands."""
 
     def stands() -> bool:
@@ -42,7 +59,7 @@ def wait_still(telescope: Telescope, truth: HandControl, seconds: float = 10.0) 
     return truth.position()
 
 
-def goes_to(telescope: Telescope, truth: HandControl, target: Spot, *, exact_end: bool) -> None:
+def goes_to(telescope: Telescope, truth: Truth, target: Spot, *, exact_end: bool) -> None:
     """A goto arrives, and the driver sees it travel.
 
     `exact_end`: the driver asks the mount whether it has arrived (`:D#`, `L`) instead of comparing
@@ -65,7 +82,7 @@ def goes_to(telescope: Telescope, truth: HandControl, target: Spot, *, exact_end
     assert len(between) >= 3, f"seen during the slew: {sorted(under_way)}"
 
 
-def syncs(telescope: Telescope, truth: HandControl) -> None:
+def syncs(telescope: Telescope, truth: Truth) -> None:
     """A sync half a degree away becomes the mount's own position."""
     here = truth.position()
     there = rounded(Spot(here.ra + 0.5, here.dec - 0.25))
@@ -84,7 +101,7 @@ def axes(truth: HandControl, equatorial: bool) -> tuple[Callable[[], float], Cal
     return (lambda: truth.horizontal()[1]), (lambda: truth.horizontal()[0])
 
 
-def moves(telescope: Telescope, truth: HandControl, direction: str, read: Callable[[], float]) -> float:
+def moves(telescope: Telescope, truth: Truth, direction: str, read: Callable[[], float]) -> float:
     """An arrow button moves the mount until it is released. By how much `read` changed: signed degrees."""
     before, start = read(), truth.position()
     telescope.press(direction)
@@ -99,7 +116,7 @@ def tracks_again(telescope: Telescope, truth: HandControl, mode: int) -> None:
     telescope.client.wait_for(f"tracking mode {mode}", lambda: truth.tracking_mode() == mode, 5.0)
 
 
-def aborts(telescope: Telescope, truth: HandControl, target: Spot) -> None:
+def aborts(telescope: Telescope, truth: Truth, target: Spot) -> None:
     """The red button stops a goto far from its target."""
     start = truth.position()
     telescope.start_goto(target)
@@ -110,16 +127,16 @@ def aborts(telescope: Telescope, truth: HandControl, target: Spot) -> None:
     assert separation(stopped, target) > 2.0, "the goto went on to its end"
 
 
-def sets_site(telescope: Telescope, truth: HandControl, site: Site, arcminutes: float) -> None:
-    """A site told to the driver stands in the hand control."""
+def sets_site(telescope: Telescope, truth: Truth, site: Site, arcminutes: float) -> None:
+    """A site told to the driver stands in the mount."""
     telescope.set_site(site)
-    telescope.client.wait_for("site in the hand control", lambda: same_site(truth.site(), site, arcminutes))
+    telescope.client.wait_for("site in the mount", lambda: same_site(truth.site(), site, arcminutes))
 
 
 def sets_clock(
-    telescope: Telescope, truth: HandControl, moment: datetime.datetime, offset: int
+    telescope: Telescope, truth: Truth, moment: datetime.datetime, offset: int
 ) -> Callable[[], datetime.datetime]:
-    """A Universal Time told to the driver runs in the hand control; what it has to be from now on."""
+    """A Universal Time told to the driver runs in the mount; what it has to be from now on."""
     begin = time.monotonic()
     telescope.set_clock(moment, offset)
 
@@ -129,5 +146,5 @@ def sets_clock(
     def agrees() -> bool:
         return abs((truth.clock()[0] - expected()).total_seconds()) < CLOCK
 
-    telescope.client.wait_for("Universal Time in the hand control", agrees)
+    telescope.client.wait_for("Universal Time in the mount", agrees)
     return expected
