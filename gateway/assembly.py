@@ -64,12 +64,13 @@ def _meade_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], flo
 
 def _nexstar_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Face:
     from gateway.protocols.nexstar.surface import FORK, GERMAN, SPECIALS, framing, presented
-    from gateway.protocols.nexstar.surface.devices import no_response
+    from gateway.protocols.nexstar.surface.devices import NEVER_PASSED, no_response
     from gateway.surface import Surface
 
     model = presented(endpoint.model, endpoint.version)
     fit = None if endpoint.model else lambda equatorial: presented(GERMAN if equatorial else FORK, endpoint.version)
     surface = Surface(load("nexstar"), SPECIALS, no_response)
+    surface.never = NEVER_PASSED
     return Face(surface, framing(model), frozenset(), model, {"precision": "high"}, fit=fit)
 
 
@@ -115,6 +116,7 @@ class Gateway:
         shared: dict[str, Any] = {"sites": {}}
         for endpoint, surface in zip(self.endpoints, self.config.surface, strict=True):
             face = FACES[endpoint.protocol](endpoint, surface, limits)
+            face.surface.verbatim = endpoint.protocol == self.mount.protocol
             if surface.equinox == "j2000":
                 face = replace(face, equinox=J2000(self.sky, observatory.unix))
             reception = Reception(hub, face, shared, time.time, lambda: None)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Mapping
 from typing import Any, NamedTuple
 
 from gateway.errors import Unsupported
-from gateway.operations import Operation, Read
+from gateway.operations import Operation, Read, Verbatim
 from gateway.tables import Command, Protocol, Version, Way
 
 
@@ -78,6 +78,10 @@ class Driver:
 
     def perform(self, operation: Operation) -> Steps:
         """Carry out one operation; the generator's value is the operation's answer. Raises Fault."""
+        if isinstance(operation, Verbatim):
+            if not self.knows(operation.command):
+                raise Unsupported
+            return (yield Ask(operation.command, dict(operation.fields)))
         way = self.way(type(operation))
         if way is None:
             raise Unsupported

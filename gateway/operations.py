@@ -294,6 +294,16 @@ class Wake(Operation, frozen=True):
     """Wake up, or tracking on where the mount cannot hibernate."""
 
 
+class Verbatim(Operation, frozen=True):
+    """A command of the mount's own protocol that means nothing here -> the reply's fields.
+
+    Only where client and mount speak the same protocol. ``fields`` are the request's field values, in order.
+    """
+
+    command: str
+    fields: tuple[tuple[str, Any], ...] = ()
+
+
 # --- settings -------------------------------------------------------------------------------------------------
 
 

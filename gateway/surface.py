@@ -14,7 +14,7 @@ import msgspec
 
 from gateway import operations
 from gateway.errors import Fault, Invalid, NoTarget
-from gateway.operations import Operation
+from gateway.operations import Operation, Verbatim
 from gateway.tables import Command, Protocol, SurfaceRow
 
 
@@ -70,6 +70,9 @@ class Surface:
     ) -> None:
         #: ``unanswered`` gives the reply to a frame that nothing here answers, and to a fault that has no form.
         self.protocol, self.specials, self.unanswered = protocol, specials, unanswered
+        #: The mount speaks the same protocol: what means nothing here is passed on as it is, but for ``never``.
+        self.verbatim = False
+        self.never: frozenset[str] = frozenset()
 
     def handle(self, session: Session, frame: bytes) -> Handling:
         """One framed command -> its reply (empty: none). Yields operations; never raises for what a client sent."""
@@ -78,17 +81,21 @@ class Surface:
             return self.unanswered(frame)
         command, picture = found
         row = self.protocol.surface.get(command.name)
-        if row is None:
+        passed = self.verbatim and command.name not in self.never and (row is None or row.outcome == "refused")
+        if row is None and not passed:
             return self.unanswered(frame)
         try:
             try:
                 values = picture.decode(frame)
             except ValueError as error:
-                if row.call:
+                if row is not None and row.call and not passed:
                     values = {"fault": Invalid(str(error))}
                 else:
                     raise Invalid(str(error)) from None
-            answer = yield from self._act(session, command, row, values)
+            if row is None or passed:
+                answer = yield Verbatim(command.name, tuple(values.items()))
+            else:
+                answer = yield from self._act(session, command, row, values)
             return self.reply(session, command, answer)
         except Fault as fault:
             return self.refusal(command, fault) or self.unanswered(frame)

@@ -46,6 +46,7 @@ class Bridge:
         self.hub = Hub(driver, follow_ups, line, Sky(), self.observatory, self.transcript,
                        Policy(limits, self.settings.site_time, self.settings.equinox))
         face = FACES[presented](Endpoint(presented, "-", surface), SurfaceConfig(at="-"), limits)
+        face.surface.verbatim = presented == driven
         self.reception = Reception(self.hub, face, {"sites": {}}, self.clock, lambda: None)
 
     async def __aenter__(self) -> Bridge:

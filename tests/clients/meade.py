@@ -54,11 +54,18 @@ class Meade:
         """`:D#`: any bar stands for a slew under way; spaces do not."""
         return bool(self.ask(b":D#").strip())
 
-    def status(self) -> str:
-        """`:GW#`: three characters, without `#`: mount, T or N for tracking, alignment (not on a classic LX200)."""
-        request = b":GW#"
+    def _characters(self, request: bytes, count: int) -> str:
+        """Answers that no `#` ends."""
         self._wire.sendall(request)
-        return b"".join(self._next(request) for _ in range(3)).decode("ascii")
+        return b"".join(self._next(request) for _ in range(count)).decode("ascii")
+
+    def mode(self) -> str:
+        """ACK: A alt-azimuth, P polar, L land; the last of these does not track."""
+        return self._characters(b"\x06", 1)
+
+    def status(self) -> str:
+        """`:GW#`: mount, T or N for tracking, state of the alignment (a classic LX200 does not answer)."""
+        return self._characters(b":GW#", 3)
 
     def site(self) -> Site:
         """`:Gt#` and `:Gg#`; the latter counts westward, to 360° or with a sign."""

@@ -18,6 +18,9 @@ MOTORS = {16: 1, 17: 2}
 GPS, RTC = 176, 178
 #: Years that a hand control can tell.
 CENTURY = range(2000, 2100)
+#: Not passed on even where the mount is a NexStar, too: it would make the alignment meaningless. (Firmware upload and
+#: memory writes are no commands here at all.)
+NEVER_PASSED = frozenset({"axis_set_position"})
 SETTINGS = (b"R", b"r", b"B", b"b", b"S", b"s", b"T", b"W", b"H", b"I")
 
 

@@ -1,0 +1,176 @@
+"""INDI's Celestron driver drives the four Meades through the gateway.
+
+Each model stands in the northern hemisphere behind TCP and in the southern behind a pseudo
+terminal; the simulated Meade is read beside it.  Arrows and guiding are judged by motor sense, as a
+NexStar client means them: this driver calls "north" what turns the second motor backwards.
+"""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import pytest
+
+from . import scenario
+from .meade import Meade
+from .processes import Workshop, requires
+from .product import Endpoint, start_celestron_gateway, start_meade
+from .sky import NORTH, SOUTH, Site, arcseconds, target_up
+from .telescope import Telescope
+
+DRIVER, DEVICE = "indi_celestron_gps", "Celestron GPS"
+SPEED = 3.0
+"""How much faster than life the simulated mount slews: quick, yet seen under way at four polls a second."""
+ARCMINUTE = 1.01
+"""LX200 commands carry a site in whole minutes of arc."""
+SESSION = 8.0
+"""Seconds that a driver's clock may be behind: it was read when the driver connected."""
+LISTEN, SECOND = 3.0, 15.0
+"""Seconds in which a mount that does not track lets the sky pass by three steps of its display; one step, in arcseconds."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """One Meade, what the gateway presents over it, and what a client then sees."""
+
+    name: str
+    presented: str
+    information: str
+    build: str
+    polar: bool = False
+    tells_status: bool = True
+    """Answers `:GW#`; on the others tracking cannot be switched off without losing the alignment."""
+
+    def __str__(self) -> str:
+        return self.name
+
+
+AUTOSTAR = Model("autostar", "nexstar:6-8se", "6/8 SE", "Fork")
+LX200GPS = Model("lx200gps", "nexstar:6-8se", "6/8 SE", "Fork")
+LX200 = Model("lx200", "nexstar:cge", "CGE", "GEM", polar=True, tells_status=False)
+LX200_16 = Model("lx200-16", "nexstar:cge", "CGE", "GEM", polar=True, tells_status=False)
+MODELS = (AUTOSTAR, LX200GPS, LX200, LX200_16)
+
+
+def connect(workshop: Workshop, model: Model, meade: Endpoint, transport: str) -> Telescope:
+    """A gateway over the Meade, and one process of the driver on it."""
+    surface = start_celestron_gateway(workshop, meade, transport)
+    assert surface.speaks == model.presented, surface
+    return Telescope(workshop, DRIVER, DEVICE, surface)
+
+
+def check_information(telescope: Telescope, model: Model) -> None:
+    """The driver believes that it speaks to the hand control that is presented."""
+    told = telescope.client.wait_for_vector("Firmware Info").values
+    expected = (model.information, "4.21", model.build)
+    assert (told["Model"], told["HC Version"], told["Mount Type"]) == expected, told
+
+
+def axes(truth: Meade, model: Model, site: Site) -> tuple[Callable[[], float], Callable[[], float]]:
+    """What a positive turn of the first and of the second motor increases, in degrees.
+
+    On a polar mount the first motor's positive sense is west in the north and east in the south.
+    """
+    if not model.polar:
+        return (lambda: truth.horizontal()[0]), (lambda: truth.horizontal()[1])
+    east = 1.0 if site.latitude < 0 else -1.0
+    return (lambda: east * truth.position().ra), (lambda: truth.position().dec)
+
+
+def check_buttons(telescope: Telescope, truth: Meade, model: Model, site: Site) -> None:
+    """Each arrow turns its motor the way the driver asked for, and stops when it is released."""
+    telescope.choose_rate("7x")
+    first, second = axes(truth, model, site)
+    assert scenario.moves(telescope, truth, "NORTH", second) < 0
+    assert scenario.moves(telescope, truth, "SOUTH", second) > 0
+    assert scenario.moves(telescope, truth, "WEST", first) > 0
+    assert scenario.moves(telescope, truth, "EAST", first) < 0
+
+
+def check_guiding(telescope: Telescope, truth: Meade) -> None:
+    """A pulse moves the mount a little, and the opposite one takes it back."""
+    start = scenario.wait_still(telescope, truth)
+    for name, there, back in (("NS", "N", "S"), ("WE", "W", "E")):
+        for direction, expected in ((there, True), (back, False)):
+            telescope.client.send(f"TELESCOPE_TIMED_GUIDE_{name}", {f"TIMED_GUIDE_{direction}": "2000"})
+            telescope.client.listen(2.5)
+            moved = arcseconds(start, truth.position())
+            assert (moved > 10.0) is expected and moved < 120.0, (direction, moved)
+
+
+def check_tracking(telescope: Telescope, truth: Meade, model: Model) -> None:
+    """Off and on again where the mount can; elsewhere it keeps tracking, its alignment untouched."""
+    for state, expected in (("TRACK_OFF", "N"), ("TRACK_ON", "T")):
+        telescope.choose("TELESCOPE_TRACK_STATE", state)
+        if model.tells_status:
+            telescope.client.wait_for(f"tracking {expected}", lambda e=expected: truth.status()[1] == e, 5.0)
+        elif state == "TRACK_OFF":
+            before = truth.position().ra
+            telescope.client.listen(LISTEN)
+            assert abs(truth.position().ra - before) * 3600.0 < 1.5 * SECOND
+            assert truth.mode() == "P"
+
+
+def check_park(telescope: Telescope, truth: Meade, model: Model) -> None:
+    """Park ends a goto at its place with tracking off where that can be; after unpark the mount tracks again."""
+    telescope.park()
+    assert not truth.goto_running()
+    if model.tells_status:
+        telescope.client.wait_for("tracking off", lambda: truth.status()[1] == "N", 5.0)
+    telescope.unpark()
+    telescope.choose("TELESCOPE_TRACK_STATE", "TRACK_ON")
+    if model.tells_status:
+        telescope.client.wait_for("tracking on", lambda: truth.status()[1] == "T", 5.0)
+    assert truth.mode() == ("P" if model.polar else "A")
+
+
+@pytest.mark.parametrize(
+    ("site", "transport"), [pytest.param(NORTH, "tcp", id="north-tcp"), pytest.param(SOUTH, "pty", id="south-pty")]
+)
+@pytest.mark.parametrize("model", MODELS, ids=str)
+def test_night(workshop: Workshop, model: Model, site: Site, transport: str) -> None:
+    """Connect, read, goto, sync, move, guide, track, abort, park: one session."""
+    requires("indiserver", DRIVER)
+    meade, truth = start_meade(workshop, model.name, site, speed=SPEED)
+    telescope = connect(workshop, model, meade, transport)
+    check_information(telescope, model)
+    scenario.shows_position(telescope, truth)
+    scenario.goes_to(telescope, truth, target_up(truth.position(), 60.0, site), exact_end=True)
+    scenario.syncs(telescope, truth)
+    check_buttons(telescope, truth, model, site)
+    check_guiding(telescope, truth)
+    check_tracking(telescope, truth, model)
+    scenario.aborts(telescope, truth, target_up(truth.position(), 70.0, site))
+    check_park(telescope, truth, model)
+
+
+@pytest.mark.parametrize("model", [AUTOSTAR, LX200GPS], ids=str)
+def test_time_and_site(workshop: Workshop, model: Model) -> None:
+    """Set on a Meade that is not aligned, read back by a second process of the driver."""
+    requires("indiserver", DRIVER)
+    meade, truth = start_meade(workshop, model.name, NORTH, aligned=False)
+    surface = start_celestron_gateway(workshop, meade, "tcp")
+    there = Site(-33.75, 115.75)  # this driver misreads degrees of longitude above 127
+    first = Telescope(workshop, DRIVER, DEVICE, surface)
+    scenario.sets_site(first, truth, there, ARCMINUTE)
+    moment = datetime.datetime(2026, 3, 20, 20, 30, tzinfo=datetime.UTC)
+    expected = scenario.sets_clock(first, truth, moment, 8)
+    assert truth.clock()[1] == 8
+    first.end()
+    second = Telescope(workshop, DRIVER, DEVICE, surface)
+    assert scenario.same_site(second.site(), there, ARCMINUTE), second.site()
+    told, told_offset = second.clock()
+    assert abs((told - expected()).total_seconds()) < SESSION, told
+    assert told_offset == 8
+
+
+def test_classic_counts_as_aligned(workshop: Workshop) -> None:
+    """A Meade that cannot tell counts as aligned, and this driver then sends neither time nor site."""
+    requires("indiserver", DRIVER)
+    meade, truth = start_meade(workshop, "lx200", NORTH, aligned=False)
+    telescope = connect(workshop, LX200, meade, "tcp")
+    telescope.client.set("GEOGRAPHIC_COORD", {"LAT": "-33.75", "LONG": "115.75", "ELEV": "0"}, ("Ok", "Alert", "Idle"))
+    telescope.client.wait_for("refusal", lambda: any("aligned" in told for told in telescope.client.messages))
+    assert scenario.same_site(truth.site(), NORTH, 0.0)
