@@ -8,6 +8,7 @@ range. Angles are degrees (right ascension too), times of day are seconds, offse
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -26,6 +27,7 @@ class Codec(NamedTuple):
 # --- text: sexagesimal ----------------------------------------------------------------------------------------
 
 _FREE = rb"[^#]*"
+_HEX = re.compile(rb"[0-9A-Fa-f]*").fullmatch
 
 
 def _sexagesimal(encode: Callable[[float], str], decode: Callable[[bytes], float], low: float, high: float) -> Codec:
@@ -151,10 +153,8 @@ def _turn(bits: int, keep: int, signed: bool) -> Codec:
         return b"%0*X" % (digits, ticks << spare)
 
     def decode(raw: bytes) -> float:
-        try:
-            number = int(raw, 16)
-        except ValueError:  # a client may pad the unused low byte with NULs
-            number = int(raw[: keep // 4], 16) << spare
+        # a client may pad the unused low byte with anything
+        number = int(raw, 16) if _HEX(raw) else int(raw[: keep // 4], 16) << spare
         ticks = (number + (1 << spare >> 1)) >> spare
         return _degrees(ticks, keep, signed)
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -185,43 +187,74 @@ def test_a_config_file_is_obeyed(tmp_path: Path, started: list[Running]) -> None
     assert ask(where, b":Gt#") == b"-34*00#"
 
 
-def test_no_mount_answering_is_said_and_waited_for(started: list[Running]) -> None:
-    with socket.socket() as silent:
-        silent.bind(("127.0.0.1", 0))
-        silent.listen()
+class Stranger:
+    """Something on a line that is no hand control, and a gateway that takes it for one; both run while others test.
+
+    ``answers`` says what it answers to which byte.
+    """
+
+    def __init__(self, answers: dict[bytes, bytes]) -> None:
+        self.answers, self.heard = answers, b""
+        self.socket = socket.create_server(("127.0.0.1", 0))
+        self.socket.settimeout(PATIENCE)
+        self.mount = f"nexstar@socket://127.0.0.1:{self.socket.getsockname()[1]}"
+        threading.Thread(target=self._serve, daemon=True).start()
+        arguments = ["run", "--mount", self.mount, "--surface", "lx200@tcp://127.0.0.1:0"]
+        self.process = subprocess.Popen(
+            [*GATEWAY, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+
+    def _serve(self) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                link, _ = self.socket.accept()
+                link.settimeout(PATIENCE)
+                while piece := link.recv(100):
+                    self.heard += piece
+                    for asked, answer in self.answers.items():
+                        if asked in piece:
+                            link.sendall(answer)
+                link.close()
+
+    def verdict(self) -> str:
+        """The one line that it ends with."""
+        out, error = self.process.communicate(timeout=PATIENCE)
+        assert (self.process.returncode, out) == (2, "")
+        [line] = error.strip().splitlines()
+        return line
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.wait()
+        self.socket.close()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def strangers() -> Iterator[dict[str, Stranger]]:
+    """They take several seconds to be judged: they are begun with the first test here."""
+    both = {"silent": Stranger({}), "meade": Stranger({b"\x06": b"P"})}
+    yield both
+    for stranger in both.values():
+        stranger.close()
+
+
+def test_a_silent_line_is_said_to_be_one(strangers: dict[str, Stranger]) -> None:
+    line = strangers["silent"].verdict()
+    assert "no mount answers" in line
+    assert "--wait" in line
+
+
+def test_a_meade_behind_a_nexstar_endpoint_is_recognised(strangers: dict[str, Stranger]) -> None:
+    assert "speaks lx200" in strangers["meade"].verdict()
+    assert b":" not in strangers["meade"].heard
+
+
+def test_a_silent_line_is_waited_for(started: list[Running]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
         mount = f"nexstar@socket://127.0.0.1:{silent.getsockname()[1]}"
         waiting = Running("run", "--wait", "--mount", mount, "--surface", "lx200@tcp://127.0.0.1:0")
         started.append(waiting)
-        where = waiting.ready()
-        assert ask(where, b":GVP#") == b"Autostar#"
-        line = refused("run", "--mount", mount, "--surface", "lx200@tcp://127.0.0.1:0")
-        assert "no mount answers" in line
-        assert "--wait" in line
-
-
-def test_a_meade_behind_a_nexstar_endpoint_is_recognised(started: list[Running]) -> None:
-    with socket.socket() as meade:
-        meade.bind(("127.0.0.1", 0))
-        meade.listen()
-        mount = f"nexstar@socket://127.0.0.1:{meade.getsockname()[1]}"
-        process = subprocess.Popen(
-            [*GATEWAY, "run", "--mount", mount, "--surface", "lx200@tcp://127.0.0.1:0"],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
-        heard = b""
-        meade.settimeout(PATIENCE)
-        for _ in range(2):  # the gateway, then its question who is there
-            link, _ = meade.accept()
-            link.settimeout(PATIENCE)
-            while piece := link.recv(100):
-                heard += piece
-                if b"\x06" in piece:
-                    link.sendall(b"P")
-            link.close()
-        _, error = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 2
-    assert "speaks lx200" in error
-    assert b":" not in heard
+        assert ask(waiting.ready(), b":GVP#") == b"Autostar#"
 
 
 def test_a_mount_that_comes_later_is_found(started: list[Running]) -> None:

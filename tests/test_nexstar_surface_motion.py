@@ -208,7 +208,6 @@ def test_the_low_byte_may_be_anything(low: bytes) -> None:
     assert goto.dec == pytest.approx(45.0, abs=360 / 2**24)
 
 
-@pytest.mark.xfail(strict=True, reason="gateway/codecs.py _turn: int() passes over blanks and underscores")
 @pytest.mark.parametrize("low", [b"  ", b"\r\n", b"\t\t", b"1 ", b"_1"])
 def test_the_low_byte_may_be_blank(low: bytes) -> None:
     talk = talk_to()

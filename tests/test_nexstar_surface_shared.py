@@ -54,7 +54,6 @@ async def test_the_newer_goto_wins_and_both_programs_see_it(bridge: Bridge) -> N
     assert off(bridge, ra, dec) < ARCSECOND
 
 
-@pytest.mark.xfail(strict=True, reason="gateway/hub: an L asked before the second goto ends in a 0 after its start")
 def test_l_stays_1_when_a_goto_follows_a_goto() -> None:
     @on_a_bridge()
     async def twice(bridge: Bridge) -> None:

@@ -216,13 +216,16 @@ class Hub:
 
     async def _ask(self, operation: op.Operation) -> Any:
         await self.identified.wait()
+        gotos = self.motions.gotos
         if isinstance(operation, op.AxisPosition) and not self.driver.way(op.AxisPosition):
             value: Any = self.derived.axes(await self.read(op.Position()))
         else:
             rank = POSITION if isinstance(operation, op.Position) else READ
             value = await self.drive(self.driver.perform(operation), rank)
-        if isinstance(operation, op.Slewing) and self.slewing and not value:
-            await self._settled()
+        if isinstance(operation, op.Slewing):
+            if self.slewing and not value:
+                await self._settled()
+            value = value or gotos != self.motions.gotos  # a goto that has been begun meanwhile is under way
         if isinstance(operation, op.HorizontalPosition) and value is None:
             value = self.derived.horizon(await self.read(op.Position()))
         if isinstance(operation, op.Position):

@@ -36,11 +36,11 @@ def axis_moved(operation: op.Operation) -> int | None:
 
 
 class Motions:
-    """Everything that can move the mount. ``stops`` counts the stops so far."""
+    """Everything that can move the mount. ``stops`` counts those so far, ``gotos`` what was asked for and begun."""
 
     def __init__(self, hub: Hub, follow_ups: dict[type[Any], Callable[[Any, Any], Any]]) -> None:
         self._hub, self._follow_ups = hub, follow_ups
-        self.stops = 0
+        self.stops = self.gotos = 0
         self.axes: set[int] = set()
         self._turn = asyncio.Lock()
         self._jobs: dict[asyncio.Task[Any], op.Operation] = {}
@@ -69,6 +69,7 @@ class Motions:
         self._make_way(operation)
         task = self._hub.loop.create_task(self._run(operation, self.stops if stops is None else stops))
         self._jobs[task] = operation
+        self.gotos += isinstance(operation, GOTOS)
         self._hub.snapshot.version += 1  # a goto that was asked for changes what "slewing" answers
         task.add_done_callback(self._ended)
         return task
@@ -155,6 +156,7 @@ class Motions:
         snapshot = self._hub.snapshot
         axis = axis_moved(operation)
         if isinstance(operation, GOTOS):
+            self.gotos += 1
             self.axes.clear()
             snapshot.put(op.Slewing, True, self._hub.now())
         elif axis is not None:
