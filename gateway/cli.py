@@ -41,7 +41,7 @@ def main(argv: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="mount-gateway",
-        description="Lets Meade LX200 software drive a Celestron NexStar mount.",
+        description="Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.",
         epilog="An endpoint is PROTOCOL[:MODEL[/VERSION]]@WHERE, for example nexstar@/dev/ttyUSB0 or lx200@tcp://:4030.",
     )
     parser.add_argument("--version", action="version", version=f"mount-gateway {__version__}")

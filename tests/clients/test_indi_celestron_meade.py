@@ -18,7 +18,7 @@ from . import scenario
 from .meade import Meade
 from .processes import Workshop, requires
 from .product import Endpoint, start_celestron_gateway, start_meade
-from .sky import NORTH, SOUTH, Site, arcseconds, target_up
+from .sky import NORTH, SOUTH, Site, target_up
 from .telescope import Telescope
 
 DRIVER, DEVICE = "indi_celestron_gps", "Celestron GPS"
@@ -28,8 +28,10 @@ ARCMINUTE = 1.01
 """LX200 commands carry a site in whole minutes of arc."""
 SESSION = 8.0
 """Seconds that a driver's clock may be behind: it was read when the driver connected."""
-LISTEN, SECOND = 3.0, 15.0
-"""Seconds in which a mount that does not track lets the sky pass by three steps of its display; one step, in arcseconds."""
+STEP = 15.0
+"""Seconds of arc in a second of time, the finest right ascension that a Meade tells; also its guide rate."""
+LISTEN = 3.0
+"""Seconds in which the sky passes a mount that does not track by three steps."""
 
 
 @dataclass(frozen=True)
@@ -97,17 +99,29 @@ def check_buttons(telescope: Telescope, truth: Meade, model: Model, site: Site) 
 
 
 def check_guiding(telescope: Telescope, truth: Meade) -> None:
-    """A pulse moves the mount a little, and the opposite one takes it back.
+    """A pulse on both axes moves the mount a little, and the opposite ones move it back.
 
     The driver guides equatorial mounts only.
     """
-    start = scenario.wait_still(telescope, truth)
-    for name, there, back in (("NS", "N", "S"), ("WE", "W", "E")):
-        for direction, expected in ((there, True), (back, False)):
-            telescope.client.send(f"TELESCOPE_TIMED_GUIDE_{name}", {f"TIMED_GUIDE_{direction}": "2000"})
-            telescope.client.listen(2.5)
-            moved = arcseconds(start, truth.position())
-            assert (moved > 10.0) is expected and moved < 120.0, (direction, moved)
+    shifts = []
+    for directions in ("NW", "SE"):
+        start = scenario.wait_still(telescope, truth)
+        mark = len(telescope.client.history)
+        for axis, direction in zip(("NS", "WE"), directions, strict=True):
+            telescope.client.send(f"TELESCOPE_TIMED_GUIDE_{axis}", {f"TIMED_GUIDE_{direction}": "2000"})
+        for axis in ("NS", "WE"):
+            telescope.client.wait_for(f"end of guiding {axis}", lambda a=axis, m=mark: ended(telescope, m, a))
+        here = scenario.wait_still(telescope, truth)
+        shifts.append((here.ra - start.ra, here.dec - start.dec))
+    for there, back in zip(*shifts, strict=True):
+        assert there * back < 0, shifts
+        assert all(STEP / 2 < abs(shift) * 3600.0 < 10 * STEP for shift in (there, back)), shifts
+
+
+def ended(telescope: Telescope, mark: int, axis: str) -> bool:
+    """Whether a guide pulse is over: the driver showed it under way and then shows it no longer."""
+    states = [vector.state for vector in telescope.client.since(mark, f"TELESCOPE_TIMED_GUIDE_{axis}")]
+    return "Busy" in states and states[-1] != "Busy"
 
 
 def check_tracking(telescope: Telescope, truth: Meade, model: Model) -> None:
@@ -119,7 +133,7 @@ def check_tracking(telescope: Telescope, truth: Meade, model: Model) -> None:
         elif state == "TRACK_OFF":
             before = truth.position().ra
             telescope.client.listen(LISTEN)
-            assert abs(truth.position().ra - before) * 3600.0 < 1.5 * SECOND
+            assert abs(truth.position().ra - before) * 3600.0 < 1.5 * STEP
             assert truth.mode() == "P"
 
 
