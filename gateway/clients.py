@@ -106,6 +106,9 @@ class Client:
             except StopIteration as end:
                 self._answer(frame, end.value)
                 continue
+            except Exception as error:  # a defect must cost one command, never the client's connection
+                self._defect(frame, error)
+                continue
             self._task = self.hub.loop.create_task(self._wait(frame, steps, wanted, stops, stopping))
             return
 
@@ -176,10 +179,15 @@ class Client:
         reply = None
         try:
             reply = await self._finish(steps, wanted, stops, stopping)
+        except Exception as error:
+            self._defect(frame, error)
         finally:
             self._task = None
         self._answer(frame, reply)
         self._pump()
+
+    def _defect(self, frame: bytes, error: Exception) -> None:
+        self.transcript.note(self.name, f"internal error at {frame!r}, please report it: {error!r}")
 
     def _answer(self, frame: bytes, reply: bytes | None) -> None:
         self.session.last = frame

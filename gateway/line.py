@@ -194,7 +194,7 @@ class Line:
         """The reply, when it is complete; one that cannot be read at all is garbled, never the end of the line."""
         try:
             return self.dialogue.take(ask, self._buffer)
-        except (ValueError, KeyError, IndexError) as error:
+        except Exception as error:  # whatever it is, the line goes on
             return Refused(f"Garbled answer from the mount: {error}"), len(self._buffer)
 
     async def _prove(self) -> bool:

@@ -268,3 +268,26 @@ def test_half_a_command_is_not_passed_by() -> None:
             assert await client.ask(b"e") == b"e#"
 
     run(program())
+
+
+def test_a_defect_in_a_driver_costs_one_operation() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            client = bridge.client()
+            good = bridge.driver.specials["position"]
+
+            def broken(mount: object, operation: object) -> object:
+                raise KeyError("a defect")
+
+            await client.ask(b":GR#")
+            bridge.driver.specials = {**bridge.driver.specials, "position": broken}
+            for _ in range(20):
+                client.tell(b":GR#")
+                await asyncio.sleep(0.5)
+            assert any("please report" in entry.note for entry in bridge.entries)
+            bridge.driver.specials = {**bridge.driver.specials, "position": good}
+            await asyncio.sleep(2)
+            assert len(await client.ask(b":GR#")) == 9
+            assert await client.ask(b":GVP#") == b"Autostar#"
+
+    run(program())

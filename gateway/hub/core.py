@@ -15,7 +15,7 @@ from msgspec import Struct
 
 from gateway import operations as op
 from gateway.driver import Ask, Driver, Pause, Steps
-from gateway.errors import Fault, NoAnswer, NotAligned
+from gateway.errors import Fault, NoAnswer, NotAligned, Refused
 from gateway.hub.derived import Derived
 from gateway.hub.motions import MOTIONS, Motions
 from gateway.hub.settings import FIRST_ANSWER, SiteAndClock
@@ -257,6 +257,11 @@ class Hub:
                     self.motions.plan(step)
         except StopIteration as end:
             return end.value
+        except (Fault, asyncio.CancelledError):
+            raise
+        except Exception as error:  # a defect in a driver must cost one operation, never the gateway
+            self.transcript.note("mount", f"internal error, please report it: {error!r}")
+            raise Refused(f"Internal error: {error!r}") from error
         finally:
             steps.close()
 

@@ -1,4 +1,4 @@
-"""Hamlib's rotators: its Meade model through the gateway, its Celestron model on the simulator itself."""
+"""Hamlib's rotators, Meade and Celestron: each through the gateway, and each on the mount it was written for."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import pytest
 
 from .hamlib import CELESTRON, MEADE, Rotator, terminal_to
 from .hand_control import HandControl
+from .meade import Meade
 from .processes import Workshop, requires, wait_until
-from .product import start_gateway, start_simulator
+from .product import start_celestron_gateway, start_gateway, start_meade, start_simulator
 from .sky import NORTH, SOUTH, Site, arcseconds
 
 NEAR = 0.15
@@ -21,7 +22,7 @@ def off(one: tuple[float, float], other: tuple[float, float]) -> float:
     return max(abs((a - b + 180.0) % 360.0 - 180.0) for a, b in zip(one, other, strict=True))
 
 
-def turns_and_stops(rotator: Rotator, truth: HandControl) -> None:
+def turns_and_stops(rotator: Rotator, truth: HandControl | Meade) -> None:
     """Read, turn, arrive; turn far away and stop on the way."""
     assert off(rotator.position(), truth.horizontal()) < NEAR
     azimuth, _ = truth.horizontal()
@@ -41,7 +42,7 @@ def turns_and_stops(rotator: Rotator, truth: HandControl) -> None:
     assert off(truth.horizontal(), far) > 1.0, "the mount went on to its target"
 
 
-def stands(truth: HandControl) -> bool:
+def stands(truth: HandControl | Meade) -> bool:
     """Whether the mount did not move between two looks; the sky passes it by at 15″/s meanwhile."""
     before = truth.position()
     time.sleep(0.25)
@@ -62,3 +63,18 @@ def test_celestron_on_the_simulator(workshop: Workshop) -> None:
     requires("rotctld", "socat")
     wire, truth = start_simulator(workshop, "nexstar:6-8se", NORTH, speed=4.0)
     turns_and_stops(Rotator(workshop, CELESTRON, terminal_to(workshop, wire.port)), truth)
+
+
+def test_celestron_through_the_gateway(workshop: Workshop) -> None:
+    """Hamlib's NexStar model on the gateway's pseudo terminal, in front of a Meade."""
+    requires("rotctld")
+    wire, truth = start_meade(workshop, "lx200gps", NORTH, speed=2.0)
+    surface = start_celestron_gateway(workshop, wire, "pty")
+    turns_and_stops(Rotator(workshop, CELESTRON, surface.path), truth)
+
+
+def test_meade_on_the_simulator(workshop: Workshop) -> None:
+    """Hamlib's LX200 model finds a Meade in the simulator."""
+    requires("rotctld", "socat")
+    wire, truth = start_meade(workshop, "autostar", NORTH, speed=2.0)
+    turns_and_stops(Rotator(workshop, MEADE, terminal_to(workshop, wire.port)), truth)

@@ -18,12 +18,10 @@ from . import scenario
 from .meade import Meade
 from .processes import Workshop, requires
 from .product import Endpoint, start_celestron_gateway, start_meade
-from .sky import NORTH, SOUTH, Site, target_up
+from .sky import NORTH, SOUTH, Site, same_site, target_up
 from .telescope import Telescope
 
 DRIVER, DEVICE = "indi_celestron_gps", "Celestron GPS"
-SPEED = 3.0
-"""How much faster than life the simulated mount slews: quick, yet seen under way at four polls a second."""
 ARCMINUTE = 1.01
 """LX200 commands carry a site in whole minutes of arc."""
 SESSION = 8.0
@@ -43,6 +41,8 @@ class Model:
     information: str
     build: str
     polar: bool = False
+    speed: float = 3.0
+    """How much faster than life the simulated mount slews: quick, yet seen under way at four polls a second."""
     tells_status: bool = True
     """Answers `:GW#`; on the others tracking cannot be switched off without losing the alignment."""
 
@@ -53,7 +53,7 @@ class Model:
 AUTOSTAR = Model("autostar", "nexstar:6-8se", "6/8 SE", "Fork")
 LX200GPS = Model("lx200gps", "nexstar:6-8se", "6/8 SE", "Fork")
 LX200 = Model("lx200", "nexstar:cge", "CGE", "GEM", polar=True, tells_status=False)
-LX200_16 = Model("lx200-16", "nexstar:cge", "CGE", "GEM", polar=True, tells_status=False)
+LX200_16 = Model("lx200-16", "nexstar:cge", "CGE", "GEM", polar=True, speed=6.0, tells_status=False)
 MODELS = (AUTOSTAR, LX200GPS, LX200, LX200_16)
 
 
@@ -157,11 +157,11 @@ def check_park(telescope: Telescope, truth: Meade, model: Model) -> None:
 def test_night(workshop: Workshop, model: Model, site: Site, transport: str) -> None:
     """Connect, read, goto, sync, move, guide, track, abort, park: one session."""
     requires("indiserver", DRIVER)
-    meade, truth = start_meade(workshop, model.name, site, speed=SPEED)
+    meade, truth = start_meade(workshop, model.name, site, speed=model.speed)
     telescope = connect(workshop, model, meade, transport)
     check_information(telescope, model)
     scenario.shows_position(telescope, truth)
-    scenario.goes_to(telescope, truth, target_up(truth.position(), 60.0, site), exact_end=True)
+    scenario.goes_to(telescope, truth, target_up(truth.position(), 50.0, site), exact_end=True)
     scenario.syncs(telescope, truth)
     check_buttons(telescope, truth, model, site)
     if model.polar:
@@ -185,7 +185,7 @@ def test_time_and_site(workshop: Workshop, model: Model) -> None:
     assert truth.clock()[1] == 8
     first.end()
     second = Telescope(workshop, DRIVER, DEVICE, surface)
-    assert scenario.same_site(second.site(), there, ARCMINUTE), second.site()
+    assert same_site(second.site(), there, ARCMINUTE), second.site()
     told, told_offset = second.clock()
     assert abs((told - expected()).total_seconds()) < SESSION, told
     assert told_offset == 8
@@ -198,4 +198,4 @@ def test_classic_counts_as_aligned(workshop: Workshop) -> None:
     telescope = connect(workshop, LX200, meade, "tcp")
     telescope.client.set("GEOGRAPHIC_COORD", {"LAT": "-33.75", "LONG": "115.75", "ELEV": "0"}, ("Ok", "Alert", "Idle"))
     telescope.client.wait_for("refusal", lambda: any("aligned" in told for told in telescope.client.messages))
-    assert scenario.same_site(truth.site(), NORTH, 0.0)
+    assert same_site(truth.site(), NORTH, 0.0)
