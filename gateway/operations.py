@@ -241,11 +241,12 @@ class Pulse(Operation, frozen=True):
 
 
 class PulseAxis(Operation, frozen=True):
-    """Guide with a motor: axis 1 or 2, sense +1 or -1, for some milliseconds."""
+    """Guide with a motor: axis 1 or 2, sense +1 or -1, for some milliseconds; rate as a fraction of sidereal."""
 
     axis: int
     sense: int
     ms: int
+    rate: float | None = None
 
 
 class CancelGoto(Operation, frozen=True):

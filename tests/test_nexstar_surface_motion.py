@@ -95,13 +95,15 @@ ACTIVE = {axis: bytes((80, 1, 15 + axis, 39, 0, 0, 0, 1)) for axis in (1, 2)}
 
 
 @pytest.mark.parametrize("axis", [1, 2])
-@pytest.mark.parametrize(("rate", "sense"), [(50, 1), (206, -1), (1, 1), (255, -1), (100, 1), (35, 1)])
+@pytest.mark.parametrize(
+    ("rate", "sense", "part"), [(50, 1, 0.5), (206, -1, 0.5), (1, 1, 0.01), (255, -1, 0.01), (100, 1, 1.0), (35, 1, 0.35)]
+)
 @pytest.mark.parametrize("ticks", [1, 30, 35, 255])
-def test_pulse(axis: int, rate: int, sense: int, ticks: int) -> None:
+def test_pulse(axis: int, rate: int, sense: int, part: float, ticks: int) -> None:
     talk = talk_to()
     assert talk.send(ACTIVE[axis]) == b"\0#"
     assert talk.send(bytes((80, 3, 15 + axis, 38, rate, ticks, 0, 0))) == b"#"
-    assert talk.mount.asked == [op.PulseAxis(axis, sense, ticks * 10)]
+    assert talk.mount.asked == [op.PulseAxis(axis, sense, ticks * 10, part)]
     assert talk.send(ACTIVE[axis]) == b"\1#"
     assert talk.send(ACTIVE[3 - axis]) == b"\0#", "the other motor is idle"
     talk.now += ticks / 100 - 0.005

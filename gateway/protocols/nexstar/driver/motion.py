@@ -168,7 +168,7 @@ def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
     if operation.ms <= 0:
         return
     if mount.motors and min(mount.motors.values()) >= PULSE_FIRMWARE:
-        mount.pulsing[axis] = (sign, operation.ms)
+        mount.pulsing[axis] = (sign * (operation.rate or mount.settings.guide_rate), operation.ms)
         yield from next_pulse(mount, NextPulse(axis))
         return
     if not (mount.tracking or Tracking.OFF).equatorial or not mount.knows("slew_azm_pos"):
@@ -181,14 +181,14 @@ def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
 
 def next_pulse(mount: NexStar, operation: NextPulse) -> Steps:
     """One piece of at most 2.55 s, then the next."""
-    sign, left = mount.pulsing.pop(operation.axis, (0, 0))
+    rate, left = mount.pulsing.pop(operation.axis, (0.0, 0))
     piece = min(left, LONGEST_PULSE)
     if piece <= 0:
         return
-    rate = sign * round(100 * mount.settings.guide_rate)
-    yield Ask("pulse", {"device": 15 + operation.axis, "rate": rate, "ticks": max(1, round(piece / 10))})
+    percent = max(-100, min(100, round(100 * rate)))
+    yield Ask("pulse", {"device": 15 + operation.axis, "rate": percent, "ticks": max(1, round(piece / 10))})
     if left > piece:
-        mount.pulsing[operation.axis] = (sign, left - piece)
+        mount.pulsing[operation.axis] = (rate, left - piece)
         yield Later(piece / 1000.0, NextPulse(operation.axis))
 
 

@@ -61,7 +61,7 @@ class NexStar(Driver):
         self.remembered: Tracking | None = None
         self.restores = 0
         self.steps: dict[int, float] = {}
-        self.pulsing: dict[int, tuple[int, int]] = {}
+        self.pulsing: dict[int, tuple[float, int]] = {}
         # position
         self.last: Equatorial | None = None
         self.offset: tuple[float, float] = (0.0, 0.0)

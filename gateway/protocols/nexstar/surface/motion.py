@@ -103,7 +103,7 @@ def pulse(session: Session, command: Command, values: dict[str, Any]) -> Handlin
     axis, ms = motor(values), values["ticks"] * 10
     if values["rate"] and ms:
         session.shared[f"pulse ends {axis}"] = session.clock() + ms / 1000.0
-        yield Start(PulseAxis(axis, 1 if values["rate"] > 0 else -1, ms))
+        yield Start(PulseAxis(axis, 1 if values["rate"] > 0 else -1, ms, abs(values["rate"]) / 100))
 
 
 def pulse_active(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
