@@ -96,7 +96,8 @@ ACTIVE = {axis: bytes((80, 1, 15 + axis, 39, 0, 0, 0, 1)) for axis in (1, 2)}
 
 @pytest.mark.parametrize("axis", [1, 2])
 @pytest.mark.parametrize(
-    ("rate", "sense", "part"), [(50, 1, 0.5), (206, -1, 0.5), (1, 1, 0.01), (255, -1, 0.01), (100, 1, 1.0), (35, 1, 0.35)]
+    ("rate", "sense", "part"),
+    [(50, 1, 0.5), (206, -1, 0.5), (1, 1, 0.01), (255, -1, 0.01), (100, 1, 1.0), (35, 1, 0.35)],
 )
 @pytest.mark.parametrize("ticks", [1, 30, 35, 255])
 def test_pulse(axis: int, rate: int, sense: int, part: float, ticks: int) -> None:
