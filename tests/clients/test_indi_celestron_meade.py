@@ -11,6 +11,7 @@ from __future__ import annotations
 import datetime
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import pytest
 
@@ -41,7 +42,7 @@ class Model:
     information: str
     build: str
     polar: bool = False
-    speed: float = 3.0
+    speed: float = 5.0
     """How much faster than life the simulated mount slews: quick, yet seen under way at four polls a second."""
     tells_status: bool = True
     """Answers `:GW#`; on the others tracking cannot be switched off without losing the alignment."""
@@ -53,7 +54,7 @@ class Model:
 AUTOSTAR = Model("autostar", "nexstar:6-8se", "6/8 SE", "Fork")
 LX200GPS = Model("lx200gps", "nexstar:6-8se", "6/8 SE", "Fork")
 LX200 = Model("lx200", "nexstar:cge", "CGE", "GEM", polar=True, tells_status=False)
-LX200_16 = Model("lx200-16", "nexstar:cge", "CGE", "GEM", polar=True, speed=6.0, tells_status=False)
+LX200_16 = Model("lx200-16", "nexstar:cge", "CGE", "GEM", polar=True, speed=10.0, tells_status=False)
 MODELS = (AUTOSTAR, LX200GPS, LX200, LX200_16)
 
 
@@ -110,7 +111,7 @@ def check_guiding(telescope: Telescope, truth: Meade) -> None:
         for axis, direction in zip(("NS", "WE"), directions, strict=True):
             telescope.client.send(f"TELESCOPE_TIMED_GUIDE_{axis}", {f"TIMED_GUIDE_{direction}": "2000"})
         for axis in ("NS", "WE"):
-            telescope.client.wait_for(f"end of guiding {axis}", lambda a=axis, m=mark: ended(telescope, m, a))
+            telescope.client.wait_for(f"end of guiding {axis}", partial(ended, telescope, mark, axis))
         here = scenario.wait_still(telescope, truth)
         shifts.append((here.ra - start.ra, here.dec - start.dec))
     for there, back in zip(*shifts, strict=True):
@@ -124,12 +125,17 @@ def ended(telescope: Telescope, mark: int, axis: str) -> bool:
     return "Busy" in states and states[-1] != "Busy"
 
 
+def tracking_is(truth: Meade, letter: str) -> bool:
+    """Whether `:GW#` tells T, tracking, or N, not tracking."""
+    return truth.status()[1] == letter
+
+
 def check_tracking(telescope: Telescope, truth: Meade, model: Model) -> None:
     """Off and on again where the mount can; elsewhere it keeps tracking, its alignment untouched."""
     for state, expected in (("TRACK_OFF", "N"), ("TRACK_ON", "T")):
         telescope.choose("TELESCOPE_TRACK_STATE", state)
         if model.tells_status:
-            telescope.client.wait_for(f"tracking {expected}", lambda e=expected: truth.status()[1] == e, 5.0)
+            telescope.client.wait_for(f"tracking {expected}", partial(tracking_is, truth, expected), 5.0)
         elif state == "TRACK_OFF":
             before = truth.position().ra
             telescope.client.listen(LISTEN)
@@ -142,11 +148,11 @@ def check_park(telescope: Telescope, truth: Meade, model: Model) -> None:
     telescope.park()
     assert not truth.goto_running()
     if model.tells_status:
-        telescope.client.wait_for("tracking off", lambda: truth.status()[1] == "N", 5.0)
+        telescope.client.wait_for("tracking off", partial(tracking_is, truth, "N"), 5.0)
     telescope.unpark()
     telescope.choose("TELESCOPE_TRACK_STATE", "TRACK_ON")
     if model.tells_status:
-        telescope.client.wait_for("tracking on", lambda: truth.status()[1] == "T", 5.0)
+        telescope.client.wait_for("tracking on", partial(tracking_is, truth, "T"), 5.0)
     assert truth.mode() == ("P" if model.polar else "A")
 
 
