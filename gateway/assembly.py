@@ -17,7 +17,7 @@ from gateway import operations as op
 from gateway.config import Config, Endpoint, MountConfig, SurfaceConfig, parse_endpoint
 from gateway.driver import Driver
 from gateway.equinox import J2000
-from gateway.errors import UserError
+from gateway.errors import Fault, UserError
 from gateway.guests import Face, Reception
 from gateway.hub import Hub, Policy
 from gateway.line import Dialogue, Line
@@ -134,7 +134,12 @@ class Gateway:
         """Present what fits the mount, where the user named no model."""
         assert self.hub is not None
         await self.hub.identified.wait()
-        equatorial = (await self.hub.read(op.GetStatus())).equatorial
+        while True:
+            try:
+                equatorial = (await self.hub.read(op.GetStatus())).equatorial
+                break
+            except Fault:
+                await asyncio.sleep(1.0)
         for _, face in self.faces:
             if face.fit is not None:
                 face.model.update(face.fit(equatorial))

@@ -83,16 +83,10 @@ class Client:
         for frame in frames:
             stopping = frame in self.stop_frames
             if stopping:
-                hub.spawn(self._stop())
+                hub.begin_stop()
             self._inbox.append((frame, hub.stops, stopping))
         if self._task is None:
             self._pump()
-
-    async def _stop(self) -> None:
-        try:
-            await self.hub.stop()
-        except Fault as fault:
-            self.transcript.note(self.name, f"stop: {fault}")
 
     def _pump(self) -> None:
         """Answer what waits, until something must be waited for."""
@@ -241,6 +235,5 @@ class Client:
         return value if self.equinox is None else self.equinox.outward(operation, value)
 
     def close(self) -> None:
-        """The connection is gone: what is under way goes on, its reply goes nowhere."""
-        self._inbox.clear()
+        """The connection is gone: what it asked for is still done, the replies go nowhere."""
         self.write = lambda data: None

@@ -94,7 +94,7 @@ class Line:
         while True:
             try:
                 await self.wire.open(self._on_data, self._on_lost)
-            except OSError as error:
+            except Exception as error:  # pyserial has more kinds of failure than OSError
                 self._down(f"cannot open {self.wire.name}: {error}")
                 await asyncio.sleep(BACK_OFF[min(failures, len(BACK_OFF) - 1)])
                 failures += 1

@@ -15,7 +15,9 @@ from msgspec import Struct
 
 
 class Operation(Struct, frozen=True):
-    """Base of all operations. ``reads`` tells the hub that it changes nothing."""
+    """Base of all operations. What ``outlives_stop`` is no motion: a stop leaves it alone."""
+
+    outlives_stop: ClassVar[bool] = False
 
 
 class Direction(Enum):
@@ -256,12 +258,16 @@ class CancelGoto(Operation, frozen=True):
 class SetTracking(Operation, frozen=True):
     """Tracking on in the mount's own mode, or in the one named, or off."""
 
+    outlives_stop = True
+
     on: bool
     mode: Tracking | None = None
 
 
 class TrackRate(Operation, frozen=True):
     """A drive rate: ``sidereal``, ``solar``, ``lunar``, or a multiple of sidereal."""
+
+    outlives_stop = True
 
     name: str | None = None
     factor: float | None = None
@@ -278,6 +284,8 @@ class Home(Operation, frozen=True):
 class SetHome(Operation, frozen=True):
     """The present position is home."""
 
+    outlives_stop = True
+
 
 class HomeState(Read, frozen=True):
     """-> int: 0 failed or never searched, 1 at home (or parked), 2 on the way."""
@@ -285,6 +293,8 @@ class HomeState(Read, frozen=True):
 
 class Unpark(Operation, frozen=True):
     """Take up service again: tracking on, the mount's state read anew."""
+
+    outlives_stop = True
 
 
 class Sleep(Operation, frozen=True):

@@ -59,9 +59,9 @@ class Still:
         self.changed()
         return answer
 
-    async def stop(self) -> None:
+    def begin_stop(self) -> None:
         self.stops += 1
-        await self.perform(op.Stop())
+        self.spawn(self.perform(op.Stop()))
 
     def begin(self, operation: op.Operation, stops: int, failed: Callable[[Fault], None]) -> None:
         async def finish() -> None:

@@ -8,6 +8,7 @@ site and clock, have files of their own.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Callable
 from typing import Any
 
@@ -29,6 +30,7 @@ from gateway.transcript import Transcript
 HEARTBEAT = 5.0
 CLOCK_AGE = 120.0
 SHUTDOWN = 4.0
+ASK_AGAIN = 1.0
 
 
 class Policy(Struct, frozen=True):
@@ -54,6 +56,7 @@ class Hub:
         self.identified, self.settled = asyncio.Event(), asyncio.Event()
         self.motions = Motions(self, follow_ups)
         self.settings = SiteAndClock(self)
+        self._identifying: asyncio.Task[Any] | None = None
         self._sharing: dict[Kind, asyncio.Task[Any]] = {}
         self._tasks: set[asyncio.Task[Any]] = set()
         line.on_up = self._on_up
@@ -88,13 +91,21 @@ class Hub:
 
     def _on_up(self) -> None:
         self.snapshot.clear()
-        self.spawn(self._identify())
+        if self._identifying is not None:
+            self._identifying.cancel()
+        self._identifying = self.spawn(self._identify())
 
     async def _identify(self) -> None:
         """Who is there, where it stands, what time it has."""
-        await self._learn(op.GetIdentity())
-        if op.GetIdentity not in self.snapshot.seen:
-            return
+        if self.motions.owed:
+            with contextlib.suppress(Fault):
+                await self.stop()
+        while op.GetIdentity not in self.snapshot.seen:
+            await self._learn(op.GetIdentity())
+            if self.line.state != "up":
+                return  # it is begun again when the line is up
+            if op.GetIdentity not in self.snapshot.seen:
+                await asyncio.sleep(ASK_AGAIN)
         if self.policy.equinox == "auto":
             self.derived.equinox = self.driver.equinox
         self.identified.set()
@@ -150,8 +161,12 @@ class Hub:
         """How many stops there were: a motion that was asked for before the last one is not begun."""
         return self.motions.stops
 
+    def begin_stop(self) -> None:
+        """End every motion, before everything else; from now on it counts as stopped."""
+        self.motions.begin_stop().add_done_callback(lambda task: task.cancelled() or task.exception())
+
     async def stop(self) -> None:
-        """End every motion, before everything else. Raises Fault."""
+        """The same, and wait until the mount has acknowledged it. Raises Fault."""
         await self.motions.stop()
 
     def fresh_until(self, kinds: list[Kind]) -> float:
@@ -270,6 +285,14 @@ class Hub:
     async def _refresh(self) -> None:
         """Renew what clients ask for; watch a goto and an altitude; else one heartbeat every few seconds."""
         await self.identified.wait()
+        while True:
+            try:
+                await self._keep_fresh()
+            except Exception as error:  # nothing may end this but the end of the gateway
+                self.transcript.note("mount", f"internal error, please report it: {error!r}")
+                await asyncio.sleep(ASK_AGAIN)
+
+    async def _keep_fresh(self) -> None:
         beat = self.now()
         while True:
             if self.line.state != "up":
@@ -308,5 +331,6 @@ class Hub:
                 self.transcript.note_once("mount", f"{kind.__name__}: {fault}")
             if self.snapshot.age(kind, self.now()) > RENEW[kind]:
                 await asyncio.sleep(RENEW[kind])
+            return
         if kind is op.Position and self.moving:
-            await self.motions.watch_altitude()
+            self.motions.watch_altitude()

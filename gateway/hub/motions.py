@@ -24,8 +24,8 @@ MOTIONS = (
     *GOTOS, op.CancelGoto, op.Sync, op.Move, op.MoveAxis, op.Halt, op.Pulse, op.PulseAxis, op.SetTracking, op.TrackRate,
     op.SetHome, op.Unpark, op.Sleep, op.Wake, op.Focus,
 )  # fmt: skip
-#: A stop forgets what was planned, but for these.
-SURVIVE_A_STOP = (op.Unpark,)
+#: How often a stop is sent again on a line that is up, when its answer was lost.
+STOP_TRIES = 3
 
 
 def axis_moved(operation: op.Operation) -> int | None:
@@ -41,6 +41,7 @@ class Motions:
     def __init__(self, hub: Hub, follow_ups: dict[type[Any], Callable[[Any, Any], Any]]) -> None:
         self._hub, self._follow_ups = hub, follow_ups
         self.stops = self.gotos = 0
+        self.owed = False
         self.axes: set[int] = set()
         self._turn = asyncio.Lock()
         self._jobs: dict[asyncio.Task[Any], op.Operation] = {}
@@ -52,16 +53,36 @@ class Motions:
         """Whether a goto was asked for that the mount has not acknowledged yet."""
         return any(isinstance(job, GOTOS) for job in self._jobs.values())
 
-    async def stop(self) -> None:
-        """End every motion: what runs or waits dies, and the stop goes to the line first."""
+    def begin_stop(self) -> asyncio.Task[None]:
+        """End every motion: what runs or waits dies now, and the stop goes to the line first.
+
+        It is owed until the mount has acknowledged it: a lost answer or a lost line does not cancel it.
+        """
         self.stops += 1
-        for task in list(self._jobs):
-            task.cancel()
-        for operation in [planned for planned in self._later if not isinstance(planned, SURVIVE_A_STOP)]:
+        self.owed = True
+        for task, job in list(self._jobs.items()):
+            if not job.outlives_stop:
+                task.cancel()
+        for operation in [planned for planned in self._later if not planned.outlives_stop]:
             self._later.pop(operation).cancel()
-        self.axes.clear()
+        return self._hub.spawn(self._stop())
+
+    async def stop(self) -> None:
+        """The same, and wait until the mount has acknowledged it. Raises Fault."""
+        await asyncio.shield(self.begin_stop())
+
+    async def _stop(self) -> None:
         async with self._turn:
-            await self._hub.drive(self._hub.driver.perform(op.Stop()), STOP)
+            for attempt in range(STOP_TRIES):
+                try:
+                    await self._hub.drive(self._hub.driver.perform(op.Stop()), STOP)
+                    break
+                except Fault as fault:
+                    self._hub.transcript.note("mount", f"stop: {fault}")
+                    if attempt == STOP_TRIES - 1 or self._hub.line.state == "down":
+                        raise
+        self.owed = False
+        self.axes.clear()
         self._hub.snapshot.put(op.Slewing, False, self._hub.now())
 
     def begin(self, operation: op.Operation, stops: int | None) -> asyncio.Task[Any]:
@@ -98,11 +119,16 @@ class Motions:
 
     async def _run(self, operation: op.Operation, stops: int) -> Any:
         async with self._turn:
-            if stops != self.stops and not isinstance(operation, op.Halt):
+            if stops != self.stops and not (isinstance(operation, op.Halt) or operation.outlives_stop):
                 raise Stopped
             operation = await self._checked(operation)
-            rank = STOP if isinstance(operation, op.Halt | op.CancelGoto) else MOTION
-            value = await self._hub.drive(self._hub.driver.perform(operation), rank)
+            ends = isinstance(operation, op.Halt | op.CancelGoto)
+            try:
+                value = await self._hub.drive(self._hub.driver.perform(operation), STOP if ends else MOTION)
+            except Fault:
+                if ends:  # whatever should have ended must end
+                    self.begin_stop()
+                raise
         self._after(operation)
         return value
 
@@ -138,7 +164,7 @@ class Motions:
             return
         check_altitude(self._hub.policy.limits.narrowed(operation.lowest, operation.highest), altitude)
 
-    async def watch_altitude(self) -> None:
+    def watch_altitude(self) -> None:
         """Stop a motion by hand that leaves the altitude limits, early enough for the next look to come in time."""
         seen = self._hub.snapshot.value(op.Position)
         altitude = None if seen is None else self._hub.derived.altitude(seen.ra, seen.dec)
@@ -147,7 +173,7 @@ class Motions:
             return
         if leaving(self._hub.policy.limits, before, altitude, 1.5 * abs(altitude - before)):
             self._hub.transcript.note("mount", f"stopped at the altitude limit ({altitude:.1f} degrees)")
-            await self.stop()
+            self._hub.begin_stop()
 
     # --- what is known afterwards -----------------------------------------------------------------------------------
 
@@ -181,12 +207,16 @@ class Motions:
             old.cancel()
         if later.urgent:
             hub.line.expect_urgent(hub.now() + later.seconds)
-        self._later[later.operation] = hub.loop.call_later(
-            later.seconds, lambda: hub.spawn(self._follow_up(later.operation, later.urgent))
-        )
+        self._later[later.operation] = hub.loop.call_later(later.seconds, self._begin_follow_up, later)
+
+    def _begin_follow_up(self, later: Later) -> None:
+        self._later.pop(later.operation, None)
+        task = self._hub.spawn(self._follow_up(later.operation, later.urgent))
+        if not later.urgent:
+            self._jobs[task] = later.operation
+            task.add_done_callback(self._ended)
 
     async def _follow_up(self, operation: op.Operation, urgent: bool) -> None:
-        self._later.pop(operation, None)
         special = self._follow_ups.get(type(operation))
         driver = self._hub.driver
         try:
@@ -195,6 +225,8 @@ class Motions:
                 await self._hub.drive(steps, STOP if urgent else MOTION)
         except Fault as fault:
             self._hub.transcript.note("mount", f"{type(operation).__name__}: {fault}")
+            if urgent:
+                self.begin_stop()
 
     def close(self) -> None:
         """Forget everything that was planned or waits."""

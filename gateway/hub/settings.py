@@ -103,7 +103,9 @@ class SiteAndClock:
         """The client is believed at once."""
         at = self._hub.now()
         same = self._observatory.same_clock(operation)
-        if not same:
+        if same:
+            self._observatory.kept_clock = None
+        else:
             self._observatory.keep_clock(operation)
         self._hub.snapshot.version += 1
         self._hub.spawn(self._hand_on_clock(operation, at, same))

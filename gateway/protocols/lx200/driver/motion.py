@@ -133,9 +133,10 @@ def _pulse(mount: Meade, axis: int, letter: str, ms: int) -> Steps:
 
 def end_pulse(mount: Meade, operation: EndPulse) -> Steps:
     """:Q…, unless a stop already did it."""
-    letter = mount.pulsing.pop(operation.axis, None)
+    letter = mount.pulsing.get(operation.axis)
     if letter is not None:
         yield from ask(mount, f"Q{letter}")
+        mount.pulsing.pop(operation.axis, None)
 
 
 # --- tracking ---------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 
 from gateway.driver import Steps
-from gateway.errors import NoAnswer, Refused
+from gateway.errors import Fault, NoAnswer, Refused
 from gateway.operations import (
     CancelGoto,
     Equatorial,
@@ -71,8 +71,7 @@ def goto(mount: Meade, operation: Goto) -> Steps:
     yield from _clear_the_way(mount)
     yield from ask(mount, "Sr", ra=operation.ra)
     yield from ask(mount, "Sd", dec=operation.dec)
-    yield from ask(mount, "MS")
-    mount.parked, mount.goto = False, GotoState(since=mount.now())
+    yield from _begin(mount, "MS")
 
 
 def goto_axes(mount: Meade, operation: GotoAxes) -> Steps:
@@ -80,16 +79,26 @@ def goto_axes(mount: Meade, operation: GotoAxes) -> Steps:
     yield from _clear_the_way(mount)
     yield from ask(mount, "Sz", az=operation.az)
     yield from ask(mount, "Sa", alt=operation.alt)
-    yield from ask(mount, "MA")
-    mount.parked, mount.goto = False, GotoState(since=mount.now())
+    yield from _begin(mount, "MA")
+
+
+def _begin(mount: Meade, command: str, then: str | None = None) -> Steps:
+    """Send what begins a goto. It counts as under way before that, for a stop must know of it."""
+    mount.parked, mount.goto = False, GotoState(since=mount.now(), then=then)
+    try:
+        yield from ask(mount, command)
+    except Fault:
+        mount.goto = None
+        raise
+    mount.goto.since = mount.now()
 
 
 def _clear_the_way(mount: Meade) -> Steps:
     """The newer goto wins; arrows are let go."""
     if mount.goto is not None or mount.moving:
+        yield from ask(mount, "Q")
         mount.goto = None
         mount.moving.clear()
-        yield from ask(mount, "Q")
 
 
 def cancel_goto(mount: Meade, _: CancelGoto) -> Steps:
@@ -111,8 +120,7 @@ def sync(mount: Meade, operation: Sync) -> Steps:
 def park(mount: Meade, _: Park) -> Steps:
     """:hP"""
     yield from _clear_the_way(mount)
-    yield from ask(mount, "hP")
-    mount.goto = GotoState(since=mount.now(), then="park")
+    yield from _begin(mount, "hP", then="park")
 
 
 def home(mount: Meade, _: Home) -> Steps:

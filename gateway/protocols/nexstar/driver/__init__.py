@@ -24,6 +24,7 @@ SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
     )
 }
 FOLLOW_UPS: dict[type[Any], Callable[[Any, Any], Any]] = {
+    goto.Arrived: goto.arrived,
     tracking.VerifyTracking: tracking.verify,
     motion.StepOn: motion.step_on,
     motion.EndPulse: motion.end_pulse,

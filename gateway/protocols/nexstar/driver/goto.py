@@ -44,9 +44,10 @@ def goto(mount: NexStar, operation: Goto) -> Steps:
     if operation.track and mount.tracking is Tracking.OFF and tracking.own_mode(mount) and mount.knows("T"):
         yield from tracking.set_tracking(mount, SetTracking(on=True))
     ra, dec = to_mount(mount, operation.ra, operation.dec)
-    yield Ask("r" if mount.knows("r") else "R", {"ra": ra, "dec": dec})
     mount.parked = False
-    mount.goto = GotoState(since=mount.now())
+    mount.goto = GotoState(since=mount.now())  # before it is sent: a stop must know of it
+    yield Ask("r" if mount.knows("r") else "R", {"ra": ra, "dec": dec})
+    mount.goto.since = mount.now()
 
 
 def goto_axes(mount: NexStar, operation: GotoAxes) -> Steps:
@@ -56,8 +57,9 @@ def goto_axes(mount: NexStar, operation: GotoAxes) -> Steps:
 
 
 def _to_axes(mount: NexStar, az: float, alt: float, then: str | None) -> Steps:
+    mount.goto = GotoState(since=mount.now(), then=then)
     yield Ask("b" if mount.knows("b") else "B", {"az": az, "alt": alt})
-    mount.goto = GotoState(since=mount.now(), then=then, horizontal=Horizontal(az, alt))
+    mount.goto.since = mount.now()
 
 
 def clear_the_way(mount: NexStar) -> Steps:
@@ -76,9 +78,9 @@ def clear_the_way(mount: NexStar) -> Steps:
             yield Pause(0.1)
         mount.goto = None
     if mount.remembered is not None:
-        mode, mount.remembered = mount.remembered, None
-        if mode is not Tracking.OFF:
-            yield from tracking.send_mode(mount, mode)
+        if mount.remembered is not Tracking.OFF:
+            yield from tracking.send_mode(mount, mount.remembered)
+        mount.remembered = None
 
 
 def cancel_goto(mount: NexStar, _: CancelGoto) -> Steps:
@@ -89,9 +91,11 @@ def cancel_goto(mount: NexStar, _: CancelGoto) -> Steps:
 
 def slewing(mount: NexStar, _: Slewing) -> Steps:
     """-> bool. ``L``, latched from the acknowledgement of the goto until the mount has had time to begin."""
+    state = mount.goto
     answer = yield Ask("L")
     moving = answer["slewing"] == "1"
-    state = mount.goto
+    if mount.goto is not state:
+        return mount.goto is not None or moving  # another one was begun, or this one was stopped, meanwhile
     if state is None:
         return moving
     if moving:
@@ -99,9 +103,17 @@ def slewing(mount: NexStar, _: Slewing) -> Steps:
         return True
     if not state.seen and mount.now() - state.since < START_GRACE and not (yield from _arrived(mount, state)):
         return True
+    if mount.goto is not state:
+        return mount.goto is not None
     mount.goto = None
-    yield from _finish(mount, state)
+    yield Later(0.0, Arrived(then=state.then or ""))
     return False
+
+
+class Arrived(Operation, frozen=True):
+    """Internal: a goto is over; what belongs to its end is done in turn with other motions."""
+
+    then: str
 
 
 def _arrived(mount: NexStar, state: GotoState) -> Steps:
@@ -114,14 +126,16 @@ def _arrived(mount: NexStar, state: GotoState) -> Steps:
     return before == after and mount.now() - state.since > 1.5
 
 
-def _finish(mount: NexStar, state: GotoState) -> Steps:
-    """The goto is over: park, note home, or come back to a special drive rate."""
-    if state.then == "park":
+def arrived(mount: NexStar, operation: Arrived) -> Steps:
+    """The goto is over: park, note home, or come back to a special drive rate. Not when something moves again."""
+    if mount.goto is not None or mount.moving:
+        return
+    if operation.then == "park":
         mount.parked, mount.remembered = True, None
         if mount.knows("T"):
             yield Ask("T", {"mode": 0})
             mount.tracking = Tracking.OFF
-    elif state.then == "home":
+    elif operation.then == "home":
         mount.home_state = 1
     elif mount.rate.name != "sidereal":
         yield from tracking.track_rate(mount, mount.rate)

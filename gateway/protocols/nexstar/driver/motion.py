@@ -105,10 +105,11 @@ def stop(mount: NexStar, _: Stop) -> Steps:
     """Rate 0 on both axes and ``M``: the one ends hand motion, the other a goto; tracking stays as it was."""
     mount.steps.clear()
     mount.pulsing.clear()
-    going, mount.goto = mount.goto, None
+    going = mount.goto
     if going is not None:
         mount.home_state = 0 if going.then == "home" else mount.home_state
         yield Ask("M")
+        mount.goto = None
     if mount.knows("slew_azm_pos"):
         for axis in (1, 2):
             yield Ask(f"slew_{_AXIS[axis]}_pos", {"rate": 0})
@@ -194,8 +195,9 @@ def next_pulse(mount: NexStar, operation: NextPulse) -> Steps:
 
 def end_pulse(mount: NexStar, operation: EndPulse) -> Steps:
     """Rate 0, unless a stop already did it."""
-    if mount.pulsing.pop(operation.axis, None) is not None:
+    if operation.axis in mount.pulsing:
         yield Ask(f"slew_{_AXIS[operation.axis]}_pos", {"rate": 0})
+        mount.pulsing.pop(operation.axis, None)
 
 
 # --- mechanics --------------------------------------------------------------------------------------------------

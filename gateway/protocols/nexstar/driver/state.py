@@ -27,7 +27,6 @@ class GotoState(Struct):
     since: float
     seen: bool = False
     then: str | None = None
-    horizontal: Horizontal | None = None
 
 
 class NexStar(Driver):

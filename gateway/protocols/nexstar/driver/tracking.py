@@ -89,7 +89,8 @@ def set_tracking(mount: NexStar, operation: SetTracking) -> Steps:
     mode = (operation.mode or own_mode(mount)) if operation.on else Tracking.OFF
     if mode is None:
         raise Unsupported("The tracking mode of this mount is not known.")
-    if mount.moving:
+    mount.restores = 0
+    if mount.remembered is not None:
         mount.remembered = mode
         return
     yield from send_mode(mount, mode)
@@ -110,10 +111,12 @@ def put_off(mount: NexStar) -> Steps:
 
 def restore(mount: NexStar) -> Steps:
     """After the last axis has stopped: back to what was remembered, and look a second later whether it took."""
-    mode, mount.remembered = mount.remembered, None
+    mode = mount.remembered
     if mode is None or mode is Tracking.OFF:
+        mount.remembered = None
         return
     yield from send_mode(mount, mode)
+    mount.remembered = None  # not before: what is lost here must be restored by the next one
     mount.restores = 1
     if mount.knows("t"):
         yield Later(VERIFY_AFTER, VerifyTracking(mode=mode.value))
@@ -121,6 +124,8 @@ def restore(mount: NexStar) -> Steps:
 
 class VerifyTracking(Operation, frozen=True):
     """Internal: a hand control may ignore ``T`` sent right after motion."""
+
+    outlives_stop = True
 
     mode: str
 
