@@ -1,0 +1,199 @@
+"""One answer lost at the worst moment: motion ends all the same, tracking comes back, the gateway goes on."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+import pytest
+
+from tests.bridge import Bridge
+from tests.virtual import run
+
+RATE_0 = b"P\x02\x10\x24\x00\x00\x00\x00"
+
+
+def swallow(bridge: Bridge, wanted: Callable[[bytes], bool], times: int = 1) -> None:
+    """The next requests that are wanted never reach the mount."""
+    wire = bridge.hub.line.wire
+    good, left = wire._feed, [times]  # type: ignore[attr-defined]
+
+    def feed(data: bytes) -> bytes:
+        if left[0] and wanted(data):
+            left[0] -= 1
+            return b""
+        return bytes(good(data))
+
+    wire._feed = feed  # type: ignore[attr-defined]
+
+
+def test_a_stop_is_owed_until_it_was_acknowledged() -> None:
+    async def program() -> None:
+        async with Bridge("cge", latency=0.05) as bridge:
+            client = bridge.client()
+            client.tell(b":RS#:Me#")
+            await asyncio.sleep(1)
+            swallow(bridge, lambda data: data == RATE_0)
+            client.tell(b":Q#")
+            await asyncio.sleep(8)
+            still = bridge.sim.truth()
+            await asyncio.sleep(10)
+            assert bridge.sim.truth() == pytest.approx(still, abs=0.01)
+            assert bridge.sim.tracking
+
+    run(program())
+
+
+def test_a_stop_given_while_the_line_is_down_is_sent_when_it_is_back() -> None:
+    async def program() -> None:
+        async with Bridge("cge", latency=0.05) as bridge:
+            client = bridge.client()
+            client.tell(b":RS#:Me#")
+            await asyncio.sleep(1)
+            swallow(bridge, lambda data: True, times=8)
+            client.tell(b":Q#")
+            await asyncio.sleep(60)
+            still = bridge.sim.truth()
+            await asyncio.sleep(5)
+            assert bridge.sim.truth() == pytest.approx(still, abs=0.05)
+
+    run(program())
+
+
+def test_the_end_of_a_guide_pulse_is_not_lost() -> None:
+    async def program() -> None:
+        async with Bridge("cge", "3.02", latency=0.05) as bridge:
+            swallow(bridge, lambda data: data == RATE_0)
+            bridge.client().tell(b":Mgw1000#")
+            await asyncio.sleep(10)
+            still = bridge.sim.truth()
+            await asyncio.sleep(10)
+            assert bridge.sim.truth() == pytest.approx(still, abs=1e-3)
+
+    run(program())
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.05, 0.1, 0.15, 0.2, 0.3])
+def test_a_stop_shortly_after_an_arrow_was_let_go_keeps_tracking(gap: float) -> None:
+    async def program() -> None:
+        async with Bridge("cge", latency=0.1) as bridge:
+            client, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
+            client.tell(b":RS#:Mn#")
+            for _ in range(10):
+                other.tell(b":GR#:GD#:D#:GW#")
+                await asyncio.sleep(0.1)
+            client.tell(b":Qn#")
+            await asyncio.sleep(gap)
+            client.tell(b":Q#")
+            await asyncio.sleep(5)
+            assert bridge.sim.tracking
+            assert await client.ask(b":GW#") == b"PT1"
+
+    run(program())
+
+
+def test_tracking_comes_back_when_its_command_was_lost() -> None:
+    async def program() -> None:
+        async with Bridge("cge", latency=0.05) as bridge:
+            client = bridge.client()
+            client.tell(b":RM#:Mn#")
+            await asyncio.sleep(1)
+            swallow(bridge, lambda data: data == b"T\x02")
+            client.tell(b":Qn#")
+            await asyncio.sleep(20)
+            assert bridge.sim.tracking
+
+    run(program())
+
+
+def test_one_lost_answer_does_not_keep_the_mount_unknown() -> None:
+    async def program() -> None:
+        bridge = Bridge()
+        swallow(bridge, lambda data: data == b"V")
+        bridge.hub.start()
+        await asyncio.sleep(20)
+        assert len(await bridge.client().ask(b":GR#")) == 9
+        await bridge.hub.close()
+
+    run(program())
+
+
+def test_a_motion_behind_a_stop_in_one_packet_is_done() -> None:
+    async def program() -> None:
+        async with Bridge(latency=0.1) as bridge:
+            client = bridge.client()
+            reply = await client.ask(b"#:Q#:Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110")
+            assert reply == b"110"
+            await asyncio.sleep(2)
+            assert bridge.sim.slewing
+            client.tell(b":Q#:RM#:Mn#")
+            before = bridge.sim.truth()
+            await asyncio.sleep(3)
+            assert bridge.sim.truth()[1] != pytest.approx(before[1], abs=0.5)
+
+    run(program())
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.1, 0.2, 0.3, 0.4, 0.6])
+def test_the_end_of_a_goto_reaches_a_meade_whenever_it_comes(gap: float) -> None:
+    async def program() -> None:
+        async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="6-8se", latency=0.1) as bridge:
+            client = bridge.client()
+            assert await client.ask(b"r60000000,20000000") == b"#"
+            await asyncio.sleep(gap)
+            assert await client.ask(b"M") == b"#"
+            await asyncio.sleep(3)
+            assert not bridge.sim.slewing
+            assert await client.ask(b"L") == b"0#"
+
+    run(program())
+
+
+@pytest.mark.parametrize("tenths", range(0, 30, 2))
+def test_a_goto_that_follows_a_park_tracks(tenths: int) -> None:
+    async def program() -> None:
+        async with Bridge("cge", latency=0.1, speed=20.0) as bridge:
+            client = bridge.client()
+            client.tell(b":hP#")
+            await asyncio.sleep(1.0 + tenths / 10)
+            reply = await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110")
+            assert reply == b"110"
+            while await client.ask(b":D#") == b"\x7f#":
+                await asyncio.sleep(0.5)
+            await asyncio.sleep(3)
+            assert bridge.sim.tracking
+
+    run(program())
+
+
+def test_land_mode_right_after_an_arrow_stays() -> None:
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            client = bridge.client()
+            client.tell(b":RM#:Mn#")
+            await asyncio.sleep(1)
+            client.tell(b":Qn#")
+            await asyncio.sleep(0.3)
+            client.tell(b":AL#")
+            await asyncio.sleep(5)
+            assert not bridge.sim.tracking
+            client.tell(b":AP#")
+            await asyncio.sleep(1)
+            client.tell(b":AL#:Q#")
+            await asyncio.sleep(3)
+            assert not bridge.sim.tracking
+
+    run(program())
+
+
+def test_a_clock_that_was_set_wrong_can_be_set_right() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            client = bridge.client()
+            await client.ask(b":SG+00#:SL05:00:00#:SC01/10/26#", until=b" #")
+            assert await client.ask(b":GC#") == b"01/10/26#"
+            await client.ask(b":SG+00#:SL22:00:00#:SC01/15/26#", until=b" #")
+            await asyncio.sleep(1)
+            assert await client.ask(b":GC#") == b"01/15/26#"
+
+    run(program())
