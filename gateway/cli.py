@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from gateway import __version__
 from gateway.config import Config, check, make_config, parse_device, parse_endpoint, parse_site, read_config
@@ -24,9 +24,8 @@ DEMO_PORT = 4030
 
 def main(argv: list[str] | None = None) -> int:
     """Run a command -> its exit code: 0 done, 2 bad input."""
-    parser = _parser()
-    arguments = parser.parse_args(argv)
     try:
+        arguments = _parser().parse_args(argv)
         return int(arguments.run(arguments) or 0)
     except UserError as error:
         print(f"mount-gateway: {error}", file=sys.stderr)
@@ -38,8 +37,15 @@ def main(argv: list[str] | None = None) -> int:
         return 0
 
 
+class _Parser(argparse.ArgumentParser):
+    """One line for a mistake, as everywhere."""
+
+    def error(self, message: str) -> NoReturn:
+        raise UserError(f"{message} ({self.prog} --help tells more)")
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="mount-gateway",
         description="Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.",
         epilog="An endpoint is PROTOCOL[:MODEL[/VERSION]]@WHERE, for example nexstar@/dev/ttyUSB0 or lx200@tcp://:4030.",
@@ -142,7 +148,8 @@ def _demo(arguments: argparse.Namespace) -> int:
         client, mount, words = ("nexstar", "lx200:lx200gps", "LX200GPS, driven by whatever NexStar")
     surfaces = [{"at": f"{client}@tcp://127.0.0.1:{arguments.port}"}]
     if sys.platform != "win32":
-        surfaces.append({"at": f"{client}@pty:{arguments.pty or '/tmp/' + client}"})
+        path = f"/tmp/{client}" if arguments.pty is None else arguments.pty
+        surfaces.append({"at": f"{client}@pty:{path}"})
     tables = {"mount": {"at": f"{mount}@sim", "speed": arguments.speed}, "surface": surfaces, "log": arguments.log}
     config = check(make_config(tables, "demo"), "demo")
     print(f"A simulated {words} program connects. Ctrl-C ends it.", flush=True)

@@ -18,6 +18,7 @@ from gateway.errors import UserError
 from gateway.tables import load, parse_version
 
 PROTOCOLS = ("lx200", "nexstar")
+OLDEST, NEWEST = (1, 2), (6, 0)
 
 
 class Endpoint(msgspec.Struct, frozen=True):
@@ -54,6 +55,9 @@ def parse_device(what: str, where: str = "") -> Endpoint:
             parse_version(version)
         except ValueError:
             raise UserError(f"{version!r} is no version; write it like 4.21") from None
+        known = OLDEST <= parse_version(version) < NEWEST or parse_version(version)[0] >= 100
+        if protocol == "nexstar" and not known:
+            raise UserError(f"{version!r}: hand controls have versions from 1.2 to 5.x, a GT from 100.0 on")
     return Endpoint(protocol, where, model or None, version or None)
 
 

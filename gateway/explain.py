@@ -28,7 +28,7 @@ def explain(client: str, mount: str, typed: str) -> str:
     protocol, driven = load(client), load(mount)
     found = protocol.find(frame)
     if found is None:
-        raise UserError(f"{client} has no command {typed!r}" + ("; is its # missing?" if client == "lx200" else ""))
+        raise UserError(f"{client} has no command {typed!r}{_hint(client, frame)}")
     command, picture = found
     row = surface_rows(protocol).get(command.name)
     lines = [f"{show(frame)}  {command.help}"]
@@ -47,6 +47,16 @@ def explain(client: str, mount: str, typed: str) -> str:
     if row is not None:
         lines += _run(client, mount, frame)
     return "\n".join(lines)
+
+
+def _hint(client: str, frame: bytes) -> str:
+    """What may be wrong with it."""
+    other = "nexstar" if client == "lx200" else "lx200"
+    if load(other).find(frame) is not None:
+        return f"; it is one of {other}: write explain {other} {client}"
+    if client == "lx200" and not frame.endswith(b"#"):
+        return "; its # is missing"
+    return ""
 
 
 def unescape(typed: str) -> bytes:
@@ -68,7 +78,7 @@ def _run(client: str, mount: str, frame: bytes) -> list[str]:
     surface: Surface = face.surface
     session = Session(face.model, face.settings, time.time, {"sites": {}})
     session.kept.update(ra=_PLACE.ra, dec=_PLACE.dec, az=180.0, alt=45.0)
-    lines: list[str] = []
+    lines: list[str] = ["  for example, with the Crab nebula as the target and an aligned mount that tracks:"]
     stand_in = _StandIn(driver, dialogue, lines)
     steps = surface.handle(session, frame)
     answer: Any = None

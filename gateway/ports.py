@@ -45,7 +45,11 @@ async def open_port(where: str, arrive: Arrive) -> Port:
     if where.startswith("tcp://"):
         return await TcpPort.open(where, arrive)
     if where.startswith("pty:"):
+        if not where[4:]:
+            raise UserError("pty: needs a path, for example pty:/tmp/lx200")
         return PtyPort(where[4:], arrive)
+    if "://" not in where and not where.startswith(("/", "~", ".", "COM")):
+        raise UserError(f"{where}: write tcp://HOST:PORT, pty:PATH or the name of a serial port")
     return await SerialPort.open(where, arrive)
 
 
@@ -105,6 +109,8 @@ class TcpPort:
             self._server = await asyncio.get_running_loop().create_server(lambda: _Connection(self), host, port)
         except OSError as error:
             reason = "the port is in use" if "in use" in str(error) else error.strerror or str(error)
+            if "assign requested" in str(error):
+                reason = "this computer has no such address"
             raise UserError(f"cannot listen on {where}: {reason}") from None
         real = self._server.sockets[0].getsockname()
         shown = f"[{real[0]}]" if ":" in real[0] else real[0]
@@ -122,7 +128,9 @@ class TcpPort:
 def split_address(where: str) -> tuple[str, int]:
     """``tcp://HOST:PORT`` -> (host, port). Raises UserError."""
     host, colon, number = where.removeprefix("tcp://").rpartition(":")
-    if not colon or not number.isdigit() or int(number) > 65535:
+    if number.lstrip("-").isdigit() and not 0 <= int(number) <= 65535:
+        raise UserError(f"{where}: a port is a number from 0 (any free one) to 65535")
+    if not colon or not number.isdigit():
         raise UserError(f"{where}: write tcp://HOST:PORT, for example tcp://127.0.0.1:4030")
     return host.strip("[]") or "127.0.0.1", int(number)
 

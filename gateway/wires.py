@@ -96,9 +96,13 @@ def open_port(url: str, baud: int) -> Any:
             raise OSError(errno.EBUSY, "the port is in use by another program") from None
         if number == errno.EACCES or "Permission denied" in text:
             raise OSError(errno.EACCES, "permission denied (is this user in the group dialout?)") from None
-        raise OSError(number or errno.EIO, text) from None
+        if "refused" in text:
+            raise OSError(errno.ECONNREFUSED, "nobody listens there (connection refused)") from None
+        if url.startswith(("socket://", "rfc2217://")) and "NoneType" in text:
+            raise OSError(errno.EINVAL, "the port number is missing, for example socket://192.168.1.50:4030") from None
+        raise OSError(number or errno.EIO, text.rpartition(": ")[2] or text) from None
     except ValueError as error:
-        raise OSError(errno.EINVAL, str(error)) from None
+        raise OSError(errno.EINVAL, f"{error}; socket://HOST:PORT, rfc2217://HOST:PORT or a device will do") from None
 
 
 class SimulatorWire:

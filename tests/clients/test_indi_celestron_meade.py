@@ -42,7 +42,7 @@ class Model:
     information: str
     build: str
     polar: bool = False
-    speed: float = 5.0
+    speed: float = 3.0
     """How much faster than life the simulated mount slews: quick, yet seen under way at four polls a second."""
     tells_status: bool = True
     """Answers `:GW#`; on the others tracking cannot be switched off without losing the alignment."""
@@ -54,7 +54,7 @@ class Model:
 AUTOSTAR = Model("autostar", "nexstar:6-8se", "6/8 SE", "Fork")
 LX200GPS = Model("lx200gps", "nexstar:6-8se", "6/8 SE", "Fork")
 LX200 = Model("lx200", "nexstar:cge", "CGE", "GEM", polar=True, tells_status=False)
-LX200_16 = Model("lx200-16", "nexstar:cge", "CGE", "GEM", polar=True, speed=10.0, tells_status=False)
+LX200_16 = Model("lx200-16", "nexstar:cge", "CGE", "GEM", polar=True, speed=6.0, tells_status=False)
 MODELS = (AUTOSTAR, LX200GPS, LX200, LX200_16)
 
 
