@@ -143,6 +143,8 @@ class Gateway:
         for _, face in self.faces:
             if face.fit is not None:
                 face.model.update(face.fit(equatorial))
+                if self.hub.driver.gps and "has" in face.model:
+                    face.model["has"] = [*face.model["has"], "gps"]
         self.fitted.set()
 
     def names(self) -> list[str]:

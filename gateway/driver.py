@@ -57,6 +57,8 @@ class Driver:
     #: Whether an aligned mount may be told site and time without losing its alignment.
     takes_site_aligned = False
     loses_alignment = False
+    #: Whether the mount has a GPS receiver of its own.
+    gps = False
     #: What the mount's coordinates mean, where that is known by its version: ``jnow`` or ``j2000``.
     equinox = "jnow"
     protocol: Protocol

@@ -135,6 +135,23 @@ def test_both_protocols_share_one_mount(tmp_path: Path) -> None:
     serve(program, "lx200@tcp://127.0.0.1:0", "nexstar@tcp://127.0.0.1:0", mount="nexstar:cge@sim")
 
 
+def test_a_gps_unit_is_presented_where_the_telescope_has_one() -> None:
+    linked = b"P\x01\xb0\x37\x00\x00\x00\x01"
+
+    async def program(gateway: Gateway) -> None:
+        link = await asyncio.open_connection(*address(gateway))
+        assert await ask(link, linked) == b"\x01#"
+        link[1].close()
+
+    async def without(gateway: Gateway) -> None:
+        link = await asyncio.open_connection(*address(gateway))
+        assert await ask(link, linked) == b"\x00\x00#"
+        link[1].close()
+
+    serve(program, "nexstar@tcp://127.0.0.1:0", mount="lx200:lx200gps@sim")
+    serve(without, "nexstar@tcp://127.0.0.1:0", mount="lx200:autostar@sim")
+
+
 @pytest.mark.parametrize("where", ["tcp://", "tcp://127.0.0.1:99999", "tcp://127.0.0.1:x", "/dev/does-not-exist"])
 def test_a_port_that_cannot_be_is_said(where: str) -> None:
     async def program(gateway: Gateway) -> None:

@@ -205,3 +205,25 @@ def test_utc_of_an_lx200_program_reaches_a_meade_from_every_zone(model: str, ins
                 assert abs(bridge.sim.utc() - calendar.timegm(moment.timetuple()) - passed) <= 1.5, hours
 
     run(program())
+
+
+@pytest.mark.parametrize("model", ["autostar", "lx200", "lx200-16", "lx200gps"])
+def test_sites_of_an_lx200_program_reach_a_meade(model: str) -> None:
+    async def program() -> None:
+        bridge = Bridge(model, driven="lx200", presented="nexstar", surface=None, latency=0.0, aligned=False)
+        async with Chain(bridge, "nexstar", "lx200", "autostar") as chain:
+            client = chain.client()
+            chance = random.Random(9)
+            for _ in range(25):
+                north, west = chance.randrange(-5400, 5401), chance.randrange(0, 21600)
+                sign = "-" if north < 0 else "+"
+                command = f":St{sign}{abs(north) // 60:02d}*{abs(north) % 60:02d}#:Sg{west // 60:03d}*{west % 60:02d}#"
+                assert await client.ask(command.encode(), until=b"11") == b"11"
+                await asyncio.sleep(4.0)
+                if model in ("autostar", "lx200gps"):  # an unaligned one is told; it has whole arcminutes
+                    assert bridge.sim.site[0] == pytest.approx(north / 60, abs=1e-6)
+                    assert abs((bridge.sim.site[1] + west / 60 + 180) % 360 - 180) < 1e-6
+                told = await client.ask(b":Gt#")
+                assert told == f"{sign}{abs(north) // 60:02d}*{abs(north) % 60:02d}#".encode()
+
+    run(program())

@@ -56,6 +56,10 @@ class Meade(Driver):
         return self.protocol.models[self.model or "autostar"]
 
     @property
+    def gps(self) -> bool:  # type: ignore[override]
+        return self.model == "lx200gps"
+
+    @property
     def equatorial(self) -> bool:
         return self.home_letter in "PG"
 
