@@ -138,7 +138,6 @@ _TEXT_OTHERS = {
     "n": _number("n", 0, 1, False, 0, 9),
     "nn": _number("nn", 0, 1, False, 0, 99, longest=2),
     "text": _TEXT,
-    "raw": Codec(lambda value: value, lambda raw: raw, _FREE),
 }
 
 # --- binary and hexadecimal: NexStar --------------------------------------------------------------------------

@@ -167,10 +167,6 @@ class GuideRate(Read, frozen=True):
     axis: int
 
 
-class Focuser(Read, frozen=True):
-    """-> bool: a focuser answers."""
-
-
 # --- motion ---------------------------------------------------------------------------------------------------
 
 

@@ -67,7 +67,7 @@ def tell_name(session: Session, command: Command, values: dict[str, Any]) -> dic
     """:GM :GN :GO :GP"""
     index = _SITES.index(command.name[1])
     stored = session.shared["sites"].get(str(index), {})
-    return {"name": stored.get("name", f"SITE {index + 1}"[: session.model["names"]] or "SIT")}
+    return {"name": stored.get("name", f"SITE {index + 1}"[: session.model["names"]])}
 
 
 def set_name(session: Session, command: Command, values: dict[str, Any]) -> None:
