@@ -19,7 +19,7 @@ from gateway.tables import Command, Protocol, Version, Way
 class Ask(NamedTuple):
     """Send a command with these field values; answered with the reply's fields, or a Fault is thrown in.
 
-    With ``patience`` (seconds) silence is an answer, too: ``Silence`` is thrown in and the line is not doubted.
+    With ``patience`` (seconds) silence is an answer, too: ``Silence`` is thrown in and the line is not said to be down.
     """
 
     command: str

@@ -57,15 +57,16 @@ class SerialWire:
                     waiting = port.in_waiting
                     data += port.read(waiting) if waiting else b""
                     loop.call_soon_threadsafe(on_data, bytes(data))
-        except (OSError, TypeError, ValueError, AttributeError) as error:
-            # pyserial raises the last three when a port is closed under a pending read
+        except Exception as error:  # pyserial has many kinds of failure, and a reader that dies must say so
             if self._port is port and not loop.is_closed():
                 loop.call_soon_threadsafe(on_lost, str(error))
 
     def write(self, data: bytes) -> None:
         if self._port is None:
             raise OSError(errno.ENODEV, "port is closed")
-        self._port.write(data)
+        written = self._port.write(data)
+        if written is not None and written != len(data):
+            raise OSError(errno.EIO, f"only {written} of {len(data)} bytes could be written")
 
     async def close(self) -> None:
         port, self._port = self._port, None

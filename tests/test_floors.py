@@ -25,6 +25,7 @@ FLOORS = {
     "sky": 3,
     "surface": 3,
     "driver": 3,
+    "doubt": 4,
     "observatory": 3,
     "logline": 3,
     "protocols": 4,
