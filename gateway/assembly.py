@@ -110,6 +110,7 @@ class Gateway:
         limits = Limits(config.lowest, config.highest, config.sync_limit)
         site = op.Place(*config.site) if config.site else None
         observatory = Observatory(loop.time, time.time, site)
+        driver.speed = self.config.mount.speed
         line = Line(self._wire(), dialogue, self.transcript)
         self.hub = hub = Hub(driver, follow_ups, line, self.sky, observatory, self.transcript,
                              Policy(limits, config.site_time, config.equinox))

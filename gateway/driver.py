@@ -56,6 +56,8 @@ class Driver:
 
     #: Whether an aligned mount may be told site and time without losing its alignment.
     takes_site_aligned = False
+    #: How many times faster than a real one the mount slews: simulated ones may.
+    speed = 1.0
     loses_alignment = False
     #: Whether the mount has a GPS receiver of its own.
     gps = False

@@ -240,10 +240,11 @@ class Line:
         timeout = self.dialogue.timeout(ask)
         taken = await self._await_reply(ask, began + (ask.patience or timeout))
         if taken is None:
+            if ask.patience is not None and not self._buffer and not self._lost:
+                return Silence()
             self._doubt.add(ask, began + timeout + LATEST)
-            silent = ask.patience is not None and not self._buffer and not self._lost
             self._drop("no complete answer")
-            return Silence() if silent else NoAnswer()
+            return NoAnswer()
         outcome, length = taken
         if len(self._buffer) > length:
             outcome = Garbled()

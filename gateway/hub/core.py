@@ -17,6 +17,7 @@ from msgspec import Struct
 from gateway import operations as op
 from gateway.driver import Ask, Driver, Pause, Steps
 from gateway.errors import Fault, NoAnswer, NotAligned, Refused
+from gateway.hub.belief import Belief
 from gateway.hub.derived import Derived
 from gateway.hub.motions import MOTIONS, Motions
 from gateway.hub.settings import FIRST_ANSWER, SiteAndClock
@@ -52,6 +53,7 @@ class Hub:
         self.now = self.loop.time
         self.derived = Derived(sky, observatory, policy.equinox)
         self.snapshot = Snapshot()
+        self.belief = Belief(line, self.now, driver.speed)
         #: The mount has said who it is; it has said where and when it is, as far as it can.
         self.identified, self.settled = asyncio.Event(), asyncio.Event()
         self.motions = Motions(self, follow_ups)
@@ -91,6 +93,7 @@ class Hub:
 
     def _on_up(self) -> None:
         self.snapshot.clear()
+        self.belief.forget()
         if self._identifying is not None:
             self._identifying.cancel()
         self._identifying = self.spawn(self._identify())
@@ -263,7 +266,7 @@ class Hub:
                 answer, fault = None, None
                 if isinstance(step, Ask):
                     try:
-                        answer = await self.line.exchange(step, rank)
+                        answer = await self.belief.exchange(step, rank)
                     except Fault as error:
                         fault = error
                 elif isinstance(step, Pause):

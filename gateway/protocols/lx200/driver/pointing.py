@@ -24,7 +24,7 @@ from gateway.operations import (
     Unpark,
     Wake,
 )
-from gateway.protocols.lx200.driver.identify import read_status
+from gateway.protocols.lx200.driver.identify import HIGH, high_precision, read_status
 from gateway.protocols.lx200.driver.state import GotoState, Meade, ask
 from gateway.spherical import fold_declination
 
@@ -34,8 +34,11 @@ QUIET = 2
 
 
 def position(mount: Meade, _: Position) -> Steps:
-    """:GR and :GD -> Equatorial."""
-    ra = (yield from ask(mount, "GR"))["ra"]
+    """:GR and :GD -> Equatorial. A short answer is that of a telescope that was switched off and on: made long again."""
+    answer = yield from ask(mount, "GR")
+    if not mount.low and answer["length"] < HIGH:
+        yield from high_precision(mount)
+    ra = answer["ra"]
     dec = (yield from ask(mount, "GD"))["dec"]
     return Equatorial(*fold_declination(ra, dec))
 
@@ -87,6 +90,8 @@ def _begin(mount: Meade, command: str, then: str | None = None) -> Steps:
     mount.parked, mount.goto = False, GotoState(since=mount.now(), then=then)
     try:
         yield from ask(mount, command)
+    except NoAnswer:
+        raise  # it may have heard all the same: the bars will tell
     except Fault:
         mount.goto = None
         raise

@@ -1,0 +1,170 @@
+"""Belief: what the mount says counts when it is what was to be expected, or when it says so again.
+
+A byte that was changed on the way can keep an answer's form. So an answer that is as the last one was is believed at
+once; any other is asked again until answers in a row agree: two where the mount can have moved that far, three where
+it cannot, or where something changed that seldom does. So is one that took unusually long, and one that might belong to
+an older question. Whatever moved the mount, slew or sync, needs no telling: the second answer says the same.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from msgspec import Struct
+
+from gateway.driver import Ask
+from gateway.errors import Fault, Garbled, NoAnswer
+from gateway.line import STOP, Line
+from gateway.spherical import wrap180
+
+#: Degrees that a position may differ from the last one and be believed at once.
+NEAR = 0.05
+#: Degrees a second that any mount moves at most on one axis, and the worst of both together.
+FASTEST = 8.0 * math.sqrt(2.0)
+#: Seconds that a clock may be off what it said before; it tells whole seconds, and answers take their time.
+CLOCK = 1.6
+#: Seconds an answer may take before it is doubted for its age.
+PROMPT = 0.5
+#: How often something is asked before the last answer is taken: it then changes faster than it can be asked.
+TRIES, GARBLED_TRIES = 6, 3
+DAY = 86400.0
+#: The angles on a sphere: each longitude with its latitude.
+_LATITUDE = {"ra": "dec", "az": "alt", "longitude": "latitude"}
+
+
+class Heard(Struct):
+    """An answer, or the fault that is one (silence, no such device), and when it was asked for and came."""
+
+    values: Mapping[str, Any]
+    fault: Fault | None
+    asked: float
+    came: float
+
+
+class Belief:
+    """Between the drivers and the line. ``speed`` is how many times faster than real ones a simulated mount slews."""
+
+    def __init__(self, line: Line, now: Callable[[], float], speed: float = 1.0) -> None:
+        self._line, self._now, self._fastest = line, now, FASTEST * speed
+        self._known: dict[tuple[Any, ...], Heard] = {}
+        self._latitudes: dict[str, float] = {}
+
+    def forget(self) -> None:
+        """Another mount may be on the line, or the same one in another state."""
+        self._known.clear()
+        self._latitudes.clear()
+
+    async def exchange(self, ask: Ask, rank: int) -> Mapping[str, Any]:
+        """The fields of an answer that can be believed. Raises Fault."""
+        kind = self._line.dialogue.kind(ask)
+        if kind is None:
+            return await self._order(ask, rank)
+        key = (ask.command, *sorted((name, value) for name, value in ask.values.items() if name != "low"))
+        row: list[Heard] = []
+        for _ in range(TRIES):
+            doubted = self._line.doubt(ask) > 0
+            heard = await self._hear(ask, rank)
+            if not (row and self._agree(kind, row[-1], heard)):
+                row.clear()
+            row.append(heard)
+            if len(row) >= self._wanted(kind, self._known.get(key), heard, doubted):
+                break
+        self._known[key] = heard
+        self._latitudes |= {name: heard.values[name] for name in _LATITUDE.values() if name in heard.values}
+        if heard.fault is not None:
+            raise heard.fault
+        return heard.values
+
+    async def _order(self, ask: Ask, rank: int) -> Mapping[str, Any]:
+        """A command that changes something: not before its acknowledgement can be told from an older one's.
+
+        A stop never waits; it is sent a second time instead.
+        """
+        if rank == STOP and self._line.doubt(ask) > 0:
+            await self._line.exchange(ask, rank)
+        while rank != STOP and (left := self._line.doubt(ask)) > 0:
+            await asyncio.sleep(left)
+        return await self._line.exchange(ask, rank)
+
+    async def _hear(self, ask: Ask, rank: int) -> Heard:
+        """One answer; garbled ones are asked again. Raises NoAnswer."""
+        for attempt in range(GARBLED_TRIES):
+            asked = self._now()
+            values: Mapping[str, Any] = {}
+            fault: Fault | None = None
+            try:
+                values = await self._line.exchange(ask, rank)
+            except Garbled:
+                if attempt == GARBLED_TRIES - 1:
+                    raise
+                continue
+            except NoAnswer:
+                raise
+            except Fault as said:
+                fault = said
+            return Heard(values, fault, asked, self._now())
+        raise NoAnswer
+
+    def _wanted(self, kind: str, known: Heard | None, heard: Heard, doubted: bool) -> int:
+        """How many answers in a row must agree with this one to be believed."""
+        least = 2 if doubted or heard.came - heard.asked > max(PROMPT, 2.5 * self._line.typical) else 1
+        if known is None:
+            return 2
+        if kind != "place":
+            return least if self._agree(kind, known, heard) else 3
+        gone = self._distance(known, heard)
+        if gone <= NEAR:
+            return least
+        return 2 if gone <= self._reach(known, heard) else 3
+
+    def _agree(self, kind: str, before: Heard, after: Heard) -> bool:
+        """Whether both can be true."""
+        if before.fault is not None or after.fault is not None:
+            return type(before.fault) is type(after.fault)
+        if kind == "place":
+            return self._distance(before, after) <= self._reach(before, after)
+        if kind == "clock":
+            return _runs_on(before, after)
+        return before.values == after.values
+
+    def _reach(self, before: Heard, after: Heard) -> float:
+        """Degrees that the mount can have moved between two answers."""
+        return NEAR + self._fastest * (after.came - before.asked)
+
+    def _distance(self, before: Heard, after: Heard) -> float:
+        """Degrees between two answers; infinite when they differ in form."""
+        if before.fault is not None or after.fault is not None or before.values.keys() != after.values.keys():
+            return math.inf
+        if before.values.get("length") != after.values.get("length"):
+            return math.inf
+        total = 0.0
+        for name, value in after.values.items():
+            if name == "length":
+                continue
+            apart = wrap180(value - before.values[name])
+            if name in _LATITUDE:
+                latitude = after.values.get(_LATITUDE[name], self._latitudes.get(_LATITUDE[name]))
+                if latitude is not None:  # it may have grown meanwhile: towards the pole, longitudes mean less
+                    moved = self._fastest * (after.came - before.asked) if _LATITUDE[name] not in after.values else 0.0
+                    apart *= math.cos(math.radians(min(90.0, abs(latitude) + moved)))
+            total += apart * apart
+        return math.sqrt(total)
+
+
+def _seconds(values: Mapping[str, Any]) -> float:
+    """The time of day in an answer."""
+    if "time" in values:
+        return float(values["time"])
+    return float(values["hour"] * 3600 + values["minute"] * 60 + values["second"])
+
+
+def _runs_on(before: Heard, after: Heard) -> bool:
+    """Whether a clock that told the one may tell the other; its date may change at midnight only."""
+    then, now = _seconds(before.values), _seconds(after.values)
+    gone = (now - then - (after.came - before.came) + DAY / 2) % DAY - DAY / 2
+    slack = CLOCK + (before.came - before.asked) + (after.came - after.asked)
+    others = [name for name in after.values if name not in ("time", "hour", "minute", "second", "length")]
+    return abs(gone) <= slack and (now < then or all(before.values.get(n) == after.values[n] for n in others))
