@@ -127,7 +127,8 @@ class Line:
                 await asyncio.sleep(BACK_OFF[min(failures, len(BACK_OFF) - 1)])
                 failures += 1
                 continue
-            failures, self._lost, self._buffer = 0, False, b""
+            failures, self._lost = 0, False
+            self._drop("came before the line was lost")
             if self._wrote > 0:  # something was said on this line before: it may still be answered
                 await self._reopened()
             else:

@@ -24,10 +24,12 @@ from gateway.spherical import wrap180
 NEAR = 0.05
 #: Degrees a second that any mount moves at most on one axis, and the worst of both together.
 FASTEST = 8.0 * math.sqrt(2.0)
+#: Degrees that a latitude grows at most between two answers in a row.
+POLEWARD = 2.0
 #: Seconds that a clock may be off what it said before; it tells whole seconds, and answers take their time.
 CLOCK = 1.6
-#: Seconds an answer may take before it is doubted for its age.
-PROMPT = 0.5
+#: Seconds an answer may take, on a line that is usually quick: one that took longer may be as old as that.
+PROMPT, SLOW_TRIES = 0.5, 3
 #: How often something is asked before the last answer is taken: it then changes faster than it can be asked.
 TRIES, GARBLED_TRIES = 6, 3
 DAY = 86400.0
@@ -52,11 +54,6 @@ class Belief:
         self._known: dict[tuple[Any, ...], Heard] = {}
         self._latitudes: dict[str, float] = {}
 
-    def forget(self) -> None:
-        """Another mount may be on the line, or the same one in another state."""
-        self._known.clear()
-        self._latitudes.clear()
-
     async def exchange(self, ask: Ask, rank: int) -> Mapping[str, Any]:
         """The fields of an answer that can be believed. Raises Fault."""
         kind = self._line.dialogue.kind(ask)
@@ -64,9 +61,11 @@ class Belief:
             return await self._order(ask, rank)
         key = (ask.command, *sorted((name, value) for name, value in ask.values.items() if name != "low"))
         row: list[Heard] = []
-        for _ in range(TRIES):
+        for attempt in range(TRIES):
             doubted = self._line.doubt(ask) > 0
             heard = await self._hear(ask, rank)
+            if attempt < SLOW_TRIES and heard.came - heard.asked > max(PROMPT, 2.5 * self._line.typical):
+                continue
             if not (row and self._agree(kind, row[-1], heard)):
                 row.clear()
             row.append(heard)
@@ -110,22 +109,23 @@ class Belief:
 
     def _wanted(self, kind: str, known: Heard | None, heard: Heard, doubted: bool) -> int:
         """How many answers in a row must agree with this one to be believed."""
-        least = 2 if doubted or heard.came - heard.asked > max(PROMPT, 2.5 * self._line.typical) else 1
+        least = 3 if doubted else 1
         if known is None:
-            return 2
+            return max(2, least)
         if kind != "place":
             return least if self._agree(kind, known, heard) else 3
         gone = self._distance(known, heard)
         if gone <= NEAR:
             return least
-        return 2 if gone <= self._reach(known, heard) else 3
+        return max(2, least) if gone <= self._reach(known, heard) else 3
 
     def _agree(self, kind: str, before: Heard, after: Heard) -> bool:
         """Whether both can be true."""
         if before.fault is not None or after.fault is not None:
             return type(before.fault) is type(after.fault)
         if kind == "place":
-            return self._distance(before, after) <= self._reach(before, after)
+            return self._distance(before, after, min(POLEWARD, self._fastest * (after.came - before.asked))) <= self._reach(
+                before, after)
         if kind == "clock":
             return _runs_on(before, after)
         return before.values == after.values
@@ -134,8 +134,11 @@ class Belief:
         """Degrees that the mount can have moved between two answers."""
         return NEAR + self._fastest * (after.came - before.asked)
 
-    def _distance(self, before: Heard, after: Heard) -> float:
-        """Degrees between two answers; infinite when they differ in form."""
+    def _distance(self, before: Heard, after: Heard, poleward: float = 0.0) -> float:
+        """Degrees between two answers; infinite when they differ in form.
+
+        Where the latitude comes by a question of its own, it may have grown by ``poleward`` since.
+        """
         if before.fault is not None or after.fault is not None or before.values.keys() != after.values.keys():
             return math.inf
         if before.values.get("length") != after.values.get("length"):
@@ -146,10 +149,10 @@ class Belief:
                 continue
             apart = wrap180(value - before.values[name])
             if name in _LATITUDE:
-                latitude = after.values.get(_LATITUDE[name], self._latitudes.get(_LATITUDE[name]))
-                if latitude is not None:  # it may have grown meanwhile: towards the pole, longitudes mean less
-                    moved = self._fastest * (after.came - before.asked) if _LATITUDE[name] not in after.values else 0.0
-                    apart *= math.cos(math.radians(min(90.0, abs(latitude) + moved)))
+                latitude = after.values.get(_LATITUDE[name])
+                if latitude is None:
+                    latitude = min(90.0, abs(self._latitudes.get(_LATITUDE[name], 0.0)) + poleward)
+                apart *= math.cos(math.radians(latitude))
             total += apart * apart
         return math.sqrt(total)
 

@@ -93,7 +93,6 @@ class Hub:
 
     def _on_up(self) -> None:
         self.snapshot.clear()
-        self.belief.forget()
         if self._identifying is not None:
             self._identifying.cancel()
         self._identifying = self.spawn(self._identify())
@@ -166,7 +165,7 @@ class Hub:
 
     def begin_stop(self) -> None:
         """End every motion, before everything else; from now on it counts as stopped."""
-        self.motions.begin_stop().add_done_callback(lambda task: task.cancelled() or task.exception())
+        self.motions.begin_stop()
 
     async def stop(self) -> None:
         """The same, and wait until the mount has acknowledged it. Raises Fault."""

@@ -65,7 +65,9 @@ class Motions:
                 task.cancel()
         for operation in [planned for planned in self._later if not planned.outlives_stop]:
             self._later.pop(operation).cancel()
-        return self._hub.spawn(self._stop())
+        task = self._hub.spawn(self._stop())
+        task.add_done_callback(lambda done: done.cancelled() or done.exception())  # owed, whoever waits for it
+        return task
 
     async def stop(self) -> None:
         """The same, and wait until the mount has acknowledged it. Raises Fault."""

@@ -31,23 +31,33 @@ from gateway.spherical import fold_declination
 #: A goto counts as under way this long at least, and until the bars were empty twice.
 START_GRACE = 0.8
 QUIET = 2
+#: Seconds between the halves of a position, and how often both are asked until they are no further apart.
+INSTANT, PAIR_TRIES = 0.5, 3
 
 
 def position(mount: Meade, _: Position) -> Steps:
     """:GR and :GD -> Equatorial. A short answer is that of a telescope that was switched off and on: made long again."""
-    answer = yield from ask(mount, "GR")
-    if not mount.low and answer["length"] < HIGH:
+    first, second = yield from _pair(mount, "GR", "GD")
+    if not mount.low and first["length"] < HIGH:
         yield from high_precision(mount)
-    ra = answer["ra"]
-    dec = (yield from ask(mount, "GD"))["dec"]
-    return Equatorial(*fold_declination(ra, dec))
+    return Equatorial(*fold_declination(first["ra"], second["dec"]))
 
 
 def horizontal_position(mount: Meade, _: HorizontalPosition) -> Steps:
     """:GZ and :GA -> Horizontal."""
-    az = (yield from ask(mount, "GZ"))["az"]
-    alt = (yield from ask(mount, "GA"))["alt"]
-    return Horizontal(az, alt)
+    first, second = yield from _pair(mount, "GZ", "GA")
+    return Horizontal(first["az"], second["alt"])
+
+
+def _pair(mount: Meade, first: str, second: str) -> Steps:
+    """Two answers of about one instant: what comes between them on the line may take long."""
+    for attempt in range(PAIR_TRIES):
+        one = yield from ask(mount, first)
+        since = mount.now()
+        other = yield from ask(mount, second)
+        if mount.now() - since <= INSTANT or attempt == PAIR_TRIES - 1:
+            break
+    return one, other
 
 
 def slewing(mount: Meade, _: Slewing) -> Steps:
