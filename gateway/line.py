@@ -214,7 +214,7 @@ class Line:
         return heapq.heappop(self._queue)[2]
 
     def _gap(self, ask: Ask) -> float:
-        """Seconds of quiet still wanted before a question, lest what is left of the last answer be taken for its own."""
+        """Seconds of quiet still wanted before a question, lest the rest of the last answer be taken for its own."""
         if not self._buffer and (self._last is None or not self.dialogue.alike(self._last, ask)):
             return 0.0
         left = self._heard + GAP - asyncio.get_running_loop().time()
@@ -227,6 +227,7 @@ class Line:
         except Fault as fault:
             return fault
         loop = asyncio.get_running_loop()
+        settle = GAP if self._gap(ask) else SETTLE  # a stop does not wait before, so it must look longer after
         self._drop("nobody asked")
         self._arrived.clear()
         self._last = ask
@@ -239,7 +240,7 @@ class Line:
             self._on_lost(str(error))
             return NoAnswer()
         timeout = self.dialogue.timeout(ask)
-        taken = await self._await_reply(ask, began + (ask.patience or timeout))
+        taken = await self._await_reply(ask, began + (ask.patience or timeout), settle)
         if taken is None:
             if ask.patience is not None and not self._buffer and not self._lost:
                 return Silence()
@@ -262,12 +263,12 @@ class Line:
             await asyncio.sleep(pace)
         return outcome
 
-    async def _await_reply(self, ask: Ask, deadline: float) -> tuple[dict[str, Any] | Fault, int] | None:
+    async def _await_reply(self, ask: Ask, deadline: float, settle: float) -> tuple[dict[str, Any] | Fault, int] | None:
         """The reply and its length, once it is complete; None when it is not by then, or the wire was lost."""
         while not self._lost:
             taken = self._take(ask)
             if taken is not None:
-                if taken[1] and self.dialogue.bare(ask) and await self._something_within(SETTLE):
+                if taken[1] and self.dialogue.bare(ask) and await self._something_within(settle):
                     taken = self._take(ask) or taken
                 return taken
             left = deadline - asyncio.get_running_loop().time()

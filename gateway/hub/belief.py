@@ -30,8 +30,8 @@ POLEWARD = 2.0
 CLOCK = 1.6
 #: Seconds an answer may take, on a line that is usually quick: one that took longer may be as old as that.
 PROMPT, SLOW_TRIES = 0.5, 3
-#: How often something is asked before the last answer is taken: it then changes faster than it can be asked.
-TRIES, GARBLED_TRIES = 6, 3
+#: How often something is asked, and how often when the answer was garbled.
+TRIES, GARBLED_TRIES = 9, 3
 DAY = 86400.0
 #: The angles on a sphere: each longitude with its latitude.
 _LATITUDE = {"ra": "dec", "az": "alt", "longitude": "latitude"}
@@ -61,6 +61,7 @@ class Belief:
             return await self._order(ask, rank)
         key = (ask.command, *sorted((name, value) for name, value in ask.values.items() if name != "low"))
         row: list[Heard] = []
+        longest = 0
         for attempt in range(TRIES):
             doubted = self._line.doubt(ask) > 0
             heard = await self._hear(ask, rank)
@@ -69,8 +70,12 @@ class Belief:
             if not (row and self._agree(kind, row[-1], heard)):
                 row.clear()
             row.append(heard)
+            longest = max(longest, len(row))
             if len(row) >= self._wanted(kind, self._known.get(key), heard, doubted):
                 break
+        else:
+            if len(row) < 2 and not (kind == "place" and longest == 1):  # a place may change that fast, and no other
+                raise Garbled
         self._known[key] = heard
         self._latitudes |= {name: heard.values[name] for name in _LATITUDE.values() if name in heard.values}
         if heard.fault is not None:
@@ -124,15 +129,16 @@ class Belief:
         if before.fault is not None or after.fault is not None:
             return type(before.fault) is type(after.fault)
         if kind == "place":
-            return self._distance(before, after, min(POLEWARD, self._fastest * (after.came - before.asked))) <= self._reach(
-                before, after)
+            reach = self._reach(before, after)
+            return self._distance(before, after, min(POLEWARD, reach)) <= reach
         if kind == "clock":
             return _runs_on(before, after)
         return before.values == after.values
 
     def _reach(self, before: Heard, after: Heard) -> float:
-        """Degrees that the mount can have moved between two answers."""
-        return NEAR + self._fastest * (after.came - before.asked)
+        """Degrees that the mount can have moved between two answers; what each took was mostly waiting for the line."""
+        took = min(before.came - before.asked, 2.5 * self._line.typical)
+        return NEAR + self._fastest * (after.came - before.came + took)
 
     def _distance(self, before: Heard, after: Heard, poleward: float = 0.0) -> float:
         """Degrees between two answers; infinite when they differ in form.

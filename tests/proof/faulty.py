@@ -49,7 +49,7 @@ NOISE = -1
 
 
 class FaultyWire:
-    """``feed`` is the mount's ear; ``reboot`` puts another mount there. ``rate`` is the share of exchanges disturbed."""
+    """``feed`` is the mount's ear, ``reboot`` switches it off and on, ``rate`` is the share of exchanges disturbed."""
 
     name = "a bad line"
 
@@ -64,11 +64,13 @@ class FaultyWire:
         self._whose: deque[int] = deque()
         self.exchanges = 0
         self.faults: dict[Kind, int] = dict.fromkeys(kinds, 0)
+        self._requests: list[bytes] = [b""]
         self.strange: bytes | None = None  # bytes of another exchange that were taken for an answer to the last one
         self._kind_of: dict[int, Kind] = {}
         self._since: tuple[float, Kind] | None = None
         self.sane_after: dict[Kind, list[float]] = {kind: [] for kind in kinds}
         self.last_fault = -1e9
+        self.of_another = False  # and not of the same command, sent before
         self.proving = False  # what is taken then is told to nobody
 
     # --- as a wire ----------------------------------------------------------------------------------------------------
@@ -87,6 +89,7 @@ class FaultyWire:
             raise OSError(5, "gone")
         self.exchanges += 1
         number = self.exchanges
+        self._requests.append(data)
         kind = None
         if self._random.random() < self.rate:
             kind = self._random.choices(self.kinds, self._weights)[0]
@@ -195,6 +198,8 @@ class FaultyWire:
             return
         if owners - {self.exchanges}:
             self.strange = entry.data
+            asked = self._requests[self.exchanges]
+            self.of_another = any(owner < 0 or self._requests[owner] != asked for owner in owners)
         elif self._since is not None and self.exchanges not in self._kind_of:
             self.sane_after[self._since[1]].append(self._now() - self._since[0])
             self._since = None

@@ -69,7 +69,7 @@ class Trial:
         async def ordering(ask: Ask, rank: int) -> Any:
             done = len(self.strange)
             answer = await order(ask, rank)
-            if len(self.strange) > done and self.strange[-1] is ask and self.wire.strange is not None:
+            if len(self.strange) > done and self.strange[-1] is ask and self.wire.of_another:
                 self._is_wrong("order", f"{ask.command}: {self.wire.strange} was no answer to it")
             return answer
 
@@ -254,12 +254,8 @@ class Trial:
     def _oldest(self, now: float) -> float:
         """The time before which nothing that is told now may come from."""
         line = self.line
-        if line.state != "up" or now - self.wire.last_fault < 12.0 and not self._served_fresh():
-            return now - 10.0 - EXCHANGE
-        return now - max(AGE, 2.5 * line.typical) - EXCHANGE
-
-    def _served_fresh(self) -> bool:
-        return self.line.state == "up"
+        allowed = max(AGE, 2.5 * line.typical) if line.state == "up" else 10.0
+        return now - allowed - EXCHANGE
 
     def _check_position(self, ra: float, dec: float, paired: bool) -> None:
         """A position told to a client, against where the mount was while it may have been asked."""
@@ -288,13 +284,14 @@ class Trial:
         self.asked[type(operation).__name__] += 1
         if isinstance(operation, op.Slewing):
             self._sample()
-            if value != self.said:
+            if value != self.said or self.bridge.hub.motions.goto_waits:  # one that waits counts as under way
                 self.said_since, self.said = now, bool(value)
             since = self.still_since if value else self.slewing_since
             if since is not None and min(now - since, now - self.said_since) > SETTLED and self.line.state == "up":
-                self._is_wrong("slewing", f"said {value} for {now - self.said_since:.1f} s, {not value} for {now - since:.1f} s")
+                said, true = now - self.said_since, now - since
+                self._is_wrong("slewing", f"said {value} for {said:.1f} s, {not value} for {true:.1f} s")
         elif isinstance(operation, op.GetStatus):
-            equatorial = self.driven == "nexstar" and self.sim.german or self.driven == "lx200" and self.sim.letter == "P"
+            equatorial = self.sim.german if self.driven == "nexstar" else self.sim.letter == "P"
             old = now - self.rebooted < 30.0
             if not old and (value.aligned != self.sim.aligned or value.equatorial != equatorial):
                 self._is_wrong("status", f"{value}, aligned {self.sim.aligned}")

@@ -32,11 +32,11 @@ from gateway.spherical import fold_declination
 START_GRACE = 0.8
 QUIET = 2
 #: Seconds between the halves of a position, and how often both are asked until they are no further apart.
-INSTANT, PAIR_TRIES = 0.5, 3
+INSTANT, PAIR_TRIES = 0.5, 5
 
 
 def position(mount: Meade, _: Position) -> Steps:
-    """:GR and :GD -> Equatorial. A short answer is that of a telescope that was switched off and on: made long again."""
+    """:GR and :GD -> Equatorial. A telescope that was switched off and on answers short: it is made precise again."""
     first, second = yield from _pair(mount, "GR", "GD")
     if not mount.low and first["length"] < HIGH:
         yield from high_precision(mount)

@@ -50,7 +50,7 @@ def read_status(mount: NexStar) -> Steps:
 
 
 def _forget(mount: NexStar) -> None:
-    """A hand control that has lost its alignment was switched off: what it was doing is over, how it tracked unknown."""
+    """A hand control that lost its alignment was switched off: what it was doing is over, how it tracked unknown."""
     mount.goto = mount.remembered = mount.own_mode = None
     mount.moving.clear()
     mount.steps.clear()
