@@ -54,23 +54,26 @@ class Trial:
         line.wire = self.wire
         self.line: Line = line
         self.strange: list[Ask] = []
+        self.of_another: list[Ask] = []
         in_step, exchange = line._in_step, line._exchange
 
         async def exchanging(ask: Ask) -> Any:
-            self.wire.strange = None
+            self.wire.strange, self.wire.of_another = None, False
             outcome = await exchange(ask)
             if self.wire.strange is not None and not self.wire.proving and not isinstance(outcome, Fault):
                 self.strange.append(ask)
+                if self.wire.of_another:
+                    self.of_another.append(ask)
             return outcome
 
         line._exchange = exchanging  # type: ignore[method-assign]
         order = self.bridge.hub.belief._order
 
         async def ordering(ask: Ask, rank: int) -> Any:
-            done = len(self.strange)
+            done = len(self.of_another)
             answer = await order(ask, rank)
-            if len(self.strange) > done and self.strange[-1] is ask and self.wire.of_another:
-                self._is_wrong("order", f"{ask.command}: {self.wire.strange} was no answer to it")
+            if any(other is ask for other in self.of_another[done:]):
+                self._is_wrong("order", f"{ask.command} was acknowledged by another's answer")
             return answer
 
         self.bridge.hub.belief._order = ordering  # type: ignore[method-assign]
