@@ -28,5 +28,12 @@ class Doubt:
 
     def until(self, ask: Ask, now: float) -> float:
         """When nothing but the answer to ``ask`` can be taken for it; ``now`` when that is so already."""
+        return max([end for end, _ in self._like(ask, now)], default=now)
+
+    def count(self, ask: Ask, now: float) -> int:
+        """How many answers may come that could be taken for the answer to ``ask``: one more than that is its own."""
+        return len(self._like(ask, now))
+
+    def _like(self, ask: Ask, now: float) -> list[tuple[float, Ask]]:
         self._open = [(end, other) for end, other in self._open if end > now]
-        return max([end for end, other in self._open if self._alike(ask, other)], default=now)
+        return [(end, other) for end, other in self._open if self._alike(ask, other)]

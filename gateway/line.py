@@ -109,10 +109,15 @@ class Line:
         self._wake.set()
         return await future
 
-    def doubt(self, ask: Ask) -> float:
-        """Seconds for which the answer to an older question could still be taken for the answer to this one."""
-        now = asyncio.get_running_loop().time()
-        return self._doubt.until(ask, now) - now
+    def doubt(self, ask: Ask) -> int:
+        """How many answers to older questions may still come that could be taken for the answer to this one."""
+        return self._doubt.count(ask, asyncio.get_running_loop().time())
+
+    async def clear_of_doubt(self, ask: Ask) -> None:
+        """Wait until there is none."""
+        now = asyncio.get_running_loop().time
+        while (left := self._doubt.until(ask, now()) - now()) > 0:
+            await asyncio.sleep(left)
 
     # --- the worker -----------------------------------------------------------------------------------------------
 

@@ -2,13 +2,12 @@
 
 A byte that was changed on the way can keep an answer's form. So an answer that is as the last one was is believed at
 once; any other is asked again until answers in a row agree: two where the mount can have moved that far, three where
-it cannot, or where something changed that seldom does. So is one that took unusually long, and one that might belong to
-an older question. Whatever moved the mount, slew or sync, needs no telling: the second answer says the same.
+it cannot, or where something changed that seldom does; where answers to older questions may still come, one more than
+those. An answer that took unusually long is not counted. Whatever moved the mount, slew or sync, needs no telling: the second answer says the same.
 """
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -32,6 +31,8 @@ CLOCK = 1.6
 PROMPT, SLOW_TRIES = 0.5, 3
 #: How often something is asked, and how often when the answer was garbled.
 TRIES, GARBLED_TRIES = 9, 3
+#: Answers to older questions that are reckoned with at a time: of one more that agree, one is no stranger.
+MOST_STRANGERS = 4
 DAY = 86400.0
 #: The angles on a sphere: each longitude with its latitude.
 _LATITUDE = {"ra": "dec", "az": "alt", "longitude": "latitude"}
@@ -61,17 +62,18 @@ class Belief:
             return await self._order(ask, rank)
         key = (ask.command, *sorted((name, value) for name, value in ask.values.items() if name != "low"))
         row: list[Heard] = []
-        longest = 0
-        for attempt in range(TRIES):
-            doubted = self._line.doubt(ask) > 0
+        longest = slow = strangers = 0
+        for _ in range(TRIES):
+            strangers = max(strangers, self._line.doubt(ask))
             heard = await self._hear(ask, rank)
-            if attempt < SLOW_TRIES and heard.came - heard.asked > max(PROMPT, 2.5 * self._line.typical):
+            if slow < SLOW_TRIES and heard.came - heard.asked > max(PROMPT, 2.5 * self._line.typical):
+                slow += 1
                 continue
             if not (row and self._agree(kind, row[-1], heard)):
                 row.clear()
             row.append(heard)
             longest = max(longest, len(row))
-            if len(row) >= self._wanted(kind, self._known.get(key), heard, doubted):
+            if len(row) >= self._wanted(kind, self._known.get(key), heard, strangers):
                 break
         else:
             if len(row) < 2 and not (kind == "place" and longest == 1):  # a place may change that fast, and no other
@@ -85,13 +87,18 @@ class Belief:
     async def _order(self, ask: Ask, rank: int) -> Mapping[str, Any]:
         """A command that changes something: not before its acknowledgement can be told from an older one's.
 
-        A stop never waits; it is sent a second time instead.
+        A stop never waits: it is sent until one of its acknowledgements must be its own.
         """
-        if rank == STOP and self._line.doubt(ask) > 0:
-            await self._line.exchange(ask, rank)
-        while rank != STOP and (left := self._line.doubt(ask)) > 0:
-            await asyncio.sleep(left)
-        return await self._line.exchange(ask, rank)
+        if rank != STOP:
+            await self._line.clear_of_doubt(ask)
+            return await self._line.exchange(ask, rank)
+        times = 0
+        while True:
+            strangers = self._line.doubt(ask)
+            answer = await self._line.exchange(ask, rank)
+            times += 1
+            if times > min(strangers, MOST_STRANGERS):
+                return answer
 
     async def _hear(self, ask: Ask, rank: int) -> Heard:
         """One answer; garbled ones are asked again. Raises NoAnswer."""
@@ -112,17 +119,17 @@ class Belief:
             return Heard(values, fault, asked, self._now())
         raise NoAnswer
 
-    def _wanted(self, kind: str, known: Heard | None, heard: Heard, doubted: bool) -> int:
+    def _wanted(self, kind: str, known: Heard | None, heard: Heard, strangers: int) -> int:
         """How many answers in a row must agree with this one to be believed."""
-        least = 3 if doubted else 1
+        least = min(strangers, MOST_STRANGERS) + 1
         if known is None:
             return max(2, least)
         if kind != "place":
-            return least if self._agree(kind, known, heard) else 3
+            return least if self._agree(kind, known, heard) else max(3, least)
         gone = self._distance(known, heard)
         if gone <= NEAR:
             return least
-        return max(2, least) if gone <= self._reach(known, heard) else 3
+        return max(2, least) if gone <= self._reach(known, heard) else max(3, least)
 
     def _agree(self, kind: str, before: Heard, after: Heard) -> bool:
         """Whether both can be true."""

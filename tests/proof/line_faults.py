@@ -35,7 +35,7 @@ RESOLUTION, MARGIN = 0.01, 0.06
 AGE, EXCHANGE = 0.5, 0.9
 LONGEST_WAIT = 60.0
 #: Seconds after which the end or the beginning of a slew must have been told, whatever was lost meanwhile.
-SETTLED = 20.0
+SETTLED = 40.0
 POSITION = {"nexstar": b":GR#", "lx200": b"e"}
 MOUNTS = {"nexstar": ("cge", "6-8se"), "lx200": ("autostar", "lx200gps", "lx200")}
 
@@ -49,12 +49,16 @@ class Trial:
         self.bridge = Bridge(model, driven=driven, presented=presented, surface=None)
         self.sim = self.bridge.sim
         self.exact = Kind.ALTERED not in kinds
+        # No serial line and no TCP stream reorders; on a line that does, a stop is not always sure to have been heard.
+        self.ordered, self.unsure = Kind.OVERTAKEN not in kinds, 0
+        # An overtaken answer agrees with the present ones where nothing but the sky has moved since.
+        self.resolution = MARGIN if Kind.OVERTAKEN in kinds else RESOLUTION
         self.wire = FaultyWire(self.sim.feed, seed, rate, kinds, self._rebooted, text=driven == "lx200")
         line = self.bridge.hub.line
         line.wire = self.wire
         self.line: Line = line
         self.strange: list[Ask] = []
-        self.of_another: list[Ask] = []
+        self.acknowledged: list[tuple[Ask, bool]] = []
         in_step, exchange = line._in_step, line._exchange
 
         async def exchanging(ask: Ask) -> Any:
@@ -62,18 +66,21 @@ class Trial:
             outcome = await exchange(ask)
             if self.wire.strange is not None and not self.wire.proving and not isinstance(outcome, Fault):
                 self.strange.append(ask)
-                if self.wire.of_another:
-                    self.of_another.append(ask)
+            if not isinstance(outcome, Fault):
+                self.acknowledged.append((ask, self.wire.of_another))
             return outcome
 
         line._exchange = exchanging  # type: ignore[method-assign]
         order = self.bridge.hub.belief._order
 
         async def ordering(ask: Ask, rank: int) -> Any:
-            done = len(self.of_another)
+            done = len(self.acknowledged)
             answer = await order(ask, rank)
-            if any(other is ask for other in self.of_another[done:]):
-                self._is_wrong("order", f"{ask.command} was acknowledged by another's answer")
+            own = [another for other, another in self.acknowledged[done:] if other is ask]
+            if own and all(own):
+                if self.ordered:
+                    self._is_wrong("order", f"{ask.command} was acknowledged by another's answer")
+                self.unsure += 1
             return answer
 
         self.bridge.hub.belief._order = ordering  # type: ignore[method-assign]
@@ -271,14 +278,14 @@ class Trial:
             off_ra = min((abs(wrap180(ra - s[1])) * math.cos(math.radians(dec)) for s in samples), default=999.0)
             off_dec = min((abs(dec - s[2]) for s in samples), default=999.0)
             low = self.driven == "lx200" and now - self.rebooted < 40.0  # until it is told to be precise
-            off, allowed = max(off_ra, off_dec), 0.03 if low else RESOLUTION
+            off, allowed = max(off_ra, off_dec), 0.03 if low else self.resolution
         else:
             off = min((separation(ra, dec, s[1], s[2]) for s in samples), default=999.0)
             allowed = self._fastest() * AGE + MARGIN
         if off > allowed:
             age = next((now - s[0] for s in reversed(self.trail) if separation(ra, dec, s[1], s[2]) < 0.05), None)
             said = f"off by {off:.3f}" + ("" if age is None else f": as it was {age:.1f} s ago")
-            self._is_wrong("position", f"{said}; line {self.line.state}")
+            self._is_wrong("position", f"{ra:.4f} {dec:.4f} {said}; line {self.line.state}")
 
     def _fastest(self) -> float:
         return float(self.sim.mechanics.fastest) * math.sqrt(2.0)
@@ -360,7 +367,7 @@ def main() -> int:
     driven = [given.driven] if given.driven else list(MOUNTS)
     share = max(200, given.exchanges // (len(groups) * len(rates) * len(driven)))
     total, wrong, faults, seed = 0, Counter[str](), 0, given.seed
-    print(f"{'faults':34} {'mount':9} rate  exchanges  faults  strange  wrong  answered  silent  longest  sane after")
+    print(f"{'faults':34} {'mount':9} rate  exchanges  faults  strange  unsure  wrong  answered  silent  longest  sane after")
     for name, kinds in groups:
         for protocol in driven:
             for rate in rates:
@@ -372,7 +379,7 @@ def main() -> int:
                 total, faults = total + done.carried, faults + sum(wire.faults.values())
                 wrong += done.wrong
                 print(f"{name:34} {model:9} {rate:4.0%} {done.carried:10} {sum(wire.faults.values()):7} "
-                      f"{len(done.strange):8} {sum(done.wrong.values()):6} {done.asked['answered']:9} "
+                      f"{len(done.strange):8} {done.unsure:7} {sum(done.wrong.values()):6} {done.asked['answered']:9} "
                       f"{done.asked['silent']:7} {done.longest:7.1f}s {mean(sane) if sane else 0.0:8.2f} s", flush=True)
                 for note in done.notes[:5]:
                     print(f"    seed {seed}: {note}")
