@@ -17,7 +17,7 @@ from typing import Any, Protocol
 
 from gateway.doubt import LATEST, Doubt
 from gateway.driver import Ask
-from gateway.errors import Fault, Garbled, NoAnswer, Silence
+from gateway.errors import Busy, Fault, Garbled, NoAnswer, Silence
 from gateway.transcript import Transcript
 from gateway.wires import Wire
 
@@ -125,6 +125,7 @@ class Line:
         failures = 0
         while True:
             self._opened += 1
+            self._lost = False
             try:
                 await self.wire.open(*self._callbacks(self._opened))
             except Exception as error:  # pyserial has more kinds of failure than OSError
@@ -132,7 +133,7 @@ class Line:
                 await asyncio.sleep(BACK_OFF[min(failures, len(BACK_OFF) - 1)])
                 failures += 1
                 continue
-            failures, self._lost = 0, False
+            failures = 0
             self._drop("came before the line was lost")
             if self._wrote > 0:  # something was said on this line before: it may still be answered
                 await self._reopened()
@@ -317,6 +318,8 @@ class Line:
         for ask in self.dialogue.proof(self._proofs):
             await asyncio.sleep(self._gap(ask))
             outcome = await self._exchange(ask)
+            if isinstance(outcome, Busy):
+                continue  # that is an answer, too
             if isinstance(outcome, Fault) or not self.dialogue.proven(ask, outcome):
                 return False
         return not await self._drain(QUIET)
@@ -345,8 +348,9 @@ class Line:
 
     def _down(self, reason: str) -> None:
         """Fail everything that waits; from now on every exchange fails at once."""
+        if (self.state, self.reason) != ("down", reason):
+            self.transcript.note("mount", reason)
         self.state, self.reason = "down", reason
-        self.transcript.note("mount", reason)
         for _, _, job in self._queue:
             if not job.future.done():
                 job.future.set_exception(NoAnswer())

@@ -3,7 +3,8 @@
 A byte that was changed on the way can keep an answer's form. So an answer that is as the last one was is believed at
 once; any other is asked again until answers in a row agree: two where the mount can have moved that far, three where
 it cannot, or where something changed that seldom does; where answers to older questions may still come, one more than
-those. An answer that took unusually long is not counted. Whatever moved the mount, slew or sync, needs no telling: the second answer says the same.
+those. An answer that took unusually long is not counted. Whatever moved the mount, slew or sync, needs no telling: the
+second answer says the same.
 """
 
 from __future__ import annotations

@@ -367,7 +367,8 @@ def main() -> int:
     driven = [given.driven] if given.driven else list(MOUNTS)
     share = max(200, given.exchanges // (len(groups) * len(rates) * len(driven)))
     total, wrong, faults, seed = 0, Counter[str](), 0, given.seed
-    print(f"{'faults':34} {'mount':9} rate  exchanges  faults  strange  unsure  wrong  answered  silent  longest  sane after")
+    print(f"{'faults':34} {'mount':9} rate  exchanges  faults  strange  unsure  wrong  answered  silent  longest",
+          " sane after")
     for name, kinds in groups:
         for protocol in driven:
             for rate in rates:
