@@ -87,9 +87,10 @@ FACES: dict[str, Callable[[Endpoint, SurfaceConfig, Limits], Face]] = {
 class Gateway:
     """A mount and its surfaces, open for clients until it is closed."""
 
-    def __init__(self, config: Config, transcript: Transcript | None = None) -> None:
-        self.config = config
-        self.transcript = transcript or Transcript(time.time)
+    def __init__(self, config: Config, transcript: Transcript | None = None,
+                 clock: Callable[[], float] = time.time) -> None:
+        self.config, self.clock = config, clock
+        self.transcript = transcript or Transcript(clock)
         self.sky = Sky()
         self.mount = parse_endpoint(config.mount.at)
         self.endpoints = [parse_endpoint(surface.at) for surface in config.surface]
@@ -98,6 +99,9 @@ class Gateway:
         for endpoint in self.endpoints:
             if endpoint.protocol not in FACES:
                 raise UserError(f"{endpoint}: no {endpoint.protocol} surface; write {' or '.join(FACES)}")
+        #: The named sites, by number; all clients have them in common.
+        self.sites: dict[str, Any] = {}
+        self.receptions: list[Reception] = []
         self.ports: list[Port] = []
         self.faces: list[tuple[str, Face]] = []
         self.fitted = asyncio.Event()
@@ -105,30 +109,38 @@ class Gateway:
 
     async def open(self) -> None:
         """Open the ports and the line. Raises UserError."""
+        self.prepare(lambda dialogue, transcript: Line(self._wire(), dialogue, transcript))
+        for endpoint, reception in zip(self.endpoints, self.receptions, strict=True):
+            try:
+                self.ports.append(await open_port(endpoint.where, reception.arrive))
+            except UserError:
+                await self.close()
+                raise
+        self.begin()
+
+    def prepare(self, make_line: Callable[[Dialogue, Transcript], Line]) -> None:
+        """Put everything together; nothing is opened yet."""
         config, loop = self.config.mount, asyncio.get_running_loop()
         driver, follow_ups, dialogue = DRIVERS[self.mount.protocol](self.mount, config, loop.time)
         limits = Limits(config.lowest, config.highest, config.sync_limit)
         site = op.Place(*config.site) if config.site else None
-        observatory = Observatory(loop.time, time.time, site)
-        line = Line(self._wire(), dialogue, self.transcript)
-        self.hub = hub = Hub(driver, follow_ups, line, self.sky, observatory, self.transcript,
-                             Policy(limits, config.site_time, config.equinox))
-        shared: dict[str, Any] = {"sites": {}}
+        observatory = Observatory(loop.time, self.clock, site)
+        self.hub = Hub(driver, follow_ups, make_line(dialogue, self.transcript), self.sky, observatory,
+                       self.transcript, Policy(limits, config.site_time, config.equinox))
+        shared: dict[str, Any] = {"sites": self.sites}
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.config.surface, strict=True), 1):
             face = FACES[endpoint.protocol](endpoint, surface, limits)
             face.surface.verbatim = endpoint.protocol == self.mount.protocol
             if surface.equinox == "j2000":
                 face = replace(face, equinox=J2000(self.sky, observatory.unix))
-            reception = Reception(hub, face, shared, time.time, lambda: None, number)
-            try:
-                port = await open_port(endpoint.where, reception.arrive)
-            except UserError:
-                await self.close()
-                raise
-            self.ports.append(port)
+            self.receptions.append(Reception(self.hub, face, shared, self.clock, lambda: None, number))
             self.faces.append((endpoint.protocol, face))
-        hub.start()
-        hub.spawn(self._fit())
+
+    def begin(self) -> None:
+        """Open the line and find out what is on it."""
+        assert self.hub is not None
+        self.hub.start()
+        self.hub.spawn(self._fit())
 
     async def _fit(self) -> None:
         """Present what fits the mount, where the user named no model."""

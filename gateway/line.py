@@ -95,7 +95,9 @@ class Line:
             try:
                 await self.wire.open(self._on_data, self._on_lost)
             except Exception as error:  # pyserial has more kinds of failure than OSError
-                self._down(f"cannot open {self.wire.name}: {getattr(error, 'strerror', None) or error}")
+                reason = str(getattr(error, "strerror", None) or error)
+                self.transcript.put("mount", "v", note=reason)
+                self._down(f"cannot open {self.wire.name}: {reason}")
                 await asyncio.sleep(BACK_OFF[min(failures, len(BACK_OFF) - 1)])
                 failures += 1
                 continue

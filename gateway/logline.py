@@ -37,7 +37,7 @@ def printer(mount_protocol: str, stream: TextIO) -> Callable[[Entry], None]:
     """A sink that writes one line per entry."""
 
     def put(entry: Entry) -> None:
-        if entry.arrow != "raw":
+        if entry.arrow not in ("raw", "v"):  # a lost port has a note of its own
             stream.write(line(entry, mount_protocol) + "\n")
             stream.flush()
 

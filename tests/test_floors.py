@@ -43,6 +43,9 @@ FLOORS = {
     "simulators": 6,
     "assembly": 6,
     "explain": 6,
+    "replaying": 6,
+    "captures": 3,
+    "decode": 6,
     "cli": 7,
     "__main__": 7,
 }

@@ -16,6 +16,7 @@ method raises for finite arguments, nothing is ever fetched.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from gateway.sky.almanac import Almanac, Frame
 from gateway.spherical import (
@@ -51,11 +52,15 @@ class Sky:
         """True once the exact answers are in use."""
         return self._exact is not None
 
-    def start(self) -> None:
-        """Load ERFA and the Earth's rotation on a daemon thread; returns at once."""
+    def start(self, done: Callable[[], object] = lambda: None) -> None:
+        """Load ERFA and the Earth's rotation on a daemon thread, which calls ``done`` at the end; returns at once."""
         import threading  # with `load`'s import, all that would make this module slow to import
 
-        threading.Thread(target=self.load, name="sky", daemon=True).start()
+        def work() -> None:
+            self.load()
+            done()
+
+        threading.Thread(target=work, name="sky", daemon=True).start()
 
     def load(self) -> None:
         """What `start` does, in the caller's own time. Never raises: sets `ready`, or `failure`."""
