@@ -111,6 +111,7 @@ class Config(msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename="ke
     surface: list[SurfaceConfig]
     wait: bool = False
     log: bool = False
+    record: str | None = None
 
 
 _CHOICES: dict[str, tuple[str, ...]] = {

@@ -7,29 +7,25 @@ recorded times; the hub decides as it did, for it lives on what the mount and th
 from __future__ import annotations
 
 import asyncio
-import heapq
 import re
-from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
 from gateway.assembly import Gateway
 from gateway.config import Config, make_config
-from gateway.driver import Ask
-from gateway.errors import Fault, UserError
-from gateway.line import Dialogue, Job, Line
+from gateway.errors import UserError
+from gateway.line import Dialogue, Line
 from gateway.ports import Guest
+from gateway.recorded import RecordedLine, RecordedWire
 from gateway.recording import MOUNT, Event, Recording
-from gateway.transcript import Transcript
+from gateway.transcript import SKY_READY, Entry, Transcript
 from gateway.virtual import run
-from gateway.wires import OnData, OnLost
+from gateway.wires import SimulatorWire
 
 #: Turns of the event loop in which everything has come to rest that one event has set going.
 TURNS = 60
 #: What the gateway is given to end after the last event, seconds.
 AFTERWARDS = 1.0
-#: The note that says from when on the sky is exact.
-SKY_READY = b"astronomy is exact from now on"
 
 
 class Difference(NamedTuple):
@@ -51,98 +47,19 @@ class Outcome(NamedTuple):
     strayed: list[str]
 
 
-class RecordedWire:
-    """The mount as it was recorded. Bytes that answer a request wait for it."""
-
-    name = "recording"
-
-    def __init__(self, events: list[Event], now: Callable[[], float]) -> None:
-        self.script = deque(event.data for event in events if event.side == MOUNT and event.arrow == ">")
-        self.allowed = 0
-        self.strayed: list[str] = []
-        self._now = now
-        self._held: list[bytes] = []
-        self._port: asyncio.Queue[str] = asyncio.Queue()
-        self._on_data: OnData | None = None
-        self._on_lost: OnLost = lambda reason: None
-
-    async def open(self, on_data: OnData, on_lost: OnLost) -> None:
-        reason = await self._port.get()
-        if reason:
-            raise OSError(reason)
-        self._on_data, self._on_lost = on_data, on_lost
-
-    def port_opened(self) -> None:
-        self._port.put_nowait("")
-
-    def port_lost(self, reason: str) -> None:
-        if self._on_data is None:
-            self._port.put_nowait(reason or "lost")
-        else:
-            self._on_data = None
-            self._on_lost(reason)
-
-    def deliver(self, data: bytes) -> None:
-        """Bytes as they arrived then."""
-        if self.allowed > 0:
-            self._held.append(data)
-        elif self._on_data is not None:
-            self._on_data(data)
-
-    def write(self, data: bytes) -> None:
-        wanted = self.script.popleft() if self.script else b""
-        if data != wanted:
-            self.strayed.append(f"{self._now():.3f} s: asked {data!r}, then {wanted!r}")
-        self.allowed -= 1
-        if self.allowed <= 0:
-            held, self._held = self._held, []
-            for chunk in held:
-                asyncio.get_running_loop().call_soon(self.deliver, chunk)
-
-    async def close(self) -> None:
-        self._on_data = None
-
-
-class RecordedLine(Line):
-    """A line that sends what was sent then, when it was sent."""
-
-    def __init__(self, wire: RecordedWire, dialogue: Dialogue, transcript: Transcript) -> None:
-        super().__init__(wire, dialogue, transcript)
-        self._recorded = wire
-
-    def allow(self) -> None:
-        """The moment of the next request has come."""
-        self._recorded.allowed += 1
-        self._wake.set()
-
-    async def _next(self) -> Job | None:
-        if self._recorded.allowed > 0 and self._recorded.script:
-            for item in sorted(self._queue):
-                if not item[2].future.done() and self._bytes(item[2].ask) == self._recorded.script[0]:
-                    self._queue.remove(item)
-                    heapq.heapify(self._queue)
-                    return item[2]
-        self._wake.clear()
-        await self._wake.wait()
-        return None
-
-    def _bytes(self, ask: Ask) -> bytes:
-        try:
-            return self.dialogue.encode(ask)
-        except Fault:
-            return b""
-
-
-def replay(recording: Recording, note: Callable[[str], None] = lambda text: None) -> Outcome:
+def replay(recording: Recording) -> Outcome:
     """Play a recording again. Raises UserError for one whose beginning is missing."""
     if recording.settings["from"]:
-        raise UserError("the beginning of this recording was rotated away: it can be decoded, not replayed")
-    config = make_config(recording.settings["config"], "recording")
-    outcome: Outcome = run(_replay(config, recording, note))
+        raise UserError("the beginning of this recording was rotated away: it can be decoded, or replayed with --sim")
+    outcome: Outcome = run(_replay(_config(recording), recording))
     return outcome
 
 
-async def _replay(config: Config, recording: Recording, note: Callable[[str], None]) -> Outcome:
+def _config(recording: Recording) -> Config:
+    return make_config(recording.settings["config"], "recording")
+
+
+async def _replay(config: Config, recording: Recording) -> Outcome:
     loop = asyncio.get_running_loop()
     began = loop.time()
 
@@ -160,43 +77,72 @@ async def _replay(config: Config, recording: Recording, note: Callable[[str], No
 
     gateway.prepare(line)
     assert gateway.hub is not None
-    clients = _Clients(gateway, now)
+    clients = _Clients(gateway)
     gateway.begin()
     for event in recording.events:
         await asyncio.sleep(max(0.0, event.at - now()))
-        _play(event, gateway, wire, lines[0], clients)
+        if event.side == MOUNT:
+            _mount(event, gateway, wire, lines[0])
+        else:
+            clients.play(event)
         for _ in range(TURNS):
             await asyncio.sleep(0)
     await asyncio.sleep(AFTERWARDS)
     await gateway.close()
     requests = sum(1 for event in recording.events if event.side == MOUNT and event.arrow == ">")
     replies = sum(1 for event in recording.events if event.side != MOUNT and event.arrow == "<")
-    for words in wire.strayed:
-        note(words)
     return Outcome(clients.count, replies, requests, clients.differences(), wire.strayed)
 
 
-def _play(event: Event, gateway: Gateway, wire: RecordedWire, line: RecordedLine, clients: _Clients) -> None:
-    """Make one thing happen again."""
-    match event.side == MOUNT, event.arrow:
-        case True, ">":
+def replay_on_simulator(recording: Recording, show: Callable[[str], object]) -> None:
+    """The recorded clients on a simulated mount of the recorded kind; every line of the conversation is shown."""
+    run(_on_simulator(_config(recording), recording, show))
+
+
+async def _on_simulator(config: Config, recording: Recording, show: Callable[[str], object]) -> None:
+    from gateway.logline import line
+    from gateway.simulators import DEFAULT_SITE, make_simulator
+
+    loop = asyncio.get_running_loop()
+    began = loop.time()
+
+    def now() -> float:
+        return loop.time() - began
+
+    def clock() -> float:
+        return float(recording.settings["began"]) + now()
+
+    gateway = Gateway(config, clock=clock)
+
+    def put(entry: Entry) -> None:
+        if entry.arrow != "raw":
+            show(line(entry, gateway.mount.protocol))
+
+    gateway.transcript.sinks.append(put)
+    simulator = make_simulator(gateway.mount, clock=clock, site=config.mount.site or DEFAULT_SITE)
+    gateway.prepare(lambda dialogue, transcript: Line(SimulatorWire("sim", simulator.feed), dialogue, transcript))
+    gateway.sky.load()
+    clients = _Clients(gateway)
+    gateway.begin()
+    for event in recording.events:
+        await asyncio.sleep(max(0.0, event.at - now()))
+        if event.side != MOUNT:
+            clients.play(event)
+    await asyncio.sleep(AFTERWARDS)
+    await gateway.close()
+
+
+def _mount(event: Event, gateway: Gateway, wire: RecordedWire, line: RecordedLine) -> None:
+    """Make what the mount did happen again."""
+    match event.arrow:
+        case ">":
             line.allow()
-        case True, "<":
+        case "<":
             wire.deliver(event.data)
-        case True, "^":
-            wire.port_opened()
-        case True, "v":
-            wire.port_lost(event.data.decode("latin-1"))
-        case True, "!" if event.data == SKY_READY:
+        case "v":
+            wire.lost(event)
+        case "!" if event.data == SKY_READY.encode():
             gateway.sky.load()
-        case False, "+":
-            clients.come(event)
-        case False, "-":
-            clients.go(event)
-        case False, ">":
-            clients.feed(event)
-        case False, "<":
-            clients.expect(event)
 
 
 class _Heard:
@@ -211,13 +157,25 @@ class _Heard:
 class _Clients:
     """The recorded connections, by name; a name may be used again once it is gone."""
 
-    def __init__(self, gateway: Gateway, now: Callable[[], float]) -> None:
-        self._gateway, self._now = gateway, now
+    def __init__(self, gateway: Gateway) -> None:
+        self._gateway = gateway
         self._here: dict[str, _Heard] = {}
         self._gone: list[tuple[str, _Heard]] = []
         self.count = 0
 
-    def come(self, event: Event) -> None:
+    def play(self, event: Event) -> None:
+        """Make what a client did happen again, and remember what it was told."""
+        match event.arrow:
+            case "+":
+                self._come(event)
+            case "-":
+                self._go(event)
+            case ">":
+                self._feed(event)
+            case "<":
+                self._expect(event)
+
+    def _come(self, event: Event) -> None:
         found = re.fullmatch(r"surface (\d+), host (.*)", event.data.decode("latin-1"))
         if found is None:
             raise UserError(f"recording, {event.at:.6f} s: a connection without its surface and host")
@@ -227,17 +185,17 @@ class _Clients:
         talk.now = heard
         self.count += 1
 
-    def go(self, event: Event) -> None:
+    def _go(self, event: Event) -> None:
         talk = self._here.pop(event.side, None)
         if talk is not None:
             self._gone.append((event.side, talk))
             talk.guest.close()
 
-    def feed(self, event: Event) -> None:
+    def _feed(self, event: Event) -> None:
         if event.side in self._here:
             self._here[event.side].guest.feed(event.data)
 
-    def expect(self, event: Event) -> None:
+    def _expect(self, event: Event) -> None:
         talk = self._here.get(event.side)
         if talk is not None:
             talk.times.append((len(talk.then), event.at))

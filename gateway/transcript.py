@@ -23,6 +23,9 @@ class Entry(NamedTuple):
     note: str = ""
 
 
+#: The note that says from when on the sky is no longer approximate.
+SKY_READY = "astronomy is exact from now on"
+
 Sink = Callable[[Entry], None]
 
 

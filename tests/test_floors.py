@@ -43,6 +43,7 @@ FLOORS = {
     "simulators": 6,
     "assembly": 6,
     "explain": 6,
+    "recorded": 5,
     "replaying": 6,
     "captures": 3,
     "decode": 6,

@@ -10,10 +10,10 @@ import sys
 from typing import NoReturn
 
 from gateway import __version__
-from gateway.cli import decode, demo, explain, run, sim, tables
+from gateway.cli import decode, demo, explain, replay, run, sim, tables
 from gateway.errors import UserError
 
-COMMANDS = (demo, run, sim, tables, explain, decode)
+COMMANDS = (demo, run, sim, tables, explain, replay, decode)
 
 
 def main(argv: list[str] | None = None) -> int:

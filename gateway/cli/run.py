@@ -30,6 +30,7 @@ def add(commands: Any) -> None:
     run.add_argument("--baud", type=int, help="baud rate of the mount's port (default 9600)")
     run.add_argument("--wait", action="store_true", help="keep trying when no mount answers; clients stay connected")
     run.add_argument("--log", action="store_true", help="show the conversation on both sides, decoded")
+    run.add_argument("--record", metavar="FILE", help="write everything that passes to a file that replay plays again")
     run.add_argument("--loop", choices=("fast", "asyncio"), default="fast", help="event loop: uvloop where it exists")
     run.set_defaults(run=_run)
 
@@ -64,5 +65,6 @@ def _config(arguments: argparse.Namespace) -> Config:
         mount["site"] = parse_site(arguments.site)
     if "at" not in mount:
         raise UserError("run: which mount? --mount nexstar@/dev/ttyUSB0, or --config gateway.toml")
-    top = {**top, "wait": top.get("wait") or arguments.wait, "log": top.get("log") or arguments.log}
+    top = {**top, "wait": top.get("wait") or arguments.wait, "log": top.get("log") or arguments.log,
+           "record": arguments.record or top.get("record")}
     return check(make_config({**top, "mount": mount, "surface": surfaces}, where), where)

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import signal
 import sys
 import time
 from collections.abc import Awaitable, Callable
+from pathlib import Path
 from typing import Any
 
+from gateway import __version__
 from gateway.config import Config, parse_endpoint
 from gateway.errors import UserError
+from gateway.transcript import SKY_READY
 
 #: How long a mount may take to say its first word (a hand control's worst), and to say all that it is asked.
 FIRST_WORD, FIND_MOUNT = 4.0, 20.0
@@ -56,11 +60,13 @@ async def serve_gateway(config: Config) -> int:
 
         transcript.sinks.append(printer(parse_endpoint(config.mount.at).protocol, sys.stderr))
     gateway = Gateway(config, transcript)
+    if config.record:
+        transcript.sinks.append(_recorder(config).put)
     await gateway.open()
     try:
         if not config.wait:
             await _find(gateway, done)
-        gateway.sky.start()
+        gateway.sky.start(_from_the_thread(lambda: transcript.note("mount", SKY_READY)))
         found = not config.wait or await gateway.found(QUICK)
         for name in gateway.names():
             print(f"ready {name}", flush=True)
@@ -72,6 +78,26 @@ async def serve_gateway(config: Config) -> int:
     finally:
         await gateway.close()
     return 0
+
+
+def _recorder(config: Config) -> Any:
+    import msgspec
+
+    from gateway.recording import Recorder
+
+    settings = {"began": time.time(), "config": msgspec.to_builtins(config), "version": __version__}
+    return Recorder(Path(config.record or ""), asyncio.get_running_loop().time, settings)
+
+
+def _from_the_thread(work: Callable[[], object]) -> Callable[[], None]:
+    """What another thread may call to have something done on this one, as long as there is a loop."""
+    loop = asyncio.get_running_loop()
+
+    def call() -> None:
+        with contextlib.suppress(RuntimeError):  # the loop is closed: nobody wants to know
+            loop.call_soon_threadsafe(work)
+
+    return call
 
 
 async def _find(gateway: Any, done: asyncio.Event) -> None:
