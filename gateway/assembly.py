@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from msgspec.structs import replace
 
 from gateway import operations as op
-from gateway.config import Config, Endpoint, MountConfig, SurfaceConfig, parse_endpoint
+from gateway.config import Endpoint, MountConfig, SurfaceConfig, parse_endpoint
 from gateway.driver import Driver
 from gateway.equinox import J2000
 from gateway.errors import Fault, UserError
@@ -49,7 +49,7 @@ def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Fa
 
     protocol = load("lx200")
     name = endpoint.model or "autostar"
-    settings = {"precision": config.precision, "limits": limits, "sync_text": config.sync_text}
+    settings = {"precision": config.precision or "high", "limits": limits, "sync_text": config.sync_text}
     model = {**protocol.models[name], "name": name}
     return Face(Surface(protocol, SPECIALS), lambda now: Framer().feed, frozenset({b":Q#"}), model, settings)
 
@@ -85,15 +85,15 @@ FACES: dict[str, Callable[[Endpoint, SurfaceConfig, Limits], Face]] = {
 
 
 class Gateway:
-    """A mount and its surfaces, open for clients until it is closed."""
+    """One mount and its surfaces, open for clients until it is closed. Several share nothing but the sky."""
 
-    def __init__(self, config: Config, transcript: Transcript | None = None,
-                 clock: Callable[[], float] = time.time) -> None:
-        self.config, self.clock = config, clock
+    def __init__(self, config: MountConfig, surfaces: Sequence[SurfaceConfig], transcript: Transcript | None = None,
+                 sky: Sky | None = None, clock: Callable[[], float] = time.time) -> None:
+        self.config, self.surfaces, self.clock = config, surfaces, clock
         self.transcript = transcript or Transcript(clock)
-        self.sky = Sky()
-        self.mount = parse_endpoint(config.mount.at)
-        self.endpoints = [parse_endpoint(surface.at) for surface in config.surface]
+        self.sky = sky or Sky()
+        self.mount = parse_endpoint(config.at)
+        self.endpoints = [parse_endpoint(surface.at) for surface in surfaces]
         if self.mount.protocol not in DRIVERS:
             raise UserError(f"{self.mount}: {self.mount.protocol} mounts cannot be driven; {' or '.join(DRIVERS)} can")
         for endpoint in self.endpoints:
@@ -120,7 +120,7 @@ class Gateway:
 
     def prepare(self, make_line: Callable[[Dialogue, Transcript], Line]) -> None:
         """Put everything together; nothing is opened yet."""
-        config, loop = self.config.mount, asyncio.get_running_loop()
+        config, loop = self.config, asyncio.get_running_loop()
         driver, follow_ups, dialogue = DRIVERS[self.mount.protocol](self.mount, config, loop.time)
         limits = Limits(config.lowest, config.highest, config.sync_limit)
         site = op.Place(*config.site) if config.site else None
@@ -128,7 +128,7 @@ class Gateway:
         self.hub = Hub(driver, follow_ups, make_line(dialogue, self.transcript), self.sky, observatory,
                        self.transcript, Policy(limits, config.site_time, config.equinox))
         shared: dict[str, Any] = {"sites": self.sites}
-        for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.config.surface, strict=True), 1):
+        for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
             face = FACES[endpoint.protocol](endpoint, surface, limits)
             face.surface.verbatim = endpoint.protocol == self.mount.protocol
             if surface.equinox == "j2000":
@@ -160,16 +160,22 @@ class Gateway:
         self.fitted.set()
 
     def names(self) -> list[str]:
-        """One ``PROTOCOL:MODEL@WHERE`` per open port."""
-        return [f"{protocol}:{face.model['name']}@{port.where}"
+        """One ``PROTOCOL:MODEL@WHERE`` per open port, followed by the mount's name where it has one."""
+        name = f" {self.config.name}" if self.config.name else ""
+        return [f"{protocol}:{face.model['name']}@{port.where}{name}"
                 for (protocol, face), port in zip(self.faces, self.ports, strict=True)]
 
     def _wire(self) -> Wire:
         if self.mount.where == "sim":
             from gateway.simulators import simulated_wire
 
-            return simulated_wire(self.mount, self.config.mount)
-        return SerialWire(self.mount.where, self.config.mount.baud)
+            return simulated_wire(self.mount, self.config)
+        return SerialWire(self.mount.where, self.config.baud)
+
+    @property
+    def title(self) -> str:
+        """What messages call the mount."""
+        return f"{self.config.name}: {self.mount}" if self.config.name else str(self.mount)
 
     async def found(self, seconds: float) -> bool:
         """Wait until the mount has said who it is -> whether it did in time."""

@@ -11,8 +11,10 @@ import re
 from collections.abc import Callable
 from typing import NamedTuple
 
+import msgspec
+
 from gateway.assembly import Gateway
-from gateway.config import Config, make_config
+from gateway.config import MountConfig, SurfaceConfig
 from gateway.errors import UserError
 from gateway.line import Dialogue, Line
 from gateway.ports import Guest
@@ -51,15 +53,24 @@ def replay(recording: Recording) -> Outcome:
     """Play a recording again. Raises UserError for one whose beginning is missing."""
     if recording.settings["from"]:
         raise UserError("the beginning of this recording was rotated away: it can be decoded, or replayed with --sim")
-    outcome: Outcome = run(_replay(_config(recording), recording))
+    outcome: Outcome = run(_replay(recording))
     return outcome
 
 
-def _config(recording: Recording) -> Config:
-    return make_config(recording.settings["config"], "recording")
+def _gateway(recording: Recording, clock: Callable[[], float]) -> Gateway:
+    """The gateway that was recorded, as it was set up. Raises UserError."""
+    config = recording.settings["config"]
+    try:
+        mount = msgspec.convert(config["mount"], MountConfig)
+        surfaces = msgspec.convert(config["surface"], list[SurfaceConfig])
+    except (msgspec.ValidationError, KeyError, TypeError) as error:
+        raise UserError(f"recording: its settings do not suit this version of mount-gateway: {error}") from None
+    gateway = Gateway(mount, surfaces, clock=clock)
+    gateway.sites.update(recording.settings.get("sites", {}))
+    return gateway
 
 
-async def _replay(config: Config, recording: Recording) -> Outcome:
+async def _replay(recording: Recording) -> Outcome:
     loop = asyncio.get_running_loop()
     began = loop.time()
 
@@ -67,8 +78,7 @@ async def _replay(config: Config, recording: Recording) -> Outcome:
         return loop.time() - began
 
     wire = RecordedWire(recording.events, now)
-    gateway = Gateway(config, clock=lambda: recording.settings["began"] + now())
-    gateway.sites.update(recording.settings.get("sites", {}))
+    gateway = _gateway(recording, lambda: float(recording.settings["began"]) + now())
     lines: list[RecordedLine] = []
 
     def line(dialogue: Dialogue, transcript: Transcript) -> Line:
@@ -96,10 +106,10 @@ async def _replay(config: Config, recording: Recording) -> Outcome:
 
 def replay_on_simulator(recording: Recording, show: Callable[[str], object]) -> None:
     """The recorded clients on a simulated mount of the recorded kind; every line of the conversation is shown."""
-    run(_on_simulator(_config(recording), recording, show))
+    run(_on_simulator(recording, show))
 
 
-async def _on_simulator(config: Config, recording: Recording, show: Callable[[str], object]) -> None:
+async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> None:
     from gateway.logline import line
     from gateway.simulators import DEFAULT_SITE, make_simulator
 
@@ -112,14 +122,14 @@ async def _on_simulator(config: Config, recording: Recording, show: Callable[[st
     def clock() -> float:
         return float(recording.settings["began"]) + now()
 
-    gateway = Gateway(config, clock=clock)
+    gateway = _gateway(recording, clock)
 
     def put(entry: Entry) -> None:
         if entry.arrow != "raw":
             show(line(entry, gateway.mount.protocol))
 
     gateway.transcript.sinks.append(put)
-    simulator = make_simulator(gateway.mount, clock=clock, site=config.mount.site or DEFAULT_SITE)
+    simulator = make_simulator(gateway.mount, clock=clock, site=gateway.config.site or DEFAULT_SITE)
     gateway.prepare(lambda dialogue, transcript: Line(SimulatorWire("sim", simulator.feed), dialogue, transcript))
     gateway.sky.load()
     clients = _Clients(gateway)

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from gateway.assembly import Gateway
-from gateway.config import make_config
+from gateway.config import MountConfig, SurfaceConfig
 from gateway.line import Line
 from gateway.recording import Recorder, read
 from gateway.replaying import Outcome, replay
@@ -50,11 +50,11 @@ def _live(path: Path, mount: str, presented: str) -> bytes:
         def clock() -> float:
             return EVENING + loop.time() - began
 
-        config = make_config({"mount": {"at": f"{mount}@sim"}, "surface": [{"at": f"{presented}@tcp://:0"}]}, "test")
+        config, surfaces = MountConfig(at=f"{mount}@sim"), [SurfaceConfig(at=f"{presented}@tcp://:0")]
         transcript = Transcript(clock)
-        gateway = Gateway(config, transcript, clock)
+        gateway = Gateway(config, surfaces, transcript, clock=clock)
         wire = _Mute("sim", make_simulator(gateway.mount, clock=clock, speed=3.0).feed, 0.0731)
-        settings = {"began": clock(), "config": msgspec.to_builtins(config)}
+        settings = {"began": clock(), "config": msgspec.to_builtins({"mount": config, "surface": surfaces})}
         recorder = Recorder(path, loop.time, settings, longest=200_000)
         transcript.sinks.append(recorder.put)
         gateway.prepare(lambda dialogue, to: Line(wire, dialogue, to))
