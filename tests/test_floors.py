@@ -23,6 +23,7 @@ FLOORS = {
     "motors": 2,
     "tables": 2,
     "sky": 3,
+    "library": 3,
     "surface": 3,
     "driver": 3,
     "observatory": 3,

@@ -10,7 +10,7 @@ import math
 from contextlib import closing
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from gateway.library.files import data_file
 from gateway.library.objects import FAINTEST, QUALITIES, Entry, Wanted, quality
@@ -23,22 +23,13 @@ _KINDS = {
 #: What is searched for an unmeasured object's magnitude: only the widest limit finds it.
 _UNMEASURED = 20.0
 _COLUMNS = "name, type, ra, dec, coalesce(vmag, bmag), majax, minax, messier"
-#: A candidate, worked out by the database, and what its quality is judged by. It keeps angles in radians.
-_SEARCHED = (
-    f"CAST(ra * {math.degrees(1.0) / 15.0!r} AS INTEGER) AS hour, -dec * {math.degrees(1.0)!r} AS south, id, "
-    f"ra * {math.degrees(1.0)!r}, dec * {math.degrees(1.0)!r}, coalesce(vmag, bmag), majax, minax"
-)
+#: A candidate, worked out by the database, which keeps angles in radians.
+_SEARCHED = f"id, ra * {math.degrees(1.0)!r} AS right, dec * {math.degrees(1.0)!r} AS up"
 _IDENTIFIERS = {"NGC": "NGC%04d", "IC": "IC%04d", "C": "C%03d", "UGC": "UGC%05d"}
 
 
-class Candidate(NamedTuple):
-    """What a search compares, in the order in which it goes through the sky: hour by hour, from north to south."""
-
-    hour: int
-    south: float
-    row: int
-    ra: float
-    dec: float
+#: What a search compares: row of the database, right ascension, declination. Plain, because there are twelve thousand.
+Candidate = tuple[int, float, float]
 
 
 def look_up(catalog: str, number: int) -> Entry | None:
@@ -61,30 +52,32 @@ def by_row(row: int) -> Entry:
     return _entry(_rows("id = ?", row)[0])
 
 
-def matching(wanted: Wanted) -> tuple[Candidate, ...]:
-    """Everything within the limits, in order. Raises NotInstalled."""
+def matching(wanted: Wanted) -> list[Candidate]:
+    """Everything within the limits, in the order of ``order``; not to be changed. Raises NotInstalled."""
     return _matching(data_file("pyongc", "ongc.db"), wanted)
 
 
 @lru_cache(maxsize=2)
-def _matching(_: Path, wanted: Wanted) -> tuple[Candidate, ...]:
+def _matching(_: Path, wanted: Wanted) -> list[Candidate]:
     types = [name for name, kinds in _KINDS.items() if set(kinds) & set(wanted.kinds)]
     least = QUALITIES.index(wanted.quality)
     faintest = min(wanted.faintest, FAINTEST[least]) if least < len(FAINTEST) else wanted.faintest
+    judged = ", coalesce(vmag, bmag), majax, minax" if least < len(FAINTEST) else ""
     rows = _rows(
         f"type IN ({', '.join('?' * len(types))}) AND ra IS NOT NULL "
         f"AND coalesce(vmag, bmag, {_UNMEASURED}) BETWEEN ? AND ? AND coalesce(majax, 0) BETWEEN ? AND ? "
-        "ORDER BY hour, south, id",
-        *types, wanted.brightest, faintest, wanted.smallest, wanted.largest, columns=_SEARCHED,
+        "ORDER BY CAST(right / 15.0 AS INTEGER), up DESC, id",
+        *types, wanted.brightest, faintest, wanted.smallest, wanted.largest, columns=_SEARCHED + judged,
     )  # fmt: skip
-    if least < len(FAINTEST):
-        rows = [row for row in rows if QUALITIES.index(quality(*row[5:])) <= least]
-    return tuple(Candidate(*row[:5]) for row in rows)
+    if judged:
+        rows = [row[:3] for row in rows if QUALITIES.index(quality(*row[3:])) <= least]
+    return rows
 
 
-def key(ra: float, dec: float) -> Candidate:
-    """Where a place comes in the order of a search: before every object that stands exactly there."""
-    return Candidate(int(ra // 15.0), -dec, -1, ra, dec)
+def order(candidate: Candidate) -> tuple[int, float, int]:
+    """How a search goes through the sky: hour by hour of right ascension, in each from north to south."""
+    row, ra, dec = candidate
+    return int(ra / 15.0), -dec, row
 
 
 def _original(name: str) -> tuple[Any, ...] | None:
