@@ -167,6 +167,43 @@ class GuideRate(Read, frozen=True):
     axis: int
 
 
+# --- places, worked out from site and clock -------------------------------------------------------------------
+
+
+class OfDate(Read, frozen=True):
+    """-> Equatorial: a J2000 catalogue place as coordinates of date."""
+
+    ra: float
+    dec: float
+
+
+class OfCatalog(Read, frozen=True):
+    """-> Equatorial: a place of date as J2000, which is how catalogues count."""
+
+    ra: float
+    dec: float
+
+
+class Zenith(Read, frozen=True):
+    """-> Equatorial: what stands in the zenith now, J2000. Raises Unsupported where the site is unknown."""
+
+
+class PlanetPlace(Read, frozen=True):
+    """-> Equatorial: where a planet stands now, of date; ``name`` in English. Raises Unsupported."""
+
+    name: str
+
+
+class MoonPlace(Read, frozen=True):
+    """-> Equatorial: where a place on the Moon stands now, of date, seen from the site. Raises BelowHorizon.
+
+    Selenographic latitude (north) and longitude (east), degrees; None for the middle of the disc.
+    """
+
+    latitude: float | None = None
+    longitude: float | None = None
+
+
 # --- motion ---------------------------------------------------------------------------------------------------
 
 

@@ -1,7 +1,7 @@
 """The pair tables: what becomes of every command of one protocol on a mount of the other.
 
 Printed from the mappings, never written by hand: ``mappings/README.md`` is this module's output, and ``check`` fails
-when that file is stale. A row without an outcome is *missing* and counted.
+when that file is stale or a command has no outcome, which is called *missing*.
 """
 
 from __future__ import annotations
@@ -154,11 +154,14 @@ def write() -> str:
 
 
 def check() -> int:
-    """0 when the tables are sound and ``mappings/README.md`` is what they print; 1, with words on stderr, when not."""
+    """0 when no row is missing and ``mappings/README.md`` is what the tables print; 1, with words on stderr, when not."""
     path = mappings_folder() / "README.md"
     problems = []
     if not path.exists() or path.read_text("utf-8") != text():
         problems.append(f"{path} is stale: run mount-gateway tables --write")
+    for client, mount in PAIRS:
+        problems += [f"mappings/{client}/surface.toml: [{name}]: nothing answers it on a {mount} mount"
+                     for name in missing(client, mount)]
     for problem in problems:
         print(problem, file=sys.stderr)
     for client, mount in PAIRS:

@@ -24,6 +24,7 @@ FLOORS = {
     "recording": 2,
     "tables": 2,
     "sky": 3,
+    "library": 3,
     "surface": 3,
     "driver": 3,
     "observatory": 3,

@@ -19,6 +19,7 @@ from gateway.driver import Ask, Driver, Pause, Steps
 from gateway.errors import Fault, NoAnswer, NotAligned, Refused
 from gateway.hub.derived import Derived
 from gateway.hub.motions import MOTIONS, Motions
+from gateway.hub.places import PLACES
 from gateway.hub.settings import FIRST_ANSWER, SiteAndClock
 from gateway.hub.snapshot import FRESH, MISSING, RENEW, Kind, Snapshot
 from gateway.line import POSITION, READ, SETTING, Line
@@ -186,6 +187,8 @@ class Hub:
             return await self.stop()
         if isinstance(operation, MOTIONS):
             return await self.motions.ended(self.motions.begin(operation, stops))
+        if type(operation) in PLACES:
+            return PLACES[type(operation)](self.derived, operation)
         handler = self.settings.handlers.get(type(operation))
         if handler is not None:
             return await handler(operation)

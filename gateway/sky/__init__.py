@@ -11,6 +11,7 @@ method raises for finite arguments, nothing is ever fetched.
     of date / J2000   0.4"                0.03"
     Sun               0.01 deg            0.03"
     Moon              0.04 deg            3" rms, 19" at worst
+    planets           none                1.5'
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from gateway.sky.almanac import Almanac, Frame
+from gateway.sky import lunar
+from gateway.sky.almanac import PLANETS, Almanac, Frame
 from gateway.spherical import (
     SIDEREAL_RATE,
+    Vector,
     from_vector,
     horizon_to_hour_angle,
     hour_angle_to_horizon,
@@ -106,17 +109,35 @@ class Sky:
 
     def moon(self, unix: float, lat: float, lon_east: float) -> tuple[float, float, float]:
         """Apparent (ra, dec, distance in km) of date of the Moon, as seen from a site at sea level."""
+        seen = self._moon_from(unix, lat, lon_east)
+        return *from_vector(seen), math.hypot(*seen)
+
+    def on_moon(
+        self, unix: float, lat: float, lon_east: float, moon_lat: float, moon_lon_east: float
+    ) -> tuple[float, float]:
+        """Apparent (ra, dec) of date of a place on the Moon, as seen from a site; libration and parallax counted."""
+        return from_vector(lunar.place(self._moon_from(unix, lat, lon_east), unix, moon_lat, moon_lon_east))
+
+    def planet(self, name: str, unix: float) -> tuple[float, float] | None:
+        """(ra, dec) of date of a planet where its light left it, from the Earth's centre; None while not `ready`.
+
+        ``name`` is one of ``PLANETS``. Within 1.5' (Mercury and Venus 0.2', Mars 0.7'; against JPL's ephemerides).
+        """
+        vector = self._almanac(unix).planet(PLANETS.index(name), unix)
+        return None if vector is None else from_vector(vector)
+
+    def _moon_from(self, unix: float, lat: float, lon_east: float) -> Vector:
+        """The Moon from a site at sea level: of date, in km."""
         x, y, z = self._almanac(unix).moon(unix)
         phi = math.radians(wrap360(lat))
         polar = (1.0 - _EARTH_FLATTENING) ** 2
         curvature = _EARTH_RADIUS / math.sqrt(math.cos(phi) ** 2 + polar * math.sin(phi) ** 2)
         site = math.radians(self.sidereal_time(unix, lon_east))
-        seen = (
+        return (
             x - curvature * math.cos(phi) * math.cos(site),
             y - curvature * math.cos(phi) * math.sin(site),
             z - curvature * polar * math.sin(phi),
         )
-        return *from_vector(seen), math.hypot(*seen)
 
     def _almanac(self, unix: float) -> Almanac:
         """The best there is for a date."""

@@ -23,6 +23,9 @@ from gateway.spherical import (
 
 ASTRONOMICAL_UNIT = 149597870.7  # km
 
+#: In the order of their distance from the Sun; the Earth has no place in its own sky.
+PLANETS = ("Mercury", "Venus", "Earth", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
+
 Frame = tuple[float, Matrix]
 """Greenwich apparent sidereal time in degrees, and the rotation from J2000 to equator and equinox of date."""
 
@@ -72,6 +75,10 @@ class Almanac:
             angle = sum(factor * argument for factor, argument in zip(factors, arguments, strict=True))
             latitude += across * 1e-6 * math.sin(angle)
         return _from_ecliptic(t, longitude, latitude, distance)
+
+    def planet(self, index: int, unix: float) -> Vector | None:
+        """Geocentric place of date of ``PLANETS[index]``, any unit; None here: no closed form is short enough."""
+        return None
 
 
 def _from_ecliptic(t: float, longitude: float, latitude: float, distance: float) -> Vector:

@@ -68,6 +68,17 @@ class ExactAlmanac(Almanac):
         x, y, z = (float(c) for c in place)
         return rotate(_plain(erfa.pnm06a(JD_OF_UNIX_EPOCH, tt)), (x, y, z))
 
+    def planet(self, index: int, unix: float) -> Vector | None:
+        """Geocentric place of date, in astronomical units: where the planet was when its light left, no aberration."""
+        tt = self._terrestrial(unix)
+        heliocentric, _ = erfa.epv00(JD_OF_UNIX_EPOCH, tt)
+        way = 0.0
+        for _ in range(3):  # the way the light goes, from nothing: each round is a thousand times nearer
+            planet = erfa.plan94(JD_OF_UNIX_EPOCH, tt - way * _LIGHT_DAYS_PER_AU, index + 1)
+            x, y, z = (float(c) for c in planet["p"] - heliocentric["p"])
+            way = math.hypot(x, y, z)
+        return rotate(_plain(erfa.pnm06a(JD_OF_UNIX_EPOCH, tt)), (x, y, z))
+
     def _terrestrial(self, unix: float) -> float:
         """Terrestrial Time in days since the Unix epoch; 10 s stand for TAI-UTC before 1972."""
         step = bisect_right(self._steps, unix)
