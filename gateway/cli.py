@@ -75,6 +75,10 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--lowest", type=float, metavar="DEG", help="lowest altitude of a goto (default 0)")
     run.add_argument("--highest", type=float, metavar="DEG", help="highest altitude of a goto (default 90)")
     run.add_argument("--sync-limit", type=float, metavar="DEG", help="refuse syncs further than this (default 15)")
+    run.add_argument("--sun", type=_degrees_or_off, metavar="DEG|off",
+                     help="come no nearer to the Sun while it is up (default 20; off only for solar work)")
+    run.add_argument("--hour-angle-limit", type=float, metavar="HOURS",
+                     help="equatorial mounts: no farther past the meridian (default: no limit)")
     run.add_argument("--baud", type=int, help="baud rate of the mount's port (default 9600)")
     run.add_argument("--wait", action="store_true", help="keep trying when no mount answers; clients stay connected")
     run.add_argument("--log", action="store_true", help="show the conversation on both sides, decoded")
@@ -130,7 +134,7 @@ def _config(arguments: argparse.Namespace) -> Config:
         mount["at"] = arguments.mount
     if arguments.surface:
         surfaces = [{"at": surface} for surface in arguments.surface]
-    for key in ("mode", "equinox", "site-time", "lowest", "highest", "sync-limit", "baud"):
+    for key in ("mode", "equinox", "site-time", "lowest", "highest", "sync-limit", "sun", "hour-angle-limit", "baud"):
         value = getattr(arguments, key.replace("-", "_"))
         if value is not None:
             mount[key] = value
@@ -140,6 +144,11 @@ def _config(arguments: argparse.Namespace) -> Config:
         raise UserError("run: which mount? --mount nexstar@/dev/ttyUSB0, or --config gateway.toml")
     top = {**top, "wait": top.get("wait") or arguments.wait, "log": top.get("log") or arguments.log}
     return check(make_config({**top, "mount": mount, "surface": surfaces}, where), where)
+
+
+def _degrees_or_off(text: str) -> float | str:
+    """``off`` stays a word; what is neither that nor a number is a mistake."""
+    return text if text == "off" else float(text)
 
 
 def _demo(arguments: argparse.Namespace) -> int:

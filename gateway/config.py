@@ -15,6 +15,7 @@ import msgspec
 import tomli
 
 from gateway.errors import UserError
+from gateway.safety import Limits
 from gateway.tables import load, parse_version
 
 PROTOCOLS = ("lx200", "nexstar")
@@ -91,8 +92,21 @@ class MountConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, renam
     sync_limit: float = 15.0
     guide_rate: float = 0.5
     park: tuple[float, float] | None = None
+    sun: float | str = 20.0
+    hour_angle_limit: float | None = None
+    dead_man: float = 30.0
+    dead_man_closed: float = 5.0
     latency: float = 0.0
     speed: float = 1.0
+
+    @property
+    def limits(self) -> Limits:
+        """The limits that the mount is held to, in degrees."""
+        return Limits(
+            self.lowest, self.highest, self.sync_limit,
+            sun=0.0 if isinstance(self.sun, str) else self.sun,
+            hour_angle=None if self.hour_angle_limit is None else self.hour_angle_limit * 15.0,
+        )  # fmt: skip
 
 
 class SurfaceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
@@ -136,7 +150,11 @@ def check(config: Config, where: str) -> Config:
         raise UserError(f"{where}: [mount] lowest must be below highest, both from -90 to 90 degrees")
     if mount.site is not None and not (-90 <= mount.site[0] <= 90 and -180 <= mount.site[1] <= 360):
         raise UserError(f"{where}: [mount] site is latitude, longitude in degrees, north and east positive")
-    for key in ("baud", "speed", "sync_limit", "guide_rate"):
+    if mount.sun != "off" and not (isinstance(mount.sun, float | int) and 0 <= mount.sun <= 90):
+        raise UserError(f'{where}: [mount] sun is 0 to 90 degrees, or "off" for solar work')
+    if mount.hour_angle_limit is not None and not 0 < mount.hour_angle_limit <= 12:
+        raise UserError(f"{where}: [mount] hour-angle-limit is more than 0 and at most 12 hours")
+    for key in ("baud", "speed", "sync_limit", "guide_rate", "dead_man", "dead_man_closed"):
         if getattr(mount, key) <= 0:
             raise UserError(f"{where}: [mount] {key.replace('_', '-')} must be more than 0")
     if not config.surface:

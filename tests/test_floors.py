@@ -21,6 +21,7 @@ FLOORS = {
     "kinematics": 2,
     "mount_geometry": 2,
     "motors": 2,
+    "paths": 2,
     "tables": 2,
     "sky": 3,
     "surface": 3,
