@@ -59,10 +59,10 @@ class Hub:
         self.loop = asyncio.get_running_loop()
         self.now = self.loop.time
         self.derived = Derived(sky, observatory, policy.equinox)
-        self.suns = Suns(self.derived, transcript, policy.limits.sun)
         self.snapshot = Snapshot()
         #: The mount has said who it is; it has said where and when it is, as far as it can.
         self.identified, self.settled = asyncio.Event(), asyncio.Event()
+        self.suns = Suns(self.derived, transcript, policy.limits.sun, self.settled.is_set)
         self.guard = Guard(self)
         self.dead_man = DeadMan(self, policy.silence, policy.silence_closed)
         self.motions = Motions(self, follow_ups)
@@ -120,6 +120,7 @@ class Hub:
         if self.policy.equinox == "auto":
             self.derived.equinox = self.driver.equinox
         self.identified.set()
+        await self._learn(op.GetStatus())
         await self._learn(op.GetSite())
         await self._learn(op.GetClock())
         self.settled.set()

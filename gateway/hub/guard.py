@@ -32,8 +32,8 @@ CLOSELY = 3.0
 OVERSHOOT, NEARER = 0.05, 0.05
 #: Where a stop did not help within this time, it is tracking that goes on.
 AGAIN = 30.0
-#: How old the pier side may grow.
-SIDE_AGE = 5.0
+#: How old the pier side may grow, and the word of the mount that it is not aligned.
+SIDE_AGE = STATUS_AGE = 5.0
 
 
 class Look(Struct, frozen=True):
@@ -99,6 +99,8 @@ class Guard:
         status = hub.snapshot.value(op.GetStatus)
         if status is not None and not status.aligned:
             hub.transcript.note_once("mount", "not aligned: positions mean nothing yet, so no limit can be watched")
+            if hub.snapshot.age(op.GetStatus, now) > STATUS_AGE:
+                hub.shared(op.GetStatus())
             return
         elapsed = now - before.at
         moved = separation(before.seen.ra, before.seen.dec, seen.ra, seen.dec)

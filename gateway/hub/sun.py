@@ -6,6 +6,8 @@ right, so both Suns count; while nobody has told a date, this computer's does, a
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from gateway import operations as op
 from gateway.hub.derived import Derived
 from gateway.spherical import separation
@@ -19,10 +21,13 @@ KEPT = 60.0
 
 
 class Suns:
-    """``limit`` is how near to it the tube may come, degrees; with 0 there is no Sun at all."""
+    """``limit`` is how near to it the tube may come, degrees; with 0 there is no Sun at all.
 
-    def __init__(self, derived: Derived, transcript: Transcript, limit: float) -> None:
-        self._derived, self._transcript, self.limit = derived, transcript, limit
+    ``settled`` says whether the mount has had its chance to tell the date.
+    """
+
+    def __init__(self, derived: Derived, transcript: Transcript, limit: float, settled: Callable[[], bool]) -> None:
+        self._derived, self._transcript, self.limit, self._settled = derived, transcript, limit, settled
         self._key: tuple[object, ...] = ()
         self._up: list[op.Equatorial] = []
 
@@ -31,7 +36,7 @@ class Suns:
         if not self.limit:
             return []
         observatory = self._derived.observatory
-        if observatory.clock() is None:
+        if observatory.clock() is None and self._settled():
             self._transcript.note_once(
                 "mount", "WARNING: nobody has told a date: the Sun is avoided by this computer's date and time"
             )
