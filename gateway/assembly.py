@@ -64,13 +64,13 @@ def _meade_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], flo
 
 def _nexstar_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Face:
     from gateway.protocols.nexstar.surface import FORK, GERMAN, SPECIALS, framing, presented
-    from gateway.protocols.nexstar.surface.devices import NEVER_PASSED, no_response
+    from gateway.protocols.nexstar.surface.devices import no_response, passes
     from gateway.surface import Surface
 
     model = presented(endpoint.model, endpoint.version)
     fit = None if endpoint.model else lambda equatorial: presented(GERMAN if equatorial else FORK, endpoint.version)
     surface = Surface(load("nexstar"), SPECIALS, no_response)
-    surface.never = NEVER_PASSED
+    surface.passes = passes
     return Face(surface, framing(model), frozenset(), model, {"precision": "high"}, fit=fit)
 
 
@@ -82,6 +82,12 @@ FACES: dict[str, Callable[[Endpoint, SurfaceConfig, Limits], Face]] = {
     "lx200": _lx200_face,
     "nexstar": _nexstar_face,
 }
+
+
+def policy(config: MountConfig) -> Policy:
+    """What the operator has decided, as the hub takes it."""
+    return Policy(config.limits, config.site_time, config.equinox, own_park=config.park is not None,
+                  silence=config.dead_man, silence_closed=config.dead_man_closed)
 
 
 class Gateway:
@@ -122,14 +128,13 @@ class Gateway:
         """Put everything together; nothing is opened yet."""
         config, loop = self.config, asyncio.get_running_loop()
         driver, follow_ups, dialogue = DRIVERS[self.mount.protocol](self.mount, config, loop.time)
-        limits = Limits(config.lowest, config.highest, config.sync_limit)
         site = op.Place(*config.site) if config.site else None
         observatory = Observatory(loop.time, self.clock, site)
         self.hub = Hub(driver, follow_ups, make_line(dialogue, self.transcript), self.sky, observatory,
-                       self.transcript, Policy(limits, config.site_time, config.equinox))
+                       self.transcript, policy(config))
         shared: dict[str, Any] = {"sites": self.sites}
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
-            face = FACES[endpoint.protocol](endpoint, surface, limits)
+            face = FACES[endpoint.protocol](endpoint, surface, config.limits)
             face.surface.verbatim = endpoint.protocol == self.mount.protocol
             if surface.equinox == "j2000":
                 face = replace(face, equinox=J2000(self.sky, observatory.unix))

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, Protocol
 
 from gateway.errors import Fault
 from gateway.hub import FRESH, MISSING, Hub
+from gateway.hub.dead_man import Life
 from gateway.operations import Operation, Stop
 from gateway.surface import Again, Defer, Handling, Session, Start, Surface
 from gateway.transcript import Transcript
@@ -49,7 +50,8 @@ class Client:
 
     def __init__(self, name: str, hub: Hub, surface: Surface, session: Session, framing: Framing,
                  write: Callable[[bytes], Any], stop_frames: frozenset[bytes], equinox: Equinox | None,
-                 transcript: Transcript) -> None:
+                 transcript: Transcript, life: Life) -> None:
+        self.life = life
         self.name, self.hub, self.surface, self.session = name, hub, surface, session
         self.framing, self.write, self.stop_frames, self.equinox = framing, write, stop_frames, equinox
         self.transcript = transcript
@@ -66,6 +68,7 @@ class Client:
 
     def feed(self, data: bytes) -> None:
         """Take bytes as they arrived."""
+        self.life.heard = True
         hub = self.hub
         if self.transcript.sinks:
             self.transcript.put(self.name, "raw", data)
@@ -160,7 +163,7 @@ class Client:
         while True:
             answer, fault = None, None
             try:
-                answer = self._tell(wanted, await self.hub.perform(self._inward(wanted), stops))
+                answer = self._tell(wanted, await self.hub.perform(self._inward(wanted), stops, self.life))
             except Fault as error:
                 self.transcript.note(self.name, f"{type(wanted).__name__}: {error}")
                 fault = error
@@ -207,7 +210,8 @@ class Client:
         """An operation nobody is told the outcome of: a failure goes to the transcript."""
         name = type(operation).__name__
         self.hub.begin(
-            self._inward(operation), stops, lambda fault: self.transcript.note(self.name, f"{name}: {fault}")
+            self._inward(operation), stops, lambda fault: self.transcript.note(self.name, f"{name}: {fault}"),
+            self.life,
         )
 
     def _defer(self, wanted: Defer) -> None:

@@ -14,6 +14,7 @@ from msgspec import Struct
 
 from gateway.clients import Client, Equinox, Framing
 from gateway.hub import Hub
+from gateway.hub.dead_man import Life
 from gateway.ports import Guest
 from gateway.surface import Session, Surface
 
@@ -51,12 +52,13 @@ class Reception:
         if self.hub.now() - at <= INHERIT_FOR:
             session.kept = dict(kept)
         client = Client(name, self.hub, face.surface, session, face.framing(self.hub.now), write, face.stop_frames,
-                        face.equinox, self.hub.transcript)
+                        face.equinox, self.hub.transcript, self.hub.dead_man.arrive(host))
         self.hub.transcript.put(name, "+", note=f"surface {self.number}, host {host}")
-        return _Visit(client, lambda: self._leave(name, host, session))
+        return _Visit(client, lambda: self._leave(name, host, session, client.life))
 
-    def _leave(self, name: str, host: str, session: Session) -> None:
+    def _leave(self, name: str, host: str, session: Session, life: Life) -> None:
         self.hub.transcript.put(name, "-")
+        self.hub.dead_man.leave(life)
         self._left[host] = (self.hub.now(), dict(session.kept))
         for old in [key for key, (at, _) in self._left.items() if self.hub.now() - at > INHERIT_FOR]:
             del self._left[old]

@@ -119,6 +119,8 @@ class Line:
                     job.future.set_exception(outcome)
                 else:
                     job.future.set_result(outcome)
+                if self._queue:
+                    await asyncio.sleep(0)  # so that the second half of a position comes before reads of a lower rank
             if isinstance(outcome, NoAnswer) and not self._lost and not await self._prove():
                 self._down("the mount does not answer")
                 while not self._lost and not await self._prove():

@@ -208,7 +208,7 @@ class MoonPlace(Read, frozen=True):
 
 
 class Goto(Operation, frozen=True):
-    """Slew to a place of date and track there. Raises BelowHorizon, TooHigh, NotAligned, NoAnswer.
+    """Slew to a place of date and track there. Raises BelowHorizon, TooHigh, NearSun, NotAligned, NoAnswer.
 
     ``lowest`` and ``highest`` narrow the altitude limits; without ``track`` a stopped drive stays stopped.
     """
@@ -244,10 +244,15 @@ class Sync(Operation, frozen=True):
 
 
 class Move(Operation, frozen=True):
-    """Start moving in a sky direction at a hand rate, until halted."""
+    """Start moving in a sky direction at a hand rate, until halted.
+
+    ``lowest`` and ``highest`` narrow the altitude limits while it lasts.
+    """
 
     direction: Direction
     rate: Rate
+    lowest: float | None = None
+    highest: float | None = None
 
 
 class MoveAxis(Operation, frozen=True):

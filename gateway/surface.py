@@ -70,9 +70,9 @@ class Surface:
     ) -> None:
         #: ``unanswered`` gives the reply to a frame that nothing here answers, and to a fault that has no form.
         self.protocol, self.specials, self.unanswered = protocol, specials, unanswered
-        #: The mount speaks the same protocol: what means nothing here is passed on as it is, but for ``never``.
+        #: The mount speaks the same protocol: what means nothing here is passed on as it is, where it ``passes``.
         self.verbatim = False
-        self.never: frozenset[str] = frozenset()
+        self.passes: Callable[[str, Mapping[str, Any]], bool] = lambda name, values: True
 
     def handle(self, session: Session, frame: bytes) -> Handling:
         """One framed command -> its reply (empty: none). Yields operations; never raises for what a client sent."""
@@ -81,7 +81,7 @@ class Surface:
             return self.unanswered(frame)
         command, picture = found
         row = self.protocol.surface.get(command.name)
-        passed = self.verbatim and command.name not in self.never and (row is None or row.outcome == "refused")
+        passed = self.verbatim and (row is None or row.outcome == "refused")
         if row is None and not passed:
             return self.unanswered(frame)
         try:
@@ -92,6 +92,8 @@ class Surface:
                     values = {"fault": Invalid(str(error))}
                 else:
                     raise Invalid(str(error)) from None
+            if passed and not self.passes(command.name, values):
+                return self.unanswered(frame)
             if row is None or passed:
                 answer = yield Verbatim(command.name, tuple(values.items()))
             else:

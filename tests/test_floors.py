@@ -22,6 +22,7 @@ FLOORS = {
     "mount_geometry": 2,
     "motors": 2,
     "recording": 2,
+    "paths": 2,
     "tables": 2,
     "sky": 3,
     "library": 3,

@@ -11,6 +11,8 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct
 
+from gateway.safety import Limits
+
 
 def _key(words: str, shown: str = "", example: Any = None, *, flag: bool = True, **limits: Any) -> Meta:
     return Meta(description=words, extra={"shown": shown, "example": example, "flag": flag}, **limits)
@@ -49,11 +51,25 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
                     | None, _key(
         "axis readings to park at, degrees (default: azimuth 0, altitude 0; the pole on an equatorial mount)",
         "AZ,ALT", [0.0, 0.0])] = None
+    sun: Annotated[float, _key("come no nearer to the Sun while it is up, degrees; 0 for solar work", "DEG",
+                               ge=0.0, le=90.0)] = 20.0
+    hour_angle_limit: Annotated[Annotated[float, Meta(gt=0.0, le=12.0)] | None, _key(
+        "equatorial mounts: no farther past the meridian, hours (default: no limit)", "HOURS", 1.5)] = None
+    dead_man: Annotated[float, _key("a program that is silent this long loses the arrows it holds down, seconds", "S",
+                                    gt=0.0, le=3600.0)] = 30.0
+    dead_man_closed: Annotated[float, _key(
+        "the same, when its connection is closed and none from its host has come", "S", gt=0.0, le=3600.0)] = 5.0
     record: Annotated[str | None, _key("write everything that passes to a file that replay plays again", "FILE",
                                        "/var/tmp/night.rec")] = None
     latency: Annotated[float, _key("seconds that a simulated mount takes to answer", "S", ge=0.0, le=3.0)] = 0.0
     speed: Annotated[float, _key("a simulated mount slews this many times faster than real", "TIMES",
                                  gt=0.0, le=1000.0)] = 1.0
+
+    @property
+    def limits(self) -> Limits:
+        """The limits that the mount is held to, in degrees."""
+        return Limits(self.lowest, self.highest, self.sync_limit, sun=self.sun,
+                      hour_angle=None if self.hour_angle_limit is None else self.hour_angle_limit * 15.0)
 
 
 class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):

@@ -25,15 +25,9 @@ from gateway.operations import (
     TrackRate,
 )
 from gateway.protocols.lx200.driver.identify import own_mode
-from gateway.protocols.lx200.driver.state import Meade, ask
+from gateway.protocols.lx200.driver.state import SIDEREAL, SPEEDS, Meade, ask, rate_command
 
-SIDEREAL = 15.041067
 SIDEREAL_HERTZ = 60.16427
-_NAMES = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
-#: Hand-control keys 1-9 as Meade's four rates.
-_KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS", 9: "RS"}
-#: The four rates in degrees a second, as their manual says: 1x, 16x, 2 and 8 degrees a second.
-_SPEEDS = {"RG": SIDEREAL / 3600, "RC": 16 * SIDEREAL / 3600, "RM": 2.0, "RS": 8.0}
 _DRIVES = {"sidereal": "TQ", "solar": "TS", "lunar": "TL"}
 #: Faster than that an LX200GPS takes degrees a second; slower ones are its guide rate.
 _FREE_FROM = 0.1
@@ -68,22 +62,16 @@ def _move(mount: Meade, axis: int, letter: str, rate: Rate) -> Steps:
 
 def _choose(mount: Meade, axis: int, rate: Rate) -> Steps:
     """Set the rate: freely on an LX200GPS, else the nearest of the four that is not above it."""
-    if rate.key is not None:
-        yield from ask(mount, _KEYS[rate.key])
-    elif rate.name is not None:
-        yield from ask(mount, _NAMES[rate.name])
-    elif mount.model == "lx200gps":
+    if rate.key is None and rate.name is None and mount.model == "lx200gps":
         degrees = rate.degrees or 0.0
         if degrees >= _FREE_FROM:
             yield from ask(mount, "RS")
-            yield from ask(mount, "RA" if axis == 1 else "RE", rate=min(8.0, degrees))
+            yield from ask(mount, "RA" if axis == 1 else "RE", rate=min(SPEEDS["RS"], degrees))
         else:
             yield from ask(mount, "Rg", rate=min(SIDEREAL, degrees * 3600.0))
             yield from ask(mount, "RG")
     else:
-        wanted = rate.degrees or 0.0
-        yield from ask(mount, max((speed, name) for name, speed in _SPEEDS.items()
-                                  if speed <= max(wanted, _SPEEDS["RG"]) * 1.001)[1])
+        yield from ask(mount, rate_command(rate))
 
 
 def halt(mount: Meade, operation: Halt) -> Steps:
