@@ -48,15 +48,15 @@ def scene() -> Iterator[SimpleNamespace]:
     lat[: len(CORNERS)], lon[: len(CORNERS)] = np.array(CORNERS, float).T
     dec[-2:] = 90.0, -90.0
     kernel = judge.ephemeris()
-    with_earth, moon = kernel["earth"], kernel["moon"]
+    earth, moon = kernel["earth"], kernel["moon"]
     t, place = judge.at(scale, moments), judge.api.wgs84.latlon(lat, lon)
     yield SimpleNamespace(
         rows=rows, moments=moments, end=end, lat=lat, lon=lon, j2000=np.array([ra, dec]), gast=t.gast,
         date=judge.turned(t.M, ra, dec),
         horizon=judge.turned(place.rotation_at(t), ra, dec),
-        sun=judge.apparent(with_earth, t, kernel["sun"])[0],
-        moon=judge.apparent(with_earth, t, moon)[0],
-        moon_here=judge.apparent(with_earth + place, t, moon),
+        sun=judge.apparent(earth, t, kernel["sun"])[0],
+        moon=judge.apparent(earth, t, moon)[0],
+        moon_here=judge.apparent(earth + place, t, moon),
     )
     kernel.close()
 
