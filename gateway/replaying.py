@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import msgspec
@@ -18,7 +18,7 @@ from gateway.config import MountConfig, SurfaceConfig
 from gateway.errors import UserError
 from gateway.line import Dialogue, Line
 from gateway.ports import Guest
-from gateway.recorded import RecordedLine, RecordedWire
+from gateway.recorded import ROUNDED, RecordedLine, RecordedLoop, RecordedWire
 from gateway.recording import MOUNT, Event, Recording
 from gateway.transcript import SKY_READY, Entry, Transcript
 from gateway.virtual import run
@@ -53,7 +53,7 @@ def replay(recording: Recording) -> Outcome:
     """Play a recording again. Raises UserError for one whose beginning is missing."""
     if recording.settings["from"]:
         raise UserError("the beginning of this recording was rotated away: it can be decoded, or replayed with --sim")
-    outcome: Outcome = run(_replay(recording))
+    outcome: Outcome = run(_replay(recording), lambda: RecordedLoop(recording.events))
     return outcome
 
 
@@ -72,10 +72,10 @@ def _gateway(recording: Recording, clock: Callable[[], float]) -> Gateway:
 
 async def _replay(recording: Recording) -> Outcome:
     loop = asyncio.get_running_loop()
-    began = loop.time()
+    assert isinstance(loop, RecordedLoop)
 
     def now() -> float:
-        return loop.time() - began
+        return loop.time() - loop.began
 
     wire = RecordedWire(recording.events, now)
     gateway = _gateway(recording, lambda: float(recording.settings["began"]) + now())
@@ -89,19 +89,26 @@ async def _replay(recording: Recording) -> Outcome:
     assert gateway.hub is not None
     clients = _Clients(gateway)
     gateway.begin()
-    for event in recording.events:
-        await asyncio.sleep(max(0.0, event.at - now()))
-        if event.side == MOUNT:
-            _mount(event, gateway, wire, lines[0])
+    asked = 0
+    for cause, requests in _causes(recording.events):
+        await loop.until(cause.at)
+        at_once = sum(at <= cause.at + ROUNDED for at in requests)
+        lines[0].allow(at_once)
+        if cause.side == MOUNT:
+            _mount(cause, asked, gateway, wire)
         else:
-            clients.play(event)
-        for _ in range(TURNS):
-            await asyncio.sleep(0)
+            clients.play(cause)
+        await _rest()
+        for at in requests[at_once:]:
+            await loop.until(at)
+            lines[0].allow(1)
+            await _rest()
+        asked += len(requests)
     await asyncio.sleep(AFTERWARDS)
     await gateway.close()
-    requests = sum(1 for event in recording.events if event.side == MOUNT and event.arrow == ">")
+    total = sum(1 for event in recording.events if event.side == MOUNT and event.arrow == ">")
     replies = sum(1 for event in recording.events if event.side != MOUNT and event.arrow == "<")
-    return Outcome(clients.count, replies, requests, clients.differences(), wire.strayed)
+    return Outcome(len(clients.all), replies, total, clients.compare(recording.events), wire.strayed)
 
 
 def replay_on_simulator(recording: Recording, show: Callable[[str], object]) -> None:
@@ -142,26 +149,51 @@ async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> 
     await gateway.close()
 
 
-def _mount(event: Event, gateway: Gateway, wire: RecordedWire, line: RecordedLine) -> None:
-    """Make what the mount did happen again."""
+def _causes(events: list[Event]) -> Iterator[tuple[Event, list[float]]]:
+    """What came from outside, each with the times of the requests to the mount until something else came."""
+    cause: Event | None = None
+    requests: list[float] = []
+    for event in events:
+        if event.side == MOUNT and event.arrow == ">":
+            requests.append(event.at)
+        elif event.arrow in ("<^v!" if event.side == MOUNT else "+->"):
+            if cause is not None:
+                yield cause, requests
+            cause, requests = event, []
+    if cause is not None:
+        yield cause, requests
+
+
+async def _rest() -> None:
+    """Let everything that one event has set going come to rest."""
+    for _ in range(TURNS):
+        await asyncio.sleep(0)
+
+
+def _mount(event: Event, asked: int, gateway: Gateway, wire: RecordedWire) -> None:
+    """Make what the mount did happen again, ``asked`` requests from the beginning."""
     match event.arrow:
-        case ">":
-            line.allow()
         case "<":
-            wire.deliver(event.data)
+            wire.deliver(asked, event.data)
         case "v":
             wire.lost(event)
         case "!" if event.data == SKY_READY.encode():
             gateway.sky.load()
 
 
-class _Heard:
-    """One connection: what it was told then and now, and when each byte of then came."""
+class _Talk(NamedTuple):
+    """One connection, and what it is told now."""
 
-    def __init__(self, guest: Guest) -> None:
-        self.guest = guest
-        self.then, self.now = bytearray(), bytearray()
-        self.times: list[tuple[int, float]] = []
+    name: str
+    guest: Guest
+    told: bytearray
+
+
+class _Then(NamedTuple):
+    """What a connection was told then, and (offset, seconds) of every reply."""
+
+    told: bytearray
+    times: list[tuple[int, float]]
 
 
 class _Clients:
@@ -169,60 +201,53 @@ class _Clients:
 
     def __init__(self, gateway: Gateway) -> None:
         self._gateway = gateway
-        self._here: dict[str, _Heard] = {}
-        self._gone: list[tuple[str, _Heard]] = []
-        self.count = 0
+        self._here: dict[str, _Talk] = {}
+        self.all: list[_Talk] = []
 
     def play(self, event: Event) -> None:
-        """Make what a client did happen again, and remember what it was told."""
+        """Make what a client did happen again."""
         match event.arrow:
             case "+":
                 self._come(event)
-            case "-":
-                self._go(event)
-            case ">":
-                self._feed(event)
-            case "<":
-                self._expect(event)
+            case "-" if event.side in self._here:
+                self._here.pop(event.side).guest.close()
+            case ">" if event.side in self._here:
+                self._here[event.side].guest.feed(event.data)
 
     def _come(self, event: Event) -> None:
         found = re.fullmatch(r"surface (\d+), host (.*)", event.data.decode("latin-1"))
         if found is None:
             raise UserError(f"recording, {event.at:.6f} s: a connection without its surface and host")
-        heard = bytearray()
+        now = bytearray()
         reception = self._gateway.receptions[int(found.group(1)) - 1]
-        self._here[event.side] = talk = _Heard(reception.arrive(event.side, found.group(2), heard.extend))
-        talk.now = heard
-        self.count += 1
+        talk = _Talk(event.side, reception.arrive(event.side, found.group(2), now.extend), now)
+        self._here[event.side] = talk
+        self.all.append(talk)
 
-    def _go(self, event: Event) -> None:
-        talk = self._here.pop(event.side, None)
-        if talk is not None:
-            self._gone.append((event.side, talk))
-            talk.guest.close()
-
-    def _feed(self, event: Event) -> None:
-        if event.side in self._here:
-            self._here[event.side].guest.feed(event.data)
-
-    def _expect(self, event: Event) -> None:
-        talk = self._here.get(event.side)
-        if talk is not None:
-            talk.times.append((len(talk.then), event.at))
-            talk.then += event.data
-
-    def differences(self) -> list[Difference]:
-        """One for every connection that was told something else."""
-        return [found for name, talk in [*self._gone, *self._here.items()] if (found := _difference(name, talk))]
+    def compare(self, events: list[Event]) -> list[Difference]:
+        """What every client was told then against now: one difference for each that was told something else."""
+        then: dict[str, _Then] = {}
+        talks = iter(self.all)
+        pairs: list[tuple[_Talk, _Then]] = []
+        for event in events:
+            if event.side == MOUNT:
+                continue
+            if event.arrow == "+":
+                then[event.side] = _Then(bytearray(), [])
+                pairs.append((next(talks), then[event.side]))
+            elif event.arrow == "<" and event.side in then:
+                then[event.side].times.append((len(then[event.side].told), event.at))
+                then[event.side].told.extend(event.data)
+        return [found for talk, heard in pairs if (found := _difference(talk, heard))]
 
 
-def _difference(name: str, talk: _Heard) -> Difference | None:
-    if talk.then == talk.now:
+def _difference(talk: _Talk, then: _Then) -> Difference | None:
+    if then.told == talk.told:
         return None
-    at = next((i for i, (a, b) in enumerate(zip(talk.then, talk.now, strict=False)) if a != b),
-              min(len(talk.then), len(talk.now)))
-    start, when = max((item for item in talk.times if item[0] <= at), default=(0, 0.0))
-    return Difference(name, when, bytes(talk.then[start : start + 24]), bytes(talk.now[start : start + 24]))
+    at = next((i for i, (a, b) in enumerate(zip(then.told, talk.told, strict=False)) if a != b),
+              min(len(then.told), len(talk.told)))
+    start, when = max((item for item in then.times if item[0] <= at), default=(0, 0.0))
+    return Difference(talk.name, when, bytes(then.told[start : start + 24]), bytes(talk.told[start : start + 24]))
 
 
 def in_words(found: list[Difference]) -> list[str]:

@@ -149,6 +149,7 @@ class Motions:
             snapshot.put(op.Slewing, True, self._hub.now())
         elif axis is not None:
             self.axes.add(axis)
+            snapshot.changed(op.Position)  # it must be watched from now on
         elif isinstance(operation, op.Halt):
             self.axes.discard(operation.axis)
         elif isinstance(operation, op.CancelGoto):

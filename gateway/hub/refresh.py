@@ -1,7 +1,7 @@
 """Keeping the snapshot fresh: what clients poll is renewed before it grows old, and so is what the hub must watch.
 
-The position goes round by itself, so that nothing else makes it late: while anything moves it comes at least twice a
-second as far as the mount's line can. With nobody asking there is one heartbeat every few seconds.
+Every kind of read goes round by itself, so that none makes another late: while anything moves the position comes at
+least twice a second as far as the mount's line can. With nobody asking there is one heartbeat every few seconds.
 """
 
 from __future__ import annotations
@@ -23,44 +23,60 @@ ASK_AGAIN = 1.0
 IDLE = 0.25
 #: The shortest pause between two exchanges of the same kind: others need the line, too.
 BREATH = 0.05
+#: Timers come up to so much too early: event loops count in milliseconds.
+SOON = 0.001
 
 
 class Refresh:
-    """Two tasks: one for the position, one for everything else."""
+    """One task for every kind of read; an answer or a motion wakes those whom it concerns."""
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
         self._took: dict[Kind, float] = {}
+        self._news: dict[Kind, asyncio.Event] = {kind: asyncio.Event() for kind in RENEW}
+        hub.snapshot.changed = self._changed
 
     def start(self) -> None:
-        hub = self._hub
-        hub.spawn(self._for_ever([op.Position]))
-        hub.spawn(self._for_ever([kind for kind in RENEW if kind is not op.Position]))
+        for kind in RENEW:
+            self._hub.spawn(self._for_ever(kind))
 
-    async def _for_ever(self, kinds: list[Kind]) -> None:
+    def _changed(self, kind: Kind) -> None:
+        """An answer has come or was forgotten, or a motion began: whoever waits must count anew."""
+        if kind in self._news:
+            self._news[kind].set()
+            if kind is op.Slewing:
+                self._news[op.Position].set()
+
+    async def _for_ever(self, kind: Kind) -> None:
         hub = self._hub
         await hub.identified.wait()
         while True:
             try:
-                await self._keep_fresh(kinds)
+                await self._keep_fresh(kind)
             except Exception as error:  # nothing may end this but the end of the gateway
                 hub.transcript.note("mount", f"internal error, please report it: {error!r}")
                 await asyncio.sleep(ASK_AGAIN)
 
-    async def _keep_fresh(self, kinds: list[Kind]) -> None:
+    async def _keep_fresh(self, kind: Kind) -> None:
         hub = self._hub
         while True:
             if hub.line.state != "up":
                 await asyncio.sleep(0.2)
                 continue
-            now = hub.now()
-            due = [kind for kind in kinds if self._wanted(kind, now) and self._pause(kind, now) <= 0]
-            if due:
-                await asyncio.gather(*(self._renew(kind) for kind in due))
-            if op.Position in kinds:
-                await self._now_and_then(now)
-            now = hub.now()
-            await asyncio.sleep(max(0.005, min(self._pause(kind, now) for kind in kinds)))
+            if self._wanted(kind, hub.now()) and self._pause(kind, hub.now()) <= SOON:
+                await self._renew(kind)
+            if kind is op.Position:
+                await self._now_and_then(hub.now())
+            await self._rest(kind, max(0.005, self._pause(kind, hub.now())))
+
+    async def _rest(self, kind: Kind, seconds: float) -> None:
+        """Wait until it is time, or until something has changed."""
+        self._news[kind].clear()
+        try:
+            async with asyncio.timeout(seconds):
+                await self._news[kind].wait()
+        except TimeoutError:
+            return
 
     async def _now_and_then(self, now: float) -> None:
         """The heartbeat; the mount's clock while somebody is there."""

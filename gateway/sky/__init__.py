@@ -104,11 +104,17 @@ class Sky:
         return from_vector(rotate(transpose(matrix), to_vector(ra, dec)))
 
     def sun(self, unix: float) -> tuple[float, float]:
-        """Apparent (ra, dec) of date of the Sun, with aberration, from the Earth's centre (parallax 9")."""
+        """Apparent (ra, dec) of date of the Sun, from the Earth's centre (parallax 9").
+
+        With aberration (20"), unlike every place above: it is the almanacs' place, and where a tube would see it.
+        """
         return from_vector(self._almanac(unix).sun(unix))
 
     def moon(self, unix: float, lat: float, lon_east: float) -> tuple[float, float, float]:
-        """Apparent (ra, dec, distance in km) of date of the Moon, as seen from a site at sea level."""
+        """Apparent (ra, dec, distance in km) of date of the Moon, as seen from a site at sea level.
+
+        Apparent as the Sun is; of aberration the Moon shows only the light's own second of travel, 0.7".
+        """
         seen = self._moon_from(unix, lat, lon_east)
         return *from_vector(seen), math.hypot(*seen)
 

@@ -2,8 +2,8 @@
 
 An `Almanac` answers three questions in the true equator and equinox of date: how the Earth is turned, where
 the Sun is, where the Moon is. This one stands in until the exact one is loaded, and for ever if that fails.
-Greatest errors for 1950..2050: axes 0.4", sidereal time 0.02 s plus UT1-UTC (below 0.9 s), Sun 0.01 degrees,
-Moon 0.04 degrees and 100 km. They were measured against ERFA and against JPL's DE421.
+Greatest errors for 1900..2050: axes 0.4", sidereal time 0.03 s plus UT1-UTC (below 0.9 s), Sun 0.01 degrees,
+Moon 0.04 degrees and 150 km. They were measured against ERFA and against JPL's DE421.
 """
 
 from __future__ import annotations
