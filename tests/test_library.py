@@ -142,6 +142,7 @@ def test_a_search_goes_once_round_the_sky_from_the_west() -> None:
         following = search.beside(found, lambda ra, dec: True, here[1], here[2], 1)
         assert following is not None
         assert search.beside(found, lambda ra, dec: True, following[1], following[2], -1) == here
+        assert deepsky.order(following) > deepsky.order(here) or following == found[0]
         here = following
         seen.append(here)
     assert len(set(seen)) == len(found)
