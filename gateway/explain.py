@@ -156,8 +156,8 @@ class _StandIn:
 
 _KNOWN: dict[str, Any] = {
     "ra": _PLACE.ra, "dec": _PLACE.dec, "az": 180.0, "alt": 45.0, "aligned": 1, "mode": 1, "slewing": "0",
-    "latitude": _SITE.latitude, "longitude": _SITE.longitude, "month": 1, "day": 1, "year": 26, "side": "E", "linked": 1,
-    "echo": 120, "major": 4, "minor": 21, "model": 12,
+    "latitude": _SITE.latitude, "longitude": _SITE.longitude, "month": 1, "day": 1, "year": 26, "side": "E",
+    "linked": 1, "echo": 120, "major": 4, "minor": 21, "model": 12,
 }  # fmt: skip
 
 

@@ -154,7 +154,7 @@ def write() -> str:
 
 
 def check() -> int:
-    """0 when no row is missing and ``mappings/README.md`` is what the tables print; 1, with words on stderr, when not."""
+    """0 when no row is missing and ``mappings/README.md`` is what the tables print; else 1, with words on stderr."""
     path = mappings_folder() / "README.md"
     problems = []
     if not path.exists() or path.read_text("utf-8") != text():

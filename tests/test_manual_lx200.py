@@ -43,6 +43,13 @@ def test_every_reply_has_a_shape_that_programs_need(model: str) -> None:
     assert wrong == []
 
 
+@pytest.mark.parametrize(("models", "said", "shapes"), rows("lx200_library.txt"))
+def test_library_moon_and_help(models: str, said: str, shapes: str) -> None:
+    for model in models.split(","):
+        reply = Talk(model=model).send(raw(said))
+        assert fits(reply, shapes), (model, reply)
+
+
 def test_a_form_beyond_the_manual_is_known_or_passed_over_in_silence() -> None:
     for name, example, _, shapes in rows("lx200_beyond.txt"):
         assert LX200.find(raw(example)) is not None or "-" in shapes.split(" ~ "), name

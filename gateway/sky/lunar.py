@@ -1,8 +1,8 @@
 """How the Moon is turned: from places on the Moon to directions on the sky, libration counted.
 
-Selenographic latitude counts north, longitude EAST (towards Mare Crisium), degrees. The three Euler angles of the
-Moon are Cassini's laws, which make the optical libration, plus the physical libration by Eckhardt's series (Meeus,
-Astronomical Algorithms, chapter 53): within 0.03 degrees of DE421, half an arcsecond on the sky. Everything is done with
+Selenographic latitude counts north, longitude EAST (towards Mare Crisium), degrees. The Moon's Euler angles are
+Cassini's laws, which make the optical libration, plus the physical libration by Eckhardt's series (Meeus, Astronomical
+Algorithms, chapter 53): within 0.03 degrees of JPL's DE421, which is half an arcsecond on the sky. All is done with
 vectors, so what a site sees otherwise than the Earth's centre (up to a degree of libration) needs no further formula.
 """
 

@@ -11,17 +11,20 @@ from gateway.surface import Handling, Session
 from gateway.tables import Command
 
 _STEPS = {"??": None, "?+": 1, "?-": -1}
+#: Without the hash sign, which would end the line.
 _USAGE = (
-    "Set a target: :Sr05:34:32# :Sd+22*00:52#",
-    "or an object: :LM42# Messier, :LC7331# NGC,",
-    ":Lo1# IC, :Lo3# Caldwell before :LC,",
-    ":Ls3# Hipparcos before :LS.",
-    "Go there: :MS#  0 = on the way",
-    "Stop everything: :Q#",
-    "Arrows: :Mn# :Ms# :Me# :Mw#, rates :RG# :RC# :RM# :RS#",
-    "Where is it: :GR# :GD#, :GA# :GZ#",
-    "Next line: :?+#  line before: :?-#  first: :??#",
-    "On the computer: mount-gateway explain lx200 nexstar :MS#",
+    "Every command ends with a hash sign",
+    "Target by place:   :Sr05:34:32 and :Sd+22*00:52",
+    "Messier object:    :LM42",
+    "NGC object:        :Lo0 and :LC7331",
+    "IC, Caldwell:      :Lo1, :Lo3 and :LC14",
+    "Hipparcos star:    :Ls3 and :LS32349",
+    "Planet, the Moon:  :Ls0 and :LS905, :LS903",
+    "Place on the Moon: :SE+17*00 and :Se+059*00",
+    "Go there:          :MS, 0 is yes",
+    "Where is it:       :GR :GD :GA :GZ",
+    "Stop everything:   :Q",
+    "More: mount-gateway explain lx200 nexstar :MS",
 )
 
 
@@ -50,7 +53,7 @@ def _text() -> Handling:
     else:
         build = "equatorial" if status.equatorial else "alt-azimuth"
         mount = (
-            f"Mount: {identity.product} {identity.version}".strip(),
+            f"Mount: {identity.product} {identity.model}, version {identity.version}",
             f"It is {'aligned' if status.aligned else 'NOT aligned'}, {build}, tracking {status.tracking.value}",
         )
     return (f"mount-gateway {__version__}: this is no Meade", *mount, *_USAGE)

@@ -6,6 +6,7 @@ manual's static replies, but LC, LM and LS work, as in their later firmware.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from gateway.errors import Invalid, Unsupported
@@ -23,6 +24,7 @@ _STAR, _HIPPARCOS = 0, 3
 #: The STAR catalogue's numbers from 901 on. Its 351 alignment stars and Pluto (909) are in no catalogue at hand.
 _PLANETS = {901: "Mercury", 902: "Venus", 904: "Mars", 905: "Jupiter", 906: "Saturn", 907: "Uranus", 908: "Neptune"}
 _MOON = 903
+_NOT_FOUND = "Catalog not found"
 _YEAR = 365.25 * 86400.0
 
 
@@ -31,25 +33,27 @@ def choose_catalog(session: Session, command: Command, values: dict[str, Any]) -
     catalog = None if "fault" in values else _DEEP_SKY.get(values["catalog"])
     if session.model["libraries"]:
         if catalog is None:
-            raise Invalid("Catalog not found")
-        try:
-            deepsky.look_up(catalog, 1)
-        except Unsupported:
-            raise Invalid("Catalog not found") from None
+            raise Invalid(_NOT_FOUND)
+        _check(lambda: deepsky.look_up(catalog, 1))
     session.kept["deep sky"] = catalog
 
 
 def choose_stars(session: Session, command: Command, values: dict[str, Any]) -> None:
     """:Ls - planets and Hipparcos; SAO, GCVS, HR and HD are not to be had."""
     catalog = None if "fault" in values else values["catalog"]
+    if catalog not in (_STAR, _HIPPARCOS):
+        raise Invalid(_NOT_FOUND)
     if catalog == _HIPPARCOS:
-        try:
-            stars.hipparcos(1, 2000.0)
-        except Unsupported:
-            raise Invalid("Catalog not found") from None
-    elif catalog != _STAR:
-        raise Invalid("Catalog not found")
+        _check(lambda: stars.hipparcos(1, 2000.0))
     session.kept["stars"] = catalog
+
+
+def _check(look_up: Callable[[], object]) -> None:
+    """Raises Invalid where the catalogue is not installed."""
+    try:
+        look_up()
+    except Unsupported:
+        raise Invalid(_NOT_FOUND) from None
 
 
 def select_object(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -73,14 +77,17 @@ def select_star(session: Session, command: Command, values: dict[str, Any]) -> H
         selected.fail(session, f"STAR {number} not found")
 
 
-def _select(session: Session, catalog: str | None, values: dict[str, Any], look_up: Any) -> Handling:
+def _select(
+    session: Session, catalog: str | None, values: dict[str, Any], look_up: Callable[[str, int], Entry | None]
+) -> Handling:
+    """The object of that number becomes the target; what is not there leaves none."""
     number = values.get("number")
     try:
         entry: Entry | None = None if catalog is None or number is None else look_up(catalog, number)
     except Unsupported as missing:
         return selected.fail(session, str(missing))
     if entry is None:
-        selected.fail(session, f"{catalog} {number} not found" if catalog else "Catalog not found")
+        selected.fail(session, f"{catalog} {number} not found" if catalog else _NOT_FOUND)
     else:
         yield from selected.select(session, entry)
 

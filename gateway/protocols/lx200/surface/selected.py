@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.errors import NoTarget
+from gateway.errors import Fault, NoTarget
 from gateway.library import Entry, describe
 from gateway.operations import Equatorial, OfDate, Read
 from gateway.surface import Handling, Session
@@ -40,9 +40,13 @@ def select(session: Session, entry: Entry) -> Handling:
 
 def follow(session: Session, moving: Read, words: str) -> Handling:
     """Something that moves becomes the target. Raises Fault while it has no place: then nothing is selected."""
-    fail(session, words)
-    place: Equatorial = yield moving
-    session.kept.update(ra=place.ra, dec=place.dec, moving=moving)
+    try:
+        place: Equatorial = yield moving
+    except Fault as fault:
+        fail(session, str(fault))
+        raise
+    drop(session)
+    session.kept.update(ra=place.ra, dec=place.dec, moving=moving, object=words)
 
 
 def target(session: Session) -> Handling:
