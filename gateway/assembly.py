@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from msgspec.structs import replace
 
 from gateway import operations as op
 from gateway.config import Endpoint, MountConfig, SurfaceConfig, parse_endpoint
+from gateway.config.programs import as_settings, programs, recognisable, settled, wanted_by
 from gateway.driver import Driver
 from gateway.equinox import J2000
 from gateway.errors import Fault, UserError
-from gateway.guests import Face, Reception
+from gateway.guests import Face, Manner, Reception
 from gateway.hub import Hub, Policy
 from gateway.line import Dialogue, Line
 from gateway.observatory import Observatory
@@ -84,12 +85,20 @@ FACES: dict[str, Callable[[Endpoint, SurfaceConfig, Limits], Face]] = {
 }
 
 
+def manners(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[Manner]:
+    """The programs that are told by their first bytes on a surface, and what is different for them."""
+    for first, program in recognisable(surface).items():
+        needs = as_settings(wanted_by(surface, program))
+        equinox = j2000 if needs.pop("equinox", None) == "j2000" else None
+        yield Manner(first, programs(protocol)[program].name, needs, equinox)
+
+
 class Gateway:
     """One mount and its surfaces, open for clients until it is closed. Several share nothing but the sky."""
 
     def __init__(self, config: MountConfig, surfaces: Sequence[SurfaceConfig], transcript: Transcript | None = None,
                  sky: Sky | None = None) -> None:
-        self.config, self.surfaces = config, surfaces
+        self.config, self.surfaces = config, [settled(surface) for surface in surfaces]
         self.transcript = transcript or Transcript(time.time)
         self.sky = sky or Sky()
         self.mount = parse_endpoint(config.at)
@@ -118,8 +127,9 @@ class Gateway:
         for endpoint, surface in zip(self.endpoints, self.surfaces, strict=True):
             face = FACES[endpoint.protocol](endpoint, surface, limits)
             face.surface.verbatim = endpoint.protocol == self.mount.protocol
-            if surface.equinox == "j2000":
-                face = replace(face, equinox=J2000(self.sky, observatory.unix))
+            j2000 = J2000(self.sky, observatory.unix)
+            face = replace(face, equinox=j2000 if surface.equinox == "j2000" else None,
+                           manners=tuple(manners(endpoint.protocol, surface, j2000)))
             reception = Reception(hub, face, shared, time.time, lambda: None)
             try:
                 port = await open_port(endpoint.where, reception.arrive)

@@ -20,6 +20,13 @@ from gateway.config.keys import TABLES, Config
 from gateway.config.lines import Place, line_of
 from gateway.errors import UserError
 
+#: What a person may have meant where the parser tells only what it found.
+_HINTS = {
+    "Invalid value": '; text is written in "quotes", a number with a point: 0.5',
+    "Cannot overwrite": "; it is there already, further up",
+    "Cannot declare": "; it is there already, further up: several surfaces are [[surface]], several mounts [[mount]]",
+}
+
 
 class Source(msgspec.Struct):
     """Where the values come from: a file's name and text, and the flags that were given."""
@@ -40,6 +47,14 @@ class Source(msgspec.Struct):
                 return f"{self.name}:{line}"
         return self.name
 
+    def origin(self, place: Place) -> str | None:
+        """The flag or the line that sets exactly this; None when nothing does."""
+        if place in self.flags:
+            return self.flags[place]
+        line = line_of(self.text, self._written(place)) if self.text else None
+        overridden = any(place[:length] in self.flags for length in range(1, len(place)))
+        return None if line is None or overridden else f"{self.name}:{line}"
+
     def _written(self, place: Place) -> Place:
         """The place as the file has it: a single ``[mount]`` has no number."""
         single = place[:2] == ("mount", 0) and isinstance(tomli.loads(self.text).get("mount"), dict)
@@ -57,8 +72,8 @@ def read_tables(path: Path) -> tuple[dict[str, Any], Source]:
     try:
         tables = tomli.loads(text)
     except tomli.TOMLDecodeError as error:
-        raise UserError(f"{path}:{error.lineno}: {error.msg[:1].lower()}{error.msg[1:]}, "
-                        f"column {error.colno}; write KEY = VALUE under [mount] or [[surface]]") from None
+        hint = next((words for start, words in _HINTS.items() if error.msg.startswith(start)), "")
+        raise UserError(f"{path}:{error.lineno}: column {error.colno}: {error.msg}{hint}") from None
     source = Source(str(path), text)
     if isinstance(tables.get("mount"), dict):
         tables["mount"] = [tables["mount"]]
@@ -97,7 +112,10 @@ def _mistake(tables: dict[str, Any], source: Source, place: Place, field: str | 
         hint = nearest(field, known) if home is None else f"it belongs under {_title(home)}"
         return _line(source, Mistake((*place, field), f"there is no such key; {hint}"))
     if field is not None and field == "mount":
-        return UserError(f"{source.name}: which mount? write [mount] and at = \"nexstar@/dev/ttyUSB0\"")
+        return UserError(f"{source.name}: which mount? --mount nexstar@/dev/ttyUSB0, or a gateway.toml with [mount] "
+                         'and at = "nexstar@/dev/ttyUSB0"')
+    if (table, field) == ("mount", "at") and not source.text:
+        return UserError(f"{source.name}: which mount? --mount nexstar@/dev/ttyUSB0 is needed, too")
     if field is not None:
         key = named(table, field)
         assert key is not None
@@ -144,7 +162,7 @@ def _line(source: Source, mistake: Mistake) -> UserError:
         return UserError(f"{where} {mistake.words}" if mistake.words[:1] in "'0123456789-" else
                          f"{where}: {mistake.words}")
     title = f"{_title(str(table))} " if table in TABLES else ""
-    name = key if isinstance(key, str) and key not in TABLES else ""
+    name = key if isinstance(key, str) and (len(mistake.place) > 2 or key not in TABLES) else ""
     return UserError(f"{where}: {f'{title}{name}'.strip()}: {mistake.words}")
 
 
