@@ -102,22 +102,31 @@ async def _serve(gateway: Gateway, patient: bool) -> None:
     found = not patient or await gateway.found(QUICK)
     for name in gateway.names():
         print(f"ready {name}", flush=True)
-    if not found and not await gateway.found(FIRST_WORD):
+    if not found and not await _found(gateway):
         assert gateway.hub is not None
         reason = gateway.hub.line.reason or "no answer"
         print(f"mount-gateway: {gateway.title}: {reason}; trying on", file=sys.stderr, flush=True)
 
 
-async def _find(gateway: Gateway) -> None:
-    """Wait for the mount; raise UserError that says what is there instead."""
+async def _found(gateway: Gateway) -> bool:
+    """Wait for the mount -> whether it is there; False as soon as there is little hope."""
     assert gateway.hub is not None
     line, now = gateway.hub.line, asyncio.get_running_loop().time
     began = now()
     while now() < began + FIND_MOUNT:
         if await gateway.found(0.1):
-            return
+            return True
         if line.state == "down" or (line.answers == 0 and now() > began + FIRST_WORD):
             break
+    return False
+
+
+async def _find(gateway: Gateway) -> None:
+    """Wait for the mount; raise UserError that says what is there instead."""
+    if await _found(gateway):
+        return
+    assert gateway.hub is not None
+    line = gateway.hub.line
     if line.reason.startswith("cannot open"):
         raise UserError(f"{gateway.title}: {line.reason}")
     await line.close()

@@ -79,7 +79,9 @@ def _names(config: Config) -> Iterator[Mistake]:
 
 def _clients(config: Config) -> Iterator[Mistake]:
     for number, surface in enumerate(config.surface):
-        known = ["auto", "any", *programs(parse_endpoint(surface.at).protocol)]
+        if surface.client in ("auto", "any"):
+            continue
+        known = [*programs(parse_endpoint(surface.at).protocol), "auto", "any"]
         if surface.client not in known:
             words = f"{surface.client!r}: no such program is known; {nearest(surface.client, known)}"
             yield Mistake(("surface", number, "client"), words)

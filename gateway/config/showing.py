@@ -72,7 +72,7 @@ def table() -> str:
     for name, title in (("", ""), ("mount", "`[mount]`"), ("surface", "`[[surface]]`")):
         for key in keys(name):
             default = "needed" if key.required else "" if key.default is None else f"`{toml(key.default)}`"
-            lines.append(f"| {title} | `{key.name}` | {key.words} | {key.right} | {default} |".replace("  ", " "))
+            lines.append(f"| {title} | `{key.name}` | {key.words} | {key.right} | {default} |")
     return "\n".join(lines) + "\n"
 
 
