@@ -171,6 +171,15 @@ def test_every_key_of_the_mount_is_a_flag() -> None:
         assert (",".join(f"{part:g}" for part in value) if key.several else str(value)) in (text, f"{text}.0")
 
 
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
+def test_what_toml_has_beyond_numbers_is_refused_by_every_range(tmp_path: Path, value: str) -> None:
+    numbers = [key.name for key in keys("mount") if isinstance(key.default, float)]
+    assert "lowest" in numbers
+    for name in numbers:
+        with pytest.raises(UserError, match=f"{name}: {value}: write a number"):
+            read(tmp_path, f"{MOUNT}{name} = {value}\n{SURFACE}")
+
+
 def test_flags_win_over_the_file(tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text(f"wait = true\n{MOUNT}lowest = 5\nhighest = 70\n{SURFACE}")
@@ -181,6 +190,17 @@ def test_flags_win_over_the_file(tmp_path: Path) -> None:
     assert source.origin(("mount", 0, "lowest")) == "--lowest"
     assert source.origin(("mount", 0, "highest")) == f"{path}:5"
     assert source.origin(("mount", 0, "speed")) is None
+
+
+def test_a_surface_from_a_flag_has_nothing_from_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "gateway.toml"
+    path.write_text(f"{MOUNT}{SURFACE}client = 'indi'\n")
+    parser = argparse.ArgumentParser()
+    add_settings(parser)
+    config, source = settings(parser.parse_args(["--config", str(path), "--surface", "nexstar@tcp://:0"]))
+    assert [(surface.at, surface.client) for surface in config.surface] == [("nexstar@tcp://:0", "auto")]
+    assert source.origin(("surface", 0)) == "--surface"
+    assert source.origin(("surface", 0, "client")) is None
 
 
 def test_a_flag_for_one_of_several_mounts_is_refused(tmp_path: Path) -> None:
