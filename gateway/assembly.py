@@ -188,7 +188,7 @@ class Gateway:
 
     async def close(self) -> None:
         """Stop motion, close the ports and the line."""
-        for port in self.ports:
-            await port.close()
+        while self.ports:
+            await self.ports.pop().close()
         if self.hub is not None:
             await self.hub.close()

@@ -12,6 +12,7 @@ import signal
 import sys
 import time
 from collections.abc import Awaitable, Callable
+from functools import cache
 from typing import TYPE_CHECKING, Any, cast
 
 from gateway.config import Config, parse_endpoint
@@ -76,7 +77,8 @@ async def serve_mounts(config: Config, banner: str = "") -> int:
         if banner:
             print(banner, flush=True)
         patient = config.wait or len(gateways) > 1
-        await _unless(done, asyncio.gather(*(_serve(gateway, patient) for gateway in gateways)))
+        start_sky = cache(sky.start)  # once, when the first mount is found or not waited for
+        await _unless(done, asyncio.gather(*(_serve(gateway, patient, start_sky) for gateway in gateways)))
         await done.wait()
     finally:
         await asyncio.gather(*(gateway.close() for gateway in gateways))
@@ -94,11 +96,11 @@ async def _unless(done: asyncio.Event, work: asyncio.Future[Any]) -> None:
         await work
 
 
-async def _serve(gateway: Gateway, patient: bool) -> None:
+async def _serve(gateway: Gateway, patient: bool, start_sky: Callable[[], None]) -> None:
     """Find one mount and say that it is ready. Raises UserError for one that is not there, unless there is patience."""
     if not patient:
         await _find(gateway)
-    gateway.sky.start()
+    start_sky()
     found = not patient or await gateway.found(QUICK)
     for name in gateway.names():
         print(f"ready {name}", flush=True)
