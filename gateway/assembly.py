@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from msgspec.structs import replace
 
 from gateway import operations as op
 from gateway.config import Endpoint, MountConfig, SurfaceConfig, parse_endpoint
+from gateway.config.programs import as_settings, programs, recognisable, settled, wanted_by
 from gateway.driver import Driver
 from gateway.equinox import J2000
 from gateway.errors import Fault, UserError
-from gateway.guests import Face, Reception
+from gateway.guests import Face, Manner, Reception
 from gateway.hub import Hub, Policy
 from gateway.line import Dialogue, Line
 from gateway.observatory import Observatory
@@ -90,12 +91,20 @@ def policy(config: MountConfig) -> Policy:
                   silence=config.dead_man, silence_closed=config.dead_man_closed)
 
 
+def manners(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[Manner]:
+    """The programs that are told by their first bytes on a surface, and what is different for them."""
+    for first, program in recognisable(surface).items():
+        needs = as_settings(wanted_by(surface, program))
+        equinox = j2000 if needs.pop("equinox", None) == "j2000" else None
+        yield Manner(first, programs(protocol)[program].name, needs, equinox)
+
+
 class Gateway:
     """One mount and its surfaces, open for clients until it is closed. Several share nothing but the sky."""
 
     def __init__(self, config: MountConfig, surfaces: Sequence[SurfaceConfig], transcript: Transcript | None = None,
                  sky: Sky | None = None, clock: Callable[[], float] = time.time) -> None:
-        self.config, self.surfaces, self.clock = config, surfaces, clock
+        self.config, self.surfaces, self.clock = config, [settled(surface) for surface in surfaces], clock
         self.transcript = transcript or Transcript(clock)
         self.sky = sky or Sky()
         self.mount = parse_endpoint(config.at)
@@ -136,8 +145,9 @@ class Gateway:
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
             face = FACES[endpoint.protocol](endpoint, surface, config.limits)
             face.surface.verbatim = endpoint.protocol == self.mount.protocol
-            if surface.equinox == "j2000":
-                face = replace(face, equinox=J2000(self.sky, observatory.unix))
+            j2000 = J2000(self.sky, observatory.unix)
+            face = replace(face, equinox=j2000 if surface.equinox == "j2000" else None,
+                           manners=tuple(manners(endpoint.protocol, surface, j2000)))
             self.receptions.append(Reception(self.hub, face, shared, self.clock, lambda: None, number))
             self.faces.append((endpoint.protocol, face))
 
@@ -194,7 +204,7 @@ class Gateway:
 
     async def close(self) -> None:
         """Stop motion, close the ports and the line."""
-        for port in self.ports:
-            await port.close()
+        while self.ports:
+            await self.ports.pop().close()
         if self.hub is not None:
             await self.hub.close()

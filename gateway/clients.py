@@ -197,6 +197,14 @@ class Client:
         if reply:
             self.transcript.put(self.name, "<", reply)
             self.write(reply)
+        elif self.transcript.sinks:
+            self._explain(frame)
+
+    def _explain(self, frame: bytes) -> None:
+        """Leave a reason for a silence, once for every command of every host."""
+        why = self.surface.silence(frame)
+        if why:
+            self.transcript.note_once(self.name, f"no reply to {frame!r}: {why}", self.name.rpartition(":")[0])
 
     def _remember(self, frame: bytes, reply: bytes) -> None:
         """The same question gets the same reply until an answer it was made of is renewed or grows old."""

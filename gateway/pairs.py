@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
+from pathlib import Path
 from typing import Any
 
+from gateway.errors import UserError
 from gateway.logline import show
 from gateway.pictures import Source
 from gateway.tables import OUTCOMES, Command, Protocol, SurfaceRow, Version, load, mappings_folder, parse_version
@@ -147,8 +149,10 @@ def _cell(words: str) -> str:
 
 
 def write() -> str:
-    """Write ``mappings/README.md`` -> its path."""
+    """Write ``mappings/README.md`` -> its path. Raises UserError for an installed copy, which is not to be changed."""
     path = mappings_folder() / "README.md"
+    if path.parent.parent == Path(__file__).resolve().parent:
+        raise UserError(f"tables --write: {path} is part of an installation; run it in a checkout of the source")
     path.write_text(text(), "utf-8")
     return str(path)
 

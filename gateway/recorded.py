@@ -35,7 +35,9 @@ class RecordedLoop(VirtualLoop):
         self.began = self.time()
         self._left = [self.began + event.at for event in events if event.arrow == (">" if event.side == MOUNT else "<")]
 
-    def call_at(self, when: float, callback: Callable[..., object], *args: Any, context: Any = None) -> Any:
+    def call_at(  # type: ignore[override]  # the library's own signature needs a newer Python to be written down
+        self, when: float, callback: Callable[..., object], *args: Any, context: Any = None
+    ) -> Any:
         number = bisect_left(self._left, when)
         late = number < len(self._left) and self._left[number] - when <= LATE
         return super().call_at(self._left[number] if late else when, callback, *args, context=context)

@@ -102,6 +102,16 @@ class Surface:
         except Fault as fault:
             return self.refusal(command, fault) or self.unanswered(frame)
 
+    def silence(self, frame: bytes) -> str:
+        """Why a command has no reply, where its sender may have expected one; empty where none is due."""
+        found = self.protocol.find(frame)
+        if found is None:
+            return f"{self.protocol.name} has no such command"
+        row = self.protocol.surface.get(found[0].name)
+        if row is None:
+            return f"{found[0].help}: not answered here"
+        return f"{found[0].help}: {row.why or 'not done here'}" if row.outcome == "refused" else ""
+
     def _act(self, session: Session, command: Command, row: SurfaceRow, values: dict[str, Any]) -> Handling:
         """Carry out a row's verb -> the reply's values."""
         if row.keep is not None:

@@ -1,7 +1,7 @@
 """Serving until a signal comes: the event loop, the signals, and one gateway per mount from its ports to its mount.
 
-One mount that does not answer ends the program, with the reason. Of several, one that does not answer is told of and
-waited for while the others work; only when none answers does the program end.
+A mount that does not answer ends the program, with the reason. Where there are several, or with --wait, it is told of
+and waited for, and the others know nothing of it.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ import signal
 import sys
 import time
 from collections.abc import Awaitable, Callable
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from gateway import __version__
 from gateway.config import Config, parse_endpoint
 from gateway.errors import UserError
-from gateway.transcript import SKY_READY
 
 if TYPE_CHECKING:
     from gateway.assembly import Gateway
@@ -81,8 +81,15 @@ async def serve_mounts(config: Config, banner: str = "") -> int:
             await gateway.open()
         if banner:
             print(banner, flush=True)
-        serving = asyncio.gather(*(_serve(gateway, config, done) for gateway in gateways))
-        await _unless(done, serving)
+        patient = config.wait or len(gateways) > 1
+
+        def sky_ready() -> None:
+            for gateway in gateways:
+                gateway.transcript.note("mount", SKY_READY)
+
+        # once, when the first mount is found or not waited for
+        start_sky = cache(lambda: sky.start(_from_the_thread(sky_ready)))
+        await _unless(done, asyncio.gather(*(_serve(gateway, patient, start_sky) for gateway in gateways)))
         await done.wait()
     finally:
         await asyncio.gather(*(gateway.close() for gateway in gateways))
@@ -110,56 +117,57 @@ def _from_the_thread(work: Callable[[], object]) -> Callable[[], None]:
     return call
 
 
-async def _unless(done: asyncio.Event, work: asyncio.Future[list[UserError | None]]) -> None:
-    """Wait for the mounts to be found, or for a signal. Raises UserError when every one of them is missing."""
-    waiting = asyncio.ensure_future(done.wait())
-    await asyncio.wait(cast("list[asyncio.Future[Any]]", [waiting, work]), return_when=asyncio.FIRST_COMPLETED)
-    waiting.cancel()
-    if not work.done():
-        work.cancel()
-        await asyncio.gather(work, return_exceptions=True)
-        return
-    missing = work.result()
-    if all(missing) and not done.is_set():
-        raise missing[0]  # type: ignore[misc]
+async def _unless(done: asyncio.Event, work: asyncio.Future[Any]) -> None:
+    """Wait for some work, or for the end of it all. Raises what the work raises."""
+    end = asyncio.ensure_future(done.wait())
+    await asyncio.wait(cast("list[asyncio.Future[Any]]", [end, work]), return_when=asyncio.FIRST_COMPLETED)
+    for future in (end, work):
+        future.cancel()
+    await asyncio.gather(end, return_exceptions=True)
+    with contextlib.suppress(asyncio.CancelledError):
+        await work
 
 
-async def _serve(gateway: Gateway, config: Config, done: asyncio.Event) -> UserError | None:
-    """Find one mount and say that it is ready -> why it was not found, where that is no reason to wait for it."""
-    reason = None if config.wait else await _find(gateway, alone=len(config.mount) == 1)
-    if reason is not None and len(config.mount) == 1:
-        return reason
-    gateway.sky.start(_from_the_thread(lambda: gateway.transcript.note("mount", SKY_READY)))
-    found = reason is None and (not config.wait or await gateway.found(QUICK))
+async def _serve(gateway: Gateway, patient: bool, start_sky: Callable[[], None]) -> None:
+    """Find one mount and say that it is ready. Raises UserError for one that is not there, unless there is patience."""
+    if not patient:
+        await _find(gateway)
+    start_sky()
+    found = not patient or await gateway.found(QUICK)
     for name in gateway.names():
         print(f"ready {name}", flush=True)
-    if reason is not None:
-        print(f"mount-gateway: {reason}; trying on", file=sys.stderr, flush=True)
-    elif not found and not await gateway.found(FIRST_WORD) and not done.is_set():
+    if not found and not await _found(gateway):
         assert gateway.hub is not None
-        words = gateway.hub.line.reason or "no answer"
-        print(f"mount-gateway: {gateway.title}: {words}; trying on", file=sys.stderr, flush=True)
-    return reason
+        reason = gateway.hub.line.reason or "no answer"
+        print(f"mount-gateway: {gateway.title}: {reason}; trying on", file=sys.stderr, flush=True)
 
 
-async def _find(gateway: Gateway, *, alone: bool) -> UserError | None:
-    """Wait for the mount -> what is there instead. Only the line of one that is ``alone`` may be asked who it is."""
+async def _found(gateway: Gateway) -> bool:
+    """Wait for the mount -> whether it is there; False as soon as there is little hope."""
     assert gateway.hub is not None
     line, now = gateway.hub.line, asyncio.get_running_loop().time
     began = now()
     while now() < began + FIND_MOUNT:
         if await gateway.found(0.1):
-            return None
+            return True
         if line.state == "down" or (line.answers == 0 and now() > began + FIRST_WORD):
             break
-    if line.reason.startswith("cannot open"):
-        return UserError(f"{gateway.title}: {line.reason}")
-    if alone:
-        await line.close()
-        from gateway.probe import who_answers
+    return False
 
-        found = await who_answers(gateway.mount.where, gateway.config.baud)
-        if found and found != gateway.mount.protocol:
-            return UserError(f"{gateway.title}: the mount speaks {found}; write {found}@{gateway.mount.where}")
-    return UserError(f"{gateway.title}: no mount answers (is it switched on, and the cable in the hand control?)"
-                     + ("; --wait keeps trying" if alone else ""))
+
+async def _find(gateway: Gateway) -> None:
+    """Wait for the mount; raise UserError that says what is there instead."""
+    if await _found(gateway):
+        return
+    assert gateway.hub is not None
+    line = gateway.hub.line
+    if line.reason.startswith("cannot open"):
+        raise UserError(f"{gateway.title}: {line.reason}")
+    await line.close()
+    from gateway.probe import who_answers
+
+    found = await who_answers(gateway.mount.where, gateway.config.baud)
+    if found and found != gateway.mount.protocol:
+        raise UserError(f"{gateway.title}: the mount speaks {found}; write {found}@{gateway.mount.where}")
+    raise UserError(f"{gateway.title}: no mount answers (is it switched on, and the cable in the hand control?); "
+                    "--wait keeps trying")

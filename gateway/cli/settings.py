@@ -29,29 +29,26 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 
 def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
     """The file and the flags as one, and where every value comes from. Raises UserError."""
-    tables: dict[str, Any] = {"mount": [{}], "surface": []}
-    source = Source("run")
+    tables: dict[str, Any] = {}
+    source = Source("command line")
     if arguments.config is not None:
-        held, source = read_tables(arguments.config)
-        tables |= held
+        tables, source = read_tables(arguments.config)
     _put_flags(arguments, tables, source)
-    if tables["mount"] == [{}]:
-        raise UserError(f"{source.name}: which mount? --mount nexstar@/dev/ttyUSB0, or a gateway.toml with "
-                        '[mount] and at = "nexstar@/dev/ttyUSB0"')
     return make_config(tables, source), source
 
 
 def _put_flags(arguments: argparse.Namespace, tables: dict[str, Any], source: Source) -> None:
     given = {key.name: _value(key, text) for key in keys("mount") if key.flag
              for text in (getattr(arguments, key.name.replace("-", "_")),) if text is not None}
-    several = isinstance(tables["mount"], list) and len(tables["mount"]) > 1
+    mounts = tables.get("mount", [{}])
+    several = isinstance(mounts, list) and len(mounts) > 1
     if several and (given or arguments.mount or arguments.surface):
         flag = next(iter([*given, *(["mount"] if arguments.mount else []), "surface"]))
         raise UserError(f"--{flag}: {source.name} has several mounts; write it there, under the one it is meant for")
     if arguments.mount:
         given["at"] = arguments.mount
-    if given and isinstance(tables["mount"], list) and isinstance(tables["mount"][0], dict):
-        tables["mount"] = [tables["mount"][0] | given]
+    if given and isinstance(mounts, list) and mounts and isinstance(mounts[0], dict):
+        tables["mount"] = [mounts[0] | given]
         source.flags |= {("mount", 0, key): f"--{'mount' if key == 'at' else key}" for key in given}
     if arguments.surface:
         tables["surface"] = [{"at": surface} for surface in arguments.surface]

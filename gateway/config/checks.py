@@ -9,6 +9,7 @@ from typing import NamedTuple
 from gateway.config.endpoints import nearest, parse_endpoint
 from gateway.config.keys import Config
 from gateway.config.lines import Place
+from gateway.config.programs import programs
 from gateway.errors import UserError
 
 _EVERY_ADDRESS = ("0.0.0.0", "::")
@@ -29,6 +30,7 @@ def mistakes(config: Config) -> Iterator[Mistake]:
             yield Mistake(("mount", number, "lowest"), f"{mount.lowest:g}: write less than highest, which is "
                                                        f"{mount.highest:g}")
     yield from _names(config)
+    yield from _clients(config)
     yield from _taken_twice(config)
     if not config.surface:
         yield Mistake(("surface",), "at least one surface is needed, for example lx200@tcp://127.0.0.1:4030")
@@ -73,6 +75,16 @@ def _names(config: Config) -> Iterator[Mistake]:
     for number, mount in enumerate(config.mount):
         if config.surface and not config.of(mount):
             yield Mistake(("mount", number), f"no [[surface]] has mount = {mount.name!r}, so nobody can reach it")
+
+
+def _clients(config: Config) -> Iterator[Mistake]:
+    for number, surface in enumerate(config.surface):
+        if surface.client in ("auto", "any"):
+            continue
+        known = [*programs(parse_endpoint(surface.at).protocol), "auto", "any"]
+        if surface.client not in known:
+            words = f"{surface.client!r}: no such program is known; {nearest(surface.client, known)}"
+            yield Mistake(("surface", number, "client"), words)
 
 
 def _taken_twice(config: Config) -> Iterator[Mistake]:

@@ -31,7 +31,7 @@ class Key(NamedTuple):
     @property
     def help(self) -> str:
         """The words together with the default, where there is one to tell."""
-        if isinstance(self.default, bool) or self.default is None:
+        if self.default is None or isinstance(self.default, bool | list):
             return self.words
         shown = f"{self.default:g}" if isinstance(self.default, float) else self.default
         return f"{self.words} (default {shown})"
@@ -55,6 +55,8 @@ def _key(field: Any, hint: Any) -> Key:
     assert meta is not None and meta.extra is not None
     kind, choices, right = get_args(hint)[0], _choices(hint), _right(hint)
     default = None if field.required else field.default
+    if field.default_factory is not msgspec.NODEFAULT:
+        default = field.default_factory()
     return Key(
         name=field.encode_name,
         words=meta.description or "",

@@ -1,8 +1,9 @@
 """Every key of ``gateway.toml``, declared once: its type, range, default, and the words that describe it.
 
 A new key is one field here. ``_key`` takes the words of ``--help`` and of the documentation, what the value is called
-there, an example for keys that have no default, and the limits that msgspec checks; the ``title`` of a limit is what a
-message calls it. Every key of ``[mount]`` is also a flag of ``run``, except those with ``flag=False``.
+there, an example for keys that have no default, and the limits that msgspec checks; those of a key that may be absent
+belong to the type within it, as for ``site``. The ``title`` of a limit is what a message calls it. Every key of
+``[mount]`` is also a flag of ``run``, except those with ``flag=False``; a flag writes a list with commas.
 """
 
 from __future__ import annotations
@@ -78,12 +79,16 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     at: Annotated[str, _key("where programs connect: PROTOCOL[:MODEL[/VERSION]]@tcp://HOST:PORT, pty:PATH or a serial "
                             "port", "ENDPOINT", "lx200@tcp://127.0.0.1:4030")]
     mount: Annotated[str | None, _key("the name of the mount, where there are several", "NAME", "pier")] = None
+    client: Annotated[str, _key(
+        "the program that connects here, which then gets what it needs; auto: recognised where it can be, any: never",
+        "PROGRAM")] = "auto"
     equinox: Annotated[Literal["jnow", "j2000"] | None, _key(
-        "what the program's coordinates mean", example="jnow")] = None
+        "what the program's coordinates mean; else what client says, else jnow", example="jnow")] = None
     precision: Annotated[Literal["high", "low"] | None, _key(
-        "the precision a connection begins with (lx200)", example="high")] = None
+        "the precision a connection begins with (lx200); else what client says, else high", example="high")] = None
     sync_text: Annotated[_Plain | None, _key(
-        "reply to :CM# without its # (lx200), instead of the model's own", "TEXT", "Coordinates matched.")] = None
+        "reply to :CM# without its # (lx200); else what client says, else the model's own", "TEXT",
+        "Coordinates matched.")] = None
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):

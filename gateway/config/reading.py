@@ -5,7 +5,6 @@ A ``Source`` remembers where every value was written, so that a message can name
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import Path
 from typing import Any
@@ -15,10 +14,17 @@ import tomli
 
 from gateway.config.checks import Mistake, mistakes
 from gateway.config.describing import keys, named
-from gateway.config.endpoints import nearest
+from gateway.config.endpoints import misplaced, nearest
 from gateway.config.keys import TABLES, Config
 from gateway.config.lines import Place, line_of
 from gateway.errors import UserError
+
+#: What a person may have meant where the parser tells only what it found.
+_HINTS = {
+    "Invalid value": '; text is written in "quotes", a number with a point: 0.5',
+    "Cannot overwrite": "; it is there already, further up",
+    "Cannot declare": "; it is there already, further up: several surfaces are [[surface]], several mounts [[mount]]",
+}
 
 
 class Source(msgspec.Struct):
@@ -40,6 +46,14 @@ class Source(msgspec.Struct):
                 return f"{self.name}:{line}"
         return self.name
 
+    def origin(self, place: Place) -> str | None:
+        """The flag or the line that sets exactly this; None when nothing does."""
+        if place in self.flags:
+            return self.flags[place]
+        line = line_of(self.text, self._written(place)) if self.text else None
+        overridden = any(place[:length] in self.flags for length in range(1, len(place)))
+        return None if line is None or overridden else f"{self.name}:{line}"
+
     def _written(self, place: Place) -> Place:
         """The place as the file has it: a single ``[mount]`` has no number."""
         single = place[:2] == ("mount", 0) and isinstance(tomli.loads(self.text).get("mount"), dict)
@@ -57,8 +71,8 @@ def read_tables(path: Path) -> tuple[dict[str, Any], Source]:
     try:
         tables = tomli.loads(text)
     except tomli.TOMLDecodeError as error:
-        raise UserError(f"{path}:{error.lineno}: {error.msg[:1].lower()}{error.msg[1:]}, "
-                        f"column {error.colno}; write KEY = VALUE under [mount] or [[surface]]") from None
+        hint = next((words for start, words in _HINTS.items() if error.msg.startswith(start)), "")
+        raise UserError(f"{path}:{error.lineno}: column {error.colno}: {error.msg}{hint}") from None
     source = Source(str(path), text)
     if isinstance(tables.get("mount"), dict):
         tables["mount"] = [tables["mount"]]
@@ -73,7 +87,6 @@ def make_config(tables: dict[str, Any], source: Source) -> Config:
         config = msgspec.convert(tables, Config)
     except msgspec.ValidationError as error:
         raise _mistake(tables, source, *_read_error(str(error))) from None
-    _refuse_infinite(tables, source)
     for mistake in mistakes(config):
         raise _line(source, mistake)
     return config
@@ -91,32 +104,28 @@ def _read_error(message: str) -> tuple[Place, str | None, str]:
 def _mistake(tables: dict[str, Any], source: Source, place: Place, field: str | None, what: str) -> UserError:
     """One line for what the library did not accept."""
     table = str(place[0]) if place and place[0] in TABLES else ""
-    if field is not None and what == "unknown":
+    if field is None:
+        return _wrong(tables, source, table, place)
+    if what == "unknown":
         home = next((name for name in TABLES if name != table and named(name, field)), None)
         known = [key.name for key in keys(table)] + ([] if table else ["mount", "surface"])
         hint = nearest(field, known) if home is None else f"it belongs under {_title(home)}"
         return _line(source, Mistake((*place, field), f"there is no such key; {hint}"))
-    if field is not None and field == "mount":
-        return UserError(f"{source.name}: which mount? write [mount] and at = \"nexstar@/dev/ttyUSB0\"")
-    if field is not None:
-        key = named(table, field)
-        assert key is not None
-        return _line(source, Mistake((*place, field), f'is needed: {key.words}; for example "{key.example}"'))
+    key = named(table, field)
+    if key is None or (table == "mount" and not source.text):
+        return UserError(f"{source.name}: which mount? --mount nexstar@/dev/ttyUSB0, or a gateway.toml with [mount] "
+                         'and at = "nexstar@/dev/ttyUSB0"')
+    return _line(source, Mistake((*place, field), f'is needed: {key.words}; for example "{key.example}"'))
+
+
+def _wrong(tables: dict[str, Any], source: Source, table: str, place: Place) -> UserError:
+    """A value of the wrong type or out of its range, or something else in the place of a table."""
     key = named(table, str(place[2] if table and len(place) > 2 else place[0]))
     if key is None:
-        return _line(source, Mistake(place, f"write {_title(str(place[0]))} and KEY = VALUE under it"))
+        return _line(source, Mistake(place, f"write {_title(table)} and KEY = VALUE under it"))
     whole = place[:3] if table else place[:1]
     value = _value(tables, whole)
-    return _line(source, Mistake(whole, f"{show(value)}: write {key.right}{_swapped(key.name, value)}"))
-
-
-def _refuse_infinite(tables: Any, source: Source, place: Place = ()) -> None:
-    """TOML has ``nan`` and ``inf``; no range does."""
-    items = tables.items() if isinstance(tables, dict) else enumerate(tables) if isinstance(tables, list) else ()
-    for step, value in items:
-        if isinstance(value, float) and not math.isfinite(value):
-            raise _mistake(tables if place else {}, source, (*place, step), None, "")
-        _refuse_infinite(value, source, (*place, step))
+    return _line(source, Mistake(whole, f"{_show(value)}: write {key.right}{_swapped(key.name, value)}"))
 
 
 def _value(tables: Any, place: Place) -> Any:
@@ -129,8 +138,6 @@ def _swapped(name: str, value: Any) -> str:
     """The hint for a place whose two numbers stand the wrong way round."""
     if name != "site" or not isinstance(value, list | tuple) or len(value) != 2:
         return ""
-    from gateway.config.endpoints import misplaced
-
     numbers = all(isinstance(part, int | float) for part in value)
     words = misplaced(value[0], value[1]).partition("; ")[2] if numbers else ""
     return f"; {words}" if words else "; the latitude comes first"
@@ -144,7 +151,7 @@ def _line(source: Source, mistake: Mistake) -> UserError:
         return UserError(f"{where} {mistake.words}" if mistake.words[:1] in "'0123456789-" else
                          f"{where}: {mistake.words}")
     title = f"{_title(str(table))} " if table in TABLES else ""
-    name = key if isinstance(key, str) and key not in TABLES else ""
+    name = key if isinstance(key, str) and (len(mistake.place) > 2 or key not in TABLES) else ""
     return UserError(f"{where}: {f'{title}{name}'.strip()}: {mistake.words}")
 
 
@@ -152,7 +159,7 @@ def _title(table: str) -> str:
     return "[[surface]]" if table == "surface" else "[mount]" if table == "mount" else "the first lines of the file"
 
 
-def show(value: Any) -> str:
+def _show(value: Any) -> str:
     """A value as TOML has it, shortened."""
-    text = {True: "true", False: "false"}[value] if isinstance(value, bool) else repr(value)
+    text = repr(value).lower() if isinstance(value, bool) else repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
