@@ -15,16 +15,19 @@ from msgspec.structs import replace
 
 from gateway import operations as op
 from gateway.config import Config, Endpoint, MountConfig, SurfaceConfig, parse_endpoint
+from gateway.control import Control
 from gateway.driver import Driver
 from gateway.equinox import J2000
 from gateway.errors import Fault, UserError
 from gateway.guests import Face, Reception
 from gateway.hub import Hub, Policy
+from gateway.keeping import Keeping
 from gateway.line import Dialogue, Line
 from gateway.observatory import Observatory
 from gateway.ports import Port, open_port
 from gateway.safety import Limits
 from gateway.sky import Sky
+from gateway.state import Marked
 from gateway.tables import load
 from gateway.transcript import Transcript
 from gateway.wires import SerialWire, Wire
@@ -87,9 +90,11 @@ FACES: dict[str, Callable[[Endpoint, SurfaceConfig, Limits], Face]] = {
 class Gateway:
     """A mount and its surfaces, open for clients until it is closed."""
 
-    def __init__(self, config: Config, transcript: Transcript | None = None) -> None:
+    def __init__(self, config: Config, transcript: Transcript | None = None,
+                 warn: Callable[[str], None] | None = None) -> None:
         self.config = config
         self.transcript = transcript or Transcript(time.time)
+        self.warn = warn or (lambda text: self.transcript.note("state", text))
         self.sky = Sky()
         self.mount = parse_endpoint(config.mount.at)
         self.endpoints = [parse_endpoint(surface.at) for surface in config.surface]
@@ -102,24 +107,28 @@ class Gateway:
         self.faces: list[tuple[str, Face]] = []
         self.fitted = asyncio.Event()
         self.hub: Hub | None = None
+        self.keeping: Keeping
+        self.control: Control | None = None
 
     async def open(self) -> None:
         """Open the ports and the line. Raises UserError."""
         config, loop = self.config.mount, asyncio.get_running_loop()
         driver, follow_ups, dialogue = DRIVERS[self.mount.protocol](self.mount, config, loop.time)
         limits = Limits(config.lowest, config.highest, config.sync_limit)
-        site = op.Place(*config.site) if config.site else None
+        self.keeping = Keeping(self.mount.protocol, self.mount.where, Marked(str(self.mount), config.baud),
+                               config.state, self.warn)
+        site = op.Place(*config.site) if config.site else self.keeping.site()
         observatory = Observatory(loop.time, time.time, site)
         line = Line(self._wire(), dialogue, self.transcript)
         self.hub = hub = Hub(driver, follow_ups, line, self.sky, observatory, self.transcript,
                              Policy(limits, config.site_time, config.equinox))
-        shared: dict[str, Any] = {"sites": {}}
+        self.keeping.attach(hub)
         for endpoint, surface in zip(self.endpoints, self.config.surface, strict=True):
             face = FACES[endpoint.protocol](endpoint, surface, limits)
             face.surface.verbatim = endpoint.protocol == self.mount.protocol
             if surface.equinox == "j2000":
                 face = replace(face, equinox=J2000(self.sky, observatory.unix))
-            reception = Reception(hub, face, shared, time.time, lambda: None)
+            reception = Reception(hub, face, self.keeping.shared, time.time, self.keeping.changed)
             try:
                 port = await open_port(endpoint.where, reception.arrive)
             except UserError:
@@ -129,6 +138,16 @@ class Gateway:
             self.faces.append((endpoint.protocol, face))
         hub.start()
         hub.spawn(self._fit())
+        await self._admit()
+
+    async def _admit(self) -> None:
+        """Let ``mount-gateway stop`` in."""
+        assert self.hub is not None
+        self.control = Control(self.keeping.directory, self.keeping.name, str(self.mount), self.hub.stop)
+        try:
+            await self.control.open()
+        except OSError as error:
+            self.warn(f"mount-gateway stop will not find this gateway: {error}")
 
     async def _fit(self) -> None:
         """Present what fits the mount, where the user named no model."""
@@ -171,7 +190,12 @@ class Gateway:
 
     async def close(self) -> None:
         """Stop motion, close the ports and the line."""
-        for port in self.ports:
-            await port.close()
-        if self.hub is not None:
-            await self.hub.close()
+        try:
+            for port in self.ports:
+                await port.close()
+        finally:  # whatever went wrong there, the mount is stopped
+            if self.hub is not None:
+                await self.hub.close()
+                await self.keeping.close()
+            if self.control is not None:
+                await self.control.close()

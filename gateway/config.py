@@ -93,6 +93,7 @@ class MountConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, renam
     park: tuple[float, float] | None = None
     latency: float = 0.0
     speed: float = 1.0
+    state: str | None = None
 
 
 class SurfaceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):

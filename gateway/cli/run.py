@@ -28,6 +28,7 @@ def add(commands: Any) -> None:
     run.add_argument("--highest", type=float, metavar="DEG", help="highest altitude of a goto (default 90)")
     run.add_argument("--sync-limit", type=float, metavar="DEG", help="refuse syncs further than this (default 15)")
     run.add_argument("--baud", type=int, help="baud rate of the mount's port (default 9600)")
+    run.add_argument("--state", metavar="PATH", help="directory for what is kept (default: where your system has it)")
     run.add_argument("--wait", action="store_true", help="keep trying when no mount answers; clients stay connected")
     run.add_argument("--log", action="store_true", help="show the conversation on both sides, decoded")
     run.add_argument("--loop", choices=("fast", "asyncio"), default="fast", help="event loop: uvloop where it exists")
@@ -56,7 +57,7 @@ def _config(arguments: argparse.Namespace) -> Config:
         mount["at"] = arguments.mount
     if arguments.surface:
         surfaces = [{"at": surface} for surface in arguments.surface]
-    for key in ("mode", "equinox", "site-time", "lowest", "highest", "sync-limit", "baud"):
+    for key in ("mode", "equinox", "site-time", "lowest", "highest", "sync-limit", "baud", "state"):
         value = getattr(arguments, key.replace("-", "_"))
         if value is not None:
             mount[key] = value

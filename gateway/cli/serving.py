@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import os
 import signal
 import sys
 import time
@@ -16,8 +18,8 @@ from gateway.errors import UserError
 FIRST_WORD, FIND_MOUNT = 4.0, 20.0
 #: With --wait, how long the ready lines wait for the mount to say what fits it.
 QUICK = 0.5
-
-
+#: A wrapper that passes a Ctrl-C on delivers it twice within this time, in seconds; a person does not.
+TWICE = 0.1
 
 def with_loop(fast: bool, serve: Callable[[], Awaitable[int]]) -> int:
     """Run on uvloop where it is installed, else on asyncio's own loop."""
@@ -34,14 +36,27 @@ def with_loop(fast: bool, serve: Callable[[], Awaitable[int]]) -> int:
 
 
 def until_signal() -> asyncio.Event:
-    """An event that SIGINT and SIGTERM set."""
+    """An event that SIGINT, SIGTERM and the closing of the terminal set; a second Ctrl-C ends the process at once."""
     done = asyncio.Event()
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    asked = 0.0
+
+    def end(number: int) -> None:
+        nonlocal asked
+        if not done.is_set():
+            done.set()
+            asked = loop.time()
+        elif number == signal.SIGINT and loop.time() - asked > TWICE:
+            os._exit(128 + number)
+
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # else it runs under nohup
+        numbers.append(signal.SIGHUP)
+    for number in numbers:
         try:
-            loop.add_signal_handler(number, done.set)
+            loop.add_signal_handler(number, end, number)
         except NotImplementedError:  # Windows
-            signal.signal(number, lambda *_: loop.call_soon_threadsafe(done.set))
+            signal.signal(number, lambda number, _: loop.call_soon_threadsafe(end, number))
     return done
 
 
@@ -55,7 +70,7 @@ async def serve_gateway(config: Config) -> int:
         from gateway.logline import printer
 
         transcript.sinks.append(printer(parse_endpoint(config.mount.at).protocol, sys.stderr))
-    gateway = Gateway(config, transcript)
+    gateway = Gateway(config, transcript, warn)
     await gateway.open()
     try:
         if not config.wait:
@@ -67,11 +82,17 @@ async def serve_gateway(config: Config) -> int:
         if not found and not await gateway.found(FIRST_WORD) and not done.is_set():
             assert gateway.hub is not None
             reason = gateway.hub.line.reason or "no answer"
-            print(f"mount-gateway: {gateway.mount}: {reason}; trying on", file=sys.stderr, flush=True)
+            warn(f"{gateway.mount}: {reason}; trying on")
         await done.wait()
     finally:
         await gateway.close()
     return 0
+
+
+def warn(text: str) -> None:
+    """A line on stderr, where there still is one: a terminal that was closed must not keep a mount moving."""
+    with contextlib.suppress(OSError, ValueError):
+        print(f"mount-gateway: {text}", file=sys.stderr, flush=True)
 
 
 async def _find(gateway: Any, done: asyncio.Event) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 from msgspec import Struct
@@ -21,7 +21,7 @@ from gateway.hub.derived import Derived
 from gateway.hub.motions import MOTIONS, Motions
 from gateway.hub.settings import FIRST_ANSWER, SiteAndClock
 from gateway.hub.snapshot import FRESH, MISSING, RENEW, Kind, Snapshot
-from gateway.line import POSITION, READ, SETTING, Line
+from gateway.line import POSITION, READ, SETTING, STOP, Line
 from gateway.observatory import Observatory
 from gateway.safety import Limits
 from gateway.sky import Sky
@@ -29,8 +29,13 @@ from gateway.transcript import Transcript
 
 HEARTBEAT = 5.0
 CLOCK_AGE = 120.0
-SHUTDOWN = 4.0
+#: Seconds for the stop at the end, and for what must follow it; between two commands nobody waits for the answer of.
+SHUTDOWN, SETTLE, BLIND = 4.0, 2.5, 0.2
 ASK_AGAIN = 1.0
+
+
+async def _at_once() -> None:
+    """Nobody needs to know before a motion."""
 
 
 class Policy(Struct, frozen=True):
@@ -56,6 +61,9 @@ class Hub:
         self.identified, self.settled = asyncio.Event(), asyncio.Event()
         self.motions = Motions(self, follow_ups)
         self.settings = SiteAndClock(self)
+        #: Called when something that outlives the gateway may have changed; awaited before the mount is set moving.
+        self.changed: Callable[[], None] = lambda: None
+        self.before_motion: Callable[[], Awaitable[None]] = _at_once
         self._identifying: asyncio.Task[Any] | None = None
         self._sharing: dict[Kind, asyncio.Task[Any]] = {}
         self._tasks: set[asyncio.Task[Any]] = set()
@@ -69,18 +77,35 @@ class Hub:
         self.spawn(self._refresh())
 
     async def close(self) -> None:
-        """End motion, forget what was planned, close the line."""
-        try:
-            async with asyncio.timeout(SHUTDOWN):
-                if self.moving and self.line.state == "up":
-                    await self.stop()
-        except (TimeoutError, Fault):
-            self.transcript.note("mount", "the stop at shutdown was not answered")
+        """End motion, put tracking back, forget what was planned, close the line."""
+        if self.motions.busy and self.line.state != "opening":
+            await self._last_stop()
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(SETTLE):
+                await self.motions.settle()
         self.motions.close()
         for task in [*self._tasks, *self._sharing.values()]:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
         await self.line.close()
+
+    async def _last_stop(self) -> None:
+        """The stop at the end; without waiting for answers where none come or nobody serves the line any more."""
+        await asyncio.sleep(0)  # a loop that is torn down has cancelled the line as well
+        try:
+            async with asyncio.timeout(SHUTDOWN if self.line.served else 0.0):
+                await self.stop()
+            return
+        except (TimeoutError, Fault):
+            self.transcript.note("mount", "the stop at shutdown was not answered: sent once more")
+        steps: Steps = self.driver.perform(op.Stop())
+        with contextlib.suppress(Exception):  # the last thing tried; it ends with StopIteration when all went well
+            step = next(steps)
+            while True:
+                if isinstance(step, Ask):
+                    self.line.wire.write(self.line.dialogue.encode(step))
+                    await asyncio.sleep(BLIND)
+                step = steps.send({})
 
     def spawn(self, work: Any) -> asyncio.Task[Any]:
         """Run something in the background and hold on to it."""
@@ -96,9 +121,11 @@ class Hub:
         self._identifying = self.spawn(self._identify())
 
     async def _identify(self) -> None:
-        """Who is there, where it stands, what time it has."""
+        """Who is there, where it stands, what time it has. A stop that is owed goes before everything else."""
         if self.motions.owed:
             with contextlib.suppress(Fault):
+                if not self.identified.is_set():
+                    await self.drive(self.driver.greet(), STOP)
                 await self.stop()
         while op.GetIdentity not in self.snapshot.seen:
             await self._learn(op.GetIdentity())
@@ -106,6 +133,8 @@ class Hub:
                 return  # it is begun again when the line is up
             if op.GetIdentity not in self.snapshot.seen:
                 await asyncio.sleep(ASK_AGAIN)
+        if self.motions.owed:  # it did not answer to the stop, but it does now
+            self.begin_stop()
         if self.policy.equinox == "auto":
             self.derived.equinox = self.driver.equinox
         self.identified.set()
@@ -276,6 +305,8 @@ class Hub:
             raise
         except Exception as error:  # a defect in a driver must cost one operation, never the gateway
             self.transcript.note("mount", f"internal error, please report it: {error!r}")
+            if rank != STOP and self.motions.busy:
+                self.begin_stop()  # nobody knows what moves now; a stop that fails is tried again by itself
             raise Refused(f"Internal error: {error!r}") from error
         finally:
             steps.close()
