@@ -18,7 +18,7 @@ from gateway.state import Marked, write_whole
 
 #: Seconds. A write takes a fraction of a millisecond; a disk that is busy must not delay an arrow noticeably.
 PATIENCE = 0.02
-LOOK, QUIET = 1.0, 3.0
+LOOK, QUIET = 1.0, 5.0
 
 InThread = Callable[..., Awaitable[Any]]
 
@@ -31,6 +31,7 @@ class MotionMark:
         self.path, self._content, self._busy, self._warn, self._in_thread = path, content, busy, warn, in_thread
         self._wanted: bytes | None = b"" if there else None
         self._there = self._wanted
+        self._quiet = 0.0
         self._writing: asyncio.Task[None] | None = None
         self._watching: asyncio.Task[None] | None = None
         if there:
@@ -40,6 +41,7 @@ class MotionMark:
         """The mark is there, or at least under way, when this returns."""
         marked = self._there is not None and self._wanted is not None
         self._want(msgspec.json.encode(self._content()))
+        self._quiet = 0.0
         self._watch()
         if not marked and self._writing is not None:
             await asyncio.wait({self._writing}, timeout=PATIENCE)
@@ -79,10 +81,10 @@ class MotionMark:
 
     async def _until_quiet(self) -> None:
         """Take the mark away once nothing has moved for a while; a guiding program moves all the time."""
-        quiet = 0.0
-        while quiet < QUIET:
+        self._quiet = 0.0
+        while self._quiet < QUIET:
             await asyncio.sleep(LOOK)
-            quiet = 0.0 if self._busy() else quiet + LOOK
+            self._quiet = 0.0 if self._busy() else self._quiet + LOOK
         self._want(None)
 
     async def close(self) -> None:
