@@ -46,6 +46,7 @@ class Control:
 
     async def open(self) -> None:
         """Raises OSError where the file cannot be written or no port can be had."""
+        await sweep(self.path.parent)
         self._server = await asyncio.start_server(self._serve, "127.0.0.1", 0, limit=LONGEST_LINE)
         port = self._server.sockets[0].getsockname()[1]
         write_whole(self.path, msgspec.json.encode(Door(self._mount, os.getpid(), port, self._secret)), flush=False)
@@ -86,15 +87,31 @@ def doors(directory: Path) -> list[tuple[Path, Door]]:
     return found
 
 
-async def ask_to_stop(path: Path, door: Door) -> str | None:
-    """-> ``stopped`` or ``failed REASON``; None where nobody listens any more, and the file is taken away."""
+async def _enter(path: Path, door: Door) -> tuple[asyncio.StreamReader, asyncio.StreamWriter] | None:
+    """A connection; None where nobody listens any more, and the file is taken away."""
     try:
         async with asyncio.timeout(1.0):
-            reader, writer = await asyncio.open_connection("127.0.0.1", door.port)
+            return await asyncio.open_connection("127.0.0.1", door.port)
     except (OSError, TimeoutError):
         with contextlib.suppress(OSError):
             path.unlink()
         return None
+
+
+async def sweep(directory: Path) -> None:
+    """Take away what killed gateways have left."""
+    for path, door in doors(directory):
+        entered = await _enter(path, door)
+        if entered is not None:
+            entered[1].close()
+
+
+async def ask_to_stop(path: Path, door: Door) -> str | None:
+    """-> ``stopped`` or ``failed REASON``; None where nobody listens any more."""
+    entered = await _enter(path, door)
+    if entered is None:
+        return None
+    reader, writer = entered
     try:
         writer.write(f"{door.secret} stop\n".encode())
         async with asyncio.timeout(ACKNOWLEDGED + 1.0):

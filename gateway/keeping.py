@@ -116,6 +116,7 @@ class Keeping:
             if self.left is not None:
                 hub.driver.recall(self.left.memory, moving=True)
                 hub.motions.owed = True
+                self._warn(f"{self._marked.mount}: the last run ended in motion: it is stopped first")
             self._mark = MotionMark(self._mark_path, self._content, lambda: hub.motions.busy, self._say,
                                     self._in_thread, there=self.left is not None)
             hub.before_motion = self._mark.before_motion

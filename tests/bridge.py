@@ -66,12 +66,13 @@ class Bridge:
         self.warned: list[str] = []
         self.keeping: Keeping | None = None
         shared: dict[str, Any] = {"sites": {}}
+        changed = _nobody
         if state is not None:
             self.keeping = Keeping(driven, "bridge", Marked(f"{driven}@bridge", 9600), str(state), self.warned.append,
                                    in_thread or here)
             self.keeping.attach(self.hub)
-            shared = self.keeping.shared
-        self.reception = Reception(self.hub, face, shared, self.clock, self.keeping.changed if self.keeping else _nobody)
+            shared, changed = self.keeping.shared, self.keeping.changed
+        self.reception = Reception(self.hub, face, shared, self.clock, changed)
 
     async def __aenter__(self) -> Bridge:
         self.hub.start()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import errno
 import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -189,6 +191,14 @@ def test_a_disk_that_was_full_is_tried_again(tmp_path: Path, monkeypatch: pytest
     run(program())
     assert to_shared(read_kept(tmp_path / "nexstar@bridge.json"))["sites"] == {
         "0": {"name": "two"}, "1": {"name": "three"}}
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="the proof forks")
+def test_a_gateway_that_is_killed_while_saving_leaves_a_whole_file() -> None:
+    """A taste of ``tests/proof/kill_saving.py``, which kills hundreds."""
+    done = subprocess.run([sys.executable, "-m", "tests.proof.kill_saving", "--kills", "5", "--seed", "11"],
+                          cwd=Path(__file__).parents[1], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 # --- when it is written -----------------------------------------------------------------------------------------

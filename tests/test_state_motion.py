@@ -19,6 +19,12 @@ NEXSTAR_STOP = {b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0", b"M"}
 GOTO = b":Sr07:00:00#:Sd+30*00:00#:MS#"
 
 
+async def brisk(function: Any, *arguments: Any) -> Any:
+    """A disk that takes longer than a motion takes to be sent, and less than anybody notices."""
+    await asyncio.sleep(0.015)
+    return function(*arguments)
+
+
 def _mark(directory: Path) -> Path | None:
     return next(iter(directory.glob("*.moving")), None)
 
@@ -29,7 +35,7 @@ def _mark(directory: Path) -> Path | None:
 ])
 def test_the_mark_is_there_before_the_motion_and_gone_after_it(tmp_path: Path, mount: str, motion: bytes) -> None:
     async def program() -> None:
-        async with Bridge(mount, state=tmp_path, surface="lx200gps", speed=20) as bridge:
+        async with Bridge(mount, state=tmp_path, surface="lx200gps", speed=20, in_thread=brisk) as bridge:
             seen: list[bool] = []
             bridge.transcript.sinks.append(lambda entry: seen.append(_mark(tmp_path) is not None)
                                            if entry.side == "mount" and entry.arrow == ">"
