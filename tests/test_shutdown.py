@@ -39,16 +39,16 @@ async def still(sim: Any, seconds: float = 1.0) -> bool:
 @pytest.mark.parametrize("mount", ["6-8se", "cge"])
 @pytest.mark.parametrize("motion", [b":RS#:Mn#", b":RC#:Ms#", GOTO, b":Mgn9999#", b":RS#:Mn#:Me#:Qn#", b":Mn#:Qn#"])
 def test_whenever_it_ends_the_mount_stands_and_tracks(mount: str, motion: bytes) -> None:
-    """Ended at every twentieth of a second of a motion's first second and a half."""
+    """Ended at many instants of a motion's first second and a half, between and within exchanges."""
 
     async def program() -> None:
-        for twentieths in range(30):
+        for moment in (0.0, 0.02, 0.06, 0.12, 0.17, 0.22, 0.28, 0.35, 0.45, 0.7, 1.0, 1.5):
             async with Bridge(mount) as bridge:
                 assert bridge.sim.tracking
                 bridge.client().tell(motion)
-                await asyncio.sleep(twentieths / 20)
-            assert await still(bridge.sim), twentieths
-            assert bridge.sim.tracking, twentieths
+                await asyncio.sleep(moment)
+            assert await still(bridge.sim), moment
+            assert bridge.sim.tracking, moment
 
     run(program())
 
@@ -338,8 +338,7 @@ class Moving:
 def test_stop_with_and_without_a_gateway(
     tmp_path: Path, started: list[Running], stop: Callable[..., tuple[int, str]]
 ) -> None:
-    """A running one is asked; a killed one's mount is stopped from here; a new one stops it by itself."""
-    assert stop() == (0, "nothing to stop: no gateway runs, and none ended in motion")
+    """A running one is asked; after a kill a new one stops the mount before all else, and so does ``stop`` itself."""
     moving = Moving(started, tmp_path)
     moving.move()
     assert stop("--mount", "nexstar@elsewhere")[1].startswith("nothing to stop")
@@ -350,17 +349,17 @@ def test_stop_with_and_without_a_gateway(
     moving.move()
     moving.gateway.end(signal.SIGKILL)
     assert moving.moves()
+    moving.begin()
+    assert not moving.moves()
+    assert moving.tracking()
+    moving.move()
+    moving.gateway.end(signal.SIGKILL)
+    assert moving.gateway.said == f"mount-gateway: {moving.endpoint}: the last run ended in motion: it is stopped first"
+    assert moving.moves()
     assert stop() == (0, f"{moving.endpoint}: stopped")
     assert not moving.moves()
     assert moving.tracking()
-    moving.begin()
-    moving.move()
-    moving.gateway.end(signal.SIGKILL)
-    moving.begin()
-    assert not moving.moves()
-    assert moving.tracking()
-    assert moving.gateway.end() == 0
-    assert moving.gateway.said == f"mount-gateway: {moving.endpoint}: the last run ended in motion: it is stopped first"
+    assert stop() == (0, "nothing to stop: no gateway runs, and none ended in motion")
     assert sorted(path.suffix for path in tmp_path.iterdir()) == [".lock"]
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway import keeping, state
@@ -31,6 +31,7 @@ FULL = Kept(
 )
 
 
+@settings(max_examples=30)
 @given(
     st.dictionaries(st.sampled_from("0123"), st.builds(
         NamedSite, st.none() | st.text(PRINTABLE, min_size=1, max_size=15), st.none() | st.floats(-90, 90),
@@ -117,7 +118,7 @@ def test_a_file_that_cannot_be_read_is_moved_aside(tmp_path: Path, content: byte
 
 def test_a_file_cut_anywhere_is_read_or_refused_never_worse(tmp_path: Path) -> None:
     path = tmp_path / "cut.json"
-    for length in range(len(WHOLE.rstrip())):
+    for length in range(0, len(WHOLE.rstrip()), 7):
         path.write_bytes(WHOLE[:length])
         with pytest.raises(ValueError, match=r".+"):
             read_kept(path)
