@@ -90,10 +90,16 @@ def test_a_mount_whose_drive_was_off_is_left_with_its_drive_off() -> None:
 
 def test_what_still_waits_in_a_connection_is_not_begun() -> None:
     async def program() -> None:
-        async with Bridge(latency=0.5) as bridge:
-            bridge.client().tell(b":GT#:GW#:gT#:RS#:Mn#")
-            await asyncio.sleep(0.01)
-        assert not [sent for sent in bridge.sent() if sent[:1] == b"P" and sent[3:4] in b"\x24\x25" and sent[4]]
+        async with Bridge("cge") as bridge:
+            client = bridge.client()
+            client.tell(b":RC#:Mn#")
+            await asyncio.sleep(2)
+            client.tell(b":Qn#")
+            await asyncio.sleep(0.3)  # the hand control is looked at again in a second: the end waits for that
+            client.tell(b":GW#:RS#:Mn#")
+        begun = [sent for sent in bridge.sent() if sent[:4] == b"P\2\x11$" and sent[4]]
+        assert len(begun) == 1
+        assert await still(bridge.sim)
 
     run(program())
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.operations import Place
 from gateway.tables import load
 from tests.bridge import Bridge, Visitor
 from tests.virtual import run
@@ -76,6 +77,23 @@ def test_a_program_that_selects_no_site_begins_with_the_one_selected_last(tmp_pa
             assert await bridge.client().ask(b":St+10*00#:Sg010*00#", until=b"11") == b"11"
             assert bridge.keeping is not None
             assert list(bridge.keeping.shared["sites"]) == ["2"]
+
+    run(program())
+
+
+def test_the_site_selected_last_stands_in_for_a_mount_that_knows_none(tmp_path: Path) -> None:
+    async def program() -> None:
+        async with Bridge(state=tmp_path, aligned=False) as bridge:
+            client = bridge.client()
+            client.tell(b":W1#:St+10*30#")
+            await asyncio.sleep(1)
+            assert bridge.keeping is not None
+            assert bridge.keeping.site() is None, "half a site is none"
+            client.tell(b":Sg010*00#")
+            await asyncio.sleep(1)
+        async with Bridge(state=tmp_path, aligned=False, on=bridge) as bridge:
+            assert bridge.keeping is not None
+            assert bridge.keeping.site() == Place(10.5, -10.0)
 
     run(program())
 

@@ -78,6 +78,7 @@ class Hub:
 
     async def close(self) -> None:
         """End motion, put tracking back, forget what was planned, close the line."""
+        self.motions.stops += 1  # what still waits in a connection is not begun any more
         if self.motions.busy and self.line.state != "opening":
             await self._last_stop()
         with contextlib.suppress(TimeoutError):

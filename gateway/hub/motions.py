@@ -246,8 +246,7 @@ class Motions:
             await asyncio.sleep(0.05)
 
     def close(self) -> None:
-        """Forget everything that was planned or waits, and whatever clients may still ask for."""
-        self.stops += 1
+        """Forget everything that was planned or waits."""
         for handle in self._later.values():
             handle.cancel()
         for task in list(self._jobs):
