@@ -46,7 +46,8 @@ class Control:
 
     async def open(self) -> None:
         """Raises OSError where the file cannot be written or no port can be had."""
-        await sweep(self.path.parent)
+        with contextlib.suppress(OSError):
+            await sweep(self.path.parent)
         self._server = await asyncio.start_server(self._serve, "127.0.0.1", 0, limit=LONGEST_LINE)
         port = self._server.sockets[0].getsockname()[1]
         write_whole(self.path, msgspec.json.encode(Door(self._mount, os.getpid(), port, self._secret)), flush=False)
@@ -79,10 +80,10 @@ class Control:
 
 
 def doors(directory: Path) -> list[tuple[Path, Door]]:
-    """The gateways that run on a directory, or did: a file outlives a killed one."""
+    """The gateways that run on a directory, or did: a file outlives a killed one. Raises OSError."""
     found = []
-    for path in sorted(directory.glob("*.control")):
-        with contextlib.suppress(OSError, msgspec.MsgspecError):
+    for path in sorted(directory / name for name in os.listdir(directory) if name.endswith(".control")):
+        with contextlib.suppress(FileNotFoundError, msgspec.MsgspecError):
             found.append((path, msgspec.json.decode(path.read_bytes(), type=Door)))
     return found
 

@@ -10,6 +10,7 @@ import msgspec
 import pytest
 
 from gateway import control
+from gateway.cli import main
 from gateway.control import Control, Door, ask_to_stop, doors
 from gateway.errors import NoAnswer
 
@@ -65,6 +66,17 @@ def test_without_the_secret_nothing_is_stopped(tmp_path: Path, secret: str) -> N
     assert answer is not None
     assert "does not answer" in answer
     assert stops == []
+
+
+def test_what_cannot_be_looked_into_does_not_pass_for_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / "state"
+    assert main(["stop", "--state", str(place)]) == 0
+    assert "nothing to stop" in capsys.readouterr().out
+    place.write_text("")
+    assert main(["stop", "--state", str(place)]) == 2
+    assert str(place) in capsys.readouterr().err
 
 
 def test_what_a_killed_gateway_has_left_is_taken_away(tmp_path: Path) -> None:

@@ -43,6 +43,7 @@ FLOORS = {
     "pairs": 5,
     "config": 6,
     "simulators": 6,
+    "rescue": 6,
     "assembly": 6,
     "explain": 6,
     "cli": 7,

@@ -383,7 +383,7 @@ def test_what_cannot_be_stopped_is_said_and_a_second_ctrl_c_ends_at_once(
     assert moving.gateway.process.wait(PATIENCE) == 130
     assert time.monotonic() - began < 2
     moving.sim.end(signal.SIGKILL)
-    monkeypatch.setattr("gateway.cli.stop.ACKNOWLEDGED", 0.5)
+    monkeypatch.setattr("gateway.rescue.ACKNOWLEDGED", 0.5)
     code, words = stop()
     assert code == 1
     assert words.startswith(f"{moving.endpoint}: not stopped: ")

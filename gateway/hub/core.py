@@ -18,6 +18,7 @@ from gateway import operations as op
 from gateway.driver import Ask, Driver, Pause, Steps
 from gateway.errors import Fault, NoAnswer, NotAligned, Refused
 from gateway.hub.derived import Derived
+from gateway.hub.ending import end_motion
 from gateway.hub.motions import MOTIONS, Motions
 from gateway.hub.settings import FIRST_ANSWER, SiteAndClock
 from gateway.hub.snapshot import FRESH, MISSING, RENEW, Kind, Snapshot
@@ -29,8 +30,6 @@ from gateway.transcript import Transcript
 
 HEARTBEAT = 5.0
 CLOCK_AGE = 120.0
-#: Seconds for the stop at the end, and for what must follow it; between two commands nobody waits for the answer of.
-SHUTDOWN, SETTLE, BLIND = 4.0, 2.5, 0.2
 ASK_AGAIN = 1.0
 
 
@@ -78,35 +77,12 @@ class Hub:
 
     async def close(self) -> None:
         """End motion, put tracking back, forget what was planned, close the line."""
-        self.motions.stops += 1  # what still waits in a connection is not begun any more
-        if self.motions.busy and self.line.state != "opening":
-            await self._last_stop()
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(SETTLE):
-                await self.motions.settle()
+        await end_motion(self)
         self.motions.close()
         for task in [*self._tasks, *self._sharing.values()]:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
         await self.line.close()
-
-    async def _last_stop(self) -> None:
-        """The stop at the end; without waiting for answers where none come or nobody serves the line any more."""
-        await asyncio.sleep(0)  # a loop that is torn down has cancelled the line as well
-        try:
-            async with asyncio.timeout(SHUTDOWN if self.line.served else 0.0):
-                await self.stop()
-            return
-        except (TimeoutError, Fault):
-            self.transcript.note("mount", "the stop at shutdown was not answered: sent once more")
-        steps: Steps = self.driver.perform(op.Stop())
-        with contextlib.suppress(Exception):  # the last thing tried; it ends with StopIteration when all went well
-            step = next(steps)
-            while True:
-                if isinstance(step, Ask):
-                    self.line.wire.write(self.line.dialogue.encode(step))
-                    await asyncio.sleep(BLIND)
-                step = steps.send({})
 
     def spawn(self, work: Any) -> asyncio.Task[Any]:
         """Run something in the background and hold on to it."""
