@@ -122,6 +122,23 @@ def test_after_a_kill_the_stop_comes_before_identification(
     run(program())
 
 
+def test_a_mount_switched_off_since_the_kill_does_not_begin_to_track(tmp_path: Path) -> None:
+    async def program() -> None:
+        async with Bridge("cge", state=tmp_path) as first:
+            first.client().tell(b":RS#:Mn#")
+            await asyncio.sleep(2)
+            await first.kill()
+            first.sim.aligned = False
+            first.sim.track(0)
+            async with Bridge("cge", state=tmp_path, on=first) as second:
+                assert set(second.sent()[1:4]) == NEXSTAR_STOP
+                await asyncio.sleep(3)
+                assert not [sent for sent in second.sent() if sent[:1] == b"T"]
+                assert not second.sim.tracking
+
+    run(program())
+
+
 async def _moves(bridge: Bridge) -> bool:
     """Whether the tube runs over the sky faster than it would with the drive off."""
     before = bridge.sim.truth()

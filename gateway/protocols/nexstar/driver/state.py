@@ -68,6 +68,7 @@ class NexStar(Driver):
         self.goto: GotoState | None = None
         self.moving: dict[int, float] = {}
         self.remembered: Tracking | None = None
+        self.recalled = False  # that was remembered by an earlier run
         self.restores = 0
         self.steps: dict[int, float] = {}
         self.pulsing: dict[int, tuple[float, int]] = {}
@@ -132,7 +133,7 @@ class NexStar(Driver):
         if moving:
             self.model, self.version = held.model or self.model, held.version or self.version
             if held.tracking is not None and self.knows("T"):
-                self.remembered = held.tracking
+                self.remembered, self.recalled = held.tracking, True
                 self.own_mode = None if held.tracking is Tracking.OFF else held.tracking
 
     def greet(self) -> Steps:
