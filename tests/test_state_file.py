@@ -60,7 +60,7 @@ def test_a_file_is_replaced_whole_and_for_its_user_only(tmp_path: Path) -> None:
     ({"XDG_STATE_HOME": "/x"}, "/x/mount-gateway"),
     ({"HOME": "/home/somebody"}, "/home/somebody/.local/state/mount-gateway"),
 ])
-@pytest.mark.skipif(os.name != "posix", reason="other systems have other places")
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have other places")
 def test_where_it_is_kept(variables: dict[str, str], where: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("STATE_DIRECTORY", "XDG_STATE_HOME"):
         monkeypatch.delenv(name, raising=False)
