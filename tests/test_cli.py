@@ -21,7 +21,9 @@ PATIENCE = 20.0
 
 
 class Running:
-    """A product process whose stdout is read line by line."""
+    """A product process whose stdout is read line by line. ``said`` is its stderr, once it has ended."""
+
+    said = ""
 
     def __init__(self, *arguments: str) -> None:
         self.process = subprocess.Popen(
@@ -41,6 +43,8 @@ class Running:
         if self.process.poll() is None:
             self.process.send_signal(number)
         code = self.process.wait(PATIENCE)
+        if self.process.stderr is not None and not self.process.stderr.closed:
+            self.said = self.process.stderr.read().strip()
         for stream in (self.process.stdout, self.process.stderr):
             assert stream is not None
             stream.close()

@@ -54,8 +54,8 @@ def _live(path: Path, mount: str, presented: str) -> bytes:
         transcript = Transcript(clock)
         gateway = Gateway(config, surfaces, transcript, clock=clock)
         wire = _Mute("sim", make_simulator(gateway.mount, clock=clock, speed=3.0).feed, 0.0731)
-        settings = {"began": clock(), "config": msgspec.to_builtins({"mount": config, "surface": surfaces})}
-        recorder = Recorder(path, loop.time, settings, longest=200_000)
+        settings = {"began": clock(), "config": {"mount": config, "surface": surfaces}, "past": gateway.past}
+        recorder = Recorder(path, loop.time, msgspec.to_builtins(settings), longest=200_000)
         transcript.sinks.append(recorder.put)
         gateway.prepare(lambda dialogue, to: Line(wire, dialogue, to))
         gateway.begin()
