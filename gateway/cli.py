@@ -148,7 +148,10 @@ def _config(arguments: argparse.Namespace) -> Config:
 
 def _degrees_or_off(text: str) -> float | str:
     """``off`` stays a word; what is neither that nor a number is a mistake."""
-    return text if text == "off" else float(text)
+    try:
+        return text if text == "off" else float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: write degrees, or off for solar work") from None
 
 
 def _demo(arguments: argparse.Namespace) -> int:

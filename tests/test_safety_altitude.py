@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -86,7 +87,7 @@ def test_two_looks_a_second_while_it_moves_on_a_slow_line_with_a_busy_program() 
             for _ in range(80):
                 client.tell(b":GR#:GD#:GZ#:GA#:D#:GW#")
                 await asyncio.sleep(0.25)
-            gaps = [after - before for before, after in zip(looks[3:], looks[4:], strict=False)]
+            gaps = [after - before for before, after in pairwise(looks[3:])]
             assert len(gaps) >= 36
             assert sorted(gaps)[len(gaps) * 9 // 10] <= 0.5 + 0.1
             assert sum(gaps) / len(gaps) <= 0.5

@@ -7,6 +7,7 @@ second as far as the mount's line can. With nobody asking there is one heartbeat
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING
 
 from gateway import operations as op
@@ -25,42 +26,54 @@ IDLE = 0.25
 BREATH = 0.05
 
 
+#: Everything else that is renewed while it is wanted.
+OTHERS = tuple(kind for kind in RENEW if kind is not op.Position)
+
+
 class Refresh:
-    """Two tasks: one for the position, one for everything else."""
+    """Two tasks: one for the position, one for everything else, which sleeps until the first one calls it."""
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
         self._took: dict[Kind, float] = {}
+        self._called = asyncio.Event()
 
     def start(self) -> None:
-        hub = self._hub
-        hub.spawn(self._for_ever([op.Position]))
-        hub.spawn(self._for_ever([kind for kind in RENEW if kind is not op.Position]))
+        self._hub.spawn(self._for_ever(self._position))
+        self._hub.spawn(self._for_ever(self._others))
 
-    async def _for_ever(self, kinds: list[Kind]) -> None:
+    async def _for_ever(self, once: Callable[[], Awaitable[float]]) -> None:
+        """Do it again and again, with the pauses it asks for, while the line is up."""
         hub = self._hub
         await hub.identified.wait()
         while True:
             try:
-                await self._keep_fresh(kinds)
+                await asyncio.sleep(0.2 if hub.line.state != "up" else max(0.005, await once()))
             except Exception as error:  # nothing may end this but the end of the gateway
                 hub.transcript.note("mount", f"internal error, please report it: {error!r}")
                 await asyncio.sleep(ASK_AGAIN)
 
-    async def _keep_fresh(self, kinds: list[Kind]) -> None:
-        hub = self._hub
-        while True:
-            if hub.line.state != "up":
-                await asyncio.sleep(0.2)
-                continue
-            now = hub.now()
-            due = [kind for kind in kinds if self._wanted(kind, now) and self._pause(kind, now) <= 0]
-            if due:
-                await asyncio.gather(*(self._renew(kind) for kind in due))
-            if op.Position in kinds:
-                await self._now_and_then(now)
-            now = hub.now()
-            await asyncio.sleep(max(0.005, min(self._pause(kind, now) for kind in kinds)))
+    async def _position(self) -> float:
+        now = self._hub.now()
+        if self._pause(op.Position, now) <= 0:
+            await self._renew(op.Position)
+        await self._now_and_then(now)
+        now = self._hub.now()
+        if not self._called.is_set() and any(self._wanted(kind, now) for kind in OTHERS):
+            self._called.set()
+        return self._pause(op.Position, now)
+
+    async def _others(self) -> float:
+        await self._called.wait()
+        now = self._hub.now()
+        if not any(self._wanted(kind, now) for kind in OTHERS):
+            self._called.clear()
+            return 0.0
+        due = [kind for kind in OTHERS if self._pause(kind, now) <= 0]
+        if due:
+            await asyncio.gather(*(self._renew(kind) for kind in due))
+        now = self._hub.now()
+        return min(self._pause(kind, now) for kind in OTHERS)
 
     async def _now_and_then(self, now: float) -> None:
         """The heartbeat; the mount's clock while somebody is there."""
