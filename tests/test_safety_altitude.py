@@ -229,6 +229,26 @@ def test_a_goto_whose_way_leads_below_the_horizon_is_stopped() -> None:
     run(program())
 
 
+@pytest.mark.parametrize(("driven", "mount"), [("nexstar", "6-8se"), ("lx200", "autostar")])
+def test_a_motion_that_its_user_ends_above_the_limit_costs_nothing(driven: str, mount: str) -> None:
+    async def program() -> None:
+        async with Bridge(mount, driven=driven, config={"lowest": 40.0}, latency=0.1) as bridge:
+            client = bridge.client()
+            for _ in range(12):
+                client.tell(b":GR#:RM#:Ms#")
+                await asyncio.sleep(0.7)
+                client.tell(b":Qs#")
+                await asyncio.sleep(2.5)
+                client.tell(b":GR#:RM#:Mn#")
+                await asyncio.sleep(0.7)
+                client.tell(b":Qn#")
+                await asyncio.sleep(2.5)
+            assert notes(bridge) == []
+            assert bridge.sim.tracking
+
+    run(program())
+
+
 def test_no_raw_motion_slips_past_between_two_nexstars() -> None:
     async def program() -> None:
         async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
