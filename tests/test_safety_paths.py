@@ -56,7 +56,7 @@ def test_both_shapes_begin_and_end_at_the_same_places(start: Pair, turn: Pair) -
         ((90.0, 0.0), (45.0, 25.0), True),
         ((90.0, 0.0), (45.0, 15.0), False),
         ((90.0, 30.0), (30.0, 35.0), False),  # one axis rests: 30 degrees of both first, right under the Sun
-        ((90.0, 60.0), (45.0, 30.0), False),  # both arrive together: through the middle
+        ((90.0, 30.0), (60.0, 5.0), False),  # both arrive together: 15 degrees above it
         ((-90.0, 0.0), (45.0, 15.0), True),
     ],
 )
