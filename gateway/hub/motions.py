@@ -93,6 +93,7 @@ class Motions:
         self.owed = False
         self.axes.clear()
         self._hub.dead_man.stopped()
+        self._hub.guard.ended()
         self._hub.snapshot.put(op.Slewing, False, self._hub.now())
 
     def begin(self, operation: op.Operation, stops: int | None, life: Life | None) -> asyncio.Task[Any]:
@@ -162,6 +163,8 @@ class Motions:
             snapshot.changed(op.Position)  # it must be watched from now on
         elif isinstance(operation, op.Halt):
             self.axes.discard(operation.axis)
+            if not self.axes:
+                self._hub.guard.ended()
         elif isinstance(operation, op.CancelGoto):
             snapshot.put(op.Slewing, False, self._hub.now())
         elif isinstance(operation, op.Sync):

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 HEARTBEAT = 5.0
 CLOCK_AGE = 120.0
 ASK_AGAIN = 1.0
-#: How long it may take until something new is found to be wanted.
-IDLE = 0.25
+#: What nobody wants waits until an answer or a motion wakes it.
+IDLE = 3600.0
 #: The shortest pause between two exchanges of the same kind: others need the line, too.
 BREATH = 0.05
 #: Timers come up to so much too early: event loops count in milliseconds.
@@ -65,9 +65,11 @@ class Refresh:
                 continue
             if self._wanted(kind, hub.now()) and self._pause(kind, hub.now()) <= SOON:
                 await self._renew(kind)
+            pause = self._pause(kind, hub.now())
             if kind is op.Position:
                 await self._now_and_then(hub.now())
-            await self._rest(kind, max(0.005, self._pause(kind, hub.now())))
+                pause = min(self._pause(kind, hub.now()), HEARTBEAT - hub.snapshot.age(kind, hub.now()))
+            await self._rest(kind, max(0.005, pause))
 
     async def _rest(self, kind: Kind, seconds: float) -> None:
         """Wait until it is time, or until something has changed."""
