@@ -67,6 +67,14 @@ class SerialWire:
             raise OSError(errno.ENODEV, "port is closed")
         self._port.write(data)
 
+    def set_baud(self, baud: int) -> None:
+        """Change the rate of the open port, and nothing else. Raises OSError for a rate that it does not have."""
+        try:
+            self._port.baudrate = baud
+        except Exception as error:  # ValueError, SerialException, termios.error: as the system has it
+            raise OSError(errno.EINVAL, f"{baud} baud: {error}") from None
+        self.baud = baud
+
     async def close(self) -> None:
         port, self._port = self._port, None
         if port is not None:

@@ -35,7 +35,7 @@ FLOORS = {
     "clients": 5,
     "ports": 5,
     "guests": 5,
-    "probe": 5,
+    "detect": 6,
     "pairs": 5,
     "config": 6,
     "simulators": 6,

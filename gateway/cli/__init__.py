@@ -10,14 +10,14 @@ import sys
 from typing import NoReturn
 
 from gateway import __version__
-from gateway.cli import demo, explain, run, sim, tables
+from gateway.cli import demo, detect, explain, run, sim, tables
 from gateway.errors import UserError
 
-COMMANDS = (demo, run, sim, tables, explain)
+COMMANDS = (demo, detect, run, sim, tables, explain)
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run a command -> its exit code: 0 done, 2 bad input."""
+    """Run a command -> its exit code: 0 done, 1 nothing found (``detect``), 2 bad input."""
     try:
         arguments = parser().parse_args(argv)
         return int(arguments.run(arguments) or 0)

@@ -89,7 +89,7 @@ async def _find(gateway: Any, done: asyncio.Event) -> None:
     if reason.startswith("cannot open"):
         raise UserError(f"{gateway.mount}: {reason}")
     await hub.line.close()
-    from gateway.probe import who_answers
+    from gateway.detect import who_answers
 
     found = await who_answers(gateway.mount.where, gateway.config.mount.baud)
     if found and found != gateway.mount.protocol:
