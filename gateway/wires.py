@@ -93,8 +93,9 @@ def open_port(url: str, baud: int) -> Any:
     """Open a serial URL for exclusive use. Raises OSError that says what is wrong."""
     import serial
 
+    patience = None if url.startswith("rfc2217:") else 2.0  # pyserial's RFC 2217 client knows none
     try:
-        return serial.serial_for_url(url, baudrate=baud, timeout=0.25, write_timeout=2.0, exclusive=True)
+        return serial.serial_for_url(url, baudrate=baud, timeout=0.25, write_timeout=patience, exclusive=True)
     except serial.SerialException as error:
         number = getattr(error, "errno", None)
         text = str(error)

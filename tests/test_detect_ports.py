@@ -6,8 +6,10 @@ import asyncio
 import errno
 import json
 import os
+import socket
 import subprocess
 import sys
+import threading
 import time
 import tty
 from collections.abc import Callable, Iterator
@@ -16,6 +18,7 @@ from typing import Any
 
 import pytest
 import serial
+from serial.rfc2217 import PortManager
 
 from gateway.cli import main
 from gateway.cli.detect import write_whole
@@ -30,8 +33,9 @@ from gateway.simulators import make_simulator, serve_simulator
 
 GATEWAY = [sys.executable, "-bb", "-m", "gateway"]
 PATIENCE = 20.0
-#: For devices that are known to answer at once, or not at all.
-HURRY = Patience(quiet=0.05, restless=0.2, first=0.1, answer=0.25)
+#: For devices that are known to answer at once, and for those that never do.
+HURRY = Patience(quiet=0.05, restless=0.2, first=0.1, answer=0.4)
+GLANCE = Patience(quiet=0.02, restless=0.1, first=0.03, answer=0.06)
 MOUNTS = ("lx200:lx200", "lx200:autostar", "lx200:lx200gps", "nexstar:nexstar-gps/1.2", "nexstar:6-8se/4.21")
 GPS = b"$GPGLL,4500.00,N,01000.00,E,220000.00,A*04\r\n"
 
@@ -75,7 +79,7 @@ async def _everybody(folder: Path) -> dict[str, Any]:
         jobs[what] = look(at(str(folder / str(index))), **patience)
     silent, echo, gps, vanishing, held = [
         Terminal(), Terminal(lambda data: data), Terminal(), Terminal(), Terminal()]
-    jobs["silent"] = look(at(silent.path), first=HURRY, others=HURRY)
+    jobs["silent"] = look(at(silent.path), first=GLANCE, others=GLANCE)
     jobs["echo"] = look(at(echo.path), first=HURRY)
     jobs["loop"] = look(at("loop://"), first=HURRY)
     jobs["vanishing"] = look(at(vanishing.path))
@@ -236,6 +240,62 @@ def test_an_endpoint_may_be_given_for_a_port() -> None:
     assert named("/dev/serial/by-path/pci-0000:00:1d.0@1").named is None
     with pytest.raises(UserError, match="no model"):
         named("nexstar:cpx@/dev/ttyS0")
+
+
+# --- over the network ---------------------------------------------------------------------------------------------
+
+
+class FarPort:
+    """What an RFC 2217 server needs of its serial port; the server sets whatever it likes, and bytes go to a device."""
+
+    cts = dsr = ri = cd = False
+    baudrate, bytesize, parity, stopbits = 9600, 8, "N", 1
+    rtscts = xonxoff = False
+    dtr = rts = break_condition = False
+
+    def reset_input_buffer(self) -> None: ...
+
+    reset_output_buffer = reset_input_buffer
+
+
+def serve_rfc2217(listener: socket.socket, device: Callable[[bytes], bytes]) -> None:
+    """One client of a serial port elsewhere."""
+    link, _ = listener.accept()
+
+    class Connection:
+        write = staticmethod(link.sendall)
+
+    with link:
+        manager = PortManager(FarPort(), Connection())
+        while data := link.recv(1000):
+            answer = device(b"".join(manager.filter(data)))
+            link.sendall(b"".join(manager.escape(answer)))
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning:serial.*")  # its client names its thread as of old
+def test_a_mount_behind_rfc2217_is_found() -> None:
+    sim = make_simulator(Endpoint("nexstar", "-", "cge", "3.02"), clock=time.time)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        server = threading.Thread(target=serve_rfc2217, args=(listener, sim.feed), daemon=True)
+        listener.settimeout(5.0)
+        server.start()
+        finding = asyncio.run(look(at(f"rfc2217://127.0.0.1:{listener.getsockname()[1]}"), first=HURRY))
+        server.join(5.0)
+    assert finding.mount is not None, finding
+    assert (finding.mount.model, finding.baud) == ("cge", None)
+
+
+def test_a_mount_behind_a_socket_is_found() -> None:
+    async def program() -> Finding:
+        simulator = make_simulator(Endpoint("lx200", "-", "lx200gps"), clock=time.time)
+        [port] = await serve_simulator(simulator, ["tcp://127.0.0.1:0"], 0.0)
+        finding = await look(at(port.where.replace("tcp:", "socket:")), first=HURRY)
+        await port.close()
+        return finding
+
+    finding = asyncio.run(program())
+    assert finding.mount is not None, finding
+    assert (finding.mount.model, finding.baud) == ("lx200gps", None)
 
 
 # --- the simulated UART -------------------------------------------------------------------------------------------
