@@ -198,6 +198,21 @@ def test_a_stranger_that_answers_is_left_alone(answer: bytes, state: str) -> Non
     assert finding.mount is None
 
 
+def test_a_letter_that_begins_a_word_is_no_answer_to_ack() -> None:
+    async def program() -> None:
+        def prompt(data: bytes) -> bytes:
+            if data != b"\x06":
+                return b""
+            asyncio.get_running_loop().call_later(0.15, wire.say, b"assword:")
+            return b"P"
+
+        wire = UartWire(prompt)
+        assert (await look(Place("-", "-"), wire)).state == "stranger"
+        assert wire.sent() == HARMLESS
+
+    run(program())
+
+
 def test_who_answers_unintelligibly_may_do_so_at_another_rate() -> None:
     finding, wire = seen(lambda: lambda data: b"\x15" if data == b"\x06" else b"")
     assert finding.state == "garbled"

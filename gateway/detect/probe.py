@@ -58,7 +58,7 @@ class Patience(Struct, frozen=True):
 AT_9600 = Patience(quiet=1.05, restless=2.5, first=0.6, answer=3.5)
 #: At other rates only a Meade is to be expected, which answers at once. The last question of one rate and the first of
 #: the next are a second apart, too.
-ELSEWHERE = Patience(quiet=0.3, restless=1.5, first=0.45, answer=1.2)
+ELSEWHERE = Patience(quiet=0.3, restless=1.5, first=0.3, answer=1.05)
 
 
 def questions(named: str | None) -> list[bytes]:
