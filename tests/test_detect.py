@@ -11,7 +11,7 @@ import pytest
 
 from gateway.config import Endpoint
 from gateway.detect import Finding, Place, look, named
-from gateway.detect.look import OTHERS
+from gateway.detect.looking import OTHERS
 from gateway.detect.probe import sentence
 from gateway.detect.report import block, command
 from gateway.simulators import make_simulator
@@ -266,7 +266,7 @@ def test_a_classic_that_does_not_know_ack_is_found_when_it_is_named() -> None:
     assert seen(device)[0].state == "silent"
     finding, wire = seen(device, place=named("lx200:lx200@/dev/ttyUSB0"))
     assert finding.mount is not None
-    assert wire.sent()[:2] == [b"\x06", b":GR#"]
+    assert wire.sent()[:3] == [b"Kx", b"\x06", b":GR#"]
     assert command(finding) == (
         "mount-gateway run --mount lx200:lx200@/dev/ttyUSB0 --surface nexstar@tcp://127.0.0.1:4030")
 
@@ -275,6 +275,13 @@ def test_a_hand_control_that_is_named_is_asked_nothing_else() -> None:
     finding, wire = seen(lambda: silent, place=named("nexstar@socket://127.0.0.1:1"))
     assert finding.state == "silent"
     assert wire.sent() == [b"Kx"]
+
+
+def test_a_hand_control_under_the_wrong_name_is_told_nothing_that_it_could_mistake() -> None:
+    finding, wire = seen(lambda: mount("nexstar:cpc").feed, place=named("lx200:autostar@/dev/ttyUSB0"))
+    assert finding.mount is not None
+    assert b":" not in b"".join(wire.sent())
+    assert command(finding) == "mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@tcp://127.0.0.1:4030"
 
 
 # --- trouble ------------------------------------------------------------------------------------------------------
@@ -313,6 +320,16 @@ def test_a_mount_that_says_nothing_more_is_said_to_be_one() -> None:
     finding, _ = seen(lambda: lambda data: data[1:2] + b"#" if data == b"Kx" else b"")
     assert finding.state == "mute"
     assert re.search("speaks nexstar, but did not say who it is", block(finding))
+
+
+def test_a_defect_in_a_driver_costs_one_port(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def broken(*_: object) -> None:
+        raise KeyError("defect")
+
+    monkeypatch.setattr("gateway.detect.looking.identify", broken)
+    finding, _ = seen(lambda: mount("nexstar:cpc").feed)
+    assert finding.state == "mute"
+    assert "please report it: KeyError('defect')" in block(finding)
 
 
 def test_a_rate_that_the_port_does_not_have_is_passed_over() -> None:

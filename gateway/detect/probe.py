@@ -62,8 +62,8 @@ ELSEWHERE = Patience(quiet=0.3, restless=1.5, first=0.3, answer=1.05)
 
 
 def questions(named: str | None) -> list[bytes]:
-    """What an unknown line may be asked, in order; with a protocol that the user named, what that one answers."""
-    return {None: [KX, ACK], "nexstar": [KX], "lx200": [ACK, POSITION]}[named]
+    """What a line may be asked, in order. Who names the LX200 may be wrong: a hand control is asked for first."""
+    return {None: [KX, ACK], "nexstar": [KX], "lx200": [KX, ACK, POSITION]}[named]
 
 
 async def probe(ear: Ear, patience: Patience, named: str | None = None) -> Verdict:

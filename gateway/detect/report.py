@@ -7,7 +7,7 @@ import shlex
 from typing import Any
 
 from gateway.detect.identify import Mount
-from gateway.detect.look import USUAL, Finding
+from gateway.detect.looking import USUAL, Finding
 from gateway.tables import parse_version
 
 SURFACES = {"nexstar": "lx200@tcp://127.0.0.1:4030", "lx200": "nexstar@tcp://127.0.0.1:4030"}
@@ -95,7 +95,7 @@ def endpoint(finding: Finding) -> str:
     """The mount as an endpoint, with the model that the user named; or that of a classic, to save asking for it."""
     mount, place = finding.mount, finding.place
     assert mount is not None
-    if place.named is not None:
+    if place.named is not None and place.named.protocol == mount.protocol:
         return str(place.named)
     model = f":{mount.model}" if mount.version == UNTOLD else ""
     return f"{mount.protocol}{model}@{place.name}"

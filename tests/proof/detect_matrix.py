@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from gateway.config import Endpoint
 from gateway.detect import Place, look
-from gateway.detect.look import OTHERS, USUAL
+from gateway.detect.looking import OTHERS, USUAL
 from gateway.simulators import make_simulator, serve_simulator
 from gateway.tables import load
 

@@ -65,13 +65,18 @@ async def look(place: Place, wire: Tunable | None = None, first: Patience = AT_9
         verdict, baud, rates = await _at_every_rate(ear, place, first, others)
         state, mount, reason = verdict.value, None, ""
         if verdict in (Verdict.NEXSTAR, Verdict.LX200):
-            model, version = (place.named.model, place.named.version) if place.named else (None, None)
+            named = place.named if place.named and place.named.protocol == state else None
+            model, version = (named.model, named.version) if named else (None, None)
             try:
                 mount = await identify(state, ear, model, version)
             except Fault as fault:
                 if ear.lost:
                     raise OSError(ear.lost) from None
                 reason, state = f"speaks {state}, but did not say who it is: {fault}", MUTE
+            except OSError:
+                raise
+            except Exception as error:  # a defect in a driver must cost one port, never the others
+                reason, state = f"speaks {state}; internal error, please report it: {error!r}", MUTE
         return Finding(place, state, baud if place.has_rates else None, reason, mount, rates, now() - began)
     except OSError as error:
         return Finding(place, VANISHED, reason=str(error), seconds=now() - began)
