@@ -13,16 +13,16 @@ from gateway.wires import SerialWire
 class SerialPort:
     """A real serial port, or any pyserial URL, with one client behind it."""
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, baud: int) -> None:
         self.where = url
-        self._wire = SerialWire(url)
+        self._wire = SerialWire(url, baud)
         self._guest: Guest | None = None
         self._reopening: asyncio.Task[None] | None = None
 
     @classmethod
-    async def open(cls, url: str, arrive: Arrive) -> SerialPort:
+    async def open(cls, url: str, arrive: Arrive, baud: int = 9600) -> SerialPort:
         """Raises UserError when the port cannot be opened now; later losses are waited out."""
-        self = cls(url)
+        self = cls(url, baud)
         self._guest = arrive(url, url, self._write)
         try:
             await self._wire.open(self._guest.feed, self._lost)
