@@ -23,6 +23,8 @@ ASK_AGAIN = 1.0
 IDLE = 3600.0
 #: The shortest pause between two exchanges of the same kind: others need the line, too.
 BREATH = 0.05
+#: How much of an exchange goes by, on average, until the line is free for the next.
+WAITING = 0.5
 #: Timers come up to so much too early: event loops count in milliseconds.
 SOON = 0.001
 
@@ -32,9 +34,13 @@ class Refresh:
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
-        self._took: dict[Kind, float] = {}
+        self._exchanges: dict[Kind, int] = {}
         self._news: dict[Kind, asyncio.Event] = {kind: asyncio.Event() for kind in RENEW}
         hub.snapshot.changed = self._changed
+
+    def cost(self, kind: Kind, exchanges: int) -> None:
+        """So many exchanges an answer of this kind has taken; the next one is asked for so much earlier."""
+        self._exchanges[kind] = exchanges
 
     def start(self) -> None:
         for kind in RENEW:
@@ -99,12 +105,11 @@ class Refresh:
         """Seconds until this kind must be asked again, so that its answer comes when the last one grows old."""
         if not self._wanted(kind, now):
             return IDLE
-        ahead = self._took.get(kind, self._hub.line.typical)
+        ahead = (self._exchanges.get(kind, 1) + WAITING) * self._hub.line.typical
         return max(RENEW[kind] - ahead, BREATH) - self._hub.snapshot.age(kind, now)
 
     async def _renew(self, kind: Kind) -> None:
         hub = self._hub
-        began = hub.now()
         try:
             await asyncio.shield(hub.shared(kind()))
         except Fault as fault:
@@ -112,6 +117,3 @@ class Refresh:
                 hub.transcript.note_once("mount", f"{kind.__name__}: {fault}")
             if hub.snapshot.age(kind, hub.now()) > RENEW[kind]:
                 await asyncio.sleep(RENEW[kind])
-            return
-        took = hub.now() - began
-        self._took[kind] = took + 0.8 * (self._took.get(kind, took) - took)
