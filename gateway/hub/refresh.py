@@ -70,7 +70,7 @@ class Refresh:
                 await asyncio.sleep(0.2)
                 continue
             if self._wanted(kind, hub.now()) and self._pause(kind, hub.now()) <= SOON:
-                await self._renew(kind)
+                await self.renew(kind)
             pause = self._pause(kind, hub.now())
             if kind is op.Position:
                 await self._now_and_then(hub.now())
@@ -90,10 +90,10 @@ class Refresh:
         """The heartbeat; the mount's clock while somebody is there."""
         hub = self._hub
         if hub.snapshot.age(op.Position, now) >= HEARTBEAT:
-            await self._renew(op.Position)
+            await self.renew(op.Position)
         clock = hub.observatory.mount_clock
         if clock is not None and now - clock[1] > CLOCK_AGE and self._wanted(op.Position, now):
-            await hub.settings.renew_clock()
+            await self.renew(op.GetClock)
 
     def _wanted(self, kind: Kind, now: float) -> bool:
         """Whether somebody polls this, or the hub itself must watch it."""
@@ -108,8 +108,13 @@ class Refresh:
         ahead = (self._exchanges.get(kind, 1) + WAITING) * self._hub.line.typical
         return max(RENEW[kind] - ahead, BREATH) - self._hub.snapshot.age(kind, now)
 
-    async def _renew(self, kind: Kind) -> None:
+    async def renew(self, kind: Kind) -> None:
+        """Ask the mount again. That it was decided to is recorded: a replay asks when this run did."""
         hub = self._hub
+        hub.transcript.put("hub", "r", note=kind.__name__)
+        if kind is op.GetClock:
+            await hub.settings.renew_clock()
+            return
         try:
             await asyncio.shield(hub.shared(kind()))
         except Fault as fault:
