@@ -241,6 +241,8 @@ class _Clients:
             if event.arrow == "+":
                 then[event.side] = _Then(bytearray(), [])
                 pairs.append((next(talks), then[event.side]))
+            elif event.arrow == "-":
+                then.pop(event.side, None)  # what comes for it later goes nowhere
             elif event.arrow == "<" and event.side in then:
                 then[event.side].times.append((len(then[event.side].told), event.at))
                 then[event.side].told.extend(event.data)
