@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gateway.kinematics import LUNAR_RATE, SOLAR_RATE
+from gateway.motors import LUNAR_RATE, SOLAR_RATE
 from gateway.protocols.nexstar.sim_clock import GPS, RTC, Handler, Values
 from gateway.spherical import SIDEREAL_RATE, wrap180
 from gateway.tables import Version
