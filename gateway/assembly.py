@@ -114,12 +114,12 @@ class Gateway:
         self.hub = hub = Hub(driver, follow_ups, line, self.sky, observatory, self.transcript,
                              Policy(limits, config.site_time, config.equinox))
         shared: dict[str, Any] = {"sites": {}}
-        for endpoint, surface in zip(self.endpoints, self.config.surface, strict=True):
+        for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.config.surface, strict=True), 1):
             face = FACES[endpoint.protocol](endpoint, surface, limits)
             face.surface.verbatim = endpoint.protocol == self.mount.protocol
             if surface.equinox == "j2000":
                 face = replace(face, equinox=J2000(self.sky, observatory.unix))
-            reception = Reception(hub, face, shared, time.time, lambda: None)
+            reception = Reception(hub, face, shared, time.time, lambda: None, number)
             try:
                 port = await open_port(endpoint.where, reception.arrive)
             except UserError:

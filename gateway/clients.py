@@ -67,6 +67,8 @@ class Client:
     def feed(self, data: bytes) -> None:
         """Take bytes as they arrived."""
         hub = self.hub
+        if self.transcript.sinks:
+            self.transcript.put(self.name, "raw", data)
         if self._idle and self._task is None and data in self._memo and self._memo_version == hub.version:
             now = hub.now()
             if now < self._memo_until:

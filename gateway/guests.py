@@ -37,8 +37,10 @@ class Reception:
     """Makes a client for every connection of one port."""
 
     def __init__(self, hub: Hub, face: Face, shared: dict[str, Any], host_clock: Callable[[], float],
-                 changed: Callable[[], None]) -> None:
+                 changed: Callable[[], None], number: int = 1) -> None:
         self.hub, self.face, self.shared, self.clock, self.changed = hub, face, shared, host_clock, changed
+        #: Which of the gateway's surfaces this is, counted from 1.
+        self.number = number
         self._left: dict[str, tuple[float, dict[str, Any]]] = {}
 
     def arrive(self, name: str, host: str, write: Callable[[bytes], Any]) -> Guest:
@@ -50,9 +52,11 @@ class Reception:
             session.kept = dict(kept)
         client = Client(name, self.hub, face.surface, session, face.framing(self.hub.now), write, face.stop_frames,
                         face.equinox, self.hub.transcript)
-        return _Visit(client, lambda: self._leave(host, session))
+        self.hub.transcript.put(name, "+", note=f"surface {self.number}, host {host}")
+        return _Visit(client, lambda: self._leave(name, host, session))
 
-    def _leave(self, host: str, session: Session) -> None:
+    def _leave(self, name: str, host: str, session: Session) -> None:
+        self.hub.transcript.put(name, "-")
         self._left[host] = (self.hub.now(), dict(session.kept))
         for old in [key for key, (at, _) in self._left.items() if self.hub.now() - at > INHERIT_FOR]:
             del self._left[old]

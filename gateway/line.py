@@ -99,6 +99,7 @@ class Line:
                 await asyncio.sleep(BACK_OFF[min(failures, len(BACK_OFF) - 1)])
                 failures += 1
                 continue
+            self.transcript.put("mount", "^")
             failures, self._lost, self._buffer, self.state, self.reason = 0, False, b"", "up", ""
             self.on_up()
             await self._serve()
@@ -236,10 +237,12 @@ class Line:
         self._queue.clear()
 
     def _on_data(self, data: bytes) -> None:
+        self.transcript.put("mount", "raw", data)
         self._buffer = (self._buffer + data)[-4096:]
         self._arrived.set()
 
     def _on_lost(self, reason: str) -> None:
+        self.transcript.put("mount", "v", note=reason)
         self._lost = True
         self._arrived.set()
         self._wake.set()

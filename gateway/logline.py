@@ -9,6 +9,8 @@ from typing import TextIO
 from gateway.tables import load
 from gateway.transcript import Entry
 
+_EVENTS = {"+": "connected", "-": "gone", "^": "port opened", "v": "port lost"}
+
 
 def show(data: bytes) -> str:
     """Bytes with everything unprintable as ``\\xHH``."""
@@ -24,7 +26,7 @@ def meaning(protocol: str, data: bytes) -> str:
 def line(entry: Entry, mount_protocol: str) -> str:
     """One entry as one line, without the line's end."""
     clock = datetime.fromtimestamp(entry.time, UTC).strftime("%H:%M:%S.%f")[:-3]
-    words = entry.note
+    words = entry.note or _EVENTS.get(entry.arrow, "")
     if not words and entry.arrow == ">":
         client = "lx200" if entry.data[:1] in (b":", b"\x06", b"$") else "nexstar"
         words = meaning(mount_protocol if entry.side == "mount" else client, entry.data)
@@ -35,7 +37,8 @@ def printer(mount_protocol: str, stream: TextIO) -> Callable[[Entry], None]:
     """A sink that writes one line per entry."""
 
     def put(entry: Entry) -> None:
-        stream.write(line(entry, mount_protocol) + "\n")
-        stream.flush()
+        if entry.arrow != "raw":
+            stream.write(line(entry, mount_protocol) + "\n")
+            stream.flush()
 
     return put

@@ -10,7 +10,11 @@ from typing import NamedTuple
 
 
 class Entry(NamedTuple):
-    """One thing that happened: ``arrow`` is ``>`` towards the mount, ``<`` from it, ``!`` for a note."""
+    """One thing that happened.
+
+    ``arrow`` is ``>`` for a command towards the mount, ``<`` for a reply, ``raw`` for bytes as they arrived, ``!`` for
+    a note, ``+`` and ``-`` for a connection that comes and goes, ``^`` and ``v`` for the mount's port opened and lost.
+    """
 
     time: float
     side: str

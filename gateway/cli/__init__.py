@@ -1,0 +1,52 @@
+"""The command line. One line per open endpoint on stdout; a mistake is one line on stderr and exit code 2.
+
+Every command is a module here: ``add`` puts it into the parser, and the rest of the file carries it out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import NoReturn
+
+from gateway import __version__
+from gateway.cli import demo, explain, run, sim, tables
+from gateway.errors import UserError
+
+COMMANDS = (demo, run, sim, tables, explain)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run a command -> its exit code: 0 done, 2 bad input."""
+    try:
+        arguments = parser().parse_args(argv)
+        return int(arguments.run(arguments) or 0)
+    except UserError as error:
+        print(f"mount-gateway: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 0
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 0
+
+
+class _Parser(argparse.ArgumentParser):
+    """One line for a mistake, as everywhere."""
+
+    def error(self, message: str) -> NoReturn:
+        raise UserError(f"{message} ({self.prog} --help tells more)")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The whole command line."""
+    whole = _Parser(
+        prog="mount-gateway",
+        description="Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.",
+        epilog="An endpoint is PROTOCOL[:MODEL[/VERSION]]@WHERE, for example nexstar@/dev/ttyUSB0 or lx200@tcp://:4030.",
+    )
+    whole.add_argument("--version", action="version", version=f"mount-gateway {__version__}")
+    commands = whole.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    for command in COMMANDS:
+        command.add(commands)
+    return whole

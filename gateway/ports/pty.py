@@ -1,0 +1,88 @@
+"""A virtual serial port: a raw pseudo-terminal behind a symbolic link that keeps its name."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import tempfile
+import zlib
+
+from gateway.errors import UserError
+from gateway.ports.guest import Arrive
+
+
+class PtyPort:
+    """A virtual serial port: a raw pseudo-terminal behind a symbolic link that keeps its name.
+
+    The slave stays open here, so programs may open and close it at will. A link left over from a crash is replaced; one
+    that another gateway holds, or a file of any other kind, is not.
+    """
+
+    def __init__(self, path: str, arrive: Arrive) -> None:
+        try:
+            import tty
+        except ImportError:
+            raise UserError("pty: there are no pseudo-terminals on this system; use a serial port pair") from None
+        self.path = os.path.abspath(os.path.expanduser(path))
+        self.where = f"pty:{self.path}"
+        self._lock_name, self._lock = _lock_for(self.path)
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self._device = os.ttyname(self._slave)
+        try:
+            _link(self._device, self.path)
+        except OSError as error:
+            self._close_files()
+            raise UserError(f"cannot make {self.path}: {error.strerror}") from None
+        self._guest = arrive(self.path, f"pty:{self.path}", self._write)
+        asyncio.get_running_loop().add_reader(self._master, self._read)
+
+    def _read(self) -> None:
+        try:
+            data = os.read(self._master, 4096)
+        except (BlockingIOError, OSError):
+            return
+        if data:
+            self._guest.feed(data)
+
+    def _write(self, data: bytes) -> None:
+        """Nobody may be reading: what does not fit is lost, as on a wire."""
+        with contextlib.suppress(OSError):
+            os.write(self._master, data)
+
+    def _close_files(self) -> None:
+        with contextlib.suppress(OSError):
+            os.unlink(self._lock_name)
+        for number in (self._master, self._slave, self._lock):
+            with contextlib.suppress(OSError):
+                os.close(number)
+
+    async def close(self) -> None:
+        asyncio.get_running_loop().remove_reader(self._master)
+        self._guest.close()
+        if os.path.islink(self.path) and os.readlink(self.path) == self._device:
+            os.unlink(self.path)
+        self._close_files()
+
+
+def _lock_for(path: str) -> tuple[str, int]:
+    """Hold a lock for a link's name, so that two gateways cannot share it. Raises UserError."""
+    import fcntl
+
+    name = os.path.join(tempfile.gettempdir(), f"mount-gateway-{zlib.crc32(path.encode()):08x}.lock")
+    number = os.open(name, os.O_CREAT | os.O_RDWR, 0o666)
+    try:
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(number)
+        raise UserError(f"cannot make {path}: another gateway holds it") from None
+    return name, number
+
+
+def _link(device: str, path: str) -> None:
+    """Point a symbolic link at the device, in the place of an older link. Raises OSError."""
+    if os.path.islink(path):
+        os.unlink(path)
+    os.symlink(device, path)
