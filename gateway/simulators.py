@@ -54,7 +54,7 @@ def make_simulator(endpoint: Endpoint, *, clock: Callable[[], float], site: tupl
 def simulated_wire(endpoint: Endpoint, config: MountConfig) -> SimulatorWire:
     """A mount ``…@sim`` as the wire of a gateway."""
     simulator = make_simulator(endpoint, clock=time.time, site=config.site or DEFAULT_SITE, speed=config.speed)
-    return SimulatorWire(f"sim {endpoint.protocol}", simulator.feed, config.latency)
+    return SimulatorWire(f"sim {endpoint.protocol}", simulator.connection, config.latency)
 
 
 class _Caller:

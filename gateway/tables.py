@@ -79,17 +79,21 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Way(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One way of carrying out an operation: the commands it sends, or a Python special and those it uses."""
+    """One way of carrying out an operation: the commands it sends, or a Python special, what it needs and what it uses.
+
+    A way whose ``send`` or ``needs`` the mount lacks is passed over; the others it uses where there are some.
+    """
 
     send: list[str] = []
     call: str | None = None
+    needs: list[str] = []
     uses: list[str] = []
     outcome: str = "translated"
     why: str | None = None
 
     @property
     def commands(self) -> list[str]:
-        return self.send + self.uses
+        return self.send + self.needs + self.uses
 
 
 class Command:

@@ -105,12 +105,21 @@ def open_port(url: str, baud: int) -> Any:
         raise OSError(errno.EINVAL, f"{error}; socket://HOST:PORT, rfc2217://HOST:PORT or a device will do") from None
 
 
+#: (how to send what comes after some seconds) -> (bytes in -> the bytes that are answered at once).
+Connection = Callable[[Callable[[float, bytes], None]], Callable[[bytes], bytes]]
+
+
 class SimulatorWire:
     """A simulated mount in this process; ``latency`` is the time it takes to answer, in seconds."""
 
-    def __init__(self, name: str, feed: Callable[[bytes], bytes], latency: float = 0.0) -> None:
-        self.name, self._feed, self._latency = name, feed, latency
+    def __init__(self, name: str, connection: Connection, latency: float = 0.0) -> None:
+        self.name, self._latency = name, latency
         self._on_data: OnData | None = None
+        self._feed = connection(self._later)
+
+    def _later(self, seconds: float, answer: bytes) -> None:
+        """Some answers come after a while."""
+        asyncio.get_running_loop().call_later(self._latency + seconds, self._deliver, answer)
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
         self._on_data = on_data

@@ -39,7 +39,7 @@ class Bridge:
         self.transcript.sinks.append(self.entries.append)
         driver, follow_ups, dialogue = DRIVERS[driven](Endpoint(driven, "sim"), self.settings, loop.time)
         self.driver: Any = driver
-        line = Line(SimulatorWire("sim", self.sim.feed, latency), dialogue, self.transcript)
+        line = Line(SimulatorWire("sim", self.sim.connection, latency), dialogue, self.transcript)
         given = self.settings.site
         self.observatory = Observatory(loop.time, self.clock, op.Place(*given) if given else None)
         limits = Limits(self.settings.lowest, self.settings.highest, self.settings.sync_limit)

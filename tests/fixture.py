@@ -13,7 +13,7 @@ from gateway import operations as op
 from gateway.assembly import FACES
 from gateway.clients import PAIR
 from gateway.config import Endpoint, SurfaceConfig
-from gateway.errors import Fault
+from gateway.errors import Fault, Unsupported
 from gateway.guests import Face
 from gateway.safety import Limits, check_altitude, check_sync
 from gateway.sky import Sky
@@ -56,6 +56,8 @@ class Mount:
             op.GetStatus: self.status, op.GetSite: self.site, op.GetClock: self.clock, op.HomeState: 0,
             op.AxisPosition: self.axes, op.PierSide: self.pier,
         }
+        if isinstance(operation, op.GetGps):
+            raise Unsupported
         if isinstance(operation, op.SiderealTime):
             return self.sky.sidereal_time(self.clock.unix, self.site.longitude)
         if isinstance(operation, op.Goto):

@@ -149,7 +149,7 @@ class Hub:
         if kind is op.Slewing and self.motions.goto_waits:
             return True
         now = self.snapshot.asked[kind] = self.now()
-        return self.snapshot.fresh(kind, now, 2.5 * self.line.typical, self.line.state == "down")
+        return self.snapshot.fresh(kind, now, 2.5 * self.line.typical, self.line.state != "up")
 
     @property
     def version(self) -> int:

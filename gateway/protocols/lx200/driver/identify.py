@@ -12,6 +12,7 @@ PROBE = 1.5
 
 def identity(mount: Meade, _: Operation) -> Steps:
     """ACK, :GVP, :GVN, :GW, :GR -> Identity."""
+    mount.power_on()
     letter = yield from _probe("ACK")
     if letter is not None:
         _learn_letter(mount, letter["mode"])
