@@ -91,6 +91,7 @@ class MountConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, renam
     sync_limit: float = 15.0
     guide_rate: float = 0.5
     park: tuple[float, float] | None = None
+    aux_home: bool = False
     latency: float = 0.0
     speed: float = 1.0
 

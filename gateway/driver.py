@@ -62,6 +62,8 @@ class Driver:
     loses_alignment = False
     #: Whether the mount has a GPS receiver of its own.
     gps = False
+    #: Whether a sync is kept here that the mount's own axes know nothing of.
+    displaced = False
     #: What the mount's coordinates mean, where that is known by its version: ``jnow`` or ``j2000``.
     equinox = "jnow"
     protocol: Protocol

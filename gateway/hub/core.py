@@ -233,7 +233,10 @@ class Hub:
         await self.identified.wait()
         gotos = self.motions.gotos
         if isinstance(operation, op.AxisPosition) and not self.driver.way(op.AxisPosition):
-            value: Any = self.derived.axes(await self.read(op.Position()))
+            if (await self.read(op.GetStatus())).equatorial:
+                value: Any = self.derived.axes(await self.read(op.Position()))
+            else:  # the axes of a fork are azimuth and altitude
+                value = await self.read(op.HorizontalPosition())
         else:
             rank = POSITION if isinstance(operation, op.Position) else READ
             value = await self.drive(self.driver.perform(operation), rank)

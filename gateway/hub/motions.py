@@ -140,7 +140,7 @@ class Motions:
         if isinstance(operation, op.GotoHorizontal):
             check_altitude(hub.policy.limits.narrowed(operation.lowest, operation.highest), operation.alt)
             fork = not (await hub.read(op.GetStatus())).equatorial
-            if fork and hub.driver.way(op.GotoAxes):
+            if fork and hub.driver.way(op.GotoAxes) and not hub.driver.displaced:
                 return op.GotoAxes(operation.az, operation.alt)
             operation = hub.derived.equatorial(operation)
         if isinstance(operation, op.GotoAxes) and not hub.driver.way(op.AxisPosition):

@@ -108,11 +108,6 @@ def gps(sim: Meade, name: str, _: Values) -> bytes:
     return rmc(*sim.site, sim.now).encode() + b"#"
 
 
-def temperature(sim: Meade, name: str, _: Values) -> bytes:
-    """:fT"""
-    return form(sim, name, value=12.5)
-
-
 def help_text(sim: Meade, name: str, _: Values) -> bytes:
     """:?? :?+ :?-"""
     step = {"??": -len(_HELP), "?+": 1, "?-": -1}[name]
@@ -124,11 +119,10 @@ def nothing(sim: Meade, name: str, values: Values) -> None:
     """Understood, without a reply or an effect that could be seen."""
 
 
-_SILENT = ("B+", "B-", "B", "BD", "f+", "f-", "F+", "F-", "FQ", "FF", "FS", "F", "g+", "g-", "r+", "r-", "$BA", "$BZ",
-           "$Q", "$QA+", "$QA-", "$QZ+", "$QZ-", "ED", "EK", "ES", "EQ", "GH", "SH")
+_SILENT = ("ED", "EK", "ES", "EQ", "GH", "SH")
 HANDLERS: dict[str, Any] = {
     "GR": equatorial, "GD": equatorial, "GZ": horizon, "GA": horizon, "Gr": target, "Gd": target, "D": bars,
     "ACK": letter, "GW": status, "GVP": text, "GVN": text, "GVD": text, "GVT": text, "GVF": text, "GT": hertz,
-    "G0": menu, "G1": menu, "G2": menu, "h?": home, "gps": gps, "fT": temperature, "??": help_text, "?+": help_text,
+    "G0": menu, "G1": menu, "G2": menu, "h?": home, "gps": gps, "??": help_text, "?+": help_text,
     "?-": help_text, **dict.fromkeys(_SILENT, nothing),
 }  # fmt: skip

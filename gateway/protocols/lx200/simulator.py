@@ -17,7 +17,7 @@ from typing import Any
 from gateway.errors import UserError
 from gateway.kinematics import Mechanics
 from gateway.mount_geometry import Build, Pair, Sky
-from gateway.protocols.lx200 import sim_answers, sim_library, sim_motion, sim_settings, sim_tracking
+from gateway.protocols.lx200 import sim_answers, sim_library, sim_motion, sim_parts, sim_settings, sim_tracking
 from gateway.protocols.lx200.framing import Framer
 from gateway.protocols.lx200.sim_line import ClassicFramer
 from gateway.spherical import SIDEREAL_RATE, fold_declination, wrap180
@@ -38,8 +38,8 @@ BEYOND = {
 #: A classic has no name to tell.
 NAMELESS = {"GVP", "GVN", "GVD", "GVT", "GVF"}
 HANDLERS: dict[str, Handler] = {
-    **sim_answers.HANDLERS, **sim_library.HANDLERS, **sim_motion.HANDLERS, **sim_settings.HANDLERS,
-    **sim_tracking.HANDLERS,
+    **sim_answers.HANDLERS, **sim_library.HANDLERS, **sim_motion.HANDLERS, **sim_parts.HANDLERS,
+    **sim_settings.HANDLERS, **sim_tracking.HANDLERS,
 }  # fmt: skip
 STARTS_HIGH = {"lx200gps"}
 SITES = 4
@@ -83,6 +83,7 @@ class Meade:
     def power_on(self) -> None:
         """Formats, rates and target as they are after switching on; site, clock and names are remembered."""
         self.high: bool = self.model in STARTS_HIGH
+        self.parts: dict[str, Any] = {}
         self.kept: dict[str, Any] = {"rate": "RC", "lowest": 0.0, "highest": 90.0}
         self.mechanics.fastest = float(self.row["max_rate"])
         self.mechanics.keep_up_with(self.now, SIDEREAL_RATE)

@@ -23,7 +23,7 @@ _FAST_FOCUS = 3
 def set_tracking(mount: Meade, operation: SetTracking) -> Steps:
     """:AL and back, only on models that report :GW - elsewhere these letters destroy the alignment."""
     wanted = own_mode(mount) if operation.on else Tracking.OFF
-    if wanted is mount.tracking:
+    if wanted is mount.tracking and not (operation.on and mount.parked):
         return
     if not mount.tells_status:
         raise Unsupported("The mount keeps tracking: switching it off would destroy its alignment.")

@@ -80,7 +80,7 @@ def read_status(mount: Meade) -> Steps:
         if answer is None:
             return None
         _learn_letter(mount, answer["mode"])
-        mount.aligned, tracks = True, answer["mode"] != "L"
+        mount.aligned, tracks = True, answer["mode"] != "L" and not mount.parked
     mount.tracking = own_mode(mount) if tracks else Tracking.OFF
     return None
 

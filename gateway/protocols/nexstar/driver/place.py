@@ -73,7 +73,7 @@ def get_clock(mount: NexStar, _: GetClock) -> Steps:
 
 def gps(mount: NexStar, _: GetGps) -> Steps:
     """GPS unit 176 -> Gps. Raises NoDevice."""
-    if not mount.has("gps"):
+    if not mount.has("gps") or not mount.knows("gps_linked"):
         raise NoDevice("This mount has no GPS unit.")
     if not (yield Ask("gps_linked"))["linked"]:
         return Gps(linked=False)

@@ -19,6 +19,7 @@ class Settings(Struct, frozen=True):
     mode: str | None = None
     guide_rate: float = 0.5
     park: tuple[float, float] | None = None
+    aux_home: bool = False  # home is where the motors' own switches are
 
 
 class GotoState(Struct):
@@ -27,6 +28,7 @@ class GotoState(Struct):
     since: float
     seen: bool = False
     then: str | None = None
+    seeks: bool = False  # the motors look for their switches: only they know when it is over
 
 
 class NexStar(Driver):
@@ -80,6 +82,11 @@ class NexStar(Driver):
     def loses_alignment(self) -> bool:  # type: ignore[override]
         """A StarSense that is told site or time forgets its alignment."""
         return self.starsense
+
+    @property
+    def displaced(self) -> bool:  # type: ignore[override]
+        """A hand control without sync: it is carried out here."""
+        return self.offset != (0.0, 0.0)
 
     @property
     def equinox(self) -> str:  # type: ignore[override]
