@@ -15,7 +15,8 @@ from typing import Any, NamedTuple, Protocol
 from gateway.errors import Fault
 from gateway.hub import FRESH, MISSING, Hub
 from gateway.operations import Operation, Stop
-from gateway.surface import Again, Defer, Handling, Session, Start, Surface
+from gateway.ports.baud import Trial
+from gateway.surface import Again, Defer, Handling, Session, Speed, Start, Surface
 from gateway.transcript import Transcript
 
 #: Commands that may wait for their turn in one connection; more than that and the oldest are dropped.
@@ -63,6 +64,9 @@ class Client:
         self._memo_until = 0.0
         self._spent: list[type[Operation]] = []
         self._plain = True
+        #: Where the connection is a serial port: its baud rate, and the one to go on with after this answer.
+        self.rate: Trial | None = None
+        self._next_rate: int | None = None
 
     def feed(self, data: bytes) -> None:
         """Take bytes as they arrived."""
@@ -83,6 +87,8 @@ class Client:
         frames = self.framing(data)
         self._idle = bool(frames) and data.endswith(frames[-1])  # else half a command may be waiting for its rest
         for frame in frames:
+            if self.rate is not None and self.surface.protocol.find(frame) is not None:
+                self.rate.understood()
             stopping = frame in self.stop_frames
             if stopping:
                 hub.begin_stop()
@@ -122,6 +128,8 @@ class Client:
             elif isinstance(wanted, Defer):
                 self._plain = False
                 self._defer(wanted)
+            elif isinstance(wanted, Speed):
+                self._plain, self._next_rate = False, wanted.baud
             else:
                 if isinstance(wanted, Again):
                     wanted = wanted.operation
@@ -194,6 +202,10 @@ class Client:
         if reply:
             self.transcript.put(self.name, "<", reply)
             self.write(reply)
+        if self._next_rate is not None:
+            if self.rate is not None:
+                self.rate.begin(self._next_rate)
+            self._next_rate = None
 
     def _remember(self, frame: bytes, reply: bytes) -> None:
         """The same question gets the same reply until an answer it was made of is renewed or grows old."""
@@ -239,3 +251,5 @@ class Client:
     def close(self) -> None:
         """The connection is gone: what it asked for is still done, the replies go nowhere."""
         self.write = lambda data: None
+        if self.rate is not None:
+            self.rate.end()

@@ -15,6 +15,7 @@ from msgspec import Struct
 from gateway.clients import Client, Equinox, Framing
 from gateway.hub import Hub
 from gateway.ports import Guest
+from gateway.ports.baud import Trial
 from gateway.surface import Session, Surface
 
 INHERIT_FOR = 60.0
@@ -68,6 +69,9 @@ class _Visit:
     def __init__(self, client: Client, left: Callable[[], None]) -> None:
         self.feed = client.feed
         self._client, self._left = client, left
+
+    def serial(self, change_rate: Callable[[int], int]) -> None:
+        self._client.rate = Trial(change_rate)
 
     def close(self) -> None:
         self._client.close()

@@ -75,6 +75,9 @@ class _Caller:
         elif answer:
             self._write(answer)
 
+    def serial(self, change_rate: Callable[[int], int]) -> None:
+        """A simulated mount stays at the rate it was opened with."""
+
     def close(self) -> None:
         self._write = lambda data: None
 

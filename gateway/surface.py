@@ -37,7 +37,13 @@ class Defer(NamedTuple):
     special: str
 
 
-Want = Operation | Start | Again | Defer
+class Speed(NamedTuple):
+    """Go on at another baud rate once this command was answered, where there is a serial port."""
+
+    baud: int
+
+
+Want = Operation | Start | Again | Defer | Speed
 Handling = Generator[Want, Any, Any]
 Special = Callable[["Session", Command, dict[str, Any]], Any]
 

@@ -7,10 +7,14 @@ hands bytes to the loop: every URL that ``serial.serial_for_url`` opens works. A
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
 import threading
 from collections.abc import Callable
 from typing import Any, Protocol
+
+#: What hand controls and telescopes speak at power-on.
+BAUD = 9600
 
 OnData = Callable[[bytes], None]
 OnLost = Callable[[str], None]
@@ -33,7 +37,7 @@ class Wire(Protocol):
 class SerialWire:
     """Any pyserial URL: a device name, ``socket://``, ``rfc2217://``, ``hwgrep://``, ``spy://`` …"""
 
-    def __init__(self, url: str, baud: int = 9600) -> None:
+    def __init__(self, url: str, baud: int = BAUD) -> None:
         self.name, self.baud = url, baud
         self._port: Any = None
         self._thread: threading.Thread | None = None
@@ -67,6 +71,13 @@ class SerialWire:
             raise OSError(errno.ENODEV, "port is closed")
         self._port.write(data)
 
+    async def change_rate(self) -> None:
+        """Go on at ``baud`` when what was written has left; a port that cannot keeps its rate."""
+        port = self._port
+        if port is not None:
+            with contextlib.suppress(OSError, ValueError):
+                await asyncio.get_running_loop().run_in_executor(None, _set_rate, port, self.baud)
+
     async def close(self) -> None:
         port, self._port = self._port, None
         if port is not None:
@@ -79,6 +90,11 @@ class SerialWire:
         if self._thread is not None:
             self._thread.join(1.0)
         port.close()
+
+
+def _set_rate(port: Any, baud: int) -> None:
+    port.flush()
+    port.baudrate = baud
 
 
 def open_port(url: str, baud: int) -> Any:

@@ -69,7 +69,7 @@ async def horizon(b: Bridge) -> bool:
 
 async def axis_position(b: Bridge) -> bool:
     seen = await b.hub.perform(op.AxisPosition())
-    return -90 <= seen.alt <= 180 or 270 <= seen.alt
+    return seen.alt <= 180 or seen.alt >= 270
 
 
 async def slewing(b: Bridge) -> bool:
@@ -350,8 +350,8 @@ CHECKS: dict[type[op.Operation], Check] = {
 
 async def outcomes(driven: str, model: str, version: str | None = None, **settings: Any) -> dict[str, str]:
     """Operation name -> ``does``, ``nothing``, or the name of the fault."""
-    bridge = Bridge(model, version, driven=driven, latency=0.005, config={"site_time": "always", "lowest": -90.0, "site": (45.0, 10.0)},
-                    speed=6.0, **settings)
+    config = {"site_time": "always", "lowest": -90.0, "site": (45.0, 10.0)}
+    bridge = Bridge(model, version, driven=driven, latency=0.005, config=config, speed=6.0, **settings)
     if hasattr(bridge.sim, "focuser"):
         bridge.sim.focuser = FocuserMotor()
     found = {}

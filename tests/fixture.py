@@ -17,7 +17,7 @@ from gateway.errors import Fault, Unsupported
 from gateway.guests import Face
 from gateway.safety import Limits, check_altitude, check_sync
 from gateway.sky import Sky
-from gateway.surface import Again, Defer, Session, Start
+from gateway.surface import Again, Defer, Session, Speed, Start
 
 
 def unix(text: str) -> float:
@@ -124,6 +124,8 @@ class Talk:
             while True:
                 wanted = steps.send(answer) if fault is None else steps.throw(fault)
                 answer, fault = None, None
+                if isinstance(wanted, Speed):
+                    continue
                 if isinstance(wanted, Defer):
                     self.deferred = [item for item in self.deferred if item[1:] != (session, wanted.special)]
                     self.deferred.append((self.now + wanted.seconds, session, wanted.special))
