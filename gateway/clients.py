@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
 from gateway.errors import Fault
 from gateway.hub import FRESH, MISSING, Hub
-from gateway.operations import Operation, Stop
+from gateway.operations import Halt, Operation, Stop
 from gateway.ports.baud import Trial
 from gateway.surface import Again, Defer, Handling, Session, Speed, Start, Surface
 from gateway.transcript import Transcript
@@ -64,6 +64,7 @@ class Client:
         self._memo_until = 0.0
         self._spent: list[type[Operation]] = []
         self._plain = True
+        self.halts: Mapping[bytes, tuple[Operation, frozenset[bytes]]] = {}
         #: Where the connection is a serial port: its baud rate, and the one to go on with after this answer.
         self.rate: Trial | None = None
         self._next_rate: int | None = None
@@ -92,6 +93,9 @@ class Client:
             stopping = frame in self.stop_frames
             if stopping:
                 hub.begin_stop()
+            elif frame in self.halts:
+                self._halt(frame)
+                stopping = True
             self._inbox.append((frame, hub.stops, stopping))
         if self._task is None:
             self._pump()
@@ -123,7 +127,7 @@ class Client:
             answer, fault = None, None
             if isinstance(wanted, Start):
                 self._plain = False
-                if not (stopping and isinstance(wanted.operation, Stop)):
+                if not (stopping and isinstance(wanted.operation, Stop | Halt)):
                     self._begin(wanted.operation, stops)
             elif isinstance(wanted, Defer):
                 self._plain = False
@@ -214,6 +218,13 @@ class Client:
             self._memo_version, self._memo_until = self.hub.version, float("inf")
         self._memo[frame] = reply, self._spent
         self._memo_until = min(self._memo_until, self.hub.fresh_until(self._spent))
+
+    def _halt(self, frame: bytes) -> None:
+        """End the motion of an axis before everything that waits here, and take back what would begin it."""
+        operation, beginnings = self.halts[frame]
+        for waiting in [item for item in self._inbox if item[0] in beginnings]:
+            self._inbox.remove(waiting)
+        self._begin(operation, self.hub.stops)
 
     def _begin(self, operation: Operation, stops: int) -> None:
         """An operation nobody is told the outcome of: a failure goes to the transcript."""

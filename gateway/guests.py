@@ -7,13 +7,14 @@ programs connected at the same time do not disturb each other.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from msgspec import Struct
 
 from gateway.clients import Client, Equinox, Framing
 from gateway.hub import Hub
+from gateway.operations import Operation
 from gateway.ports import Guest
 from gateway.ports.baud import Trial
 from gateway.surface import Session, Surface
@@ -30,6 +31,8 @@ class Face(Struct, frozen=True):
     model: dict[str, Any]
     settings: dict[str, Any]
     equinox: Equinox | None = None
+    #: Commands that halt one axis -> the operation, and the commands that would set this axis moving.
+    halts: Mapping[bytes, tuple[Operation, frozenset[bytes]]] = {}
     #: Whether the mount is equatorial -> the model to present; None where the user has named one.
     fit: Callable[[bool], dict[str, Any]] | None = None
 
@@ -53,6 +56,7 @@ class Reception:
             session.kept = dict(kept)
         client = Client(name, self.hub, face.surface, session, face.framing(self.hub.now), write, face.stop_frames,
                         face.equinox, self.hub.transcript)
+        client.halts = face.halts
         self.hub.transcript.put(name, "+", note=f"surface {self.number}, host {host}")
         return _Visit(client, lambda: self._leave(name, host, session))
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from gateway import operations
-from gateway.errors import Fault, Invalid, NoTarget
+from gateway.errors import Fault, Invalid, NoTarget, Unsupported
 from gateway.operations import Operation, Verbatim
 from gateway.tables import Command, Protocol, SurfaceRow
 
@@ -87,7 +87,8 @@ class Surface:
             return self.unanswered(frame)
         command, picture = found
         row = self.protocol.surface.get(command.name)
-        passed = self.verbatim and command.name not in self.never and (row is None or row.outcome == "refused")
+        passed = self.verbatim and command.name not in self.never and (
+            row is None or row.passes or row.outcome == "refused")
         if row is None and not passed:
             return self.unanswered(frame)
         try:
@@ -99,12 +100,21 @@ class Surface:
                 else:
                     raise Invalid(str(error)) from None
             if row is None or passed:
-                answer = yield Verbatim(command.name, tuple(values.items()))
+                answer = yield from self._pass_on(session, command, row, values)
             else:
                 answer = yield from self._act(session, command, row, values)
             return self.reply(session, command, answer)
         except Fault as fault:
             return self.refusal(command, fault) or self.unanswered(frame)
+
+    def _pass_on(self, session: Session, command: Command, row: SurfaceRow | None, values: dict[str, Any]) -> Handling:
+        """To a mount of the same protocol; one that lacks it leaves it to this surface."""
+        try:
+            return (yield Verbatim(command.name, tuple(values.items())))
+        except Unsupported:
+            if row is None or not row.passes:
+                raise
+        return (yield from self._act(session, command, row, values))
 
     def _act(self, session: Session, command: Command, row: SurfaceRow, values: dict[str, Any]) -> Handling:
         """Carry out a row's verb -> the reply's values."""

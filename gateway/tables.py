@@ -56,7 +56,10 @@ class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a surface does with a command: exactly one of the five verbs, and what a reader should know."""
+    """What a surface does with a command: exactly one of the five verbs, and what a reader should know.
+
+    One that ``passes`` means nothing here, but something to a mount of the same protocol that has it.
+    """
 
     ask: str | None = None
     keep: list[str] | None = None
@@ -66,6 +69,7 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     asks: list[str] = []
     outcome: str | None = None
     without: str | None = None
+    passes: bool = False
     why: str | None = None
 
     @property

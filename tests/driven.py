@@ -324,13 +324,15 @@ async def periodic_error(b: Bridge) -> bool:
 
 
 async def focus(b: Bridge) -> bool:
-    before = b.sim.focuser.position(b.sim.now) if hasattr(b.sim, "focuser") else 0
+    before = b.sim.focuser.position(b.sim.clock()) if hasattr(b.sim, "focuser") else 0
     await b.hub.perform(op.Focus(1, 4))
     await asyncio.sleep(2.0)
     inward = b.sim.parts.get("focuser") if hasattr(b.sim, "parts") else b.sim.focuser.moving(b.sim.clock())
     await b.hub.perform(op.Focus(0))
     if hasattr(b.sim, "parts"):
         return inward == 1 and b.sim.parts["focuser"] == 0 and b.sim.parts["focus speed"] == 4
+    if b.sim.focuser.position(b.sim.clock()) > before:
+        return False  # it counts outwards
     return inward and not b.sim.focuser.moving(b.sim.clock()) and b.sim.focuser.position(b.sim.clock()) != before
 
 

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import contextlib
 
-from gateway.driver import Later, Steps
-from gateway.errors import Busy, NoAnswer, Unsupported
+from gateway.driver import Later, Pause, Steps
+from gateway.errors import Busy, Fault, NoAnswer, Unsupported
 from gateway.operations import Home, HomeState, Operation, Park, SetHome, SetTracking, Sleep, Tracking, Unpark, Wake
 from gateway.protocols.lx200.driver.drive import set_tracking
 from gateway.protocols.lx200.driver.identify import read_status
 from gateway.protocols.lx200.driver.pointing import begin, clear_the_way, still_seeking
 from gateway.protocols.lx200.driver.state import Meade, ask
 
-SEEK_EVERY = 2.0
+SETTLE, SEEK_EVERY = 0.5, 2.0
 
 
 class SeekOn(Operation, frozen=True):
@@ -41,7 +41,13 @@ def set_home(mount: Meade, _: SetHome) -> Steps:
 
 def _seek(mount: Meade, command: str) -> Steps:
     yield from clear_the_way(mount)
-    yield from ask(mount, command)
+    mount.seeking = True  # from here on nothing is asked; what waits for the line already is answered first
+    yield Pause(SETTLE)
+    try:
+        yield from ask(mount, command)
+    except Fault:
+        mount.seeking = False
+        raise
     mount.seeking = True
     yield Later(SEEK_EVERY, SeekOn())
 

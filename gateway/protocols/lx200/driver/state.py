@@ -17,7 +17,7 @@ BUSY_RETRIES, BUSY_WAIT = 6, 0.4
 #: What takes a telescope long, in seconds at most: a classic calculates its planets, an LX200GPS finds its satellites.
 LONG = {"SC": 14.0, "gT": 600.0}
 #: All that is understood while it seeks its home; a Meade that is asked anything else says NAK, or nothing.
-WHILE_SEEKING = frozenset({"Q", "h?"})
+WHILE_SEEKING = frozenset({"hS", "hF", "Q", "h?"})
 
 
 class GotoState(Struct):

@@ -62,6 +62,7 @@ class NexStar(Driver):
         self.remembered: Tracking | None = None
         self.restores = 0
         self.steps: dict[int, float] = {}
+        self.guide_rates = {1: settings.guide_rate, 2: settings.guide_rate}  # of pulses, until they are set
         self.pulsing: dict[int, tuple[float, int]] = {}
         # position
         self.last: Equatorial | None = None

@@ -185,7 +185,8 @@ def guide_rate(mount: NexStar, operation: GuideRate) -> Steps:
 
 
 def set_guide_rate(mount: NexStar, operation: SetGuideRate) -> Steps:
-    """AUX 0x46."""
+    """AUX 0x46; pulses, which carry their rate, go by it too."""
+    mount.guide_rates[operation.axis] = max(0.01, min(1.0, operation.rate))
     value = max(0, min(255, round(operation.rate * 256)))
     try:
         yield Ask("set_guide_rate", {"device": 15 + operation.axis, "rate": value})
