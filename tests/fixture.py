@@ -56,7 +56,7 @@ class Mount:
             op.GetStatus: self.status, op.GetSite: self.site, op.GetClock: self.clock, op.HomeState: 0,
             op.AxisPosition: self.axes, op.PierSide: self.pier,
         }
-        if isinstance(operation, op.GetGps):
+        if isinstance(operation, op.GetGps | op.GuideRate):
             raise Unsupported
         if isinstance(operation, op.SiderealTime):
             return self.sky.sidereal_time(self.clock.unix, self.site.longitude)
