@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from msgspec.structs import replace
 
 from gateway import operations as op
-from gateway.config import Config, Endpoint, MountConfig, SurfaceConfig, parse_endpoint
+from gateway.config import Endpoint, MountConfig, SurfaceConfig, parse_endpoint
+from gateway.config.programs import as_settings, programs, recognisable, settled, wanted_by
 from gateway.driver import Driver
 from gateway.equinox import J2000
 from gateway.errors import Fault, UserError
-from gateway.guests import Face, Reception
+from gateway.guests import Face, Manner, Reception
 from gateway.hub import Hub, Policy
 from gateway.line import Dialogue, Line
 from gateway.observatory import Observatory
@@ -50,7 +51,7 @@ def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Fa
 
     protocol = load("lx200")
     name = endpoint.model or "autostar"
-    settings = {"precision": config.precision, "limits": limits, "sync_text": config.sync_text}
+    settings = {"precision": config.precision or "high", "limits": limits, "sync_text": config.sync_text}
     model = {**protocol.models[name], "name": name}
     halts = {b":Q%c#" % letter: (op.Halt(axis), frozenset(b":M%c#" % other for other in letters))
              for axis, letters in ((1, b"ew"), (2, b"ns")) for letter in letters}
@@ -68,13 +69,13 @@ def _meade_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], flo
 
 def _nexstar_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Face:
     from gateway.protocols.nexstar.surface import FORK, GERMAN, SPECIALS, framing, presented
-    from gateway.protocols.nexstar.surface.devices import NEVER_PASSED, no_response
+    from gateway.protocols.nexstar.surface.devices import no_response, passes
     from gateway.surface import Surface
 
     model = presented(endpoint.model, endpoint.version)
     fit = None if endpoint.model else lambda equatorial: presented(GERMAN if equatorial else FORK, endpoint.version)
     surface = Surface(load("nexstar"), SPECIALS, no_response)
-    surface.never = NEVER_PASSED
+    surface.passes = passes
     return Face(surface, framing(model), frozenset(), model, {"precision": "high"}, fit=fit)
 
 
@@ -88,20 +89,38 @@ FACES: dict[str, Callable[[Endpoint, SurfaceConfig, Limits], Face]] = {
 }
 
 
-class Gateway:
-    """A mount and its surfaces, open for clients until it is closed."""
+def policy(config: MountConfig) -> Policy:
+    """What the operator has decided, as the hub takes it."""
+    return Policy(config.limits, config.site_time, config.equinox, own_park=config.park is not None,
+                  silence=config.dead_man, silence_closed=config.dead_man_closed)
 
-    def __init__(self, config: Config, transcript: Transcript | None = None) -> None:
-        self.config = config
-        self.transcript = transcript or Transcript(time.time)
-        self.sky = Sky()
-        self.mount = parse_endpoint(config.mount.at)
-        self.endpoints = [parse_endpoint(surface.at) for surface in config.surface]
+
+def manners(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[Manner]:
+    """The programs that are told by their first bytes on a surface, and what is different for them."""
+    for first, program in recognisable(surface).items():
+        needs = as_settings(wanted_by(surface, program))
+        equinox = j2000 if needs.pop("equinox", None) == "j2000" else None
+        yield Manner(first, programs(protocol)[program].name, needs, equinox)
+
+
+class Gateway:
+    """One mount and its surfaces, open for clients until it is closed. Several share nothing but the sky."""
+
+    def __init__(self, config: MountConfig, surfaces: Sequence[SurfaceConfig], transcript: Transcript | None = None,
+                 sky: Sky | None = None, clock: Callable[[], float] = time.time) -> None:
+        self.config, self.surfaces, self.clock = config, [settled(surface) for surface in surfaces], clock
+        self.transcript = transcript or Transcript(clock)
+        self.sky = sky or Sky()
+        self.mount = parse_endpoint(config.at)
+        self.endpoints = [parse_endpoint(surface.at) for surface in surfaces]
         if self.mount.protocol not in DRIVERS:
             raise UserError(f"{self.mount}: {self.mount.protocol} mounts cannot be driven; {' or '.join(DRIVERS)} can")
         for endpoint in self.endpoints:
             if endpoint.protocol not in FACES:
                 raise UserError(f"{endpoint}: no {endpoint.protocol} surface; write {' or '.join(FACES)}")
+        #: The named sites, by number; all clients have them in common.
+        self.sites: dict[str, Any] = {}
+        self.receptions: list[Reception] = []
         self.ports: list[Port] = []
         self.faces: list[tuple[str, Face]] = []
         self.fitted = asyncio.Event()
@@ -109,30 +128,38 @@ class Gateway:
 
     async def open(self) -> None:
         """Open the ports and the line. Raises UserError."""
-        config, loop = self.config.mount, asyncio.get_running_loop()
-        driver, follow_ups, dialogue = DRIVERS[self.mount.protocol](self.mount, config, loop.time)
-        limits = Limits(config.lowest, config.highest, config.sync_limit)
-        site = op.Place(*config.site) if config.site else None
-        observatory = Observatory(loop.time, time.time, site)
-        line = Line(self._wire(), dialogue, self.transcript)
-        self.hub = hub = Hub(driver, follow_ups, line, self.sky, observatory, self.transcript,
-                             Policy(limits, config.site_time, config.equinox))
-        shared: dict[str, Any] = {"sites": {}}
-        for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.config.surface, strict=True), 1):
-            face = FACES[endpoint.protocol](endpoint, surface, limits)
-            face.surface.verbatim = endpoint.protocol == self.mount.protocol
-            if surface.equinox == "j2000":
-                face = replace(face, equinox=J2000(self.sky, observatory.unix))
-            reception = Reception(hub, face, shared, time.time, lambda: None, number)
+        self.prepare(lambda dialogue, transcript: Line(self._wire(), dialogue, transcript))
+        for endpoint, reception in zip(self.endpoints, self.receptions, strict=True):
             try:
-                port = await open_port(endpoint.where, reception.arrive)
+                self.ports.append(await open_port(endpoint.where, reception.arrive))
             except UserError:
                 await self.close()
                 raise
-            self.ports.append(port)
+        self.begin()
+
+    def prepare(self, make_line: Callable[[Dialogue, Transcript], Line]) -> None:
+        """Put everything together; nothing is opened yet."""
+        config, loop = self.config, asyncio.get_running_loop()
+        driver, follow_ups, dialogue = DRIVERS[self.mount.protocol](self.mount, config, loop.time)
+        site = op.Place(*config.site) if config.site else None
+        observatory = Observatory(loop.time, self.clock, site)
+        self.hub = Hub(driver, follow_ups, make_line(dialogue, self.transcript), self.sky, observatory,
+                       self.transcript, policy(config))
+        shared: dict[str, Any] = {"sites": self.sites}
+        for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
+            face = FACES[endpoint.protocol](endpoint, surface, config.limits)
+            face.surface.verbatim = endpoint.protocol == self.mount.protocol
+            j2000 = J2000(self.sky, observatory.unix)
+            face = replace(face, equinox=j2000 if surface.equinox == "j2000" else None,
+                           manners=tuple(manners(endpoint.protocol, surface, j2000)))
+            self.receptions.append(Reception(self.hub, face, shared, self.clock, lambda: None, number))
             self.faces.append((endpoint.protocol, face))
-        hub.start()
-        hub.spawn(self._fit())
+
+    def begin(self) -> None:
+        """Open the line and find out what is on it."""
+        assert self.hub is not None
+        self.hub.start()
+        self.hub.spawn(self._fit())
 
     async def _fit(self) -> None:
         """Present what fits the mount, where the user named no model."""
@@ -152,16 +179,22 @@ class Gateway:
         self.fitted.set()
 
     def names(self) -> list[str]:
-        """One ``PROTOCOL:MODEL@WHERE`` per open port."""
-        return [f"{protocol}:{face.model['name']}@{port.where}"
+        """One ``PROTOCOL:MODEL@WHERE`` per open port, followed by the mount's name where it has one."""
+        name = f" {self.config.name}" if self.config.name else ""
+        return [f"{protocol}:{face.model['name']}@{port.where}{name}"
                 for (protocol, face), port in zip(self.faces, self.ports, strict=True)]
 
     def _wire(self) -> Wire:
         if self.mount.where == "sim":
             from gateway.simulators import simulated_wire
 
-            return simulated_wire(self.mount, self.config.mount)
-        return SerialWire(self.mount.where, self.config.mount.baud)
+            return simulated_wire(self.mount, self.config)
+        return SerialWire(self.mount.where, self.config.baud)
+
+    @property
+    def title(self) -> str:
+        """What messages call the mount."""
+        return f"{self.config.name}: {self.mount}" if self.config.name else str(self.mount)
 
     async def found(self, seconds: float) -> bool:
         """Wait until the mount has said who it is -> whether it did in time."""
@@ -175,7 +208,7 @@ class Gateway:
 
     async def close(self) -> None:
         """Stop motion, close the ports and the line."""
-        for port in self.ports:
-            await port.close()
+        while self.ports:
+            await self.ports.pop().close()
         if self.hub is not None:
             await self.hub.close()

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, Protocol
 
 from gateway.errors import Fault
 from gateway.hub import FRESH, MISSING, Hub
+from gateway.hub.dead_man import Life
 from gateway.operations import Halt, Operation, Stop
 from gateway.ports.baud import Trial
 from gateway.surface import Again, Defer, Handling, Session, Speed, Start, Surface
@@ -50,7 +51,8 @@ class Client:
 
     def __init__(self, name: str, hub: Hub, surface: Surface, session: Session, framing: Framing,
                  write: Callable[[bytes], Any], stop_frames: frozenset[bytes], equinox: Equinox | None,
-                 transcript: Transcript) -> None:
+                 transcript: Transcript, life: Life) -> None:
+        self.life = life
         self.name, self.hub, self.surface, self.session = name, hub, surface, session
         self.framing, self.write, self.stop_frames, self.equinox = framing, write, stop_frames, equinox
         self.transcript = transcript
@@ -71,6 +73,7 @@ class Client:
 
     def feed(self, data: bytes) -> None:
         """Take bytes as they arrived."""
+        self.life.heard = True
         hub = self.hub
         if self.transcript.sinks:
             self.transcript.put(self.name, "raw", data)
@@ -172,7 +175,7 @@ class Client:
         while True:
             answer, fault = None, None
             try:
-                answer = self._tell(wanted, await self.hub.perform(self._inward(wanted), stops))
+                answer = self._tell(wanted, await self.hub.perform(self._inward(wanted), stops, self.life))
             except Fault as error:
                 self.transcript.note(self.name, f"{type(wanted).__name__}: {error}")
                 fault = error
@@ -206,10 +209,18 @@ class Client:
         if reply:
             self.transcript.put(self.name, "<", reply)
             self.write(reply)
+        elif self.transcript.sinks:
+            self._explain(frame)
         if self._next_rate is not None:
             if self.rate is not None:
                 self.rate.begin(self._next_rate)
             self._next_rate = None
+
+    def _explain(self, frame: bytes) -> None:
+        """Leave a reason for a silence, once for every command of every host."""
+        why = self.surface.silence(frame)
+        if why:
+            self.transcript.note_once(self.name, f"no reply to {frame!r}: {why}", self.name.rpartition(":")[0])
 
     def _remember(self, frame: bytes, reply: bytes) -> None:
         """The same question gets the same reply until an answer it was made of is renewed or grows old."""
@@ -230,7 +241,8 @@ class Client:
         """An operation nobody is told the outcome of: a failure goes to the transcript."""
         name = type(operation).__name__
         self.hub.begin(
-            self._inward(operation), stops, lambda fault: self.transcript.note(self.name, f"{name}: {fault}")
+            self._inward(operation), stops, lambda fault: self.transcript.note(self.name, f"{name}: {fault}"),
+            self.life,
         )
 
     def _defer(self, wanted: Defer) -> None:

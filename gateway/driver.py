@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Mapping
 from typing import Any, NamedTuple
 
 from gateway.errors import Unsupported
-from gateway.operations import Operation, Read, Verbatim
+from gateway.operations import GotoAxes, Operation, Rate, Read, Verbatim
 from gateway.tables import Command, Protocol, Version, Way
 
 
@@ -66,6 +66,8 @@ class Driver:
     displaced = False
     #: What the mount's coordinates mean, where that is known by its version: ``jnow`` or ``j2000``.
     equinox = "jnow"
+    #: Whether it is a German mount, whose tube changes sides of the pier; None where that is not known.
+    german: bool | None = None
     protocol: Protocol
     specials: Mapping[str, Callable[[Any, Any], Steps]]
     model: str | None = None
@@ -81,6 +83,18 @@ class Driver:
         for way in self.protocol.driver.get(operation.__name__, ()):
             if all(self.knows(name) for name in (*way.send, *way.needs)):
                 return way
+        return None
+
+    def speed(self, rate: Rate) -> float:
+        """How fast the mount moves at a hand rate, degrees a second."""
+        raise NotImplementedError
+
+    def destination(self, operation: Operation) -> GotoAxes | None:
+        """The axis readings that Park or Home leads to; None where only the mount itself knows them."""
+        return None
+
+    def tube_side(self, told: str) -> str | None:
+        """The side of the pier (E, W) that the tube really is on, by the answer to PierSide; None if there is none."""
         return None
 
     def perform(self, operation: Operation) -> Steps:

@@ -104,7 +104,9 @@ class Line:
             try:
                 await self.wire.open(self._on_data, self._on_lost)
             except Exception as error:  # pyserial has more kinds of failure than OSError
-                self._down(f"cannot open {self.wire.name}: {getattr(error, 'strerror', None) or error}")
+                reason = str(getattr(error, "strerror", None) or error)
+                self.transcript.put("mount", "v", note=reason)
+                self._down(f"cannot open {self.wire.name}: {reason}")
                 await asyncio.sleep(BACK_OFF[min(failures, len(BACK_OFF) - 1)])
                 failures += 1
                 continue
@@ -126,6 +128,8 @@ class Line:
                     job.future.set_exception(outcome)
                 else:
                     job.future.set_result(outcome)
+                if self._queue:
+                    await asyncio.sleep(0)  # so that the second half of a position comes before reads of a lower rank
             if isinstance(outcome, NoAnswer) and not self._lost and not await self._prove():
                 self._down("the mount does not answer")
                 while not self._lost and not await self._prove():

@@ -23,22 +23,23 @@ def meaning(protocol: str, data: bytes) -> str:
     return found[0].help if found else ""
 
 
-def line(entry: Entry, mount_protocol: str) -> str:
-    """One entry as one line, without the line's end."""
+def line(entry: Entry, mount_protocol: str, name: str | None = None) -> str:
+    """One entry as one line, without the line's end; ``name`` is the mount's, where there are several."""
     clock = datetime.fromtimestamp(entry.time, UTC).strftime("%H:%M:%S.%f")[:-3]
     words = entry.note or _EVENTS.get(entry.arrow, "")
     if not words and entry.arrow == ">":
         client = "lx200" if entry.data[:1] in (b":", b"\x06", b"$") else "nexstar"
         words = meaning(mount_protocol if entry.side == "mount" else client, entry.data)
-    return f"{clock} {entry.side:<21} {entry.arrow} {show(entry.data):<24} {words}".rstrip()
+    called = f"{name:<8} " if name else ""
+    return f"{clock} {called}{entry.side:<21} {entry.arrow} {show(entry.data):<24} {words}".rstrip()
 
 
-def printer(mount_protocol: str, stream: TextIO) -> Callable[[Entry], None]:
+def printer(mount_protocol: str, stream: TextIO, name: str | None = None) -> Callable[[Entry], None]:
     """A sink that writes one line per entry."""
 
     def put(entry: Entry) -> None:
-        if entry.arrow != "raw":
-            stream.write(line(entry, mount_protocol) + "\n")
+        if entry.arrow not in ("raw", "v"):  # a lost port has a note of its own
+            stream.write(line(entry, mount_protocol, name) + "\n")
             stream.flush()
 
     return put

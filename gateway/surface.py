@@ -76,9 +76,9 @@ class Surface:
     ) -> None:
         #: ``unanswered`` gives the reply to a frame that nothing here answers, and to a fault that has no form.
         self.protocol, self.specials, self.unanswered = protocol, specials, unanswered
-        #: The mount speaks the same protocol: what means nothing here is passed on as it is, but for ``never``.
+        #: The mount speaks the same protocol: what means nothing here is passed on as it is, where it ``passes``.
         self.verbatim = False
-        self.never: frozenset[str] = frozenset()
+        self.passes: Callable[[str, Mapping[str, Any]], bool] = lambda name, values: True
 
     def handle(self, session: Session, frame: bytes) -> Handling:
         """One framed command -> its reply (empty: none). Yields operations; never raises for what a client sent."""
@@ -87,8 +87,7 @@ class Surface:
             return self.unanswered(frame)
         command, picture = found
         row = self.protocol.surface.get(command.name)
-        passed = self.verbatim and command.name not in self.never and (
-            row is None or row.passes or row.outcome == "refused")
+        passed = self.verbatim and (row is None or row.passes or row.outcome == "refused")
         if row is None and not passed:
             return self.unanswered(frame)
         try:
@@ -99,6 +98,8 @@ class Surface:
                     values = {"fault": Invalid(str(error))}
                 else:
                     raise Invalid(str(error)) from None
+            if passed and not self.passes(command.name, values):
+                return self.unanswered(frame)
             if row is None or passed:
                 answer = yield from self._pass_on(session, command, row, values)
             else:
@@ -115,6 +116,16 @@ class Surface:
             if row is None or not row.passes:
                 raise
         return (yield from self._act(session, command, row, values))
+
+    def silence(self, frame: bytes) -> str:
+        """Why a command has no reply, where its sender may have expected one; empty where none is due."""
+        found = self.protocol.find(frame)
+        if found is None:
+            return f"{self.protocol.name} has no such command"
+        row = self.protocol.surface.get(found[0].name)
+        if row is None:
+            return f"{found[0].help}: not answered here"
+        return f"{found[0].help}: {row.why or 'not done here'}" if row.outcome == "refused" else ""
 
     def _act(self, session: Session, command: Command, row: SurfaceRow, values: dict[str, Any]) -> Handling:
         """Carry out a row's verb -> the reply's values."""

@@ -8,6 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+#: Different things that are said once; with more than that somebody sends noise, and no more is said.
+MOST = 1000
+
 
 class Entry(NamedTuple):
     """One thing that happened.
@@ -23,6 +26,9 @@ class Entry(NamedTuple):
     note: str = ""
 
 
+#: The note that says from when on the sky is no longer approximate.
+SKY_READY = "astronomy is exact from now on"
+
 Sink = Callable[[Entry], None]
 
 
@@ -32,7 +38,7 @@ class Transcript:
     def __init__(self, clock: Callable[[], float]) -> None:
         self.clock = clock
         self.sinks: list[Sink] = []
-        self._said: set[str] = set()
+        self._said: set[tuple[str, str]] = set()
 
     def put(self, side: str, arrow: str, data: bytes = b"", note: str = "") -> None:
         """Record bytes that passed, or a note."""
@@ -45,8 +51,8 @@ class Transcript:
         """Record a fault or a decision in words."""
         self.put(side, "!", note=text)
 
-    def note_once(self, side: str, text: str) -> None:
-        """The same, but only the first time these words are said."""
-        if text not in self._said:
-            self._said.add(text)
+    def note_once(self, side: str, text: str, of: str = "") -> None:
+        """The same, but only the first time these words are said of somebody."""
+        if (of, text) not in self._said and len(self._said) < MOST:
+            self._said.add((of, text))
             self.note(side, text)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import selectors
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 
@@ -38,7 +38,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         return self.elapsed
 
 
-def run(program: Coroutine[Any, Any, Any]) -> Any:
+def run(program: Coroutine[Any, Any, Any], loop: Callable[[], VirtualLoop] = VirtualLoop) -> Any:
     """Run a coroutine in virtual time."""
-    with asyncio.Runner(loop_factory=VirtualLoop) as runner:
+    with asyncio.Runner(loop_factory=loop) as runner:
         return runner.run(program)

@@ -6,13 +6,12 @@ import asyncio
 from typing import Any
 
 from gateway import operations as op
-from gateway.assembly import DRIVERS, FACES
+from gateway.assembly import DRIVERS, FACES, policy
 from gateway.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.guests import Reception
-from gateway.hub import Hub, Policy
+from gateway.hub import Hub
 from gateway.line import Line
 from gateway.observatory import Observatory
-from gateway.safety import Limits
 from gateway.simulators import make_simulator
 from gateway.sky import Sky
 from gateway.transcript import Entry, Transcript
@@ -27,10 +26,12 @@ class Bridge:
 
     def __init__(self, mount: str = "6-8se", version: str | None = None, *, site: tuple[float, float] = (45.0, 10.0),
                  latency: float = 0.05, aligned: bool = True, speed: float = 1.0, surface: str | None = "autostar",
-                 config: dict[str, Any] | None = None, driven: str = "nexstar", presented: str = "lx200") -> None:
+                 config: dict[str, Any] | None = None, driven: str = "nexstar", presented: str = "lx200",
+                 start: float = EVENING, host_ahead: float = 0.0) -> None:
         loop = asyncio.get_running_loop()
         self._began = loop.time()
-        self.clock = lambda: EVENING + loop.time() - self._began
+        self.clock = lambda: start + loop.time() - self._began
+        self.host = lambda: self.clock() + host_ahead
         self.settings = MountConfig(at="-", **(config or {}))
         endpoint = Endpoint(driven, "sim", mount, version)
         self.sim = make_simulator(endpoint, clock=self.clock, site=site, aligned=aligned, speed=speed)
@@ -41,11 +42,10 @@ class Bridge:
         self.driver: Any = driver
         line = Line(SimulatorWire("sim", self.sim.connection, latency), dialogue, self.transcript)
         given = self.settings.site
-        self.observatory = Observatory(loop.time, self.clock, op.Place(*given) if given else None)
-        limits = Limits(self.settings.lowest, self.settings.highest, self.settings.sync_limit)
+        self.observatory = Observatory(loop.time, self.host, op.Place(*given) if given else None)
         self.hub = Hub(driver, follow_ups, line, Sky(), self.observatory, self.transcript,
-                       Policy(limits, self.settings.site_time, self.settings.equinox))
-        face = FACES[presented](Endpoint(presented, "-", surface), SurfaceConfig(at="-"), limits)
+                       policy(self.settings))
+        face = FACES[presented](Endpoint(presented, "-", surface), SurfaceConfig(at="-"), self.settings.limits)
         face.surface.verbatim = presented == driven
         self.reception = Reception(self.hub, face, {"sites": {}}, self.clock, lambda: None)
 

@@ -211,7 +211,8 @@ def test_north_is_north_and_up_is_the_elevated_pole_on_a_polar_fork(driven: str,
 
     async def program() -> None:
         model = "lx200" if driven == "lx200" else "cpc"
-        async with Bridge(model, driven=driven, site=(latitude, 10.0), aligned=driven == "lx200") as bridge:
+        async with Bridge(model, driven=driven, site=(latitude, 10.0), aligned=driven == "lx200",
+                          config={"lowest": -90.0}) as bridge:
             if driven == "nexstar":
                 bridge.sim.aligned = True
                 bridge.sim.track(2 if latitude > 0 else 3)

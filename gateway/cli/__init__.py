@@ -6,20 +6,21 @@ Every command is a module here: ``add`` puts it into the parser, and the rest of
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from typing import NoReturn
 
 from gateway import __version__
-from gateway.cli import demo, explain, run, sim, tables
+from gateway.cli import config, decode, demo, explain, replay, run, sim, tables
 from gateway.errors import UserError
 
-COMMANDS = (demo, run, sim, tables, explain)
+COMMANDS = (demo, run, config, sim, tables, explain, replay, decode)
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run a command -> its exit code: 0 done, 2 bad input."""
     try:
-        arguments = parser().parse_args(argv)
+        arguments = parser().parse_args(_bound(sys.argv[1:] if argv is None else argv))
         return int(arguments.run(arguments) or 0)
     except UserError as error:
         print(f"mount-gateway: {error}", file=sys.stderr)
@@ -29,6 +30,17 @@ def main(argv: list[str] | None = None) -> int:
     except BrokenPipeError:
         sys.stderr.close()
         return 0
+
+
+def _bound(argv: list[str]) -> list[str]:
+    """``--site -33.9,151.2`` as ``--site=-33.9,151.2``: else a value that begins with a minus is taken for a flag."""
+    bound: list[str] = []
+    for word in argv:
+        if bound and re.fullmatch(r"--[a-z-]+", bound[-1]) and re.match(r"-[\d.]", word):
+            bound[-1] += f"={word}"
+        else:
+            bound.append(word)
+    return bound
 
 
 class _Parser(argparse.ArgumentParser):

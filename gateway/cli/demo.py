@@ -6,8 +6,9 @@ import argparse
 import sys
 from typing import Any
 
-from gateway.cli.serving import serve_gateway, with_loop
-from gateway.config import check, make_config
+from gateway.cli.serving import serve_mounts, with_loop
+from gateway.config import Source, make_config
+from gateway.config.lines import Place
 
 DEMO_PORT = 4030
 
@@ -31,7 +32,8 @@ def _demo(arguments: argparse.Namespace) -> int:
     if sys.platform != "win32":
         path = f"/tmp/{client}" if arguments.pty is None else arguments.pty
         surfaces.append({"at": f"{client}@pty:{path}"})
-    tables = {"mount": {"at": f"{mount}@sim", "speed": arguments.speed}, "surface": surfaces, "log": arguments.log}
-    config = check(make_config(tables, "demo"), "demo")
-    print(f"A simulated {words} program connects. Ctrl-C ends it.", flush=True)
-    return with_loop(True, lambda: serve_gateway(config))
+    tables = {"mount": [{"at": f"{mount}@sim", "speed": arguments.speed}], "surface": surfaces, "log": arguments.log}
+    flags: dict[Place, str] = {("mount", 0, "speed"): "--speed", ("surface", 0): "--port", ("surface", 1): "--pty"}
+    config = make_config(tables, Source("demo", flags=flags))
+    banner = f"A simulated {words} program connects. Ctrl-C ends it."
+    return with_loop(True, lambda: serve_mounts(config, banner))

@@ -7,12 +7,16 @@ from typing import Any
 
 from gateway.cli.serving import until_signal, with_loop
 from gateway.config import parse_device, parse_site
+from gateway.config.endpoints import PROTOCOLS
 from gateway.errors import UserError
+from gateway.tables import load
 
 
 def add(commands: Any) -> None:
     """Put the command into the parser."""
-    sim = commands.add_parser("sim", help="a simulated mount for other programs")
+    sim = commands.add_parser("sim", help="a simulated mount for other programs", add_help=False,
+                              formatter_class=argparse.RawDescriptionHelpFormatter)
+    sim.add_argument("-h", "--help", action=_Help, nargs=0, help="show this, and every model there is")
     sim.add_argument("device", metavar="PROTOCOL[:MODEL[/VERSION]]", help="for example nexstar:cpc/4.21")
     sim.add_argument("--at", action="append", metavar="WHERE", help="tcp://HOST:PORT or pty:PATH; may be repeated")
     sim.add_argument("--latency", type=float, default=0.0, metavar="S", help="seconds to answer (a real one: 0.1-0.3)")
@@ -21,6 +25,24 @@ def add(commands: Any) -> None:
     sim.add_argument("--site", metavar="LAT,LON", default="45,10", help="default 45,10")
     sim.add_argument("--unaligned", action="store_true", help="as after power-on, before the star alignment")
     sim.set_defaults(run=_sim)
+
+
+class _Help(argparse.Action):
+    """Help with the models under it: they are only read when somebody asks."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        parser.epilog = models()
+        parser.print_help()
+        parser.exit()
+
+
+def models() -> str:
+    """Every model of both protocols, and the versions it was made with."""
+    lines = ["models, and versions of the hand control (the last one is the default; others are possible):"]
+    for protocol in PROTOCOLS:
+        for name, row in load(protocol).models.items():
+            lines.append(f"  {protocol}:{name:<16} {' '.join(row.get('versions', ()))}".rstrip())
+    return "\n".join(lines)
 
 
 def _sim(arguments: argparse.Namespace) -> int:

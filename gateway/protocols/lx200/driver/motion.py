@@ -9,13 +9,8 @@ from __future__ import annotations
 
 from gateway.driver import Later, Steps
 from gateway.operations import Halt, Move, MoveAxis, Operation, Pulse, PulseAxis, Rate, SetGuideRate, Stop
-from gateway.protocols.lx200.driver.state import SIDEREAL, Meade, ask
+from gateway.protocols.lx200.driver.state import SIDEREAL, SPEEDS, Meade, ask, rate_command
 
-_NAMES = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
-#: Hand-control keys 1-9 as Meade's four rates.
-_KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS", 9: "RS"}
-#: The four rates in degrees a second, as their manual says: 1x, 16x, 2 and 8 degrees a second.
-_SPEEDS = {"RG": SIDEREAL / 3600, "RC": 16 * SIDEREAL / 3600, "RM": 2.0, "RS": 8.0}
 #: Faster than that an LX200GPS takes degrees a second; slower ones are its guide rate.
 _FREE_FROM = 0.1
 LONGEST_PULSE = 9999  # milliseconds: the four digits of :Mg
@@ -48,17 +43,10 @@ def _move(mount: Meade, axis: int, letter: str, rate: Rate) -> Steps:
 
 def _choose(mount: Meade, axis: int, rate: Rate) -> Steps:
     """Set the rate: freely on an LX200GPS, else the nearest of the four that is not above it."""
-    wanted = rate.degrees or 0.0
-    if rate.key is not None:
-        command = _KEYS[rate.key]
-    elif rate.name is not None:
-        command = _NAMES[rate.name]
-    elif mount.knows("RA"):
-        yield from _choose_freely(mount, axis, wanted)
+    if rate.key is None and rate.name is None and mount.knows("RA"):
+        yield from _choose_freely(mount, axis, rate.degrees or 0.0)
         return
-    else:
-        most = max(wanted, _SPEEDS["RG"]) * 1.001
-        command = max((speed, name) for name, speed in _SPEEDS.items() if speed <= most)[1]
+    command = rate_command(rate)
     if command == "RS":
         yield from _fastest(mount, axis, rate.degrees if rate.name == "max" else None)
     elif command == "RG":
@@ -70,7 +58,7 @@ def _choose_freely(mount: Meade, axis: int, degrees: float) -> Steps:
     """Degrees a second by :RA or :RE, slow ones as the guide rate."""
     if degrees >= _FREE_FROM:
         yield from ask(mount, "RS")
-        yield from ask(mount, "RA" if axis == 1 else "RE", rate=min(8.0, degrees))
+        yield from ask(mount, "RA" if axis == 1 else "RE", rate=min(SPEEDS["RS"], degrees))
         mount.free_axes.add(axis)
     else:
         yield from _guide_at(mount, degrees * 3600.0 / SIDEREAL)

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from gateway.driver import Ask, Driver, Pause, Steps
 from gateway.errors import Busy, Unsupported
-from gateway.operations import Place, Tracking
+from gateway.operations import Place, Rate, Tracking
 from gateway.tables import load
 
 SIDEREAL = 15.041067  # arcseconds a second
@@ -18,6 +18,11 @@ BUSY_RETRIES, BUSY_WAIT = 6, 0.4
 LONG = {"SC": 14.0, "gT": 600.0}
 #: All that is understood while it seeks its home; a Meade that is asked anything else says NAK, or nothing.
 WHILE_SEEKING = frozenset({"hS", "hF", "Q", "h?"})
+_NAMES = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
+#: Hand-control keys 1-9 as Meade's four rates.
+_KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS", 9: "RS"}
+#: The four rates in degrees a second, as their manual says: 1x, 16x, 2 and 8 degrees a second.
+SPEEDS = {"RG": SIDEREAL / 3600, "RC": 16 * SIDEREAL / 3600, "RM": 2.0, "RS": 8.0}
 
 
 class GotoState(Struct):
@@ -81,8 +86,29 @@ class Meade(Driver):
         return self.home_letter in "PG"
 
     @property
+    def german(self) -> bool | None:  # type: ignore[override]
+        """The letter G says so; a P is a fork on a wedge or a German mount."""
+        return {"G": True, "A": False}.get(self.home_letter)
+
+    def speed(self, rate: Rate) -> float:
+        """Degrees a second of the one of the four rates that is taken for a hand rate."""
+        if self.model == "lx200gps" and rate.name is None and rate.key is None:
+            return min(SPEEDS["RS"], rate.degrees or 0.0)
+        return SPEEDS[rate_command(rate)]
+
+    @property
     def southern(self) -> bool:
         return self.site is not None and self.site.latitude < 0
+
+
+def rate_command(rate: Rate) -> str:
+    """The one of the four rates that a hand rate stands for: the fastest that is not above it."""
+    if rate.key is not None:
+        return _KEYS[rate.key]
+    if rate.name is not None:
+        return _NAMES[rate.name]
+    wanted = max(rate.degrees or 0.0, SPEEDS["RG"]) * 1.001
+    return max((speed, name) for name, speed in SPEEDS.items() if speed <= wanted)[1]
 
 
 def ask(mount: Meade, command: str, **values: Any) -> Steps:

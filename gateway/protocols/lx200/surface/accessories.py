@@ -71,13 +71,6 @@ def periodic_error(session: Session, command: Command, values: dict[str, Any]) -
         yield Start(PeriodicError(2 if "A" in command.name else 1, command.name.endswith("+")))
 
 
-def step_quality(session: Session, command: Command, values: dict[str, Any]) -> None:
-    """:Sq - the next lower quality, from the worst back to the best."""
-    steps = ("SU", "EX", "VG", "GD", "FR", "PR", "VP")
-    present = steps.index(session.kept.get("quality", "VP"))
-    session.kept["quality"] = steps[(present + 1) % len(steps)]
-
-
 def silence(session: Session, command: Command, values: dict[str, Any]) -> bytes:
     """Nothing needs doing, and nothing is what programs take best."""
     return b""
@@ -86,26 +79,3 @@ def silence(session: Session, command: Command, values: dict[str, Any]) -> bytes
 def tube_temperature(session: Session, command: Command, values: dict[str, Any]) -> Any:
     """:fT - only an LX200GPS has a thermometer; there is none behind the gateway."""
     return {"value": 0.0} if session.model["name"] == "lx200gps" else b""
-
-
-def object_text(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
-    """:LI - the manual's static text where the model does not search."""
-    return {"text": session.model.get("object_text", "No object selected")}
-
-
-_KEPT = {"Gb": ("brighter", -5.5), "Gf": ("fainter", 20.0), "GF": ("field", 15), "Gl": ("larger", 0),
-         "Gs": ("smaller", 200), "Gy": ("types", "GPDCO"), "Gq": ("quality", "VP")}
-
-
-def tell_search(session: Session, command: Command, values: dict[str, Any]) -> Any:
-    """:Gb :Gf :GF :Gl :Gs :Gy :Gq - this client's search limits."""
-    name, default = _KEPT[command.name]
-    return session.kept.get(name, default)
-
-
-def set_search(session: Session, command: Command, values: dict[str, Any]) -> None:
-    """:Sb :Sf :SF :Sl :Ss :Sy"""
-    if "fault" in values:
-        raise values["fault"]
-    name, _ = _KEPT["G" + command.name[1]]
-    session.kept[name] = next(iter(values.values()))

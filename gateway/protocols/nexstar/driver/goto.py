@@ -31,8 +31,6 @@ from gateway.protocols.nexstar.driver.state import GotoState, NexStar
 START_GRACE = 3.0
 CANCEL_WAIT = 5.0
 MOTORS, FOUND = (16, 17), 255
-#: Where an equatorial mount's axes stand when it points at the pole: both at their index.
-POLE_AXES = (90.0, 90.0)
 
 
 def goto(mount: NexStar, operation: Goto) -> Steps:
@@ -170,11 +168,12 @@ def arrived(mount: NexStar, operation: Arrived) -> Steps:
         yield from tracking.track_rate(mount, mount.rate)
 
 
-def park(mount: NexStar, _: Park) -> Steps:
+def park(mount: NexStar, operation: Park) -> Steps:
     """To the park position by ``b`` (which works unaligned too); tracking goes off when it is there."""
     yield from clear_the_way(mount)
-    az, alt = mount.settings.park or (POLE_AXES if mount.german else (0.0, 0.0))
-    yield from _to_axes(mount, az, alt, "park")
+    there = mount.destination(operation)
+    assert there is not None
+    yield from _to_axes(mount, there.az, there.alt, "park")
 
 
 def set_home(mount: NexStar, _: SetHome) -> Steps:

@@ -32,8 +32,6 @@ from gateway.spherical import fold_declination
 FOCUSER = 18
 PULSE_FIRMWARE = (6, 12)
 LONGEST_PULSE = 2550
-#: Up to this version the pier side is told with its letters swapped in the southern hemisphere.
-LETTERS_SWAPPED = (5, 24)
 STEP_EVERY = 0.6
 _AXIS = {1: "azm", 2: "alt"}
 _FOCUS_KEYS = {1: 2, 2: 4, 3: 6, 4: 9}
@@ -54,14 +52,13 @@ def sense(mount: NexStar, direction: Direction) -> int:
 
 def _flipped(mount: NexStar, direction: Direction) -> Steps:
     """Whether the tube is on the side of the pier (W) where the declination motor turns the other way."""
-    if direction.axis == 1 or not mount.german or not mount.knows("p"):
+    if direction.axis == 1 or mount.tube_side("E") is None:
         return False
     try:
         answer = yield Ask("p")
     except Fault:
         return False
-    swapped = mount.southern and mount.version is not None and mount.version <= LETTERS_SWAPPED
-    return bool((answer["side"] == "W") != swapped)
+    return mount.tube_side(answer["side"]) == "W"
 
 
 def move(mount: NexStar, operation: Move) -> Steps:

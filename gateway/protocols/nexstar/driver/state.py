@@ -8,7 +8,19 @@ from typing import Any
 from msgspec import Struct
 
 from gateway.driver import Driver
-from gateway.operations import Equatorial, Horizontal, Moment, Place, Rate, Tracking, TrackRate
+from gateway.operations import (
+    Equatorial,
+    GotoAxes,
+    Home,
+    Horizontal,
+    Moment,
+    Operation,
+    Park,
+    Place,
+    Rate,
+    Tracking,
+    TrackRate,
+)
 from gateway.tables import Version, load, parse_version
 
 
@@ -97,7 +109,7 @@ class NexStar(Driver):
         return "j2000"
 
     @property
-    def german(self) -> bool:
+    def german(self) -> bool:  # type: ignore[override]
         """Whether the mount is built equatorially."""
         return bool(self.facts["mount"] == "german")
 
@@ -128,6 +140,27 @@ class NexStar(Driver):
             return float(sidereal[key - 1]) * SIDEREAL
         return float(degrees[key - len(sidereal) - 1])
 
+    def speed(self, rate: Rate) -> float:
+        """Degrees a second of a hand rate; a free one is given to the motor as it is."""
+        if rate.name is None and rate.key is None and rate.degrees is not None:
+            return min(rate.degrees, float(self.rates["fastest"]))
+        return self.key_speed(self.key_for(rate))
+
+    def tube_side(self, told: str) -> str | None:
+        """The letter of ``p``, where a German mount has it; the other one where the version swaps them."""
+        if not self.german or not self.knows("p"):
+            return None
+        swapped = self.southern and self.version is not None and self.version <= LETTERS_SWAPPED
+        return ("E" if told == "W" else "W") if swapped else told
+
+    def destination(self, operation: Operation) -> GotoAxes | None:
+        """Park goes to the configured position, else to the pole or to north at the horizon; Home to the stored one."""
+        if isinstance(operation, Park):
+            return GotoAxes(*(self.settings.park or (POLE_AXES if self.german else (0.0, 0.0))))
+        if isinstance(operation, Home) and self.home is not None:
+            return GotoAxes(self.home.az, self.home.alt)
+        return None
+
     def key_for(self, rate: Rate) -> int:
         """The key that comes nearest to a hand rate (never above one given in degrees a second)."""
         if rate.key is not None:
@@ -139,6 +172,10 @@ class NexStar(Driver):
 
 
 JNOW_FROM = (4, 14)
+#: Up to this version the pier side is told with its letters swapped in the southern hemisphere.
+LETTERS_SWAPPED = (5, 24)
+#: Where an equatorial mount's axes stand when it points at the pole: both at their index.
+POLE_AXES = (90.0, 90.0)
 SIDEREAL = 15.041067 / 3600.0
 UNKNOWN: dict[str, Any] = {"mount": "fork", "rates": "se", "has": [], "motors": "0.0", "versions": []}
 

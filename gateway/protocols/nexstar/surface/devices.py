@@ -6,6 +6,7 @@ were asked for, one more, ``#`` (NexStar protocol, Pass-through Commands with No
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
@@ -18,9 +19,11 @@ MOTORS = {16: 1, 17: 2}
 GPS, RTC = 176, 178
 #: Years that a hand control can tell.
 CENTURY = range(2000, 2100)
-#: Not passed on even where the mount is a NexStar, too: it would make the alignment meaningless. (Firmware upload and
-#: memory writes are no commands here at all.)
-NEVER_PASSED = frozenset({"axis_set_position"})
+#: Not passed on even where the mount is a NexStar, too: one would make the alignment meaningless, the other moves the
+#: mount where no limit is known. (Firmware upload and memory writes are no commands here at all.)
+NEVER_PASSED = frozenset({"axis_set_position", "level_start"})
+#: Of the devices that can be told to move, this one alone: the number 0 reaches all of them, the motors too.
+MOVERS, FOCUSER = frozenset({"move_pos", "move_neg"}), 18
 SETTINGS = (b"R", b"r", b"B", b"b", b"S", b"s", b"T", b"W", b"H", b"I")
 
 
@@ -30,6 +33,11 @@ def motor(values: dict[str, Any]) -> int:
     if axis is None:
         raise NoDevice
     return axis
+
+
+def passes(name: str, values: Mapping[str, Any]) -> bool:
+    """Whether a command that means nothing here may go to a NexStar mount as it is: none moves it past the limits."""
+    return name not in NEVER_PASSED and (name not in MOVERS or values["device"] == FOCUSER)
 
 
 def version(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
