@@ -1,9 +1,8 @@
 """The line to the mount: one exchange at a time, in order of rank.
 
 Stop goes first, then motion, then settings, then reads. A mount that is busy with itself for long is left alone, but
-for a stop. After a silence the line is drained and proven to be in step
-before anything else is sent, or every later answer would belong to an earlier question. A lost port is opened again
-with growing pauses, for ever.
+for a stop. After a silence the line is drained and proven to be in step before anything else is sent, or every later
+answer would belong to an earlier question. A lost port is opened again with growing pauses, for ever.
 """
 
 from __future__ import annotations
@@ -193,11 +192,11 @@ class Line:
     async def _reply(self, ask: Ask, began: float) -> tuple[dict[str, Any] | Fault, int] | Fault:
         """Wait for the reply -> it and its length, or the Fault that it did not come."""
         loop = asyncio.get_running_loop()
-        limit, stops = ask.patience or self.dialogue.timeout(ask), 0
+        deadline, busy_at, stops = began + (ask.patience or self.dialogue.timeout(ask)), began + BUSY_AFTER, 0
         while True:
-            waited = loop.time() - began
+            now = loop.time()
             if ask.long:
-                stops += self._meanwhile(waited)
+                stops += self._meanwhile(now >= busy_at)
             taken = self._take(ask)
             if taken is not None and not (stops and isinstance(taken[0], Busy)):
                 return taken
@@ -205,14 +204,13 @@ class Line:
                 self._buffer, stops = self._buffer[taken[1] :], stops - 1
                 self.transcript.note("mount", "busy: the stop was not heard")
                 continue
-            if waited >= limit or self._lost:
+            if now >= deadline or self._lost:
                 self.transcript.put("mount", "<", self._buffer, "no complete answer")
                 quiet = not self._buffer and not self._lost
                 return Silence() if ask.patience is not None and not ask.long and quiet else NoAnswer()
-            until = BUSY_AFTER if ask.long and waited < BUSY_AFTER else limit
             self._arrived.clear()
             with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(until - waited):
+                async with asyncio.timeout_at(busy_at if ask.long and now < busy_at else deadline):
                     await self._arrived.wait()
 
     def _send(self, request: bytes) -> bool:
@@ -231,9 +229,9 @@ class Line:
         if self.state == "busy":
             self.state = "up"
 
-    def _meanwhile(self, waited: float) -> int:
-        """While the mount works: send the stops that need no answer, after a moment refuse all else -> stops sent."""
-        if waited >= BUSY_AFTER and self.state == "up":
+    def _meanwhile(self, busy: bool) -> int:
+        """While the mount works: send the stops that need no answer; refuse all else once it is busy -> stops sent."""
+        if busy and self.state == "up":
             self.state = "busy"
         sent, waiting = 0, sorted(self._queue)
         self._queue = []
