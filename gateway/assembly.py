@@ -16,16 +16,19 @@ from msgspec.structs import replace
 from gateway import operations as op
 from gateway.config import Endpoint, MountConfig, SurfaceConfig, parse_endpoint
 from gateway.config.programs import as_settings, programs, recognisable, settled, wanted_by
+from gateway.control import Control
 from gateway.driver import Driver
 from gateway.equinox import J2000
 from gateway.errors import Fault, UserError
 from gateway.guests import Face, Manner, Reception
 from gateway.hub import Hub, Policy
+from gateway.keeping import Keeping, Past, recall, selected_site
 from gateway.line import Dialogue, Line
 from gateway.observatory import Observatory
 from gateway.ports import Port, open_port
 from gateway.safety import Limits
 from gateway.sky import Sky
+from gateway.state import FORMAT, Kept, Marked, to_shared
 from gateway.tables import load
 from gateway.transcript import Transcript
 from gateway.wires import SerialWire, Wire
@@ -104,12 +107,17 @@ def manners(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[Man
 
 
 class Gateway:
-    """One mount and its surfaces, open for clients until it is closed. Several share nothing but the sky."""
+    """One mount and its surfaces, open for clients until it is closed. Several share nothing but the sky.
+
+    ``warn`` is told what the user should know at once.
+    """
 
     def __init__(self, config: MountConfig, surfaces: Sequence[SurfaceConfig], transcript: Transcript | None = None,
-                 sky: Sky | None = None, clock: Callable[[], float] = time.time) -> None:
+                 sky: Sky | None = None, clock: Callable[[], float] = time.time,
+                 warn: Callable[[str], None] | None = None) -> None:
         self.config, self.surfaces, self.clock = config, [settled(surface) for surface in surfaces], clock
         self.transcript = transcript or Transcript(clock)
+        self.warn = warn or (lambda text: self.transcript.note("state", text))
         self.sky = sky or Sky()
         self.mount = parse_endpoint(config.at)
         self.endpoints = [parse_endpoint(surface.at) for surface in surfaces]
@@ -118,16 +126,26 @@ class Gateway:
         for endpoint in self.endpoints:
             if endpoint.protocol not in FACES:
                 raise UserError(f"{endpoint}: no {endpoint.protocol} surface; write {' or '.join(FACES)}")
-        #: The named sites, by number; all clients have them in common.
-        self.sites: dict[str, Any] = {}
         self.receptions: list[Reception] = []
         self.ports: list[Port] = []
         self.faces: list[tuple[str, Face]] = []
         self.fitted = asyncio.Event()
         self.hub: Hub | None = None
+        #: What an earlier run has kept, and the files it is kept in; a replay has none.
+        self.past = Past(Kept(FORMAT))
+        self.keeping: Keeping | None = None
+        self.control: Control | None = None
+
+    def remember(self) -> None:
+        """Take up what an earlier run has kept on disk, and keep it on."""
+        marked = Marked(str(self.mount), self.config.baud)
+        self.keeping = Keeping(self.mount.protocol, self.mount.where, marked, self.config.state, self.warn)
+        self.past = self.keeping.past
 
     async def open(self) -> None:
         """Open the ports and the line. Raises UserError."""
+        if self.keeping is None:
+            self.remember()
         self.prepare(lambda dialogue, transcript: Line(self._wire(), dialogue, transcript))
         for endpoint, reception in zip(self.endpoints, self.receptions, strict=True):
             try:
@@ -136,23 +154,29 @@ class Gateway:
                 await self.close()
                 raise
         self.begin()
+        await self._admit()
 
     def prepare(self, make_line: Callable[[Dialogue, Transcript], Line]) -> None:
         """Put everything together; nothing is opened yet."""
         config, loop = self.config, asyncio.get_running_loop()
         driver, follow_ups, dialogue = DRIVERS[self.mount.protocol](self.mount, config, loop.time)
-        site = op.Place(*config.site) if config.site else None
+        shared = to_shared(self.past.kept) if self.keeping is None else self.keeping.shared
+        site = op.Place(*config.site) if config.site else selected_site(shared)
         observatory = Observatory(loop.time, self.clock, site)
         self.hub = Hub(driver, follow_ups, make_line(dialogue, self.transcript), self.sky, observatory,
                        self.transcript, policy(config))
-        shared: dict[str, Any] = {"sites": self.sites}
+        if self.keeping is None:
+            recall(self.hub, self.past)
+        else:
+            self.keeping.attach(self.hub)
+        changed = (lambda: None) if self.keeping is None else self.keeping.changed
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
             face = FACES[endpoint.protocol](endpoint, surface, config.limits)
             face.surface.verbatim = endpoint.protocol == self.mount.protocol
             j2000 = J2000(self.sky, observatory.unix)
             face = replace(face, equinox=j2000 if surface.equinox == "j2000" else None,
                            manners=tuple(manners(endpoint.protocol, surface, j2000)))
-            self.receptions.append(Reception(self.hub, face, shared, self.clock, lambda: None, number))
+            self.receptions.append(Reception(self.hub, face, shared, self.clock, changed, number))
             self.faces.append((endpoint.protocol, face))
 
     def begin(self) -> None:
@@ -160,6 +184,15 @@ class Gateway:
         assert self.hub is not None
         self.hub.start()
         self.hub.spawn(self._fit())
+
+    async def _admit(self) -> None:
+        """Let ``mount-gateway stop`` in."""
+        assert self.hub is not None and self.keeping is not None
+        self.control = Control(self.keeping.directory, self.keeping.name, str(self.mount), self.hub.stop)
+        try:
+            await self.control.open()
+        except OSError as error:
+            self.warn(f"mount-gateway stop will not find this gateway: {error}")
 
     async def _fit(self) -> None:
         """Present what fits the mount, where the user named no model."""
@@ -208,7 +241,13 @@ class Gateway:
 
     async def close(self) -> None:
         """Stop motion, close the ports and the line."""
-        while self.ports:
-            await self.ports.pop().close()
-        if self.hub is not None:
-            await self.hub.close()
+        try:
+            while self.ports:
+                await self.ports.pop().close()
+        finally:  # whatever went wrong there, the mount is stopped
+            if self.hub is not None:
+                await self.hub.close()
+            if self.keeping is not None:
+                await self.keeping.close()
+            if self.control is not None:
+                await self.control.close()

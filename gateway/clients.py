@@ -199,6 +199,8 @@ class Client:
 
     def _defect(self, frame: bytes, error: Exception) -> None:
         self.transcript.note(self.name, f"internal error at {frame!r}, please report it: {error!r}")
+        if self.hub.motions.busy:
+            self.hub.begin_stop()  # what failed may have been what should have ended a motion
 
     def _answer(self, frame: bytes, reply: bytes | None) -> None:
         self.session.last = frame

@@ -72,6 +72,8 @@ class Driver:
     specials: Mapping[str, Callable[[Any, Any], Steps]]
     model: str | None = None
     version: Version | None = None
+    #: Whether tracking was put off for a motion and has not been put back yet.
+    unrestored = False
 
     def knows(self, name: str) -> bool:
         """Whether the mount that was found has this command, by the manual: nothing is probed."""
@@ -96,6 +98,17 @@ class Driver:
     def tube_side(self, told: str) -> str | None:
         """The side of the pier (E, W) that the tube really is on, by the answer to PierSide; None if there is none."""
         return None
+    def memory(self, moving: bool) -> dict[str, Any]:
+        """What must outlive the gateway; while the mount moves, also what it takes to stop it."""
+        return {}
+
+    def recall(self, memory: Mapping[str, Any], moving: bool) -> None:
+        """Take up what an earlier run has remembered; nonsense is ignored."""
+
+    def greet(self) -> Steps:
+        """Prove that a mount of this kind is on the line, before it is sent what another kind might misread."""
+        return
+        yield  # a generator like all others
 
     def perform(self, operation: Operation) -> Steps:
         """Carry out one operation; the generator's value is the operation's answer. Raises Fault."""

@@ -71,6 +71,11 @@ class Line:
         """Begin to open the wire and to serve exchanges."""
         self._task = asyncio.get_running_loop().create_task(self._run())
 
+    @property
+    def served(self) -> bool:
+        """Whether exchanges are carried out at all: not before the start, nor once the worker has ended."""
+        return self._task is not None and not self._task.done()
+
     async def close(self) -> None:
         """End the worker and close the wire."""
         if self._task is not None:

@@ -16,6 +16,7 @@ import msgspec
 from gateway.assembly import Gateway
 from gateway.config import MountConfig, SurfaceConfig
 from gateway.errors import UserError
+from gateway.keeping import Past
 from gateway.line import Dialogue, Line
 from gateway.ports import Guest
 from gateway.recorded import ROUNDED, RecordedLine, RecordedLoop, RecordedWire
@@ -63,10 +64,11 @@ def _gateway(recording: Recording, clock: Callable[[], float]) -> Gateway:
     try:
         mount = msgspec.convert(config["mount"], MountConfig)
         surfaces = msgspec.convert(config["surface"], list[SurfaceConfig])
+        past = msgspec.convert(recording.settings["past"], Past)
     except (msgspec.ValidationError, KeyError, TypeError) as error:
         raise UserError(f"recording: its settings do not suit this version of mount-gateway: {error}") from None
     gateway = Gateway(mount, surfaces, clock=clock)
-    gateway.sites.update(recording.settings.get("sites", {}))
+    gateway.past = past
     return gateway
 
 

@@ -82,10 +82,10 @@ class _Caller:
         self._write = lambda data: None
 
 
-async def serve_simulator(simulator: Any, places: list[str], latency: float) -> list[Port]:
-    """Open a simulated mount for other programs."""
+async def serve_simulator(simulator: Any, places: list[str], latency: float, baud: int | None = None) -> list[Port]:
+    """Open a simulated mount for other programs; with ``baud`` its serial ports understand that rate only."""
 
     def arrive(name: str, host: str, write: Callable[[bytes], Any]) -> Guest:
         return _Caller(simulator, latency, write)
 
-    return [await open_port(place, arrive) for place in places]
+    return [await open_port(place, arrive, baud) for place in places]

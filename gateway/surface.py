@@ -62,6 +62,11 @@ class Session:
         self.last = b""
         self.kept: dict[str, Any] = {"precision": settings.get("precision", "high")}
 
+    def set_for_all(self, name: str, value: Any) -> None:
+        """Set what all clients have in common and what outlives the gateway."""
+        self.shared[name] = value
+        self.changed()
+
     def known(self, name: str) -> Any:
         """A kept value, else the presented model's constant, else None."""
         value = self.kept.get(name)

@@ -44,8 +44,11 @@ class Transcript:
         """Record bytes that passed, or a note."""
         if self.sinks:
             entry = Entry(self.clock(), side, arrow, data, note)
-            for sink in self.sinks:
-                sink(entry)
+            for sink in list(self.sinks):
+                try:
+                    sink(entry)
+                except OSError:  # a log that cannot be written any more must not cost the mount its line
+                    self.sinks.remove(sink)
 
     def note(self, side: str, text: str) -> None:
         """Record a fault or a decision in words."""

@@ -71,12 +71,21 @@ class SerialWire:
             raise OSError(errno.ENODEV, "port is closed")
         self._port.write(data)
 
+    def set_baud(self, baud: int) -> None:
+        """Change the rate of the open port, and nothing else. Raises OSError for a rate that it does not have."""
+        try:
+            self._port.baudrate = baud
+        except Exception as error:  # ValueError, SerialException, termios.error: as the system has it
+            raise OSError(errno.EINVAL, f"{baud} baud: {error}") from None
+        self.baud = baud
+
     async def change_rate(self) -> None:
         """Go on at ``baud`` when what was written has left; a port that cannot keeps its rate."""
         port = self._port
         if port is not None:
-            with contextlib.suppress(OSError, ValueError):
-                await asyncio.get_running_loop().run_in_executor(None, _set_rate, port, self.baud)
+            with contextlib.suppress(OSError):
+                await asyncio.get_running_loop().run_in_executor(None, port.flush)
+                self.set_baud(self.baud)
 
     async def close(self) -> None:
         port, self._port = self._port, None
@@ -92,17 +101,13 @@ class SerialWire:
         port.close()
 
 
-def _set_rate(port: Any, baud: int) -> None:
-    port.flush()
-    port.baudrate = baud
-
-
 def open_port(url: str, baud: int) -> Any:
     """Open a serial URL for exclusive use. Raises OSError that says what is wrong."""
     import serial
 
+    patience = None if url.startswith("rfc2217:") else 2.0  # pyserial's RFC 2217 client knows none
     try:
-        return serial.serial_for_url(url, baudrate=baud, timeout=0.25, write_timeout=2.0, exclusive=True)
+        return serial.serial_for_url(url, baudrate=baud, timeout=0.25, write_timeout=patience, exclusive=True)
     except serial.SerialException as error:
         number = getattr(error, "errno", None)
         text = str(error)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import msgspec
@@ -54,11 +55,12 @@ def _live(path: Path, mount: str, presented: str) -> bytes:
         transcript = Transcript(clock)
         gateway = Gateway(config, surfaces, transcript, clock=clock)
         wire = _Mute("sim", make_simulator(gateway.mount, clock=clock, speed=3.0).feed, 0.0731)
-        settings = {"began": clock(), "config": msgspec.to_builtins({"mount": config, "surface": surfaces})}
-        recorder = Recorder(path, loop.time, settings, longest=200_000)
+        settings = {"began": clock(), "config": {"mount": config, "surface": surfaces}, "past": gateway.past}
+        recorder = Recorder(path, loop.time, msgspec.to_builtins(settings), longest=200_000)
         transcript.sinks.append(recorder.put)
         gateway.prepare(lambda dialogue, to: Line(wire, dialogue, to))
         gateway.begin()
+        random = Random(path.name)
         words = LX200 if presented == "lx200" else NEXSTAR
 
         async def client(number: int) -> None:
@@ -67,7 +69,7 @@ def _live(path: Path, mount: str, presented: str) -> bytes:
                 if turn % 40 == 0:
                     guest = gateway.receptions[0].arrive(f"10.0.0.{number}:{turn}", f"10.0.0.{number}", told.extend)
                 guest.feed(words[turn * (number + 1) % len(words)])
-                await asyncio.sleep(0.1 + 0.0173 * ((turn * 7 + number) % 11))
+                await asyncio.sleep(random.uniform(0.1, 0.3))
 
         clients = [asyncio.create_task(client(number)) for number in (1, 2, 3)]
         await asyncio.sleep(9.7)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -56,6 +57,37 @@ def test_an_lx200_program_by_hand_never_crosses_a_limit(latency: float, arrow: b
     run(program())
 
 
+@pytest.mark.parametrize(("lowest", "latency"), [(41.6, 0.05), (36.0, 0.2), (44.4, 0.2), (37.4, 0.35)])
+def test_a_limit_that_is_reached_before_the_rate_could_be_measured(lowest: float, latency: float) -> None:
+    async def program() -> None:
+        async with Bridge("6-8se", config={"lowest": lowest}, latency=latency) as bridge:
+            bridge.client().tell(b":RS#:Ms#")  # five degrees a second, from 45
+            low, _ = await extremes(bridge, 8)
+            assert lowest <= low
+
+    run(program())
+
+
+def test_what_a_mount_does_while_it_coasts_is_not_held_against_it() -> None:
+    async def program() -> None:
+        async with Bridge("6-8se", config={"lowest": 44.0}) as bridge:
+            guard = bridge.hub.guard
+            here = await bridge.hub.perform(op.Position())
+            await asyncio.sleep(4)  # nobody polls any more: the looks are this test's own
+            guard.look(here)
+            await asyncio.sleep(0.3)
+            guard.ended()
+            guard.look(op.Equatorial(here.ra, here.dec - 1.5))
+            await asyncio.sleep(0.5)
+            assert notes(bridge) == []
+            await asyncio.sleep(1.0)
+            guard.look(op.Equatorial(here.ra, here.dec - 2.5))
+            await asyncio.sleep(0.5)
+            assert notes(bridge) == ["stopped at the altitude limit (42.5 degrees)"]
+
+    run(program())
+
+
 @pytest.mark.parametrize(("latency", "opcode"), [(0.02, 37), (0.2, 37), (0.2, 36)])
 def test_a_nexstar_program_by_hand_never_crosses_a_limit(latency: float, opcode: int) -> None:
     async def program() -> None:
@@ -72,7 +104,7 @@ def test_a_nexstar_program_by_hand_never_crosses_a_limit(latency: float, opcode:
 
 def test_two_looks_a_second_while_it_moves_on_a_slow_line_with_a_busy_program() -> None:
     async def program(mount: str, driven: str) -> None:
-        async with Bridge(mount, driven=driven, latency=0.2 if driven == "nexstar" else 0.1) as bridge:
+        async with Bridge(mount, driven=driven, latency=0.2 if driven == "nexstar" else 0.15) as bridge:
             client = bridge.client()
             looks: list[float] = []
             look = bridge.hub.guard.look
@@ -86,7 +118,7 @@ def test_two_looks_a_second_while_it_moves_on_a_slow_line_with_a_busy_program() 
             for _ in range(80):
                 client.tell(b":GR#:GD#:GZ#:GA#:D#:GW#")
                 await asyncio.sleep(0.25)
-            gaps = [after - before for before, after in zip(looks[3:], looks[4:], strict=False)]
+            gaps = [after - before for before, after in pairwise(looks[3:])]
             assert len(gaps) >= 36
             assert sorted(gaps)[len(gaps) * 9 // 10] <= 0.5 + 0.1
             assert sum(gaps) / len(gaps) <= 0.5
@@ -224,6 +256,26 @@ def test_a_goto_whose_way_leads_below_the_horizon_is_stopped() -> None:
             assert -6.0 < low < 0.0
             assert not bridge.hub.moving
             assert any(note.startswith("stopped at the altitude limit") for note in notes(bridge))
+
+    run(program())
+
+
+@pytest.mark.parametrize(("driven", "mount"), [("nexstar", "6-8se"), ("lx200", "autostar")])
+def test_a_motion_that_its_user_ends_above_the_limit_costs_nothing(driven: str, mount: str) -> None:
+    async def program() -> None:
+        async with Bridge(mount, driven=driven, config={"lowest": 40.0}, latency=0.1) as bridge:
+            client = bridge.client()
+            for _ in range(12):
+                client.tell(b":GR#:RM#:Ms#")
+                await asyncio.sleep(0.7)
+                client.tell(b":Qs#")
+                await asyncio.sleep(2.5)
+                client.tell(b":GR#:RM#:Mn#")
+                await asyncio.sleep(0.7)
+                client.tell(b":Qn#")
+                await asyncio.sleep(2.5)
+            assert notes(bridge) == []
+            assert bridge.sim.tracking
 
     run(program())
 

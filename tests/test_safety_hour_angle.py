@@ -53,7 +53,7 @@ def test_without_the_setting_there_is_no_limit() -> None:
             client = bridge.client()
             assert await client.ask(EAST, until=b"110") == b"110"
             await settle(client)
-            await asyncio.sleep(6000)
+            await asyncio.sleep(2700)
             assert bridge.sim.tracking
 
     run(program())

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 import signal
 import sys
 import time
@@ -19,6 +20,7 @@ from typing import TYPE_CHECKING, Any, cast
 from gateway import __version__
 from gateway.config import Config, parse_endpoint
 from gateway.errors import UserError
+from gateway.transcript import SKY_READY
 
 if TYPE_CHECKING:
     from gateway.assembly import Gateway
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
 FIRST_WORD, FIND_MOUNT = 4.0, 20.0
 #: With --wait, how long the ready lines wait for the mount to say what fits it.
 QUICK = 0.5
+#: A wrapper that passes a Ctrl-C on delivers it twice within this time, in seconds; a person does not.
+TWICE = 0.1
 
 
 def with_loop(fast: bool, serve: Callable[[], Awaitable[int]]) -> int:
@@ -45,14 +49,27 @@ def with_loop(fast: bool, serve: Callable[[], Awaitable[int]]) -> int:
 
 
 def until_signal() -> asyncio.Event:
-    """An event that SIGINT and SIGTERM set."""
+    """An event that SIGINT, SIGTERM and the closing of the terminal set; a second Ctrl-C ends the process at once."""
     done = asyncio.Event()
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    asked = 0.0
+
+    def end(number: int) -> None:
+        nonlocal asked
+        if not done.is_set():
+            done.set()
+            asked = loop.time()
+        elif number == signal.SIGINT and loop.time() - asked > TWICE:
+            os._exit(128 + number)
+
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # else it runs under nohup
+        numbers.append(signal.SIGHUP)
+    for number in numbers:
         try:
-            loop.add_signal_handler(number, done.set)
+            loop.add_signal_handler(number, end, number)
         except NotImplementedError:  # Windows
-            signal.signal(number, lambda *_: loop.call_soon_threadsafe(done.set))
+            signal.signal(number, lambda number, _: loop.call_soon_threadsafe(end, number))
     return done
 
 
@@ -73,7 +90,8 @@ async def serve_mounts(config: Config, banner: str = "") -> int:
             from gateway.logline import printer
 
             transcript.sinks.append(printer(parse_endpoint(mount.at).protocol, sys.stderr, mount.name))
-        gateways.append(Gateway(mount, config.of(mount), transcript, sky))
+        gateways.append(Gateway(mount, config.of(mount), transcript, sky, warn=warn))
+        gateways[-1].remember()
         if mount.record:
             transcript.sinks.append(_recorder(mount.record, gateways[-1]).put)
     try:
@@ -102,8 +120,8 @@ def _recorder(path: str, gateway: Gateway) -> Recorder:
     from gateway.recording import Recorder
 
     config = {"mount": gateway.config, "surface": gateway.surfaces}
-    settings = {"began": time.time(), "config": msgspec.to_builtins(config), "version": __version__}
-    return Recorder(Path(path), asyncio.get_running_loop().time, settings)
+    settings = {"began": time.time(), "config": config, "past": gateway.past, "version": __version__}
+    return Recorder(Path(path), asyncio.get_running_loop().time, msgspec.to_builtins(settings))
 
 
 def _from_the_thread(work: Callable[[], object]) -> Callable[[], None]:
@@ -115,6 +133,12 @@ def _from_the_thread(work: Callable[[], object]) -> Callable[[], None]:
             loop.call_soon_threadsafe(work)
 
     return call
+
+
+def warn(text: str) -> None:
+    """A line on stderr, where there still is one: a terminal that was closed must not keep a mount moving."""
+    with contextlib.suppress(OSError, ValueError):
+        print(f"mount-gateway: {text}", file=sys.stderr, flush=True)
 
 
 async def _unless(done: asyncio.Event, work: asyncio.Future[Any]) -> None:
@@ -139,7 +163,7 @@ async def _serve(gateway: Gateway, patient: bool, start_sky: Callable[[], None])
     if not found and not await _found(gateway):
         assert gateway.hub is not None
         reason = gateway.hub.line.reason or "no answer"
-        print(f"mount-gateway: {gateway.title}: {reason}; trying on", file=sys.stderr, flush=True)
+        warn(f"{gateway.title}: {reason}; trying on")
 
 
 async def _found(gateway: Gateway) -> bool:
@@ -164,7 +188,7 @@ async def _find(gateway: Gateway) -> None:
     if line.reason.startswith("cannot open"):
         raise UserError(f"{gateway.title}: {line.reason}")
     await line.close()
-    from gateway.probe import who_answers
+    from gateway.detect import who_answers
 
     found = await who_answers(gateway.mount.where, gateway.config.baud)
     if found and found != gateway.mount.protocol:

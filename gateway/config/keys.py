@@ -61,6 +61,8 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
                                     gt=0.0, le=3600.0)] = 30.0
     dead_man_closed: Annotated[float, _key(
         "the same, when its connection is closed and none from its host has come", "S", gt=0.0, le=3600.0)] = 5.0
+    state: Annotated[str | None, _key("directory for what is kept (default: where your system has it)", "PATH",
+                                      "/var/lib/mount-gateway")] = None
     record: Annotated[str | None, _key("write everything that passes to a file that replay plays again", "FILE",
                                        "/var/tmp/night.rec")] = None
     latency: Annotated[float, _key("seconds that a simulated mount takes to answer", "S", ge=0.0, le=3.0)] = 0.0

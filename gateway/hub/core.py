@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 from msgspec import Struct
@@ -19,6 +19,7 @@ from gateway.driver import Ask, Driver, Pause, Steps
 from gateway.errors import Fault, NoAnswer, Refused
 from gateway.hub.dead_man import DeadMan, Life
 from gateway.hub.derived import Derived
+from gateway.hub.ending import end_motion
 from gateway.hub.guard import Guard
 from gateway.hub.motions import MOTIONS, Motions
 from gateway.hub.places import PLACES
@@ -26,13 +27,15 @@ from gateway.hub.refresh import ASK_AGAIN, Refresh
 from gateway.hub.settings import FIRST_ANSWER, SiteAndClock
 from gateway.hub.snapshot import FRESH, MISSING, Kind, Snapshot
 from gateway.hub.sun import Suns
-from gateway.line import POSITION, READ, SETTING, Line
+from gateway.line import POSITION, READ, SETTING, STOP, Line
 from gateway.observatory import Observatory
 from gateway.safety import Limits
 from gateway.sky import Sky
 from gateway.transcript import Transcript
 
-SHUTDOWN = 4.0
+
+async def _at_once() -> None:
+    """Nobody needs to know before a motion."""
 
 
 class Policy(Struct, frozen=True):
@@ -67,7 +70,13 @@ class Hub:
         self.guard = Guard(self)
         self.dead_man = DeadMan(self, policy.silence, policy.silence_closed)
         self.motions = Motions(self, follow_ups)
+        self.refresh = Refresh(self)
+        #: How many exchanges the operation took that was carried out last.
+        self.exchanges = 0
         self.settings = SiteAndClock(self)
+        #: Called when something that outlives the gateway may have changed; awaited before the mount is set moving.
+        self.changed: Callable[[], None] = lambda: None
+        self.before_motion: Callable[[], Awaitable[None]] = _at_once
         self._identifying: asyncio.Task[Any] | None = None
         self._sharing: dict[Kind, asyncio.Task[Any]] = {}
         self._tasks: set[asyncio.Task[Any]] = set()
@@ -78,16 +87,11 @@ class Hub:
     def start(self) -> None:
         """Open the line, find out what is on it, and keep the snapshot fresh."""
         self.line.start()
-        Refresh(self).start()
+        self.refresh.start()
 
     async def close(self) -> None:
-        """End motion, forget what was planned, close the line."""
-        try:
-            async with asyncio.timeout(SHUTDOWN):
-                if self.moving and self.line.state == "up":
-                    await self.stop()
-        except (TimeoutError, Fault):
-            self.transcript.note("mount", "the stop at shutdown was not answered")
+        """End motion, put tracking back, forget what was planned, close the line."""
+        await end_motion(self)
         self.motions.close()
         for task in [*self._tasks, *self._sharing.values()]:
             task.cancel()
@@ -108,9 +112,11 @@ class Hub:
         self._identifying = self.spawn(self._identify())
 
     async def _identify(self) -> None:
-        """Who is there, where it stands, what time it has."""
+        """Who is there, where it stands, what time it has. A stop that is owed goes before everything else."""
         if self.motions.owed:
             with contextlib.suppress(Fault):
+                if not self.identified.is_set():
+                    await self.drive(self.driver.greet(), STOP)
                 await self.stop()
         while op.GetIdentity not in self.snapshot.seen:
             await self._learn(op.GetIdentity())
@@ -118,6 +124,8 @@ class Hub:
                 return  # it is begun again when the line is up
             if op.GetIdentity not in self.snapshot.seen:
                 await asyncio.sleep(ASK_AGAIN)
+        if self.motions.owed:  # it did not answer to the stop, but it does now
+            self.begin_stop()
         if self.policy.equinox == "auto":
             self.derived.equinox = self.driver.equinox
         self.identified.set()
@@ -255,6 +263,7 @@ class Hub:
         else:
             rank = POSITION if isinstance(operation, op.Position) else READ
             value = await self.drive(self.driver.perform(operation), rank)
+            self.refresh.cost(type(operation), self.exchanges)
         if isinstance(operation, op.Slewing):
             if self.slewing and not value:
                 await self._settled()
@@ -270,7 +279,7 @@ class Hub:
 
     async def _settled(self) -> None:
         """A goto has just ended: nobody is told so before the position is known where it ended."""
-        self.snapshot.forget(op.HorizontalPosition, op.AxisPosition, op.Position)
+        self.snapshot.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
         await self.read(op.Position())
 
     async def tube_side(self) -> str | None:
@@ -286,11 +295,13 @@ class Hub:
         """Carry out a driver's generator: exchanges, pauses, things to do later."""
         answer: Any = None
         fault: Fault | None = None
+        self.exchanges = exchanges = 0
         try:
             while True:
                 step = steps.send(answer) if fault is None else steps.throw(fault)
                 answer, fault = None, None
                 if isinstance(step, Ask):
+                    exchanges += 1
                     try:
                         answer = await self.line.exchange(step, rank)
                     except Fault as error:
@@ -300,11 +311,14 @@ class Hub:
                 else:
                     self.motions.plan(step)
         except StopIteration as end:
+            self.exchanges = exchanges
             return end.value
         except (Fault, asyncio.CancelledError):
             raise
         except Exception as error:  # a defect in a driver must cost one operation, never the gateway
             self.transcript.note("mount", f"internal error, please report it: {error!r}")
+            if rank != STOP and self.motions.busy:
+                self.begin_stop()  # nobody knows what moves now; a stop that fails is tried again by itself
             raise Refused(f"Internal error: {error!r}") from error
         finally:
             steps.close()

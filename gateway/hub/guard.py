@@ -30,8 +30,8 @@ RESTLESS = 0.1
 CLOSELY = 3.0
 #: A goto that ends at a limit may overshoot by so much; so much nearer to the Sun is no jitter.
 OVERSHOOT, NEARER = 0.05, 0.05
-#: Where a stop did not help within this time, it is tracking that goes on.
-AGAIN = 30.0
+#: How long a mount may coast after it was told to end a motion: what it does meanwhile is not held against it.
+COASTING = 1.0
 #: How old the pier side may grow, and the word of the mount that it is not aligned.
 SIDE_AGE = STATUS_AGE = 5.0
 
@@ -55,7 +55,7 @@ class Guard:
         self._speed = 0.0
         self._limits = hub.policy.limits
         self._farthest: list[float] = []
-        self._restless_until = self._stopped_at = -1e9
+        self._restless_until = self._coasts_until = -1e9
         self._switching = False
         self._helpless = False
 
@@ -71,7 +71,7 @@ class Guard:
             limits = limits.narrowed(operation.lowest, operation.highest)
         elif isinstance(operation, op.Park) and (self._hub.policy.own_park or not self._destined(operation)):
             limits = replace(limits, lowest=-90.0, highest=90.0)
-        self._limits, self._helpless, self._stopped_at = limits, False, -1e9
+        self._limits, self._helpless, self._coasts_until = limits, False, -1e9
         self._speed = 0.0
         if isinstance(operation, op.Move | op.MoveAxis):
             self._speed = self._hub.driver.speed(operation.rate)
@@ -79,6 +79,10 @@ class Guard:
             self._before, self._farthest = None, []
         else:
             self._before = replace(self._before, at=self._hub.now())
+
+    def ended(self) -> None:
+        """A motion by hand was ended, or all were."""
+        self._coasts_until = self._hub.now() + COASTING
 
     def _destined(self, operation: op.Operation) -> bool:
         """Whether it is known here where this goto ends."""
@@ -92,8 +96,10 @@ class Guard:
         now, before = hub.now(), self._before
         if before is not None and now - before.at < SHORTEST:
             return
+        if before is not None and before.altitude is None:  # the site may have become known since
+            before = self._measured(before.at, before.seen)
         self._before = after = self._measured(now, seen)
-        if before is None or len(before.suns) != len(after.suns):
+        if before is None or now < self._coasts_until or len(before.suns) != len(after.suns):
             self._farthest = list(after.suns)
             return
         status = hub.snapshot.value(op.GetStatus)
@@ -175,12 +181,10 @@ class Guard:
     # --- acting -----------------------------------------------------------------------------------------------------
 
     def _act(self, reason: str) -> None:
-        """Stop what moves; where nothing does, or a stop did not help, tracking goes off."""
-        hub, now = self._hub, self._hub.now()
-        if hub.moving or (self.restless and now - self._stopped_at > AGAIN):
-            if now - self._stopped_at > SHORTEST:
-                hub.transcript.note("mount", f"stopped at {reason}")
-            self._stopped_at = now
+        """Stop what moves; where nobody moves the mount, it is tracking, and that goes off."""
+        hub = self._hub
+        if hub.moving or self.restless:
+            hub.transcript.note("mount", f"stopped at {reason}")
             hub.begin_stop()
         elif not (self._switching or self._helpless):
             self._switching = True
@@ -197,8 +201,8 @@ class Guard:
             hub.transcript.note("mount", f"tracking is off: it came to {reason}")
         except Unsupported:
             self._helpless = True
+            hub.transcript.note("mount", f"stopped at {reason}")
             hub.transcript.note_once("mount", "the tracking of this mount cannot be switched off at a limit")
-            hub.transcript.note("mount", f"stopped at {reason}, but the mount keeps tracking")
             hub.begin_stop()
         except Fault as fault:
             hub.transcript.note("mount", f"tracking goes on beyond {reason}: {fault}")

@@ -25,6 +25,8 @@ MOTIONS = (
     *GOTOS, op.CancelGoto, op.Sync, op.Move, op.MoveAxis, op.Halt, op.Pulse, op.PulseAxis, op.SetTracking, op.TrackRate,
     op.SetHome, op.Unpark, op.Sleep, op.Wake, op.Focus,
 )  # fmt: skip
+#: What can set the mount moving: a killed gateway leaves it so.
+MOVING = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
 #: How often a stop is sent again on a line that is up, when its answer was lost.
 STOP_TRIES = 3
 
@@ -53,6 +55,12 @@ class Motions:
     def goto_waits(self) -> bool:
         """Whether a goto was asked for that the mount has not acknowledged yet."""
         return any(isinstance(job, GOTOS) for job in self._jobs.values())
+
+    @property
+    def busy(self) -> bool:
+        """Whether anything moves, is about to, or is to be ended later: all that a stop would end or put right."""
+        coming = any(not one.outlives_stop for one in (*self._jobs.values(), *self._later))
+        return self.owed or coming or self._hub.moving or self._hub.driver.unrestored
 
     def begin_stop(self) -> asyncio.Task[None]:
         """End every motion: what runs or waits dies now, and the stop goes to the line first.
@@ -85,6 +93,7 @@ class Motions:
         self.owed = False
         self.axes.clear()
         self._hub.dead_man.stopped()
+        self._hub.guard.ended()
         self._hub.snapshot.put(op.Slewing, False, self._hub.now())
 
     def begin(self, operation: op.Operation, stops: int | None, life: Life | None) -> asyncio.Task[Any]:
@@ -124,6 +133,8 @@ class Motions:
             if stops != self.stops and not (isinstance(operation, op.Halt) or operation.outlives_stop):
                 raise Stopped
             operation = await self._checks.admit(operation)
+            if isinstance(operation, MOVING):
+                await self._hub.before_motion()
             ends = isinstance(operation, op.Halt | op.CancelGoto)
             try:
                 value = await self._hub.drive(self._hub.driver.perform(operation), STOP if ends else MOTION)
@@ -152,12 +163,15 @@ class Motions:
             snapshot.changed(op.Position)  # it must be watched from now on
         elif isinstance(operation, op.Halt):
             self.axes.discard(operation.axis)
+            if not self.axes:
+                self._hub.guard.ended()
         elif isinstance(operation, op.CancelGoto):
             snapshot.put(op.Slewing, False, self._hub.now())
         elif isinstance(operation, op.Sync):
             snapshot.forget(op.Position, op.HorizontalPosition, op.AxisPosition)
         elif isinstance(operation, op.SetTracking | op.Unpark | op.Sleep | op.Wake):
             snapshot.forget(op.GetStatus)
+        self._hub.changed()
 
     # --- later ------------------------------------------------------------------------------------------------------
 
@@ -185,10 +199,16 @@ class Motions:
             async with self._turn:
                 steps = special(driver, operation) if special else driver.perform(operation)
                 await self._hub.drive(steps, STOP if urgent else MOTION)
+            self._hub.changed()
         except Fault as fault:
             self._hub.transcript.note("mount", f"{type(operation).__name__}: {fault}")
             if urgent:
                 self.begin_stop()
+
+    async def settle(self) -> None:
+        """Wait for what outlives a stop: hand controls may need to be told twice to track again."""
+        while self._hub.line.state == "up" and self._hub.line.served and (self._later or self._jobs):
+            await asyncio.sleep(0.05)
 
     def close(self) -> None:
         """Forget everything that was planned or waits."""

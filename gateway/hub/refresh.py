@@ -19,10 +19,12 @@ if TYPE_CHECKING:
 HEARTBEAT = 5.0
 CLOCK_AGE = 120.0
 ASK_AGAIN = 1.0
-#: How long it may take until something new is found to be wanted.
-IDLE = 0.25
+#: What nobody wants waits until an answer or a motion wakes it.
+IDLE = 3600.0
 #: The shortest pause between two exchanges of the same kind: others need the line, too.
 BREATH = 0.05
+#: How much of an exchange goes by, on average, until the line is free for the next.
+WAITING = 0.5
 #: Timers come up to so much too early: event loops count in milliseconds.
 SOON = 0.001
 
@@ -32,9 +34,13 @@ class Refresh:
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
-        self._took: dict[Kind, float] = {}
+        self._exchanges: dict[Kind, int] = {}
         self._news: dict[Kind, asyncio.Event] = {kind: asyncio.Event() for kind in RENEW}
         hub.snapshot.changed = self._changed
+
+    def cost(self, kind: Kind, exchanges: int) -> None:
+        """So many exchanges an answer of this kind has taken; the next one is asked for so much earlier."""
+        self._exchanges[kind] = exchanges
 
     def start(self) -> None:
         for kind in RENEW:
@@ -65,9 +71,11 @@ class Refresh:
                 continue
             if self._wanted(kind, hub.now()) and self._pause(kind, hub.now()) <= SOON:
                 await self._renew(kind)
+            pause = self._pause(kind, hub.now())
             if kind is op.Position:
                 await self._now_and_then(hub.now())
-            await self._rest(kind, max(0.005, self._pause(kind, hub.now())))
+                pause = min(self._pause(kind, hub.now()), HEARTBEAT - hub.snapshot.age(kind, hub.now()))
+            await self._rest(kind, max(0.005, pause))
 
     async def _rest(self, kind: Kind, seconds: float) -> None:
         """Wait until it is time, or until something has changed."""
@@ -97,12 +105,11 @@ class Refresh:
         """Seconds until this kind must be asked again, so that its answer comes when the last one grows old."""
         if not self._wanted(kind, now):
             return IDLE
-        ahead = self._took.get(kind, self._hub.line.typical)
+        ahead = (self._exchanges.get(kind, 1) + WAITING) * self._hub.line.typical
         return max(RENEW[kind] - ahead, BREATH) - self._hub.snapshot.age(kind, now)
 
     async def _renew(self, kind: Kind) -> None:
         hub = self._hub
-        began = hub.now()
         try:
             await asyncio.shield(hub.shared(kind()))
         except Fault as fault:
@@ -110,6 +117,3 @@ class Refresh:
                 hub.transcript.note_once("mount", f"{kind.__name__}: {fault}")
             if hub.snapshot.age(kind, hub.now()) > RENEW[kind]:
                 await asyncio.sleep(RENEW[kind])
-            return
-        took = hub.now() - began
-        self._took[kind] = took + 0.8 * (self._took.get(kind, took) - took)

@@ -60,8 +60,7 @@ class Snapshot:
         self.version += 1
 
     def clear(self) -> None:
-        self.seen.clear()
-        self.version += 1
+        self.forget(*self.seen)
 
     def value(self, kind: Kind) -> Any:
         """The last answer, however old; None before the first."""

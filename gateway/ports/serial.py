@@ -13,17 +13,17 @@ from gateway.wires import BAUD, SerialWire
 class SerialPort:
     """A real serial port, or any pyserial URL, with one client behind it."""
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, baud: int) -> None:
         self.where = url
-        self._wire = SerialWire(url)
+        self._wire = SerialWire(url, baud)
         self._guest: Guest | None = None
         self._reopening: asyncio.Task[None] | None = None
         self._changing: asyncio.Task[None] | None = None
 
     @classmethod
-    async def open(cls, url: str, arrive: Arrive) -> SerialPort:
+    async def open(cls, url: str, arrive: Arrive, baud: int = 9600) -> SerialPort:
         """Raises UserError when the port cannot be opened now; later losses are waited out."""
-        self = cls(url)
+        self = cls(url, baud)
         self._guest = arrive(url, url, self._write)
         self._guest.serial(self._change_rate)
         try:

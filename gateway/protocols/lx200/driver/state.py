@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from msgspec import Struct
@@ -84,6 +84,13 @@ class Meade(Driver):
     @property
     def equatorial(self) -> bool:
         return self.home_letter in "PG"
+
+    def memory(self, moving: bool) -> dict[str, Any]:
+        """A telescope keeps its home itself, and stops by a command that all of them have."""
+        return {"parked": True} if self.parked else {}
+
+    def recall(self, memory: Mapping[str, Any], moving: bool) -> None:
+        self.parked = memory.get("parked") is True
 
     @property
     def german(self) -> bool | None:  # type: ignore[override]

@@ -65,7 +65,8 @@ def backlash(session: Session, command: Command, values: dict[str, Any]) -> Hand
 def periodic_error(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """$Q :$QA :$QZ - a toggle for both axes, or on and off for one."""
     if command.name == "$Q":
-        on = session.shared["pec"] = not session.shared.get("pec", False)
+        on = not session.shared.get("pec", False)
+        session.set_for_all("pec", on)
         yield Start(PeriodicError(None, on))
     else:
         yield Start(PeriodicError(2 if "A" in command.name else 1, command.name.endswith("+")))

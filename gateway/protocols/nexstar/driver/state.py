@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, cast
 
-from msgspec import Struct
+from msgspec import Struct, ValidationError, convert, to_builtins
 
-from gateway.driver import Driver
+from gateway.driver import Ask, Driver, Steps
 from gateway.operations import (
     Equatorial,
     GotoAxes,
@@ -43,6 +43,16 @@ class GotoState(Struct):
     seeks: bool = False  # the motors look for their switches: only they know when it is over
 
 
+class Memory(Struct, omit_defaults=True):
+    """What outlives the gateway."""
+
+    home: Horizontal | None = None
+    parked: bool = False
+    model: str | None = None
+    version: Version | None = None
+    tracking: Tracking | None = None
+
+
 class NexStar(Driver):
     """A Celestron hand control. ``now`` is any clock that never goes back, in seconds."""
 
@@ -72,6 +82,7 @@ class NexStar(Driver):
         self.goto: GotoState | None = None
         self.moving: dict[int, float] = {}
         self.remembered: Tracking | None = None
+        self.recalled = False  # that was remembered by an earlier run
         self.restores = 0
         self.steps: dict[int, float] = {}
         self.guide_rates = {1: settings.guide_rate, 2: settings.guide_rate}  # of pulses, until they are set
@@ -119,6 +130,35 @@ class NexStar(Driver):
 
     def has(self, part: str) -> bool:
         return part in self.facts["has"] or part in self.found
+
+    @property
+    def unrestored(self) -> bool:  # type: ignore[override]
+        return self.remembered is not None
+
+    def memory(self, moving: bool) -> dict[str, Any]:
+        """Home and park; in motion also how to talk to this hand control, and the tracking to come back to."""
+        lasting = Memory(home=self.home, parked=self.parked)
+        if moving:
+            lasting.model, lasting.version = self.model, self.version
+            lasting.tracking = self.remembered or self.tracking
+        return cast(dict[str, Any], to_builtins(lasting))
+
+    def recall(self, memory: Mapping[str, Any], moving: bool) -> None:
+        """The rate of the drive is not among it: it ends with the gateway, as with a hand control's power."""
+        try:
+            held = convert(memory, Memory)
+        except ValidationError:
+            return
+        self.home, self.parked = held.home, held.parked
+        if moving:
+            self.model, self.version = held.model or self.model, held.version or self.version
+            if held.tracking is not None and self.knows("T"):
+                self.remembered, self.recalled = held.tracking, True
+                self.own_mode = None if held.tracking is Tracking.OFF else held.tracking
+
+    def greet(self) -> Steps:
+        """``K``, which no Meade takes for anything."""
+        yield Ask("K", {"echo": 0x78})
 
     @property
     def shifted(self) -> bool:

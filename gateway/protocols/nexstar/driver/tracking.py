@@ -121,7 +121,11 @@ def restore(mount: NexStar) -> Steps:
     if mode is None or mode is Tracking.OFF:
         mount.remembered = None
         return
+    if mount.recalled and not (yield Ask("J"))["aligned"]:
+        mount.remembered = None  # it has been switched off since the last run: it must not begin to track by itself
+        return
     yield from send_mode(mount, mode)
+    mount.recalled = False
     mount.remembered = None  # not before: what is lost here must be restored by the next one
     mount.restores = 1
     if mount.knows("t"):

@@ -115,7 +115,7 @@ def pulse_active(session: Session, command: Command, values: dict[str, Any]) -> 
 def set_guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """AUX 0x46"""
     axis = motor(values)
-    session.shared[f"guide rate {axis}"] = values["rate"]
+    session.set_for_all(f"guide rate {axis}", values["rate"])
     yield Start(SetGuideRate(axis, values["rate"] / 256.0))
 
 
@@ -132,7 +132,7 @@ def set_backlash(session: Session, command: Command, values: dict[str, Any]) -> 
     """AUX 0x10, 0x11 - more than 99 does nothing."""
     axis = motor(values)
     if values["value"] <= _FULL_BACKLASH:
-        session.shared[_backlash_name(command, axis)] = values["value"]
+        session.set_for_all(_backlash_name(command, axis), values["value"])
         yield Start(Backlash(axis, values["value"]))
 
 
