@@ -143,7 +143,7 @@ async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> 
 
     gateway.transcript.sinks.append(put)
     simulator = make_simulator(gateway.mount, clock=clock, site=gateway.config.site or DEFAULT_SITE)
-    gateway.prepare(lambda dialogue, transcript: Line(SimulatorWire("sim", simulator.feed), dialogue, transcript))
+    gateway.prepare(lambda dialogue, transcript: Line(SimulatorWire("sim", simulator.connection), dialogue, transcript))
     gateway.sky.load()
     clients = _Clients(gateway)
     gateway.begin()

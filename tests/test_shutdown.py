@@ -209,7 +209,7 @@ class Served:
             await opening(gateway)
 
         monkeypatch.setattr(Gateway, "open", open_it)
-        monkeypatch.setattr(Gateway, "_wire", lambda _: SimulatorWire("sim", self.sim.feed, 0.005))
+        monkeypatch.setattr(Gateway, "_wire", lambda _: SimulatorWire("sim", self.sim.connection, 0.005))
 
     def run(self, fast: bool, then: Callable[[], object]) -> int:
         """Begin a goto, and a moment later do something to the loop or the process."""

@@ -170,7 +170,7 @@ class Hub:
         if kind is op.Slewing and self.motions.goto_waits:
             return True
         now = self.snapshot.asked[kind] = self.now()
-        return self.snapshot.fresh(kind, now, 2.5 * self.line.typical, self.line.state == "down")
+        return self.snapshot.fresh(kind, now, 2.5 * self.line.typical, self.line.state != "up")
 
     @property
     def version(self) -> int:
@@ -256,7 +256,10 @@ class Hub:
         await self.identified.wait()
         gotos = self.motions.gotos
         if isinstance(operation, op.AxisPosition) and not self.driver.way(op.AxisPosition):
-            value: Any = self.derived.axes(await self.read(op.Position()))
+            if (await self.read(op.GetStatus())).equatorial:
+                value: Any = self.derived.axes(await self.read(op.Position()))
+            else:  # the axes of a fork are azimuth and altitude
+                value = await self.read(op.HorizontalPosition())
         else:
             rank = POSITION if isinstance(operation, op.Position) else READ
             value = await self.drive(self.driver.perform(operation), rank)
