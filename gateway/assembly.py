@@ -8,24 +8,29 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from msgspec.structs import replace
 
 from gateway import operations as op
-from gateway.config import Config, Endpoint, MountConfig, SurfaceConfig, parse_endpoint
+from gateway.config import Endpoint, MountConfig, SurfaceConfig, parse_endpoint
+from gateway.config.programs import as_settings, programs, recognisable, settled, wanted_by
+from gateway.control import Control
 from gateway.driver import Driver
 from gateway.equinox import J2000
 from gateway.errors import Fault, UserError
-from gateway.guests import Face, Reception
+from gateway.guests import Face, Manner, Reception
 from gateway.hub import Hub, Policy
-from gateway.line import Dialogue, Line
+from gateway.keeping import Keeping, Past, recall, selected_site
+from gateway.line import Line
 from gateway.observatory import Observatory
 from gateway.ports import Port, open_port
 from gateway.safety import Limits
 from gateway.sky import Sky
+from gateway.state import FORMAT, Kept, Marked, to_shared
 from gateway.tables import load
+from gateway.talk import Dialogue
 from gateway.transcript import Transcript
 from gateway.wires import SerialWire, Wire
 
@@ -38,7 +43,8 @@ def _nexstar_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], f
     from gateway.protocols.nexstar.driver import FOLLOW_UPS
     from gateway.protocols.nexstar.driver.state import NexStar, Settings
 
-    settings = Settings(site=config.site, mode=config.mode, guide_rate=config.guide_rate, park=config.park)
+    settings = Settings(site=config.site, mode=config.mode, guide_rate=config.guide_rate, park=config.park,
+                        aux_home=config.aux_home)
     return NexStar(now, settings, endpoint.model, endpoint.version), dict(FOLLOW_UPS), NexStarDialogue()
 
 
@@ -49,9 +55,12 @@ def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Fa
 
     protocol = load("lx200")
     name = endpoint.model or "autostar"
-    settings = {"precision": config.precision, "limits": limits, "sync_text": config.sync_text}
+    settings = {"precision": config.precision or "high", "limits": limits, "sync_text": config.sync_text}
     model = {**protocol.models[name], "name": name}
-    return Face(Surface(protocol, SPECIALS), lambda now: Framer().feed, frozenset({b":Q#"}), model, settings)
+    halts = {b":Q%c#" % letter: (op.Halt(axis), frozenset(b":M%c#" % other for other in letters))
+             for axis, letters in ((1, b"ew"), (2, b"ns")) for letter in letters}
+    surface = Surface(protocol, SPECIALS)
+    return Face(surface, lambda now: Framer().feed, frozenset({b":Q#"}), model, settings, halts=halts)
 
 
 def _meade_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float]) -> Driven:
@@ -64,13 +73,13 @@ def _meade_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], flo
 
 def _nexstar_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Face:
     from gateway.protocols.nexstar.surface import FORK, GERMAN, SPECIALS, framing, presented
-    from gateway.protocols.nexstar.surface.devices import NEVER_PASSED, no_response
+    from gateway.protocols.nexstar.surface.devices import no_response, passes
     from gateway.surface import Surface
 
     model = presented(endpoint.model, endpoint.version)
     fit = None if endpoint.model else lambda equatorial: presented(GERMAN if equatorial else FORK, endpoint.version)
     surface = Surface(load("nexstar"), SPECIALS, no_response)
-    surface.never = NEVER_PASSED
+    surface.passes = passes
     return Face(surface, framing(model), frozenset(), model, {"precision": "high"}, fit=fit)
 
 
@@ -84,52 +93,108 @@ FACES: dict[str, Callable[[Endpoint, SurfaceConfig, Limits], Face]] = {
 }
 
 
-class Gateway:
-    """A mount and its surfaces, open for clients until it is closed."""
+def policy(config: MountConfig) -> Policy:
+    """What the operator has decided, as the hub takes it."""
+    return Policy(config.limits, config.site_time, config.equinox, own_park=config.park is not None,
+                  silence=config.dead_man, silence_closed=config.dead_man_closed)
 
-    def __init__(self, config: Config, transcript: Transcript | None = None) -> None:
-        self.config = config
-        self.transcript = transcript or Transcript(time.time)
-        self.sky = Sky()
-        self.mount = parse_endpoint(config.mount.at)
-        self.endpoints = [parse_endpoint(surface.at) for surface in config.surface]
+
+def manners(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[Manner]:
+    """The programs that are told by their first bytes on a surface, and what is different for them."""
+    for first, program in recognisable(surface).items():
+        needs = as_settings(wanted_by(surface, program))
+        equinox = j2000 if needs.pop("equinox", None) == "j2000" else None
+        yield Manner(first, programs(protocol)[program].name, needs, equinox)
+
+
+class Gateway:
+    """One mount and its surfaces, open for clients until it is closed. Several share nothing but the sky.
+
+    ``warn`` is told what the user should know at once.
+    """
+
+    def __init__(self, config: MountConfig, surfaces: Sequence[SurfaceConfig], transcript: Transcript | None = None,
+                 sky: Sky | None = None, clock: Callable[[], float] = time.time,
+                 warn: Callable[[str], None] | None = None) -> None:
+        self.config, self.surfaces, self.clock = config, [settled(surface) for surface in surfaces], clock
+        self.transcript = transcript or Transcript(clock)
+        self.warn = warn or (lambda text: self.transcript.note("state", text))
+        self.sky = sky or Sky()
+        self.mount = parse_endpoint(config.at)
+        self.endpoints = [parse_endpoint(surface.at) for surface in surfaces]
         if self.mount.protocol not in DRIVERS:
             raise UserError(f"{self.mount}: {self.mount.protocol} mounts cannot be driven; {' or '.join(DRIVERS)} can")
         for endpoint in self.endpoints:
             if endpoint.protocol not in FACES:
                 raise UserError(f"{endpoint}: no {endpoint.protocol} surface; write {' or '.join(FACES)}")
+        self.receptions: list[Reception] = []
         self.ports: list[Port] = []
         self.faces: list[tuple[str, Face]] = []
         self.fitted = asyncio.Event()
         self.hub: Hub | None = None
+        #: What an earlier run has kept, and the files it is kept in; a replay has none.
+        self.past = Past(Kept(FORMAT))
+        self.keeping: Keeping | None = None
+        self.control: Control | None = None
+
+    def remember(self) -> None:
+        """Take up what an earlier run has kept on disk, and keep it on."""
+        marked = Marked(str(self.mount), self.config.baud)
+        self.keeping = Keeping(self.mount.protocol, self.mount.where, marked, self.config.state, self.warn)
+        self.past = self.keeping.past
 
     async def open(self) -> None:
         """Open the ports and the line. Raises UserError."""
-        config, loop = self.config.mount, asyncio.get_running_loop()
-        driver, follow_ups, dialogue = DRIVERS[self.mount.protocol](self.mount, config, loop.time)
-        limits = Limits(config.lowest, config.highest, config.sync_limit)
-        site = op.Place(*config.site) if config.site else None
-        observatory = Observatory(loop.time, time.time, site)
-        driver.speed = self.config.mount.speed
-        line = Line(self._wire(), dialogue, self.transcript)
-        self.hub = hub = Hub(driver, follow_ups, line, self.sky, observatory, self.transcript,
-                             Policy(limits, config.site_time, config.equinox))
-        shared: dict[str, Any] = {"sites": {}}
-        for endpoint, surface in zip(self.endpoints, self.config.surface, strict=True):
-            face = FACES[endpoint.protocol](endpoint, surface, limits)
-            face.surface.verbatim = endpoint.protocol == self.mount.protocol
-            if surface.equinox == "j2000":
-                face = replace(face, equinox=J2000(self.sky, observatory.unix))
-            reception = Reception(hub, face, shared, time.time, lambda: None)
+        if self.keeping is None:
+            self.remember()
+        self.prepare(lambda dialogue, transcript: Line(self._wire(), dialogue, transcript))
+        for endpoint, reception in zip(self.endpoints, self.receptions, strict=True):
             try:
-                port = await open_port(endpoint.where, reception.arrive)
+                self.ports.append(await open_port(endpoint.where, reception.arrive))
             except UserError:
                 await self.close()
                 raise
-            self.ports.append(port)
+        self.begin()
+        await self._admit()
+
+    def prepare(self, make_line: Callable[[Dialogue, Transcript], Line]) -> None:
+        """Put everything together; nothing is opened yet."""
+        config, loop = self.config, asyncio.get_running_loop()
+        driver, follow_ups, dialogue = DRIVERS[self.mount.protocol](self.mount, config, loop.time)
+        driver.hurry = config.speed
+        shared = to_shared(self.past.kept) if self.keeping is None else self.keeping.shared
+        site = op.Place(*config.site) if config.site else selected_site(shared)
+        observatory = Observatory(loop.time, self.clock, site)
+        self.hub = Hub(driver, follow_ups, make_line(dialogue, self.transcript), self.sky, observatory,
+                       self.transcript, policy(config))
+        if self.keeping is None:
+            recall(self.hub, self.past)
+        else:
+            self.keeping.attach(self.hub)
+        changed = (lambda: None) if self.keeping is None else self.keeping.changed
+        for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
+            face = FACES[endpoint.protocol](endpoint, surface, config.limits)
+            face.surface.verbatim = endpoint.protocol == self.mount.protocol
+            j2000 = J2000(self.sky, observatory.unix)
+            face = replace(face, equinox=j2000 if surface.equinox == "j2000" else None,
+                           manners=tuple(manners(endpoint.protocol, surface, j2000)))
+            self.receptions.append(Reception(self.hub, face, shared, self.clock, changed, number))
             self.faces.append((endpoint.protocol, face))
-        hub.start()
-        hub.spawn(self._fit())
+
+    def begin(self) -> None:
+        """Open the line and find out what is on it."""
+        assert self.hub is not None
+        self.hub.start()
+        self.hub.spawn(self._fit())
+
+    async def _admit(self) -> None:
+        """Let ``mount-gateway stop`` in."""
+        assert self.hub is not None and self.keeping is not None
+        self.control = Control(self.keeping.directory, self.keeping.name, str(self.mount), self.hub.stop)
+        try:
+            await self.control.open()
+        except OSError as error:
+            self.warn(f"mount-gateway stop will not find this gateway: {error}")
 
     async def _fit(self) -> None:
         """Present what fits the mount, where the user named no model."""
@@ -149,16 +214,22 @@ class Gateway:
         self.fitted.set()
 
     def names(self) -> list[str]:
-        """One ``PROTOCOL:MODEL@WHERE`` per open port."""
-        return [f"{protocol}:{face.model['name']}@{port.where}"
+        """One ``PROTOCOL:MODEL@WHERE`` per open port, followed by the mount's name where it has one."""
+        name = f" {self.config.name}" if self.config.name else ""
+        return [f"{protocol}:{face.model['name']}@{port.where}{name}"
                 for (protocol, face), port in zip(self.faces, self.ports, strict=True)]
 
     def _wire(self) -> Wire:
         if self.mount.where == "sim":
             from gateway.simulators import simulated_wire
 
-            return simulated_wire(self.mount, self.config.mount)
-        return SerialWire(self.mount.where, self.config.mount.baud)
+            return simulated_wire(self.mount, self.config)
+        return SerialWire(self.mount.where, self.config.baud)
+
+    @property
+    def title(self) -> str:
+        """What messages call the mount."""
+        return f"{self.config.name}: {self.mount}" if self.config.name else str(self.mount)
 
     async def found(self, seconds: float) -> bool:
         """Wait until the mount has said who it is -> whether it did in time."""
@@ -172,7 +243,13 @@ class Gateway:
 
     async def close(self) -> None:
         """Stop motion, close the ports and the line."""
-        for port in self.ports:
-            await port.close()
-        if self.hub is not None:
-            await self.hub.close()
+        try:
+            while self.ports:
+                await self.ports.pop().close()
+        finally:  # whatever went wrong there, the mount is stopped
+            if self.hub is not None:
+                await self.hub.close()
+            if self.keeping is not None:
+                await self.keeping.close()
+            if self.control is not None:
+                await self.control.close()

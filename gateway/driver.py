@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Mapping
 from typing import Any, NamedTuple
 
 from gateway.errors import Unsupported
-from gateway.operations import Operation, Read, Verbatim
+from gateway.operations import GotoAxes, Operation, Rate, Read, Verbatim
 from gateway.tables import Command, Protocol, Version, Way
 
 
@@ -20,11 +20,14 @@ class Ask(NamedTuple):
     """Send a command with these field values; answered with the reply's fields, or a Fault is thrown in.
 
     With ``patience`` (seconds) silence is an answer, too: ``Silence`` is thrown in and the line is not said to be down.
+    A ``long`` one is work that takes the mount up to that many seconds: a stop that needs no answer goes out meanwhile,
+    everything else is refused as busy, and silence at the end is a fault of the line.
     """
 
     command: str
     values: Mapping[str, Any] = {}
     patience: float | None = None
+    long: bool = False
 
 
 class Pause(NamedTuple):
@@ -57,16 +60,22 @@ class Driver:
     #: Whether an aligned mount may be told site and time without losing its alignment.
     takes_site_aligned = False
     #: How many times faster than a real one the mount slews: simulated ones may.
-    speed = 1.0
+    hurry = 1.0
     loses_alignment = False
     #: Whether the mount has a GPS receiver of its own.
     gps = False
+    #: Whether a sync is kept here that the mount's own axes know nothing of.
+    displaced = False
     #: What the mount's coordinates mean, where that is known by its version: ``jnow`` or ``j2000``.
     equinox = "jnow"
+    #: Whether it is a German mount, whose tube changes sides of the pier; None where that is not known.
+    german: bool | None = None
     protocol: Protocol
     specials: Mapping[str, Callable[[Any, Any], Steps]]
     model: str | None = None
     version: Version | None = None
+    #: Whether tracking was put off for a motion and has not been put back yet.
+    unrestored = False
 
     def knows(self, name: str) -> bool:
         """Whether the mount that was found has this command, by the manual: nothing is probed."""
@@ -76,9 +85,32 @@ class Driver:
     def way(self, operation: type[Operation]) -> Way | None:
         """The first way of carrying out an operation whose commands this mount has."""
         for way in self.protocol.driver.get(operation.__name__, ()):
-            if all(self.knows(name) for name in way.send):
+            if all(self.knows(name) for name in (*way.send, *way.needs)):
                 return way
         return None
+
+    def speed(self, rate: Rate) -> float:
+        """How fast the mount moves at a hand rate, degrees a second."""
+        raise NotImplementedError
+
+    def destination(self, operation: Operation) -> GotoAxes | None:
+        """The axis readings that Park or Home leads to; None where only the mount itself knows them."""
+        return None
+
+    def tube_side(self, told: str) -> str | None:
+        """The side of the pier (E, W) that the tube really is on, by the answer to PierSide; None if there is none."""
+        return None
+    def memory(self, moving: bool) -> dict[str, Any]:
+        """What must outlive the gateway; while the mount moves, also what it takes to stop it."""
+        return {}
+
+    def recall(self, memory: Mapping[str, Any], moving: bool) -> None:
+        """Take up what an earlier run has remembered; nonsense is ignored."""
+
+    def greet(self) -> Steps:
+        """Prove that a mount of this kind is on the line, before it is sent what another kind might misread."""
+        return
+        yield  # a generator like all others
 
     def perform(self, operation: Operation) -> Steps:
         """Carry out one operation; the generator's value is the operation's answer. Raises Fault."""

@@ -7,7 +7,17 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from gateway.operations import Equatorial, Goto, Operation, Position, Sync
+from gateway.operations import (
+    Equatorial,
+    Goto,
+    MoonPlace,
+    OfCatalog,
+    OfDate,
+    Operation,
+    PlanetPlace,
+    Position,
+    Sync,
+)
 from gateway.sky import Sky
 
 
@@ -19,13 +29,13 @@ class J2000:
 
     def inward(self, operation: Operation) -> Operation:
         """What the client asked for, in coordinates of date."""
-        if isinstance(operation, Goto | Sync):
+        if isinstance(operation, Goto | Sync | OfCatalog):
             ra, dec = self._sky.to_of_date(operation.ra, operation.dec, self._unix())
             return replace(operation, ra=ra, dec=dec)
         return operation
 
     def outward(self, operation: Operation, value: Any) -> Any:
         """What the hub answered, in J2000."""
-        if isinstance(operation, Position) and isinstance(value, Equatorial):
+        if isinstance(operation, Position | OfDate | PlanetPlace | MoonPlace) and isinstance(value, Equatorial):
             return Equatorial(*self._sky.to_j2000(value.ra, value.dec, self._unix()))
         return value

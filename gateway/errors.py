@@ -56,6 +56,18 @@ class TooHigh(Fault):
     words = "Object Below Higher."
 
 
+class NearSun(Fault):
+    """The target, or the way to it, comes nearer to the Sun than the operator allows."""
+
+    words = "Too close to the Sun."
+
+
+class PastMeridian(Fault):
+    """The target is farther from the meridian than the operator's limit of the hour angle."""
+
+    words = "Beyond the hour angle limit."
+
+
 class NotAligned(Fault):
     """The mount's hand control has not been aligned, so its coordinates mean nothing."""
 

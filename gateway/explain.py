@@ -7,15 +7,20 @@ from __future__ import annotations
 
 import re
 import time
+from datetime import date
 from typing import Any
 
 from gateway import operations as op
+from gateway.codecs import Codec
 from gateway.driver import Ask, Driver, Steps
 from gateway.errors import Fault, UserError
+from gateway.hub.derived import Derived
+from gateway.hub.places import PLACES
 from gateway.logline import meaning, show
+from gateway.observatory import Observatory
 from gateway.pairs import outcome, surface_rows
 from gateway.sky import Sky
-from gateway.surface import Again, Defer, Session, Start, Surface
+from gateway.surface import Again, Defer, Session, Speed, Start, Surface
 from gateway.tables import load
 
 _SITE = op.Place(45.0, 10.0)
@@ -87,6 +92,9 @@ def _run(client: str, mount: str, frame: bytes) -> list[str]:
         while True:
             wanted = steps.send(answer) if fault is None else steps.throw(fault)
             answer, fault = None, None
+            if isinstance(wanted, Speed):
+                lines.append(f"  a serial port goes on at {wanted.baud} baud")
+                continue
             if isinstance(wanted, Defer):
                 continue
             operation = wanted.operation if isinstance(wanted, Start | Again) else wanted
@@ -113,11 +121,14 @@ class _StandIn:
 
     def __init__(self, driver: Driver, dialogue: Any, lines: list[str]) -> None:
         self.driver, self.dialogue, self.lines = driver, dialogue, lines
-        self.sky = Sky()
+        self.derived = Derived(Sky(), Observatory(time.monotonic, time.time, _SITE), "jnow")
 
     def perform(self, operation: op.Operation) -> Any:
         if isinstance(operation, op.SiderealTime):
-            return self.sky.sidereal_time(time.time(), _SITE.longitude)
+            return self.derived.sidereal_time()
+        if type(operation) in PLACES:
+            self.derived.sky.load()
+            return PLACES[type(operation)](self.derived, operation)
         if isinstance(operation, op.SetSite):
             operation = op.SetSite(operation.latitude if operation.latitude is not None else _SITE.latitude,
                                    operation.longitude if operation.longitude is not None else _SITE.longitude)
@@ -142,9 +153,25 @@ class _StandIn:
     def _answer(self, ask: Ask) -> dict[str, Any]:
         """Something plausible for every field of the reply."""
         command = self.driver.protocol.commands[ask.command]
-        plausible = {"ra": _PLACE.ra, "dec": _PLACE.dec, "az": 180.0, "alt": 45.0, "aligned": 1, "mode": 1,
-                     "slewing": "0", "latitude": _SITE.latitude, "longitude": _SITE.longitude,
-                     "month": 1, "day": 1, "year": 26, "side": "E", "linked": 1, "echo": 120,
-                     "major": 4, "minor": 21, "model": 12}
-        fields = command.replies[0][1].fields if command.replies else {}
-        return {name: plausible.get(name, 0) for name in fields}
+        if not command.replies:
+            return {}
+        picture = command.replies[0][1]
+        fields = {name: _plausible(name, field) for name, field in picture.fields.items()}
+        return {**fields, "length": len(picture.encode(fields))}
+
+
+_KNOWN: dict[str, Any] = {
+    "ra": _PLACE.ra, "dec": _PLACE.dec, "az": 180.0, "alt": 45.0, "aligned": 1, "mode": 1, "slewing": "0",
+    "latitude": _SITE.latitude, "longitude": _SITE.longitude, "month": 1, "day": 1, "year": 26, "side": "E",
+    "linked": 1, "echo": 120, "major": 4, "minor": 21, "model": 12,
+}  # fmt: skip
+
+
+def _plausible(name: str, field: Codec) -> Any:
+    """What is known by this name, else whatever such a field can carry: letters of modes, a number, a text, a date."""
+    for value in (_KNOWN.get(name, 0), "A", "T", "1", date(2026, 1, 1)):
+        try:
+            return field.decode(field.encode(value))
+        except (ValueError, TypeError, AttributeError):
+            continue
+    return 0

@@ -7,17 +7,29 @@ programs connected at the same time do not disturb each other.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from msgspec import Struct
 
 from gateway.clients import Client, Equinox, Framing
 from gateway.hub import Hub
+from gateway.hub.dead_man import Life
+from gateway.operations import Operation
 from gateway.ports import Guest
+from gateway.ports.baud import Trial
 from gateway.surface import Session, Surface
 
 INHERIT_FOR = 60.0
+
+
+class Manner(Struct, frozen=True):
+    """How a connection that begins with the bytes ``first`` is treated, because only one program begins so."""
+
+    first: bytes
+    program: str
+    settings: dict[str, Any]
+    equinox: Equinox | None
 
 
 class Face(Struct, frozen=True):
@@ -29,16 +41,21 @@ class Face(Struct, frozen=True):
     model: dict[str, Any]
     settings: dict[str, Any]
     equinox: Equinox | None = None
+    #: Commands that halt one axis -> the operation, and the commands that would set this axis moving.
+    halts: Mapping[bytes, tuple[Operation, frozenset[bytes]]] = {}
     #: Whether the mount is equatorial -> the model to present; None where the user has named one.
     fit: Callable[[bool], dict[str, Any]] | None = None
+    manners: tuple[Manner, ...] = ()
 
 
 class Reception:
     """Makes a client for every connection of one port."""
 
     def __init__(self, hub: Hub, face: Face, shared: dict[str, Any], host_clock: Callable[[], float],
-                 changed: Callable[[], None]) -> None:
+                 changed: Callable[[], None], number: int = 1) -> None:
         self.hub, self.face, self.shared, self.clock, self.changed = hub, face, shared, host_clock, changed
+        #: Which of the gateway's surfaces this is, counted from 1.
+        self.number = number
         self._left: dict[str, tuple[float, dict[str, Any]]] = {}
 
     def arrive(self, name: str, host: str, write: Callable[[bytes], Any]) -> Guest:
@@ -49,21 +66,47 @@ class Reception:
         if self.hub.now() - at <= INHERIT_FOR:
             session.kept = dict(kept)
         client = Client(name, self.hub, face.surface, session, face.framing(self.hub.now), write, face.stop_frames,
-                        face.equinox, self.hub.transcript)
-        return _Visit(client, lambda: self._leave(host, session))
+                        face.equinox, self.hub.transcript, self.hub.dead_man.arrive(host))
+        client.halts = face.halts
+        self.hub.transcript.put(name, "+", note=f"surface {self.number}, host {host}")
+        return _Visit(client, face.manners, lambda: self._leave(name, host, session, client.life))
 
-    def _leave(self, host: str, session: Session) -> None:
+    def _leave(self, name: str, host: str, session: Session, life: Life) -> None:
+        self.hub.transcript.put(name, "-")
+        self.hub.dead_man.leave(life)
         self._left[host] = (self.hub.now(), dict(session.kept))
         for old in [key for key, (at, _) in self._left.items() if self.hub.now() - at > INHERIT_FOR]:
             del self._left[old]
 
 
 class _Visit:
-    """A client together with what is to be done when it leaves."""
+    """A client together with who it may turn out to be, and what is to be done when it leaves."""
 
-    def __init__(self, client: Client, left: Callable[[], None]) -> None:
-        self.feed = client.feed
-        self._client, self._left = client, left
+    def __init__(self, client: Client, manners: tuple[Manner, ...], left: Callable[[], None]) -> None:
+        self._client, self._manners, self._left = client, manners, left
+        self._heard = b""
+        self.feed = self._listen if manners else client.feed
+
+    def _listen(self, data: bytes) -> None:
+        """Feed the client, and look at what it says as long as it may be one that is known."""
+        if self._manners:
+            self._heard += data
+            self._manners = tuple(manner for manner in self._manners if self._may_be(manner))
+        self._client.feed(data)
+
+    def _may_be(self, manner: Manner) -> bool:
+        """Whether more must be heard; when enough was heard the client is treated so from here on."""
+        if not self._heard.startswith(manner.first):
+            return manner.first.startswith(self._heard)
+        client, session = self._client, self._client.session
+        client.equinox = manner.equinox or client.equinox
+        session.settings = {**session.settings, **manner.settings}
+        session.kept["precision"] = manner.settings.get("precision", session.kept["precision"])
+        client.transcript.note(client.name, f"this is {manner.program}, and treated so")
+        return False
+
+    def serial(self, change_rate: Callable[[int], int]) -> None:
+        self._client.rate = Trial(change_rate)
 
     def close(self) -> None:
         self._client.close()

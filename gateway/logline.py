@@ -9,6 +9,10 @@ from typing import TextIO
 from gateway.tables import load
 from gateway.transcript import Entry
 
+#: What a person need not see: bytes shown as commands, the hub's own decisions, a lost port that has a note besides.
+SILENT = ("raw", "r", "v")
+_EVENTS = {"+": "connected", "-": "gone", "^": "port opened", "v": "port lost"}
+
 
 def show(data: bytes) -> str:
     """Bytes with everything unprintable as ``\\xHH``."""
@@ -21,21 +25,23 @@ def meaning(protocol: str, data: bytes) -> str:
     return found[0].help if found else ""
 
 
-def line(entry: Entry, mount_protocol: str) -> str:
-    """One entry as one line, without the line's end."""
+def line(entry: Entry, mount_protocol: str, name: str | None = None) -> str:
+    """One entry as one line, without the line's end; ``name`` is the mount's, where there are several."""
     clock = datetime.fromtimestamp(entry.time, UTC).strftime("%H:%M:%S.%f")[:-3]
-    words = entry.note
+    words = entry.note or _EVENTS.get(entry.arrow, "")
     if not words and entry.arrow == ">":
         client = "lx200" if entry.data[:1] in (b":", b"\x06", b"$") else "nexstar"
         words = meaning(mount_protocol if entry.side == "mount" else client, entry.data)
-    return f"{clock} {entry.side:<21} {entry.arrow} {show(entry.data):<24} {words}".rstrip()
+    called = f"{name:<8} " if name else ""
+    return f"{clock} {called}{entry.side:<21} {entry.arrow} {show(entry.data):<24} {words}".rstrip()
 
 
-def printer(mount_protocol: str, stream: TextIO) -> Callable[[Entry], None]:
+def printer(mount_protocol: str, stream: TextIO, name: str | None = None) -> Callable[[Entry], None]:
     """A sink that writes one line per entry."""
 
     def put(entry: Entry) -> None:
-        stream.write(line(entry, mount_protocol) + "\n")
-        stream.flush()
+        if entry.arrow not in SILENT:
+            stream.write(line(entry, mount_protocol, name) + "\n")
+            stream.flush()
 
     return put

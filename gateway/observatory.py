@@ -52,6 +52,10 @@ class Observatory:
         moment = self.clock()
         return self._host() if moment is None else moment.unix
 
+    def host(self) -> float:
+        """UTC by the host's own clock."""
+        return self._host()
+
     # --- what was told --------------------------------------------------------------------------------------------
 
     def mount_says_site(self, place: Place) -> None:

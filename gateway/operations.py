@@ -89,6 +89,14 @@ class Moment(Struct, frozen=True):
     offset: float
 
 
+class Gps(Struct, frozen=True):
+    """What a GPS receiver tells: whether it has a fix; place, and UTC as Unix seconds, with one."""
+
+    linked: bool
+    place: Place | None = None
+    unix: float = 0.0
+
+
 class Status(Struct, frozen=True):
     """How the mount stands: its tracking mode, whether it is aligned, and how it is built."""
 
@@ -153,6 +161,10 @@ class GetClock(Read, frozen=True):
     """-> Moment."""
 
 
+class GetGps(Read, frozen=True):
+    """-> Gps, of the receiver that the mount carries. Raises Unsupported, NoDevice."""
+
+
 class SiderealTime(Read, frozen=True):
     """-> float: local apparent sidereal time, degrees."""
 
@@ -167,11 +179,48 @@ class GuideRate(Read, frozen=True):
     axis: int
 
 
+# --- places, worked out from site and clock -------------------------------------------------------------------
+
+
+class OfDate(Read, frozen=True):
+    """-> Equatorial: a J2000 catalogue place as coordinates of date."""
+
+    ra: float
+    dec: float
+
+
+class OfCatalog(Read, frozen=True):
+    """-> Equatorial: a place of date as J2000, which is how catalogues count."""
+
+    ra: float
+    dec: float
+
+
+class Zenith(Read, frozen=True):
+    """-> Equatorial: what stands in the zenith now, J2000. Raises Unsupported where the site is unknown."""
+
+
+class PlanetPlace(Read, frozen=True):
+    """-> Equatorial: where a planet stands now, of date; ``name`` in English. Raises Unsupported."""
+
+    name: str
+
+
+class MoonPlace(Read, frozen=True):
+    """-> Equatorial: where a place on the Moon stands now, of date, seen from the site. Raises BelowHorizon.
+
+    Selenographic latitude (north) and longitude (east), degrees; None for the middle of the disc.
+    """
+
+    latitude: float | None = None
+    longitude: float | None = None
+
+
 # --- motion ---------------------------------------------------------------------------------------------------
 
 
 class Goto(Operation, frozen=True):
-    """Slew to a place of date and track there. Raises BelowHorizon, TooHigh, NotAligned, NoAnswer.
+    """Slew to a place of date and track there. Raises BelowHorizon, TooHigh, NearSun, NotAligned, NoAnswer.
 
     ``lowest`` and ``highest`` narrow the altitude limits; without ``track`` a stopped drive stays stopped.
     """
@@ -207,10 +256,15 @@ class Sync(Operation, frozen=True):
 
 
 class Move(Operation, frozen=True):
-    """Start moving in a sky direction at a hand rate, until halted."""
+    """Start moving in a sky direction at a hand rate, until halted.
+
+    ``lowest`` and ``highest`` narrow the altitude limits while it lasts.
+    """
 
     direction: Direction
     rate: Rate
+    lowest: float | None = None
+    highest: float | None = None
 
 
 class MoveAxis(Operation, frozen=True):

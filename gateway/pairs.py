@@ -1,15 +1,17 @@
 """The pair tables: what becomes of every command of one protocol on a mount of the other.
 
 Printed from the mappings, never written by hand: ``mappings/README.md`` is this module's output, and ``check`` fails
-when that file is stale. A row without an outcome is *missing* and counted.
+when that file is stale or a command has no outcome, which is called *missing*.
 """
 
 from __future__ import annotations
 
 import sys
 from collections import Counter
+from pathlib import Path
 from typing import Any
 
+from gateway.errors import UserError
 from gateway.logline import show
 from gateway.pictures import Source
 from gateway.tables import OUTCOMES, Command, Protocol, SurfaceRow, Version, load, mappings_folder, parse_version
@@ -147,18 +149,23 @@ def _cell(words: str) -> str:
 
 
 def write() -> str:
-    """Write ``mappings/README.md`` -> its path."""
+    """Write ``mappings/README.md`` -> its path. Raises UserError for an installed copy, which is not to be changed."""
     path = mappings_folder() / "README.md"
+    if path.parent.parent == Path(__file__).resolve().parent:
+        raise UserError(f"tables --write: {path} is part of an installation; run it in a checkout of the source")
     path.write_text(text(), "utf-8")
     return str(path)
 
 
 def check() -> int:
-    """0 when the tables are sound and ``mappings/README.md`` is what they print; 1, with words on stderr, when not."""
+    """0 when no row is missing and ``mappings/README.md`` is what the tables print; else 1, with words on stderr."""
     path = mappings_folder() / "README.md"
     problems = []
     if not path.exists() or path.read_text("utf-8") != text():
         problems.append(f"{path} is stale: run mount-gateway tables --write")
+    for client, mount in PAIRS:
+        problems += [f"mappings/{client}/surface.toml: [{name}]: nothing answers it on a {mount} mount"
+                     for name in missing(client, mount)]
     for problem in problems:
         print(problem, file=sys.stderr)
     for client, mount in PAIRS:

@@ -153,7 +153,7 @@ def nutation(t: float) -> tuple[float, float]:
 def sidereal_time(unix: float, longitude_east: float) -> float:
     """Apparent sidereal time in [0, 360), from UTC taken as UT1.
 
-    IAU 2006 mean sidereal time and the equation of the equinoxes from `nutation`: within 0.02 s of time, plus
+    IAU 2006 mean sidereal time and the equation of the equinoxes from `nutation`: within 0.03 s of time, plus
     UT1-UTC, which leap seconds keep below 0.9 s.
     """
     days = (unix - UNIX_AT_J2000) / 86400.0

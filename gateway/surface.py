@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from gateway import operations
-from gateway.errors import Fault, Invalid, NoTarget
+from gateway.errors import Fault, Invalid, NoTarget, Unsupported
 from gateway.operations import Operation, Verbatim
 from gateway.tables import Command, Protocol, SurfaceRow
 
@@ -37,7 +37,13 @@ class Defer(NamedTuple):
     special: str
 
 
-Want = Operation | Start | Again | Defer
+class Speed(NamedTuple):
+    """Go on at another baud rate once this command was answered, where there is a serial port."""
+
+    baud: int
+
+
+Want = Operation | Start | Again | Defer | Speed
 Handling = Generator[Want, Any, Any]
 Special = Callable[["Session", Command, dict[str, Any]], Any]
 
@@ -56,6 +62,11 @@ class Session:
         self.last = b""
         self.kept: dict[str, Any] = {"precision": settings.get("precision", "high")}
 
+    def set_for_all(self, name: str, value: Any) -> None:
+        """Set what all clients have in common and what outlives the gateway."""
+        self.shared[name] = value
+        self.changed()
+
     def known(self, name: str) -> Any:
         """A kept value, else the presented model's constant, else None."""
         value = self.kept.get(name)
@@ -70,9 +81,9 @@ class Surface:
     ) -> None:
         #: ``unanswered`` gives the reply to a frame that nothing here answers, and to a fault that has no form.
         self.protocol, self.specials, self.unanswered = protocol, specials, unanswered
-        #: The mount speaks the same protocol: what means nothing here is passed on as it is, but for ``never``.
+        #: The mount speaks the same protocol: what means nothing here is passed on as it is, where it ``passes``.
         self.verbatim = False
-        self.never: frozenset[str] = frozenset()
+        self.passes: Callable[[str, Mapping[str, Any]], bool] = lambda name, values: True
 
     def handle(self, session: Session, frame: bytes) -> Handling:
         """One framed command -> its reply (empty: none). Yields operations; never raises for what a client sent."""
@@ -81,7 +92,7 @@ class Surface:
             return self.unanswered(frame)
         command, picture = found
         row = self.protocol.surface.get(command.name)
-        passed = self.verbatim and command.name not in self.never and (row is None or row.outcome == "refused")
+        passed = self.verbatim and (row is None or row.passes or row.outcome == "refused")
         if row is None and not passed:
             return self.unanswered(frame)
         try:
@@ -92,13 +103,34 @@ class Surface:
                     values = {"fault": Invalid(str(error))}
                 else:
                     raise Invalid(str(error)) from None
+            if passed and not self.passes(command.name, values):
+                return self.unanswered(frame)
             if row is None or passed:
-                answer = yield Verbatim(command.name, tuple(values.items()))
+                answer = yield from self._pass_on(session, command, row, values)
             else:
                 answer = yield from self._act(session, command, row, values)
             return self.reply(session, command, answer)
         except Fault as fault:
             return self.refusal(command, fault) or self.unanswered(frame)
+
+    def _pass_on(self, session: Session, command: Command, row: SurfaceRow | None, values: dict[str, Any]) -> Handling:
+        """To a mount of the same protocol; one that lacks it leaves it to this surface."""
+        try:
+            return (yield Verbatim(command.name, tuple(values.items())))
+        except Unsupported:
+            if row is None or not row.passes:
+                raise
+        return (yield from self._act(session, command, row, values))
+
+    def silence(self, frame: bytes) -> str:
+        """Why a command has no reply, where its sender may have expected one; empty where none is due."""
+        found = self.protocol.find(frame)
+        if found is None:
+            return f"{self.protocol.name} has no such command"
+        row = self.protocol.surface.get(found[0].name)
+        if row is None:
+            return f"{found[0].help}: not answered here"
+        return f"{found[0].help}: {row.why or 'not done here'}" if row.outcome == "refused" else ""
 
     def _act(self, session: Session, command: Command, row: SurfaceRow, values: dict[str, Any]) -> Handling:
         """Carry out a row's verb -> the reply's values."""

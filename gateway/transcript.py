@@ -8,9 +8,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+#: Different things that are said once; with more than that somebody sends noise, and no more is said.
+MOST = 1000
+
 
 class Entry(NamedTuple):
-    """One thing that happened: ``arrow`` is ``>`` towards the mount, ``<`` from it, ``!`` for a note."""
+    """One thing that happened.
+
+    ``arrow`` is ``>`` for a command towards the mount, ``<`` for a reply, ``raw`` for bytes as they arrived, ``!`` for
+    a note, ``+`` and ``-`` for a connection that comes and goes, ``^`` and ``v`` for the mount's port opened and lost,
+    ``r`` for the hub's decision to read something anew.
+    """
 
     time: float
     side: str
@@ -18,6 +26,9 @@ class Entry(NamedTuple):
     data: bytes
     note: str = ""
 
+
+#: The note that says from when on the sky is no longer approximate.
+SKY_READY = "astronomy is exact from now on"
 
 Sink = Callable[[Entry], None]
 
@@ -28,21 +39,24 @@ class Transcript:
     def __init__(self, clock: Callable[[], float]) -> None:
         self.clock = clock
         self.sinks: list[Sink] = []
-        self._said: set[str] = set()
+        self._said: set[tuple[str, str]] = set()
 
     def put(self, side: str, arrow: str, data: bytes = b"", note: str = "") -> None:
         """Record bytes that passed, or a note."""
         if self.sinks:
             entry = Entry(self.clock(), side, arrow, data, note)
-            for sink in self.sinks:
-                sink(entry)
+            for sink in list(self.sinks):
+                try:
+                    sink(entry)
+                except OSError:  # a log that cannot be written any more must not cost the mount its line
+                    self.sinks.remove(sink)
 
     def note(self, side: str, text: str) -> None:
         """Record a fault or a decision in words."""
         self.put(side, "!", note=text)
 
-    def note_once(self, side: str, text: str) -> None:
-        """The same, but only the first time these words are said."""
-        if text not in self._said:
-            self._said.add(text)
+    def note_once(self, side: str, text: str, of: str = "") -> None:
+        """The same, but only the first time these words are said of somebody."""
+        if (of, text) not in self._said and len(self._said) < MOST:
+            self._said.add((of, text))
             self.note(side, text)

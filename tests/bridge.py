@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from gateway import operations as op
-from gateway.assembly import DRIVERS, FACES
+from gateway.assembly import DRIVERS, FACES, policy
 from gateway.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.guests import Reception
-from gateway.hub import Hub, Policy
+from gateway.hub import Hub
+from gateway.keeping import Keeping
 from gateway.line import Line
+from gateway.mark import InThread
 from gateway.observatory import Observatory
-from gateway.safety import Limits
 from gateway.simulators import make_simulator
 from gateway.sky import Sky
+from gateway.state import Marked
 from gateway.transcript import Entry, Transcript
 from gateway.wires import SimulatorWire
 
@@ -22,33 +26,54 @@ from gateway.wires import SimulatorWire
 EVENING = 1768514400.0
 
 
+async def here(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Files are written at once: a thread knows nothing of virtual time."""
+    return function(*arguments)
+
+
+def _nobody() -> None:
+    """What has changed is kept by nobody."""
+
+
 class Bridge:
     """``sim`` is the simulated mount, ``hub`` the gateway's, ``client()`` a new connection."""
 
     def __init__(self, mount: str = "6-8se", version: str | None = None, *, site: tuple[float, float] = (45.0, 10.0),
                  latency: float = 0.05, aligned: bool = True, speed: float = 1.0, surface: str | None = "autostar",
-                 config: dict[str, Any] | None = None, driven: str = "nexstar", presented: str = "lx200") -> None:
+                 config: dict[str, Any] | None = None, driven: str = "nexstar", presented: str = "lx200",
+                 start: float = EVENING, host_ahead: float = 0.0, state: Path | None = None, on: Bridge | None = None,
+                 in_thread: InThread | None = None) -> None:
+        """With ``state`` a directory for what is kept; ``on`` the same mount as another gateway's, which has ended."""
         loop = asyncio.get_running_loop()
-        self._began = loop.time()
-        self.clock = lambda: EVENING + loop.time() - self._began
+        self._began = loop.time() if on is None else on._began
+        self.clock = lambda: start + loop.time() - self._began
+        self.host = lambda: self.clock() + host_ahead
         self.settings = MountConfig(at="-", **(config or {}))
         endpoint = Endpoint(driven, "sim", mount, version)
-        self.sim = make_simulator(endpoint, clock=self.clock, site=site, aligned=aligned, speed=speed)
+        self.sim = on.sim if on else make_simulator(endpoint, clock=self.clock, site=site, aligned=aligned, speed=speed)
         self.transcript = Transcript(self.clock)
         self.entries: list[Entry] = []
         self.transcript.sinks.append(self.entries.append)
         driver, follow_ups, dialogue = DRIVERS[driven](Endpoint(driven, "sim"), self.settings, loop.time)
         self.driver: Any = driver
-        driver.speed = speed
-        line = Line(SimulatorWire("sim", self.sim.feed, latency), dialogue, self.transcript)
+        driver.hurry = speed
+        line = Line(SimulatorWire("sim", self.sim.connection, latency), dialogue, self.transcript)
         given = self.settings.site
-        self.observatory = Observatory(loop.time, self.clock, op.Place(*given) if given else None)
-        limits = Limits(self.settings.lowest, self.settings.highest, self.settings.sync_limit)
+        self.observatory = Observatory(loop.time, self.host, op.Place(*given) if given else None)
         self.hub = Hub(driver, follow_ups, line, Sky(), self.observatory, self.transcript,
-                       Policy(limits, self.settings.site_time, self.settings.equinox))
-        face = FACES[presented](Endpoint(presented, "-", surface), SurfaceConfig(at="-"), limits)
+                       policy(self.settings))
+        face = FACES[presented](Endpoint(presented, "-", surface), SurfaceConfig(at="-"), self.settings.limits)
         face.surface.verbatim = presented == driven
-        self.reception = Reception(self.hub, face, {"sites": {}}, self.clock, lambda: None)
+        self.warned: list[str] = []
+        self.keeping: Keeping | None = None
+        shared: dict[str, Any] = {"sites": {}}
+        changed = _nobody
+        if state is not None:
+            self.keeping = Keeping(driven, "bridge", Marked(f"{driven}@bridge", 9600), str(state), self.warned.append,
+                                   in_thread or here)
+            self.keeping.attach(self.hub)
+            shared, changed = self.keeping.shared, self.keeping.changed
+        self.reception = Reception(self.hub, face, shared, self.clock, changed)
 
     async def __aenter__(self) -> Bridge:
         self.hub.start()
@@ -57,6 +82,18 @@ class Bridge:
 
     async def __aexit__(self, *_: object) -> None:
         await self.hub.close()
+        if self.keeping is not None:
+            await self.keeping.close()
+
+    async def kill(self) -> None:
+        """End as a killed process does: nothing more is sent or written, only the lock is let go."""
+        assert self.keeping is not None
+        tasks = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
+        for task in tasks:
+            task.cancel()
+        self.hub.motions.close()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        self.keeping._lock.release()
 
     def client(self, host: str = "127.0.0.1") -> Visitor:
         return Visitor(self, host)

@@ -13,11 +13,14 @@ from gateway import operations as op
 from gateway.assembly import FACES
 from gateway.clients import PAIR
 from gateway.config import Endpoint, SurfaceConfig
-from gateway.errors import Fault
+from gateway.errors import Fault, Unsupported
 from gateway.guests import Face
+from gateway.hub.derived import Derived
+from gateway.hub.places import PLACES
+from gateway.observatory import Observatory
 from gateway.safety import Limits, check_altitude, check_sync
 from gateway.sky import Sky
-from gateway.surface import Again, Defer, Session, Start
+from gateway.surface import Again, Defer, Session, Speed, Start
 
 
 def unix(text: str) -> float:
@@ -36,6 +39,7 @@ class Mount:
         self.site = op.Place(37 + 17 / 60, -(122 + 25 / 60))
         self.clock = op.Moment(unix("2026-03-21 04:15:30"), -8.0)
         self.status = op.Status(op.Tracking.EQ_NORTH, aligned=True, equatorial=True)
+        self.identity = op.Identity("Test mount", "4.21", "cpc")
         self.slewing = False
         self.limits = Limits()
         self.sky = Sky()
@@ -55,7 +59,13 @@ class Mount:
             op.Position: self.position, op.HorizontalPosition: self.horizontal, op.Slewing: self.slewing,
             op.GetStatus: self.status, op.GetSite: self.site, op.GetClock: self.clock, op.HomeState: 0,
             op.AxisPosition: self.axes, op.PierSide: self.pier,
+            op.GetIdentity: self.identity,
         }
+        if isinstance(operation, op.GetGps | op.GuideRate):
+            raise Unsupported
+        if type(operation) in PLACES:
+            observatory = Observatory(lambda: self.clock.unix, lambda: self.clock.unix, self.site)
+            return PLACES[type(operation)](Derived(self.sky, observatory, "jnow"), operation)
         if isinstance(operation, op.SiderealTime):
             return self.sky.sidereal_time(self.clock.unix, self.site.longitude)
         if isinstance(operation, op.Goto):
@@ -122,6 +132,8 @@ class Talk:
             while True:
                 wanted = steps.send(answer) if fault is None else steps.throw(fault)
                 answer, fault = None, None
+                if isinstance(wanted, Speed):
+                    continue
                 if isinstance(wanted, Defer):
                     self.deferred = [item for item in self.deferred if item[1:] != (session, wanted.special)]
                     self.deferred.append((self.now + wanted.seconds, session, wanted.special))

@@ -21,7 +21,9 @@ PATIENCE = 20.0
 
 
 class Running:
-    """A product process whose stdout is read line by line."""
+    """A product process whose stdout is read line by line. ``said`` is its stderr, once it has ended."""
+
+    said = ""
 
     def __init__(self, *arguments: str) -> None:
         self.process = subprocess.Popen(
@@ -41,6 +43,8 @@ class Running:
         if self.process.poll() is None:
             self.process.send_signal(number)
         code = self.process.wait(PATIENCE)
+        if self.process.stderr is not None and not self.process.stderr.closed:
+            self.said = self.process.stderr.read().strip()
         for stream in (self.process.stdout, self.process.stderr):
             assert stream is not None
             stream.close()
@@ -141,6 +145,9 @@ def test_a_port_in_use_is_named(started: list[Running]) -> None:
         (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://nowhere"], "tcp://HOST:PORT"),
         (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--site", "north"], "LAT,LON"),
         (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--lowest", "95"], "lowest"),
+        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--sun", "near"], "off for solar work"),
+        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--sun=-5"], "sun is 0 to 90"),
+        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--hour-angle-limit", "13"], "12 hours"),
         (["run", "--mount", "nexstar@foo://bar", "--surface", "lx200@tcp://:0"], "foo://bar"),
         (["run", "--config", "/does/not/exist.toml"], "/does/not/exist.toml"),
         (["sim", "nexstar:cge", "--time", "yesterday"], "2026-01-15"),
@@ -160,6 +167,8 @@ def test_a_mistake_gets_one_clear_line(arguments: list[str], says: str) -> None:
         ('[mount]\nat = "nexstar@sim"\nlattitude = 3\n[[surface]]\nat = "lx200@tcp://:0"', "lattitude"),
         ('[mount]\nat = "nexstar@sim"\nsite-tme = "never"\n[[surface]]\nat = "lx200@tcp://:0"', "'site-time'"),
         ('[mount]\nat = "nexstar@sim"\nsite-time = "often"\n[[surface]]\nat = "lx200@tcp://:0"', "unaligned"),
+        ('[mount]\nat = "nexstar@sim"\nsun = "of"\n[[surface]]\nat = "lx200@tcp://:0"', '"off" for solar work'),
+        ('[mount]\nat = "nexstar@sim"\ndead-man = 0\n[[surface]]\nat = "lx200@tcp://:0"', "dead-man must be"),
         ('[mount]\nat = "nexstar@sim"\nbaud = "fast"\n[[surface]]\nat = "lx200@tcp://:0"', "baud"),
         ('[mount]\nat = "nexstar@sim"\n[[surface]]\nequinox = "jnow"', "at"),
         ('[mount\n', "gateway.toml"),

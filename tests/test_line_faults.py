@@ -197,7 +197,9 @@ def test_what_clients_are_told_while_the_line_is_down() -> None:
             client = bridge.client()
             position = await client.ask(b":GR#")
             silence(bridge)
-            await asyncio.sleep(9)
+            await asyncio.sleep(1)
+            bridge.client("10.0.0.2").tell(b":GR#")
+            await asyncio.sleep(8)
             assert bridge.hub.line.state == "down"
             assert await client.ask(b":GR#", 0.1) == position
             assert await client.ask(b":Sr05:00:00#", 0.1) == b"1"

@@ -19,9 +19,11 @@ def test_lx200_on_lx200(model: str) -> None:
             other.tell(b":U#")
             assert len(await other.ask(b":GR#")) == 8
             assert len(await one.ask(b":GR#")) == 9
-            one.tell(b":LM42#")  # the gateway has no library here: the telescope's own is used
+            one.tell(b":LM42#")  # the gateway's own library: its target is this client's alone
+            assert await one.ask(b":MS#") == b"0"
+            assert any(sent.startswith(b":Sr05:36:3") for sent in bridge.sent())
+            one.tell(b":Q#")
             await asyncio.sleep(1)
-            assert b":LM0042#" in bridge.sent()
             assert (await one.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110")).startswith(b"11")
             while await one.ask(b":D#") == b"\x7f#":
                 await asyncio.sleep(1)

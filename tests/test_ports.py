@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from gateway.assembly import Gateway
-from gateway.config import Config, MountConfig, SurfaceConfig
+from gateway.config import MountConfig, SurfaceConfig
 from gateway.errors import UserError
 
 PATIENCE = 10.0
@@ -22,7 +22,7 @@ def serve(program: Callable[[Gateway], Awaitable[None]], *surfaces: str, mount: 
     """Run a program against a gateway with a simulated mount and real ports."""
 
     async def main() -> None:
-        gateway = Gateway(Config(MountConfig(at=mount), [SurfaceConfig(at=surface) for surface in surfaces]))
+        gateway = Gateway(MountConfig(at=mount), [SurfaceConfig(at=surface) for surface in surfaces])
         await gateway.open()
         try:
             assert await gateway.found(PATIENCE)

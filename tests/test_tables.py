@@ -13,6 +13,7 @@ import pytest
 from gateway import pairs
 from gateway.codecs import Codec
 from gateway.errors import MappingError
+from gateway.explain import explain
 from gateway.protocols.lx200.surface import SPECIALS as LX200_SPECIALS
 from gateway.protocols.nexstar.driver import SPECIALS as NEXSTAR_SPECIALS
 from gateway.tables import Protocol, load, mappings_folder
@@ -91,7 +92,25 @@ def test_the_printed_tables_are_up_to_date(capsys: pytest.CaptureFixture[str]) -
     assert pairs.check() == 0, capsys.readouterr().err
 
 
-def test_missing_rows_are_counted() -> None:
-    assert set(pairs.missing("lx200", "nexstar")) == {
-        "CL", "LB", "LC", "LF", "Lf", "LM", "LN", "LS", "SE", "Se", "??", "?+", "?-",
-    }  # fmt: skip
+@pytest.mark.parametrize(("client", "mount"), pairs.PAIRS)
+def test_no_row_is_missing(client: str, mount: str) -> None:
+    assert pairs.missing(client, mount) == []
+
+
+def test_a_missing_row_fails_the_check(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    kept = {name: row for name, row in load("lx200").surface.items() if name != "LM"}
+    monkeypatch.setattr(load("lx200"), "_surface", kept)
+    assert pairs.check() == 1
+    assert "mappings/lx200/surface.toml: [LM]: nothing answers it on a nexstar mount" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("client", "mount"), pairs.PAIRS)
+def test_every_row_is_explained(client: str, mount: str) -> None:
+    for name, command in load(client).commands.items():
+        fields = command.request.fields
+        frame = command.request.encode({field: _sample(field, codec) for field, codec in fields.items()})
+        typed = "".join(f"\\x{byte:02x}" for byte in frame)
+        told = explain(client, mount, typed)
+        assert command.help in told, name
+        assert f"outcome on a {mount} mount: missing" not in told, name
+        assert "\nreply: " in told, name

@@ -16,6 +16,7 @@ from gateway.config import Endpoint, SurfaceConfig
 from gateway.errors import Fault
 from gateway.guests import Reception
 from gateway.hub import MISSING
+from gateway.hub.dead_man import DeadMan, Life
 from gateway.safety import Limits
 from gateway.transcript import Transcript
 from tests.fixture import Mount
@@ -28,6 +29,7 @@ class Still:
         self.mount, self.loop = mount, asyncio.get_running_loop()
         self.now = self.loop.time
         self.transcript = Transcript(self.clock)
+        self.dead_man = DeadMan(cast(Any, self), 30.0, 5.0)
         self.version = self.stops = 0
         #: What the host's clock is ahead of the loop's, and the mount's ahead of the host's.
         self._epoch = mount.clock.unix - self.now()
@@ -51,7 +53,7 @@ class Still:
     def fresh_until(self, kinds: list[type[op.Operation]]) -> float:
         return self.now() + 0.5
 
-    async def perform(self, operation: op.Operation, stops: int | None = None) -> Any:
+    async def perform(self, operation: op.Operation, stops: int | None = None, life: Life | None = None) -> Any:
         await asyncio.sleep(0)
         self.mount.clock = op.Moment(self.clock() + self._ahead, self.mount.clock.offset)
         answer = self.mount.perform(operation)
@@ -63,7 +65,7 @@ class Still:
         self.stops += 1
         self.spawn(self.perform(op.Stop()))
 
-    def begin(self, operation: op.Operation, stops: int, failed: Callable[[Fault], None]) -> None:
+    def begin(self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: Life) -> None:
         async def finish() -> None:
             try:
                 await self.perform(operation, stops)

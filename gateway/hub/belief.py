@@ -16,7 +16,7 @@ from typing import Any
 from msgspec import Struct
 
 from gateway.driver import Ask
-from gateway.errors import Fault, Garbled, NoAnswer
+from gateway.errors import Busy, Fault, Garbled, NoAnswer
 from gateway.line import STOP, Line
 from gateway.spherical import wrap180
 
@@ -49,22 +49,24 @@ class Heard(Struct):
 
 
 class Belief:
-    """Between the drivers and the line. ``speed`` is how many times faster than real ones a simulated mount slews."""
+    """Between the drivers and the line. ``hurry`` is how many times faster than real ones a simulated mount slews."""
 
-    def __init__(self, line: Line, now: Callable[[], float], speed: float = 1.0) -> None:
-        self._line, self._now, self._fastest = line, now, FASTEST * speed
+    def __init__(self, line: Line, now: Callable[[], float], hurry: float = 1.0) -> None:
+        self._line, self._now, self._fastest = line, now, FASTEST * hurry
         self._known: dict[tuple[Any, ...], Heard] = {}
         self._latitudes: dict[str, float] = {}
 
-    async def exchange(self, ask: Ask, rank: int) -> Mapping[str, Any]:
-        """The fields of an answer that can be believed. Raises Fault."""
+    async def exchange(self, ask: Ask, rank: int) -> tuple[Mapping[str, Any], int]:
+        """The fields of an answer that can be believed, and how many exchanges that took. Raises Fault."""
         kind = self._line.dialogue.kind(ask)
         if kind is None:
-            return await self._order(ask, rank)
+            return await self._order(ask, rank), 1
         key = (ask.command, *sorted((name, value) for name, value in ask.values.items() if name != "low"))
         row: list[Heard] = []
         longest = slow = strangers = 0
-        for _ in range(TRIES):
+        times = 0
+        while times < TRIES:
+            times += 1
             strangers = max(strangers, self._line.doubt(ask))
             heard = await self._hear(ask, rank)
             if slow < SLOW_TRIES and heard.came - heard.asked > max(PROMPT, 2.5 * self._line.typical):
@@ -83,7 +85,7 @@ class Belief:
         self._latitudes |= {name: heard.values[name] for name in _LATITUDE.values() if name in heard.values}
         if heard.fault is not None:
             raise heard.fault
-        return heard.values
+        return heard.values, times
 
     async def _order(self, ask: Ask, rank: int) -> Mapping[str, Any]:
         """A command that changes something: not before its acknowledgement can be told from an older one's.
@@ -102,7 +104,7 @@ class Belief:
                 return answer
 
     async def _hear(self, ask: Ask, rank: int) -> Heard:
-        """One answer; garbled ones are asked again. Raises NoAnswer."""
+        """One answer; garbled ones are asked again. Raises NoAnswer and Busy."""
         for attempt in range(GARBLED_TRIES):
             asked = self._now()
             values: Mapping[str, Any] = {}
@@ -113,7 +115,7 @@ class Belief:
                 if attempt == GARBLED_TRIES - 1:
                     raise
                 continue
-            except NoAnswer:
+            except (NoAnswer, Busy):  # neither says anything about the mount
                 raise
             except Fault as said:
                 fault = said

@@ -9,37 +9,49 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 from msgspec import Struct
 
 from gateway import operations as op
 from gateway.driver import Ask, Driver, Pause, Steps
-from gateway.errors import Fault, NoAnswer, NotAligned, Refused
+from gateway.errors import Fault, NoAnswer, Refused
 from gateway.hub.belief import Belief
+from gateway.hub.dead_man import DeadMan, Life
 from gateway.hub.derived import Derived
+from gateway.hub.ending import end_motion
+from gateway.hub.guard import Guard
 from gateway.hub.motions import MOTIONS, Motions
+from gateway.hub.places import PLACES
+from gateway.hub.refresh import ASK_AGAIN, Refresh
 from gateway.hub.settings import FIRST_ANSWER, SiteAndClock
-from gateway.hub.snapshot import FRESH, MISSING, RENEW, Kind, Snapshot
-from gateway.line import POSITION, READ, SETTING, Line
+from gateway.hub.snapshot import FRESH, MISSING, Kind, Snapshot
+from gateway.hub.sun import Suns
+from gateway.line import POSITION, READ, SETTING, STOP, Line
 from gateway.observatory import Observatory
 from gateway.safety import Limits
 from gateway.sky import Sky
 from gateway.transcript import Transcript
 
-HEARTBEAT = 5.0
-CLOCK_AGE = 120.0
-SHUTDOWN = 4.0
-ASK_AGAIN = 1.0
+
+async def _at_once() -> None:
+    """Nobody needs to know before a motion."""
 
 
 class Policy(Struct, frozen=True):
-    """What the operator has decided for a mount."""
+    """What the operator has decided for a mount.
+
+    ``own_park``: the park position is his own choice. ``silence`` and ``silence_closed`` are for how many seconds a
+    client that moves the mount by hand may be silent, on an open connection and after it was closed.
+    """
 
     limits: Limits = Limits()
     site_time: str = "unaligned"
     equinox: str = "jnow"
+    own_park: bool = False
+    silence: float = 30.0
+    silence_closed: float = 5.0
 
 
 class Hub:
@@ -53,11 +65,20 @@ class Hub:
         self.now = self.loop.time
         self.derived = Derived(sky, observatory, policy.equinox)
         self.snapshot = Snapshot()
-        self.belief = Belief(line, self.now, driver.speed)
+        self.belief = Belief(line, self.now, driver.hurry)
         #: The mount has said who it is; it has said where and when it is, as far as it can.
         self.identified, self.settled = asyncio.Event(), asyncio.Event()
+        self.suns = Suns(self.derived, transcript, policy.limits.sun, self.settled.is_set)
+        self.guard = Guard(self)
+        self.dead_man = DeadMan(self, policy.silence, policy.silence_closed)
         self.motions = Motions(self, follow_ups)
+        self.refresh = Refresh(self)
+        #: How many exchanges the operation took that was carried out last.
+        self.exchanges = 0
         self.settings = SiteAndClock(self)
+        #: Called when something that outlives the gateway may have changed; awaited before the mount is set moving.
+        self.changed: Callable[[], None] = lambda: None
+        self.before_motion: Callable[[], Awaitable[None]] = _at_once
         self._identifying: asyncio.Task[Any] | None = None
         self._sharing: dict[Kind, asyncio.Task[Any]] = {}
         self._tasks: set[asyncio.Task[Any]] = set()
@@ -68,16 +89,11 @@ class Hub:
     def start(self) -> None:
         """Open the line, find out what is on it, and keep the snapshot fresh."""
         self.line.start()
-        self.spawn(self._refresh())
+        self.refresh.start()
 
     async def close(self) -> None:
-        """End motion, forget what was planned, close the line."""
-        try:
-            async with asyncio.timeout(SHUTDOWN):
-                if self.moving and self.line.state == "up":
-                    await self.stop()
-        except (TimeoutError, Fault):
-            self.transcript.note("mount", "the stop at shutdown was not answered")
+        """End motion, put tracking back, forget what was planned, close the line."""
+        await end_motion(self)
         self.motions.close()
         for task in [*self._tasks, *self._sharing.values()]:
             task.cancel()
@@ -98,9 +114,11 @@ class Hub:
         self._identifying = self.spawn(self._identify())
 
     async def _identify(self) -> None:
-        """Who is there, where it stands, what time it has."""
+        """Who is there, where it stands, what time it has. A stop that is owed goes before everything else."""
         if self.motions.owed:
             with contextlib.suppress(Fault):
+                if not self.identified.is_set():
+                    await self.drive(self.driver.greet(), STOP)
                 await self.stop()
         while op.GetIdentity not in self.snapshot.seen:
             await self._learn(op.GetIdentity())
@@ -108,9 +126,12 @@ class Hub:
                 return  # it is begun again when the line is up
             if op.GetIdentity not in self.snapshot.seen:
                 await asyncio.sleep(ASK_AGAIN)
+        if self.motions.owed:  # it did not answer to the stop, but it does now
+            self.begin_stop()
         if self.policy.equinox == "auto":
             self.derived.equinox = self.driver.equinox
         self.identified.set()
+        await self._learn(op.GetStatus())
         await self._learn(op.GetSite())
         await self._learn(op.GetClock())
         self.settled.set()
@@ -151,7 +172,7 @@ class Hub:
         if kind is op.Slewing and self.motions.goto_waits:
             return True
         now = self.snapshot.asked[kind] = self.now()
-        return self.snapshot.fresh(kind, now, 2.5 * self.line.typical, self.line.state == "down")
+        return self.snapshot.fresh(kind, now, 2.5 * self.line.typical, self.line.state != "up")
 
     @property
     def version(self) -> int:
@@ -165,7 +186,7 @@ class Hub:
 
     def begin_stop(self) -> None:
         """End every motion, before everything else; from now on it counts as stopped."""
-        self.motions.begin_stop()
+        self.motions.begin_stop().add_done_callback(lambda task: task.cancelled() or task.exception())
 
     async def stop(self) -> None:
         """The same, and wait until the mount has acknowledged it. Raises Fault."""
@@ -180,22 +201,24 @@ class Hub:
         for kind in kinds:
             self.snapshot.asked[kind] = now
 
-    async def perform(self, operation: op.Operation, stops: int | None = None) -> Any:
-        """Carry out an operation. ``stops`` is the count of stops when it was asked for. Raises Fault."""
+    async def perform(self, operation: op.Operation, stops: int | None = None, life: Life | None = None) -> Any:
+        """Carry out an operation for ``life``. ``stops`` is the count of stops when it was asked for. Raises Fault."""
         if type(operation) in FRESH:
             return await self.read(operation)
         if isinstance(operation, op.Stop):
             return await self.stop()
         if isinstance(operation, MOTIONS):
-            return await self.motions.ended(self.motions.begin(operation, stops))
+            return await self.motions.ended(self.motions.begin(operation, stops, life))
+        if type(operation) in PLACES:
+            return PLACES[type(operation)](self.derived, operation)
         handler = self.settings.handlers.get(type(operation))
         if handler is not None:
             return await handler(operation)
         return await self.drive(self.driver.perform(operation), SETTING)
 
-    def begin(self, operation: op.Operation, stops: int, failed: Callable[[Fault], None]) -> None:
+    def begin(self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: Life) -> None:
         """Carry out an operation that nobody waits for; ``failed`` is told when it was not."""
-        motion = self.motions.begin(operation, stops) if isinstance(operation, MOTIONS) else None
+        motion = self.motions.begin(operation, stops, life) if isinstance(operation, MOTIONS) else None
 
         async def finish() -> None:
             try:
@@ -213,11 +236,11 @@ class Hub:
         first = type(operation) not in self.snapshot.seen
         try:
             async with asyncio.timeout(FIRST_ANSWER if first else None):
-                return await asyncio.shield(self._shared(operation))
+                return await asyncio.shield(self.shared(operation))
         except TimeoutError:
             raise NoAnswer from None
 
-    def _shared(self, operation: op.Operation) -> asyncio.Task[Any]:
+    def shared(self, operation: op.Operation) -> asyncio.Task[Any]:
         """The exchange under way for this kind of read, else a new one."""
         kind = type(operation)
         task = self._sharing.get(kind)
@@ -235,10 +258,14 @@ class Hub:
         await self.identified.wait()
         gotos = self.motions.gotos
         if isinstance(operation, op.AxisPosition) and not self.driver.way(op.AxisPosition):
-            value: Any = self.derived.axes(await self.read(op.Position()))
+            if (await self.read(op.GetStatus())).equatorial:
+                value: Any = self.derived.axes(await self.read(op.Position()))
+            else:  # the axes of a fork are azimuth and altitude
+                value = await self.read(op.HorizontalPosition())
         else:
             rank = POSITION if isinstance(operation, op.Position) else READ
             value = await self.drive(self.driver.perform(operation), rank)
+            self.refresh.cost(type(operation), self.exchanges)
         if isinstance(operation, op.Slewing):
             if self.slewing and not value:
                 await self._settled()
@@ -248,24 +275,37 @@ class Hub:
         if isinstance(operation, op.Position):
             value = self.derived.from_mount(value)
         self.snapshot.put(type(operation), value, self.now())
+        if isinstance(operation, op.Position):
+            self.guard.look(value)
         return value
 
     async def _settled(self) -> None:
         """A goto has just ended: nobody is told so before the position is known where it ended."""
-        self.snapshot.forget(op.HorizontalPosition, op.AxisPosition, op.Position)
+        self.snapshot.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
         await self.read(op.Position())
+
+    async def tube_side(self) -> str | None:
+        """The side of the pier (E, W) that the tube of a German mount is on; None where nobody tells."""
+        if self.driver.tube_side("E") is None:
+            return None
+        try:
+            return self.driver.tube_side(await self.read(op.PierSide()))
+        except Fault:
+            return None
 
     async def drive(self, steps: Steps, rank: int) -> Any:
         """Carry out a driver's generator: exchanges, pauses, things to do later."""
         answer: Any = None
         fault: Fault | None = None
+        self.exchanges = exchanges = 0
         try:
             while True:
                 step = steps.send(answer) if fault is None else steps.throw(fault)
                 answer, fault = None, None
                 if isinstance(step, Ask):
                     try:
-                        answer = await self.belief.exchange(step, rank)
+                        answer, times = await self.belief.exchange(step, rank)
+                        exchanges += times
                     except Fault as error:
                         fault = error
                 elif isinstance(step, Pause):
@@ -273,66 +313,14 @@ class Hub:
                 else:
                     self.motions.plan(step)
         except StopIteration as end:
+            self.exchanges = exchanges
             return end.value
         except (Fault, asyncio.CancelledError):
             raise
         except Exception as error:  # a defect in a driver must cost one operation, never the gateway
             self.transcript.note("mount", f"internal error, please report it: {error!r}")
+            if rank != STOP and self.motions.busy:
+                self.begin_stop()  # nobody knows what moves now; a stop that fails is tried again by itself
             raise Refused(f"Internal error: {error!r}") from error
         finally:
             steps.close()
-
-    # --- keeping the snapshot fresh -------------------------------------------------------------------------------
-
-    async def _refresh(self) -> None:
-        """Renew what clients ask for; watch a goto and an altitude; else one heartbeat every few seconds."""
-        await self.identified.wait()
-        while True:
-            try:
-                await self._keep_fresh()
-            except Exception as error:  # nothing may end this but the end of the gateway
-                self.transcript.note("mount", f"internal error, please report it: {error!r}")
-                await asyncio.sleep(ASK_AGAIN)
-
-    async def _keep_fresh(self) -> None:
-        beat = self.now()
-        while True:
-            if self.line.state != "up":
-                await asyncio.sleep(0.2)
-                continue
-            now = self.now()
-            due = [kind for kind in RENEW if self._wanted(kind, now) and self._pause(kind, now) <= 0]
-            if due:
-                beat = now
-                await asyncio.gather(*(self._renew(kind) for kind in due))
-            elif now - beat >= HEARTBEAT:
-                beat = now
-                await self._renew(op.Position)
-            clock = self.observatory.mount_clock
-            if clock is not None and now - clock[1] > CLOCK_AGE and self._wanted(op.Position, now):
-                await self.settings.renew_clock()
-            now = self.now()
-            await asyncio.sleep(max(0.005, min(self._pause(kind, now) for kind in RENEW)))
-
-    def _wanted(self, kind: Kind, now: float) -> bool:
-        """Whether somebody polls this, or the hub itself must watch it."""
-        watched = (kind is op.Position and self.moving) or (kind is op.Slewing and self.slewing)
-        return watched or self.snapshot.polled(kind, now)
-
-    def _pause(self, kind: Kind, now: float) -> float:
-        """Seconds until this kind must be asked again, so that its answer comes when the last one grows old."""
-        if not self._wanted(kind, now):
-            return 0.25
-        return max(RENEW[kind] - self.line.typical, 0.05) - self.snapshot.age(kind, now)
-
-    async def _renew(self, kind: Kind) -> None:
-        try:
-            await asyncio.shield(self._shared(kind()))
-        except Fault as fault:
-            if not isinstance(fault, NoAnswer | NotAligned):
-                self.transcript.note_once("mount", f"{kind.__name__}: {fault}")
-            if self.snapshot.age(kind, self.now()) > RENEW[kind]:
-                await asyncio.sleep(RENEW[kind])
-            return
-        if kind is op.Position and self.moving:
-            self.motions.watch_altitude()

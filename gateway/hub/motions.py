@@ -1,4 +1,4 @@
-"""Motions: one after the other, checked against the limits, and all of them ended by a stop.
+"""Motions: one after the other, each admitted by the checks, and all of them ended by a stop.
 
 A motion that waits for its turn dies when a stop comes; one that runs is cancelled between two exchanges. The stop
 itself waits for the exchange on the wire and for nothing else.
@@ -13,17 +13,20 @@ from typing import TYPE_CHECKING, Any
 from gateway import operations as op
 from gateway.driver import Later
 from gateway.errors import Fault, Stopped
+from gateway.hub.checks import Checks
 from gateway.line import MOTION, STOP
-from gateway.safety import check_altitude, check_sync, leaving
 
 if TYPE_CHECKING:
     from gateway.hub.core import Hub
+    from gateway.hub.dead_man import Life
 
 GOTOS = (op.Goto, op.GotoHorizontal, op.GotoAxes, op.Park, op.Home)
 MOTIONS = (
     *GOTOS, op.CancelGoto, op.Sync, op.Move, op.MoveAxis, op.Halt, op.Pulse, op.PulseAxis, op.SetTracking, op.TrackRate,
     op.SetHome, op.Unpark, op.Sleep, op.Wake, op.Focus,
 )  # fmt: skip
+#: What can set the mount moving: a killed gateway leaves it so.
+MOVING = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
 #: How often a stop is sent again on a line that is up, when its answer was lost.
 STOP_TRIES = 3
 
@@ -46,12 +49,18 @@ class Motions:
         self._turn = asyncio.Lock()
         self._jobs: dict[asyncio.Task[Any], op.Operation] = {}
         self._later: dict[op.Operation, asyncio.TimerHandle] = {}
-        self._altitude: float | None = None
+        self._checks = Checks(hub)
 
     @property
     def goto_waits(self) -> bool:
         """Whether a goto was asked for that the mount has not acknowledged yet."""
         return any(isinstance(job, GOTOS) for job in self._jobs.values())
+
+    @property
+    def busy(self) -> bool:
+        """Whether anything moves, is about to, or is to be ended later: all that a stop would end or put right."""
+        coming = any(not one.outlives_stop for one in (*self._jobs.values(), *self._later))
+        return self.owed or coming or self._hub.moving or self._hub.driver.unrestored
 
     def begin_stop(self) -> asyncio.Task[None]:
         """End every motion: what runs or waits dies now, and the stop goes to the line first.
@@ -85,12 +94,14 @@ class Motions:
                         raise
         self.owed = False
         self.axes.clear()
+        self._hub.dead_man.stopped()
+        self._hub.guard.ended()
         self._hub.snapshot.put(op.Slewing, False, self._hub.now())
 
-    def begin(self, operation: op.Operation, stops: int | None) -> asyncio.Task[Any]:
-        """Put a motion in line behind those before it; from now on it counts as asked for."""
+    def begin(self, operation: op.Operation, stops: int | None, life: Life | None) -> asyncio.Task[Any]:
+        """Put a motion in line behind those before it; from now on it counts as asked for, by ``life``."""
         self._make_way(operation)
-        task = self._hub.loop.create_task(self._run(operation, self.stops if stops is None else stops))
+        task = self._hub.loop.create_task(self._run(operation, self.stops if stops is None else stops, life))
         self._jobs[task] = operation
         self.gotos += isinstance(operation, GOTOS)
         self._hub.snapshot.version += 1  # a goto that was asked for changes what "slewing" answers
@@ -119,11 +130,13 @@ class Motions:
         if not task.cancelled():
             task.exception()  # whoever still waits gets it; nobody waiting is no error
 
-    async def _run(self, operation: op.Operation, stops: int) -> Any:
+    async def _run(self, operation: op.Operation, stops: int, life: Life | None) -> Any:
         async with self._turn:
             if stops != self.stops and not (isinstance(operation, op.Halt) or operation.outlives_stop):
                 raise Stopped
-            operation = await self._checked(operation)
+            operation = await self._checks.admit(operation)
+            if isinstance(operation, MOVING):
+                await self._hub.before_motion()
             ends = isinstance(operation, op.Halt | op.CancelGoto)
             try:
                 value = await self._hub.drive(self._hub.driver.perform(operation), STOP if ends else MOTION)
@@ -132,50 +145,8 @@ class Motions:
                     self.begin_stop()
                 raise
         self._after(operation)
+        self._hub.dead_man.began(operation, life)
         return value
-
-    # --- limits ---------------------------------------------------------------------------------------------------
-
-    async def _checked(self, operation: op.Operation) -> op.Operation:
-        """An operation that the limits allow, in the form that this mount can carry out. Raises Fault."""
-        hub = self._hub
-        if isinstance(operation, op.GotoHorizontal):
-            check_altitude(hub.policy.limits.narrowed(operation.lowest, operation.highest), operation.alt)
-            fork = not (await hub.read(op.GetStatus())).equatorial
-            if fork and hub.driver.way(op.GotoAxes):
-                return op.GotoAxes(operation.az, operation.alt)
-            operation = hub.derived.equatorial(operation)
-        if isinstance(operation, op.GotoAxes) and not hub.driver.way(op.AxisPosition):
-            if not (await hub.read(op.GetStatus())).equatorial:
-                return operation
-            operation = hub.derived.from_axes(operation)
-        if isinstance(operation, op.Goto):
-            self._check_goto(operation)
-            return hub.derived.to_mount(operation)
-        if isinstance(operation, op.Sync):
-            if (await hub.read(op.GetStatus())).aligned:
-                here = await hub.read(op.Position())
-                check_sync(hub.policy.limits, here, op.Equatorial(operation.ra, operation.dec))
-            return hub.derived.to_mount(operation)
-        return operation
-
-    def _check_goto(self, operation: op.Goto) -> None:
-        altitude = self._hub.derived.altitude(operation.ra, operation.dec)
-        if altitude is None:
-            self._hub.transcript.note_once("mount", "site unknown: gotos are not checked against the horizon")
-            return
-        check_altitude(self._hub.policy.limits.narrowed(operation.lowest, operation.highest), altitude)
-
-    def watch_altitude(self) -> None:
-        """Stop a motion by hand that leaves the altitude limits, early enough for the next look to come in time."""
-        seen = self._hub.snapshot.value(op.Position)
-        altitude = None if seen is None else self._hub.derived.altitude(seen.ra, seen.dec)
-        before, self._altitude = self._altitude, altitude
-        if before is None or altitude is None or self._hub.slewing:
-            return
-        if leaving(self._hub.policy.limits, before, altitude, 1.5 * abs(altitude - before)):
-            self._hub.transcript.note("mount", f"stopped at the altitude limit ({altitude:.1f} degrees)")
-            self._hub.begin_stop()
 
     # --- what is known afterwards -----------------------------------------------------------------------------------
 
@@ -183,21 +154,26 @@ class Motions:
         """What is known without asking, once an operation has been carried out."""
         snapshot = self._hub.snapshot
         axis = axis_moved(operation)
+        if isinstance(operation, GOTOS) or axis is not None or isinstance(operation, op.Sync):
+            self._hub.guard.began(operation)
         if isinstance(operation, GOTOS):
             self.gotos += 1
             self.axes.clear()
             snapshot.put(op.Slewing, True, self._hub.now())
         elif axis is not None:
             self.axes.add(axis)
-            self._altitude = None
+            snapshot.changed(op.Position)  # it must be watched from now on
         elif isinstance(operation, op.Halt):
             self.axes.discard(operation.axis)
+            if not self.axes:
+                self._hub.guard.ended()
         elif isinstance(operation, op.CancelGoto):
             snapshot.put(op.Slewing, False, self._hub.now())
         elif isinstance(operation, op.Sync):
             snapshot.forget(op.Position, op.HorizontalPosition, op.AxisPosition)
         elif isinstance(operation, op.SetTracking | op.Unpark | op.Sleep | op.Wake):
             snapshot.forget(op.GetStatus)
+        self._hub.changed()
 
     # --- later ------------------------------------------------------------------------------------------------------
 
@@ -225,10 +201,16 @@ class Motions:
             async with self._turn:
                 steps = special(driver, operation) if special else driver.perform(operation)
                 await self._hub.drive(steps, STOP if urgent else MOTION)
+            self._hub.changed()
         except Fault as fault:
             self._hub.transcript.note("mount", f"{type(operation).__name__}: {fault}")
             if urgent:
                 self.begin_stop()
+
+    async def settle(self) -> None:
+        """Wait for what outlives a stop: hand controls may need to be told twice to track again."""
+        while self._hub.line.state == "up" and self._hub.line.served and (self._later or self._jobs):
+            await asyncio.sleep(0.05)
 
     def close(self) -> None:
         """Forget everything that was planned or waits."""

@@ -6,6 +6,7 @@ polls.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from msgspec import Struct
@@ -44,19 +45,22 @@ class Snapshot:
         self.version = 0
         self.seen: dict[Kind, Seen] = {}
         self.asked: dict[Kind, float] = {}
+        #: Called with the kind whose answer has come or was forgotten.
+        self.changed: Callable[[Kind], None] = lambda kind: None
 
     def put(self, kind: Kind, value: Any, now: float) -> None:
         self.seen[kind] = Seen(value, now)
         self.version += 1
+        self.changed(kind)
 
     def forget(self, *kinds: Kind) -> None:
         for kind in kinds:
             self.seen.pop(kind, None)
+            self.changed(kind)
         self.version += 1
 
     def clear(self) -> None:
-        self.seen.clear()
-        self.version += 1
+        self.forget(*self.seen)
 
     def value(self, kind: Kind) -> Any:
         """The last answer, however old; None before the first."""

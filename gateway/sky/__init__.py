@@ -11,15 +11,19 @@ method raises for finite arguments, nothing is ever fetched.
     of date / J2000   0.4"                0.03"
     Sun               0.01 deg            0.03"
     Moon              0.04 deg            3" rms, 19" at worst
+    planets           none                1.5'
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
-from gateway.sky.almanac import Almanac, Frame
+from gateway.sky import lunar
+from gateway.sky.almanac import PLANETS, Almanac, Frame
 from gateway.spherical import (
     SIDEREAL_RATE,
+    Vector,
     from_vector,
     horizon_to_hour_angle,
     hour_angle_to_horizon,
@@ -51,11 +55,15 @@ class Sky:
         """True once the exact answers are in use."""
         return self._exact is not None
 
-    def start(self) -> None:
-        """Load ERFA and the Earth's rotation on a daemon thread; returns at once."""
+    def start(self, done: Callable[[], object] = lambda: None) -> None:
+        """Load ERFA and the Earth's rotation on a daemon thread, which calls ``done`` at the end; returns at once."""
         import threading  # with `load`'s import, all that would make this module slow to import
 
-        threading.Thread(target=self.load, name="sky", daemon=True).start()
+        def work() -> None:
+            self.load()
+            done()
+
+        threading.Thread(target=work, name="sky", daemon=True).start()
 
     def load(self) -> None:
         """What `start` does, in the caller's own time. Never raises: sets `ready`, or `failure`."""
@@ -96,22 +104,46 @@ class Sky:
         return from_vector(rotate(transpose(matrix), to_vector(ra, dec)))
 
     def sun(self, unix: float) -> tuple[float, float]:
-        """Apparent (ra, dec) of date of the Sun, with aberration, from the Earth's centre (parallax 9")."""
+        """Apparent (ra, dec) of date of the Sun, from the Earth's centre (parallax 9").
+
+        With aberration (20"), unlike every place above: it is the almanacs' place, and where a tube would see it.
+        """
         return from_vector(self._almanac(unix).sun(unix))
 
     def moon(self, unix: float, lat: float, lon_east: float) -> tuple[float, float, float]:
-        """Apparent (ra, dec, distance in km) of date of the Moon, as seen from a site at sea level."""
+        """Apparent (ra, dec, distance in km) of date of the Moon, as seen from a site at sea level.
+
+        Apparent as the Sun is; of aberration the Moon shows only the light's own second of travel, 0.7".
+        """
+        seen = self._moon_from(unix, lat, lon_east)
+        return *from_vector(seen), math.hypot(*seen)
+
+    def on_moon(
+        self, unix: float, lat: float, lon_east: float, moon_lat: float, moon_lon_east: float
+    ) -> tuple[float, float]:
+        """Apparent (ra, dec) of date of a place on the Moon, as seen from a site; libration and parallax counted."""
+        return from_vector(lunar.place(self._moon_from(unix, lat, lon_east), unix, moon_lat, moon_lon_east))
+
+    def planet(self, name: str, unix: float) -> tuple[float, float] | None:
+        """(ra, dec) of date of a planet where its light left it, from the Earth's centre; None while not `ready`.
+
+        ``name`` is one of ``PLANETS``. Within 1.5' (Mercury and Venus 0.2', Mars 0.7'; against JPL's ephemerides).
+        """
+        vector = self._almanac(unix).planet(PLANETS.index(name), unix)
+        return None if vector is None else from_vector(vector)
+
+    def _moon_from(self, unix: float, lat: float, lon_east: float) -> Vector:
+        """The Moon from a site at sea level: of date, in km."""
         x, y, z = self._almanac(unix).moon(unix)
         phi = math.radians(wrap360(lat))
         polar = (1.0 - _EARTH_FLATTENING) ** 2
         curvature = _EARTH_RADIUS / math.sqrt(math.cos(phi) ** 2 + polar * math.sin(phi) ** 2)
         site = math.radians(self.sidereal_time(unix, lon_east))
-        seen = (
+        return (
             x - curvature * math.cos(phi) * math.cos(site),
             y - curvature * math.cos(phi) * math.sin(site),
             z - curvature * polar * math.sin(phi),
         )
-        return *from_vector(seen), math.hypot(*seen)
 
     def _almanac(self, unix: float) -> Almanac:
         """The best there is for a date."""

@@ -3,8 +3,9 @@
 Importing this module imports numpy, so only the loader thread of `Sky` does it. astropy's objects are left
 out on purpose: the same numbers through them cost milliseconds a call and a hundred megabytes.
 Nothing here touches the network: leap seconds are ERFA's own, UT1-UTC comes from the file that astropy
-installs with itself. Polar motion (below 0.5") is left out. Errors: sidereal time 5 ms, axes 1 mas,
-Sun 0.03" (against JPL's DE421), Moon 3" rms and 19" at worst (the same, and ERFA's note on moon98).
+installs with itself. Polar motion (below 0.6") is left out. Errors, against Skyfield and JPL's DE421: sidereal
+time 5 ms, axes 1 mas, Sun 0.03", Moon 3" rms and 19" at worst; before 1972 another 0.1" and 1.5" for a time
+scale that was read from the sky, and after the table's end what the Earth will do, which nobody knows.
 """
 
 from __future__ import annotations
@@ -22,6 +23,11 @@ JD_OF_UNIX_EPOCH = 2440587.5
 _DAY = 86400.0
 _TT_MINUS_TAI = 32.184
 _LIGHT_DAYS_PER_AU = 0.005775518331436995
+_YEAR = 365.25 * _DAY
+# Before 1972 Unix time stands for UT1. TT-UT1 in seconds every fifth year from 1900 on (Astronomical Almanac,
+# "Reduction of time scales"); straight lines between them are within two seconds, 1" of the Moon.
+_DELTA_T = (-2.72, 3.86, 10.46, 17.20, 21.16, 23.62, 24.02, 23.93, 24.33, 26.77, 29.15, 31.07, 33.15, 35.73, 40.18)
+_UNIX_AT_1900 = -2208988800.0
 
 
 class ExactAlmanac(Almanac):
@@ -30,8 +36,10 @@ class ExactAlmanac(Almanac):
     def __init__(self, rotation: EarthRotation) -> None:
         self._rotation = rotation
         rows = [(int(y), int(m), float(s)) for y, m, s in erfa.leap_seconds.get() if y >= 1972]
-        self._steps = [(erfa.cal2jd(y, m, 1)[1] - 40587.0) * _DAY for y, m, _ in rows]
-        self._tai_utc = [seconds for _, _, seconds in rows]
+        self._steps: list[float] = [(erfa.cal2jd(y, m, 1)[1] - 40587.0) * _DAY for y, m, _ in rows]
+        self._tai_utc: list[float] = [seconds for _, _, seconds in rows]
+        self._observed = [_UNIX_AT_1900 + 5.0 * _YEAR * row for row in range(len(_DELTA_T))] + self._steps[:1]
+        self._delta_t = [*_DELTA_T, self._tai_utc[0] + _TT_MINUS_TAI]  # and no step into the first leap seconds
 
     def frame(self, unix: float) -> Frame:
         """IAU 2006/2000A precession, nutation and sidereal time; ICRS stands for J2000 (0.02" apart)."""
@@ -68,11 +76,25 @@ class ExactAlmanac(Almanac):
         x, y, z = (float(c) for c in place)
         return rotate(_plain(erfa.pnm06a(JD_OF_UNIX_EPOCH, tt)), (x, y, z))
 
+    def planet(self, index: int, unix: float) -> Vector | None:
+        """Geocentric place of date, in astronomical units: where the planet was when its light left, no aberration."""
+        tt = self._terrestrial(unix)
+        heliocentric, _ = erfa.epv00(JD_OF_UNIX_EPOCH, tt)
+        way = 0.0
+        for _ in range(3):  # the way the light goes, from nothing: each round is a thousand times nearer
+            planet = erfa.plan94(JD_OF_UNIX_EPOCH, tt - way * _LIGHT_DAYS_PER_AU, index + 1)
+            x, y, z = (float(c) for c in planet["p"] - heliocentric["p"])
+            way = math.hypot(x, y, z)
+        return rotate(_plain(erfa.pnm06a(JD_OF_UNIX_EPOCH, tt)), (x, y, z))
+
     def _terrestrial(self, unix: float) -> float:
-        """Terrestrial Time in days since the Unix epoch; 10 s stand for TAI-UTC before 1972."""
+        """Terrestrial Time in days since the Unix epoch: by the leap seconds, before the first by observation."""
         step = bisect_right(self._steps, unix)
-        tai_utc = self._tai_utc[max(step - 1, 0)]
-        return (unix + tai_utc + _TT_MINUS_TAI) / _DAY
+        if step:
+            return (unix + self._tai_utc[step - 1] + _TT_MINUS_TAI) / _DAY
+        end = max(bisect_right(self._observed, unix), 1)
+        (x0, x1), (y0, y1) = self._observed[end - 1 : end + 1], self._delta_t[end - 1 : end + 1]
+        return (unix + y0 + (y1 - y0) * (unix - x0) / (x1 - x0)) / _DAY
 
 
 def _plain(matrix: object) -> Matrix:

@@ -59,7 +59,7 @@ class Trial:
         self.line: Line = line
         self.strange: list[Ask] = []
         self.acknowledged: list[tuple[Ask, bool]] = []
-        in_step, exchange = line._in_step, line._exchange
+        in_step, exchange = line.talk.in_step, line.talk.exchange
 
         async def exchanging(ask: Ask) -> Any:
             self.wire.strange, self.wire.of_another = None, False
@@ -70,7 +70,7 @@ class Trial:
                 self.acknowledged.append((ask, self.wire.of_another))
             return outcome
 
-        line._exchange = exchanging  # type: ignore[method-assign]
+        line.talk.exchange = exchanging  # type: ignore[method-assign]
         order = self.bridge.hub.belief._order
 
         async def ordering(ask: Ask, rank: int) -> Any:
@@ -92,7 +92,7 @@ class Trial:
             finally:
                 self.wire.proving = False
 
-        line._in_step = proving  # type: ignore[method-assign]
+        line.talk.in_step = proving  # type: ignore[method-assign]
         self.bridge.transcript.sinks.append(self.wire.follow)
         self.trail: deque[tuple[float, float, float]] = deque(maxlen=4000)
         self.wrong: Counter[str] = Counter()

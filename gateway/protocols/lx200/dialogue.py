@@ -1,8 +1,8 @@
 """Talking to a Meade: requests out, replies in.
 
 A reply has one of five shapes: none, one character, text up to ``#``, one character and text, two texts (``:SC``). A
-raw 0x15 instead of any of them means busy (LX200GPS). Commands without a reply are followed by a short pause, which old
-scopes need. What clients may write sloppily a telescope does not: a reply counts in its exact form only.
+raw 0x15 instead of any of them, of none too, means busy (LX200GPS). Commands without a reply are followed by a short
+pause, which old scopes need. Clients may write sloppily, telescopes do not: a reply counts in its exact form only.
 """
 
 from __future__ import annotations
@@ -17,15 +17,14 @@ from gateway.errors import Busy, Fault, Garbled, Refused
 from gateway.tables import Protocol, load
 
 NAK = 0x15
-#: Seconds. The second string of ``:SC`` comes when a classic has calculated its planets.
-TIMEOUT, TIMEOUT_DATE, PACE = 3.0, 14.0, 0.05
+TIMEOUT, PACE = 3.0, 0.05  # seconds
 #: No reply with a ``#`` at its end is longer.
 LONGEST = 200
 #: The questions, by what their answers may do from one to the next: move, run as a clock does, or stay the same.
 KINDS = {
     **dict.fromkeys(("GR", "GD", "GZ", "GA"), "place"),
     "GL": "clock",
-    **dict.fromkeys(("ACK", "GW", "GVP", "GVN", "D", "h?", "Gt", "Gg", "GG", "GC"), "same"),
+    **dict.fromkeys(("ACK", "GW", "GVP", "GVN", "D", "h?", "Gt", "Gg", "GG", "GC", "GT"), "same"),
 }
 #: Field forms as telescopes send them: every digit in its place, any one byte between degrees, minutes and seconds.
 _SEP = rb"[^0-9#]"
@@ -51,7 +50,9 @@ def _exact(source: str) -> re.Pattern[bytes]:
     for field in _FIELD.finditer(source):
         pattern += re.escape(source[at : field.start()].encode("latin-1"))
         form, at = field[1], field.end()
-        pattern += _FORMS.get(form, rb"[^#]" if "|" in form else rb"[^#]*")
+        words = [len(word) for word in form.split("|")]
+        free = rb"[^#]*" if len(words) == 1 else rb"[^#]{%d,%d}" % (min(words), max(words))
+        pattern += _FORMS.get(form, free)
     return re.compile(pattern + re.escape(source[at:].encode("latin-1")), re.DOTALL)
 
 
@@ -74,7 +75,7 @@ class MeadeDialogue:
     protocol: Protocol = load("lx200")
 
     def timeout(self, ask: Ask) -> float:
-        return TIMEOUT_DATE if ask.command == "SC" else TIMEOUT
+        return TIMEOUT
 
     def pace(self, ask: Ask) -> float:
         return 0.0 if self.protocol.commands[ask.command].replies else PACE
@@ -111,12 +112,12 @@ class MeadeDialogue:
         that is out of range.
         """
         replies = self.protocol.commands[ask.command].replies
+        if buffer[:1] == bytes((NAK,)):
+            return Busy(), 1
         if not replies:
             return {}, 0
         if not buffer:
             return None
-        if buffer[:1] == bytes((NAK,)):
-            return Busy(), 1
         for reply, picture in replies:
             found = _exact(str(picture.source)).match(buffer)
             if found is None:

@@ -22,6 +22,7 @@ KINDS = {
     **dict.fromkeys(("h", "i", "gps_time", "rtc_time"), "clock"),
     **dict.fromkeys(
         ("J", "t", "V", "v", "m", "w", "L", "p", "device_version", "guide_rate", "gps_linked", "gps_date", "gps_year",
+         "level_done",
          "rtc_date", "rtc_year"), "same"),
 }  # fmt: skip
 #: Printable bytes that an echo is asked for; none is ``#``, and a proof shares none with the ones before it.

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from msgspec import Struct
 
 from gateway.driver import Ask, Driver, Pause, Steps
-from gateway.errors import Busy
-from gateway.operations import Place, Tracking
+from gateway.errors import Busy, Unsupported
+from gateway.operations import Place, Rate, Tracking
 from gateway.tables import load
 
+SIDEREAL = 15.041067  # arcseconds a second
 BUSY_RETRIES, BUSY_WAIT = 6, 0.4
+#: What takes a telescope long, in seconds at most: a classic calculates its planets, an LX200GPS finds its satellites.
+LONG = {"SC": 14.0, "gT": 600.0}
+#: All that is understood while it seeks its home; a Meade that is asked anything else says NAK, or nothing.
+WHILE_SEEKING = frozenset({"hS", "hF", "Q", "h?"})
+_NAMES = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
+#: Hand-control keys 1-9 as Meade's four rates.
+_KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS", 9: "RS"}
+#: The four rates in degrees a second, as their manual says: 1x, 16x, 2 and 8 degrees a second.
+SPEEDS = {"RG": SIDEREAL / 3600, "RC": 16 * SIDEREAL / 3600, "RM": 2.0, "RS": 8.0}
 
 
 class GotoState(Struct):
@@ -48,7 +58,19 @@ class Meade(Driver):
         self.moving: dict[int, str] = {}
         self.pulsing: dict[int, str] = {}
         self.parked = False
+        self.guide_rate = 1.0  # what is meant by it, a fraction of sidereal
         self.site: Place | None = None
+        self.power_on()
+
+    def power_on(self) -> None:
+        """What no Meade tells, as after switching it on: that may have happened while the line was lost."""
+        #: It seeks its home; ``fastest`` is what :Sw was sent last, degrees a second.
+        self.seeking = False
+        self.fastest: int | None = None
+        #: Axes with a rate of their own (:RA :RE); the guide rate sent last (:Rg); whether it corrects periodic errors.
+        self.free_axes: set[int] = set()
+        self.guides_at = 1.0
+        self.corrects = False
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -63,16 +85,48 @@ class Meade(Driver):
     def equatorial(self) -> bool:
         return self.home_letter in "PG"
 
+    def memory(self, moving: bool) -> dict[str, Any]:
+        """A telescope keeps its home itself, and stops by a command that all of them have."""
+        return {"parked": True} if self.parked else {}
+
+    def recall(self, memory: Mapping[str, Any], moving: bool) -> None:
+        self.parked = memory.get("parked") is True
+
+    @property
+    def german(self) -> bool | None:  # type: ignore[override]
+        """The letter G says so; a P is a fork on a wedge or a German mount."""
+        return {"G": True, "A": False}.get(self.home_letter)
+
+    def speed(self, rate: Rate) -> float:
+        """Degrees a second of the one of the four rates that is taken for a hand rate."""
+        if self.model == "lx200gps" and rate.name is None and rate.key is None:
+            return min(SPEEDS["RS"], rate.degrees or 0.0)
+        return SPEEDS[rate_command(rate)]
+
     @property
     def southern(self) -> bool:
         return self.site is not None and self.site.latitude < 0
 
 
+def rate_command(rate: Rate) -> str:
+    """The one of the four rates that a hand rate stands for: the fastest that is not above it."""
+    if rate.key is not None:
+        return _KEYS[rate.key]
+    if rate.name is not None:
+        return _NAMES[rate.name]
+    wanted = max(rate.degrees or 0.0, SPEEDS["RG"]) * 1.001
+    return max((speed, name) for name, speed in SPEEDS.items() if speed <= wanted)[1]
+
+
 def ask(mount: Meade, command: str, **values: Any) -> Steps:
-    """Send a command; a busy telescope (NAK) is waited for, a few times."""
+    """Send a command; a busy telescope (NAK) is waited for, a few times. Raises Unsupported for what it lacks."""
+    if not mount.knows(command):
+        raise Unsupported(f"This model knows no {command if command == 'ACK' else f':{command}#'}.")
+    if mount.seeking and command not in WHILE_SEEKING:
+        raise Busy("The mount seeks its home.")
     for attempt in range(BUSY_RETRIES):
         try:
-            return (yield Ask(command, {**values, "low": mount.low}))
+            return (yield Ask(command, {**values, "low": mount.low}, LONG.get(command), command in LONG))
         except Busy:
             if attempt == BUSY_RETRIES - 1:
                 raise

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
-from gateway.protocols.lx200.surface import accessories, clock, gps, motion, site, target, tracking
+from gateway.protocols.lx200.surface import (
+    accessories,
+    clock,
+    gps,
+    help,
+    moon,
+    motion,
+    objects,
+    search,
+    site,
+    target,
+    tracking,
+)
 from gateway.surface import Special
 
 SPECIALS: dict[str, Special] = {"gps_sentence": gps.sentence, "gps_clock": gps.set_clock} | {
     name: function
-    for module in (accessories, clock, motion, site, target, tracking)
+    for module in (accessories, clock, help, moon, motion, objects, search, site, target, tracking)
     for name, function in vars(module).items()
     if callable(function) and getattr(function, "__module__", "") == module.__name__ and not name.startswith("_")
 }

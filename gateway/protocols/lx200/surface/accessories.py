@@ -5,13 +5,23 @@ from __future__ import annotations
 from typing import Any
 
 from gateway.operations import Backlash, Focus, HomeState, PeriodicError, Unpark
-from gateway.surface import Handling, Session, Start
+from gateway.surface import Handling, Session, Speed, Start
 from gateway.tables import Command
 
 
 def toggle_precision(session: Session, command: Command, values: dict[str, Any]) -> None:
     """:U - the format of coordinates, for this client."""
     session.kept["precision"] = "low" if session.kept["precision"] == "high" else "high"
+
+
+#: The digit of :SB -> baud. The manual prints the first one as 56.7K.
+RATES = {1: 57600, 2: 38400, 3: 28800, 4: 19200, 5: 14400, 6: 9600, 7: 4800, 8: 2400, 9: 1200}
+
+
+def baud(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:SB - 1 at the old rate; a network connection has none."""
+    if values.get("rate") in RATES:
+        yield Speed(RATES[values["rate"]])
 
 
 def toggle_pointing(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
@@ -55,17 +65,11 @@ def backlash(session: Session, command: Command, values: dict[str, Any]) -> Hand
 def periodic_error(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """$Q :$QA :$QZ - a toggle for both axes, or on and off for one."""
     if command.name == "$Q":
-        on = session.shared["pec"] = not session.shared.get("pec", False)
+        on = not session.shared.get("pec", False)
+        session.set_for_all("pec", on)
         yield Start(PeriodicError(None, on))
     else:
         yield Start(PeriodicError(2 if "A" in command.name else 1, command.name.endswith("+")))
-
-
-def step_quality(session: Session, command: Command, values: dict[str, Any]) -> None:
-    """:Sq - the next lower quality, from the worst back to the best."""
-    steps = ("SU", "EX", "VG", "GD", "FR", "PR", "VP")
-    present = steps.index(session.kept.get("quality", "VP"))
-    session.kept["quality"] = steps[(present + 1) % len(steps)]
 
 
 def silence(session: Session, command: Command, values: dict[str, Any]) -> bytes:
@@ -76,26 +80,3 @@ def silence(session: Session, command: Command, values: dict[str, Any]) -> bytes
 def tube_temperature(session: Session, command: Command, values: dict[str, Any]) -> Any:
     """:fT - only an LX200GPS has a thermometer; there is none behind the gateway."""
     return {"value": 0.0} if session.model["name"] == "lx200gps" else b""
-
-
-def object_text(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
-    """:LI - the manual's static text where the model does not search."""
-    return {"text": session.model.get("object_text", "No object selected")}
-
-
-_KEPT = {"Gb": ("brighter", -5.5), "Gf": ("fainter", 20.0), "GF": ("field", 15), "Gl": ("larger", 0),
-         "Gs": ("smaller", 200), "Gy": ("types", "GPDCO"), "Gq": ("quality", "VP")}
-
-
-def tell_search(session: Session, command: Command, values: dict[str, Any]) -> Any:
-    """:Gb :Gf :GF :Gl :Gs :Gy :Gq - this client's search limits."""
-    name, default = _KEPT[command.name]
-    return session.kept.get(name, default)
-
-
-def set_search(session: Session, command: Command, values: dict[str, Any]) -> None:
-    """:Sb :Sf :SF :Sl :Ss :Sy"""
-    if "fault" in values:
-        raise values["fault"]
-    name, _ = _KEPT["G" + command.name[1]]
-    session.kept[name] = next(iter(values.values()))

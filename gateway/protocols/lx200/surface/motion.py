@@ -22,7 +22,7 @@ def move(session: Session, command: Command, values: dict[str, Any]) -> Handling
     rate = Rate(degrees=own) if own else kept.get("rate", Rate(name="center"))
     if rate.name == "max" and "fastest" in kept:
         rate = Rate(name="max", degrees=kept["fastest"])
-    yield Start(Move(direction, rate))
+    yield Start(Move(direction, rate, lowest=kept.get("lowest"), highest=kept.get("highest")))
 
 
 def halt(session: Session, command: Command, values: dict[str, Any]) -> Handling:

@@ -40,7 +40,7 @@ def set_longitude(session: Session, command: Command, values: dict[str, Any]) ->
 
 def _set(session: Session, operation: SetSite) -> Handling:
     """Set one half, and remember it under the site that is selected."""
-    stored = session.shared["sites"].setdefault(str(session.kept.get("site", 0)), {})
+    stored = session.shared["sites"].setdefault(str(session.kept.get("site", session.shared.get("site", 0))), {})
     for name in ("latitude", "longitude"):
         value = getattr(operation, name)
         if value is not None:
@@ -58,6 +58,7 @@ def select(session: Session, command: Command, values: dict[str, Any]) -> Handli
     if index > 3:
         return
     session.kept["site"] = index
+    session.set_for_all("site", index)  # where a program that selects none begins, as at power-on
     stored = session.shared["sites"].get(str(index), {})
     if "latitude" in stored and "longitude" in stored:
         yield SetSite(latitude=stored["latitude"], longitude=stored["longitude"])
@@ -67,14 +68,14 @@ def tell_name(session: Session, command: Command, values: dict[str, Any]) -> dic
     """:GM :GN :GO :GP"""
     index = _SITES.index(command.name[1])
     stored = session.shared["sites"].get(str(index), {})
-    return {"name": stored.get("name", f"SITE {index + 1}"[: session.model["names"]])}
+    return {"name": stored.get("name", f"SITE {index + 1}")[: session.model["names"]]}
 
 
 def set_name(session: Session, command: Command, values: dict[str, Any]) -> None:
     """:SM :SN :SO :SP - 3 letters on the classic, 15 elsewhere."""
     name = values["name"].strip()
-    if not name or len(name) > session.model["names"]:
-        raise Invalid(f"A site name has 1 to {session.model['names']} characters.")
+    if not name or len(name) > session.model["names"] or not (name.isascii() and name.isprintable()):
+        raise Invalid(f"A site name has 1 to {session.model['names']} printable characters.")
     session.shared["sites"].setdefault(str(_SITES.index(command.name[1])), {})["name"] = name
     session.changed()
 

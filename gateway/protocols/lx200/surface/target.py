@@ -5,13 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 from gateway.errors import NoTarget
-from gateway.operations import Goto, GotoHorizontal, HorizontalPosition, Position, Slewing, Sync
+from gateway.operations import Equatorial, Goto, GotoHorizontal, HorizontalPosition, Position, Slewing, Sync
+from gateway.protocols.lx200.surface import selected
 from gateway.surface import Again, Handling, Session
 from gateway.tables import Command
 
 
 def set_target(session: Session, _: Command, values: dict[str, Any]) -> None:
     """:Sr :Sd - programs go on to :MS# even after a 0, so a refused half must not leave a stale target."""
+    selected.drop(session)
     _set(session, values, "ra", "dec")
 
 
@@ -28,8 +30,10 @@ def _set(session: Session, values: dict[str, Any], *pair: str) -> None:
     session.kept.update(values)
 
 
-def tell_target(session: Session, _: Command, values: dict[str, Any]) -> dict[str, float]:
-    """:Gr :Gd - zero before any was set, as a Meade says after power-on."""
+def tell_target(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+    """:Gr :Gd - zero before any was set, as a Meade says after power-on; what moves, where it is now."""
+    if "moving" in session.kept:
+        yield from selected.target(session)
     return {name: session.kept.get(name, 0.0) for name in ("ra", "dec")}
 
 
@@ -56,9 +60,8 @@ def altitude(session: Session, _: Command, values: dict[str, Any]) -> Handling:
 def goto(session: Session, _: Command, values: dict[str, Any]) -> Handling:
     """:MS - to the target, or a refusal with words."""
     kept = session.kept
-    if "ra" not in kept or "dec" not in kept:
-        raise NoTarget
-    yield Goto(kept["ra"], kept["dec"], lowest=kept.get("lowest"), highest=kept.get("highest"),
+    place: Equatorial = yield from selected.target(session)
+    yield Goto(place.ra, place.dec, lowest=kept.get("lowest"), highest=kept.get("highest"),
                track=not kept.get("land", False))
 
 
@@ -72,10 +75,8 @@ def goto_horizontal(session: Session, _: Command, values: dict[str, Any]) -> Han
 
 def sync(session: Session, _: Command, values: dict[str, Any]) -> Handling:
     """:CM - a bare # is what programs read as failure; they want a text at once otherwise."""
-    kept = session.kept
-    if "ra" not in kept or "dec" not in kept:
-        raise NoTarget
-    yield Sync(kept["ra"], kept["dec"])
+    place: Equatorial = yield from selected.target(session)
+    yield Sync(place.ra, place.dec)
     return {"text": session.settings.get("sync_text") or session.model["sync_text"]}
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gateway.driver import Ask, Steps
 from gateway.errors import Fault, NoDevice
-from gateway.operations import Identity, Operation
+from gateway.operations import Identity, Operation, Tracking
 from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.protocols.nexstar.driver.tracking import read_status
 from gateway.tables import show_version
@@ -33,6 +33,8 @@ def identity(mount: NexStar, _: Operation) -> Steps:
     if mount.knows("device_version"):
         yield from _motors(mount)
     yield from read_status(mount)
+    if mount.tracking not in (None, Tracking.OFF):
+        mount.parked = False  # remembered from an earlier run, and meanwhile taken up again by somebody
     return who(mount)
 
 

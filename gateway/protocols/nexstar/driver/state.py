@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, cast
 
-from msgspec import Struct
+from msgspec import Struct, ValidationError, convert, to_builtins
 
-from gateway.driver import Driver
-from gateway.operations import Equatorial, Horizontal, Moment, Place, Rate, Tracking, TrackRate
+from gateway.driver import Ask, Driver, Steps
+from gateway.operations import (
+    Equatorial,
+    GotoAxes,
+    Home,
+    Horizontal,
+    Moment,
+    Operation,
+    Park,
+    Place,
+    Rate,
+    Tracking,
+    TrackRate,
+)
 from gateway.tables import Version, load, parse_version
 
 
@@ -19,6 +31,7 @@ class Settings(Struct, frozen=True):
     mode: str | None = None
     guide_rate: float = 0.5
     park: tuple[float, float] | None = None
+    aux_home: bool = False  # home is where the motors' own switches are
 
 
 class GotoState(Struct):
@@ -27,6 +40,17 @@ class GotoState(Struct):
     since: float
     seen: bool = False
     then: str | None = None
+    seeks: bool = False  # the motors look for their switches: only they know when it is over
+
+
+class Memory(Struct, omit_defaults=True):
+    """What outlives the gateway."""
+
+    home: Horizontal | None = None
+    parked: bool = False
+    model: str | None = None
+    version: Version | None = None
+    tracking: Tracking | None = None
 
 
 class NexStar(Driver):
@@ -58,8 +82,10 @@ class NexStar(Driver):
         self.goto: GotoState | None = None
         self.moving: dict[int, float] = {}
         self.remembered: Tracking | None = None
+        self.recalled = False  # that was remembered by an earlier run
         self.restores = 0
         self.steps: dict[int, float] = {}
+        self.guide_rates = {1: settings.guide_rate, 2: settings.guide_rate}  # of pulses, until they are set
         self.pulsing: dict[int, tuple[float, int]] = {}
         # position
         self.last: Equatorial | None = None
@@ -82,6 +108,11 @@ class NexStar(Driver):
         return self.starsense
 
     @property
+    def displaced(self) -> bool:  # type: ignore[override]
+        """A hand control without sync: it is carried out here."""
+        return self.offset != (0.0, 0.0)
+
+    @property
     def equinox(self) -> str:  # type: ignore[override]
         """Up to 4.13, and on every GT, a hand control counts in J2000 by Celestron's own driver; others disagree."""
         if self.starsense or self.version is None or self.version >= JNOW_FROM:
@@ -89,7 +120,7 @@ class NexStar(Driver):
         return "j2000"
 
     @property
-    def german(self) -> bool:
+    def german(self) -> bool:  # type: ignore[override]
         """Whether the mount is built equatorially."""
         return bool(self.facts["mount"] == "german")
 
@@ -99,6 +130,35 @@ class NexStar(Driver):
 
     def has(self, part: str) -> bool:
         return part in self.facts["has"] or part in self.found
+
+    @property
+    def unrestored(self) -> bool:  # type: ignore[override]
+        return self.remembered is not None
+
+    def memory(self, moving: bool) -> dict[str, Any]:
+        """Home and park; in motion also how to talk to this hand control, and the tracking to come back to."""
+        lasting = Memory(home=self.home, parked=self.parked)
+        if moving:
+            lasting.model, lasting.version = self.model, self.version
+            lasting.tracking = self.remembered or self.tracking
+        return cast(dict[str, Any], to_builtins(lasting))
+
+    def recall(self, memory: Mapping[str, Any], moving: bool) -> None:
+        """The rate of the drive is not among it: it ends with the gateway, as with a hand control's power."""
+        try:
+            held = convert(memory, Memory)
+        except ValidationError:
+            return
+        self.home, self.parked = held.home, held.parked
+        if moving:
+            self.model, self.version = held.model or self.model, held.version or self.version
+            if held.tracking is not None and self.knows("T"):
+                self.remembered, self.recalled = held.tracking, True
+                self.own_mode = None if held.tracking is Tracking.OFF else held.tracking
+
+    def greet(self) -> Steps:
+        """``K``, which no Meade takes for anything."""
+        yield Ask("K", {"echo": 0x78})
 
     @property
     def shifted(self) -> bool:
@@ -120,6 +180,27 @@ class NexStar(Driver):
             return float(sidereal[key - 1]) * SIDEREAL
         return float(degrees[key - len(sidereal) - 1])
 
+    def speed(self, rate: Rate) -> float:
+        """Degrees a second of a hand rate; a free one is given to the motor as it is."""
+        if rate.name is None and rate.key is None and rate.degrees is not None:
+            return min(rate.degrees, float(self.rates["fastest"]))
+        return self.key_speed(self.key_for(rate))
+
+    def tube_side(self, told: str) -> str | None:
+        """The letter of ``p``, where a German mount has it; the other one where the version swaps them."""
+        if not self.german or not self.knows("p"):
+            return None
+        swapped = self.southern and self.version is not None and self.version <= LETTERS_SWAPPED
+        return ("E" if told == "W" else "W") if swapped else told
+
+    def destination(self, operation: Operation) -> GotoAxes | None:
+        """Park goes to the configured position, else to the pole or to north at the horizon; Home to the stored one."""
+        if isinstance(operation, Park):
+            return GotoAxes(*(self.settings.park or (POLE_AXES if self.german else (0.0, 0.0))))
+        if isinstance(operation, Home) and self.home is not None:
+            return GotoAxes(self.home.az, self.home.alt)
+        return None
+
     def key_for(self, rate: Rate) -> int:
         """The key that comes nearest to a hand rate (never above one given in degrees a second)."""
         if rate.key is not None:
@@ -131,6 +212,10 @@ class NexStar(Driver):
 
 
 JNOW_FROM = (4, 14)
+#: Up to this version the pier side is told with its letters swapped in the southern hemisphere.
+LETTERS_SWAPPED = (5, 24)
+#: Where an equatorial mount's axes stand when it points at the pole: both at their index.
+POLE_AXES = (90.0, 90.0)
 SIDEREAL = 15.041067 / 3600.0
 UNKNOWN: dict[str, Any] = {"mount": "fork", "rates": "se", "has": [], "motors": "0.0", "versions": []}
 

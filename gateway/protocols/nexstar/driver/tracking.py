@@ -52,6 +52,7 @@ def read_status(mount: NexStar) -> Steps:
 def _forget(mount: NexStar) -> None:
     """A hand control that lost its alignment was switched off: what it was doing is over, how it tracked unknown."""
     mount.goto = mount.remembered = mount.own_mode = None
+    mount.recalled = False
     mount.moving.clear()
     mount.steps.clear()
     mount.pulsing.clear()
@@ -70,6 +71,10 @@ def own_mode(mount: NexStar) -> Tracking | None:
         return mount.own_mode
     if not mount.knows("t") and mount.settings.mode is None:
         return None
+    return _built_for(mount)
+
+
+def _built_for(mount: NexStar) -> Tracking:
     if mount.german:
         return Tracking.EQ_SOUTH if mount.southern else Tracking.EQ_NORTH
     return Tracking.ALTAZ
@@ -78,15 +83,17 @@ def own_mode(mount: NexStar) -> Tracking | None:
 def status(mount: NexStar, _: GetStatus) -> Steps:
     """-> Status. While fast motion has put tracking off, the mode it will come back to counts."""
     yield from read_status(mount)
-    mode = mount.remembered or mount.tracking or Tracking.OFF
     known = own_mode(mount)
     equatorial = known.equatorial if known is not None else mount.german
+    mode = mount.remembered or mount.tracking or Tracking.OFF
+    if known is None and mount.aligned:  # one that cannot say tracks as it is built: what is aligned, tracks
+        mode = _built_for(mount)
     return Status(tracking=mode, aligned=mount.aligned, equatorial=equatorial)
 
 
 def send_mode(mount: NexStar, mode: Tracking) -> Steps:
     """``T``, and the special rate again when tracking comes back."""
-    if not mount.knows("T") or (mode is not Tracking.OFF and own_mode(mount) is None):
+    if not mount.knows("T") or own_mode(mount) is None:
         raise Unsupported("This hand control cannot change tracking.")
     yield Ask("T", {"mode": code_of(mount, mode)})
     _learn(mount, mode)
@@ -126,7 +133,11 @@ def restore(mount: NexStar) -> Steps:
     if mode is None or mode is Tracking.OFF:
         mount.remembered = None
         return
+    if mount.recalled and not (yield Ask("J"))["aligned"]:
+        mount.remembered = None  # it has been switched off since the last run: it must not begin to track by itself
+        return
     yield from send_mode(mount, mode)
+    mount.recalled = False
     mount.remembered = None  # not before: what is lost here must be restored by the next one
     mount.restores = 1
     if mount.knows("t"):
@@ -190,7 +201,8 @@ def guide_rate(mount: NexStar, operation: GuideRate) -> Steps:
 
 
 def set_guide_rate(mount: NexStar, operation: SetGuideRate) -> Steps:
-    """AUX 0x46."""
+    """AUX 0x46; pulses, which carry their rate, go by it too."""
+    mount.guide_rates[operation.axis] = max(0.01, min(1.0, operation.rate))
     value = max(0, min(255, round(operation.rate * 256)))
     try:
         yield Ask("set_guide_rate", {"device": 15 + operation.axis, "rate": value})

@@ -6,11 +6,12 @@ were asked for, one more, ``#`` (NexStar protocol, Pass-through Commands with No
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from gateway.errors import NoDevice
-from gateway.operations import GetClock, GetSite, Moment, Place, SetClock
+from gateway.errors import NoDevice, Unsupported
+from gateway.operations import GetClock, GetGps, GetSite, Gps, Moment, Place, SetClock
 from gateway.surface import Handling, Session
 from gateway.tables import Command, parse_version
 
@@ -18,9 +19,11 @@ MOTORS = {16: 1, 17: 2}
 GPS, RTC = 176, 178
 #: Years that a hand control can tell.
 CENTURY = range(2000, 2100)
-#: Not passed on even where the mount is a NexStar, too: it would make the alignment meaningless. (Firmware upload and
-#: memory writes are no commands here at all.)
-NEVER_PASSED = frozenset({"axis_set_position"})
+#: Not passed on even where the mount is a NexStar, too: one would make the alignment meaningless, the other moves the
+#: mount where no limit is known. (Firmware upload and memory writes are no commands here at all.)
+NEVER_PASSED = frozenset({"axis_set_position", "level_start"})
+#: Of the devices that can be told to move, this one alone: the number 0 reaches all of them, the motors too.
+MOVERS, FOCUSER = frozenset({"move_pos", "move_neg"}), 18
 SETTINGS = (b"R", b"r", b"B", b"b", b"S", b"s", b"T", b"W", b"H", b"I")
 
 
@@ -30,6 +33,11 @@ def motor(values: dict[str, Any]) -> int:
     if axis is None:
         raise NoDevice
     return axis
+
+
+def passes(name: str, values: Mapping[str, Any]) -> bool:
+    """Whether a command that means nothing here may go to a NexStar mount as it is: none moves it past the limits."""
+    return name not in NEVER_PASSED and (name not in MOVERS or values["device"] == FOCUSER)
 
 
 def version(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
@@ -50,24 +58,43 @@ def _require(session: Session, part: str) -> None:
         raise NoDevice
 
 
-def gps_flag(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
-    """Linked, and time valid."""
+def _receiver(session: Session) -> Handling:
+    """What the mount's own receiver tells; one presented over a mount without any is site and clock."""
     _require(session, "gps")
-    return {"linked": 1, "valid": 1}
+    try:
+        return (yield GetGps())
+    except (Unsupported, NoDevice):
+        place: Place = yield GetSite()
+        moment: Moment = yield GetClock()
+        return Gps(True, place, moment.unix)
+
+
+def gps_flag(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """Linked, and time valid."""
+    linked = int((yield from _receiver(session)).linked)
+    return {"linked": linked, "valid": linked}
 
 
 def gps_place(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """Latitude and longitude."""
-    _require(session, "gps")
-    place: Place = yield GetSite()
+    """Latitude and longitude; before the first fix those of the site."""
+    place = (yield from _receiver(session)).place or (yield GetSite())
     return {"latitude": place.latitude, "longitude": place.longitude}
 
 
+def gps_time(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """Date, year and time by the satellites; before the first fix by the mount's clock."""
+    seen = yield from _receiver(session)
+    return _calendar(seen.unix if seen.linked else (yield GetClock()).unix)
+
+
 def universal_time(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """Date, year and time of the GPS unit or the clock: always UT."""
-    _require(session, command.name[:3])
-    moment: Moment = yield GetClock()
-    now = datetime.fromtimestamp(moment.unix, UTC)
+    """Date, year and time of the clock: always UT."""
+    _require(session, "rtc")
+    return _calendar((yield GetClock()).unix)
+
+
+def _calendar(unix: float) -> dict[str, int]:
+    now = datetime.fromtimestamp(unix, UTC)
     return {"month": now.month, "day": now.day, "year": now.year, "hour": now.hour, "minute": now.minute,
             "second": now.second}
 

@@ -55,7 +55,7 @@ def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Han
     except ValueError:
         return
     offset = zone + dst
-    session.shared["zone"] = (zone, dst)
+    session.set_for_all("zone", (zone, dst))
     try:
         yield SetClock(calendar.timegm(local.timetuple()) - offset * 3600.0, offset)
     except Fault:

@@ -1,0 +1,64 @@
+"""The command line. One line per open endpoint on stdout; a mistake is one line on stderr and exit code 2.
+
+Every command is a module here: ``add`` puts it into the parser, and the rest of the file carries it out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from typing import NoReturn
+
+from gateway import __version__
+from gateway.cli import config, decode, demo, detect, explain, replay, run, sim, stop, tables
+from gateway.errors import UserError
+
+COMMANDS = (demo, detect, run, stop, config, sim, tables, explain, replay, decode)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run a command -> its exit code: 0 done, 1 not (nothing found, a mount that could not be stopped), 2 bad input."""
+    try:
+        arguments = parser().parse_args(_bound(sys.argv[1:] if argv is None else argv))
+        return int(arguments.run(arguments) or 0)
+    except UserError as error:
+        print(f"mount-gateway: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 0
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 0
+
+
+def _bound(argv: list[str]) -> list[str]:
+    """``--site -33.9,151.2`` as ``--site=-33.9,151.2``: else a value that begins with a minus is taken for a flag."""
+    bound: list[str] = []
+    for word in argv:
+        if bound and re.fullmatch(r"--[a-z-]+", bound[-1]) and re.match(r"-[\d.]", word):
+            bound[-1] += f"={word}"
+        else:
+            bound.append(word)
+    return bound
+
+
+class _Parser(argparse.ArgumentParser):
+    """One line for a mistake, as everywhere."""
+
+    def error(self, message: str) -> NoReturn:
+        raise UserError(f"{message} ({self.prog} --help tells more)")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The whole command line."""
+    whole = _Parser(
+        prog="mount-gateway",
+        description="Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.",
+        epilog="An endpoint is PROTOCOL[:MODEL[/VERSION]]@WHERE, for example nexstar@/dev/ttyUSB0 or lx200@tcp://:4030.",
+    )
+    whole.add_argument("--version", action="version", version=f"mount-gateway {__version__}")
+    commands = whole.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    for command in COMMANDS:
+        command.add(commands)
+    return whole

@@ -1,0 +1,22 @@
+"""``explain``: what happens to one command, in words and bytes."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+
+def add(commands: Any) -> None:
+    """Put the command into the parser."""
+    explain = commands.add_parser("explain", help="what happens to one command, in words and bytes")
+    explain.add_argument("client", choices=("lx200", "nexstar"), help="the protocol the command is written in")
+    explain.add_argument("mount", choices=("lx200", "nexstar"), help="the protocol of the mount")
+    explain.add_argument("command", help="for example ':Sr05:34:32#'; \\x06 and the like are understood")
+    explain.set_defaults(run=_explain)
+
+
+def _explain(arguments: argparse.Namespace) -> int:
+    from gateway.explain import explain
+
+    print(explain(arguments.client, arguments.mount, arguments.command))
+    return 0

@@ -1,0 +1,197 @@
+"""Serving until a signal comes: the event loop, the signals, and one gateway per mount from its ports to its mount.
+
+A mount that does not answer ends the program, with the reason. Where there are several, or with --wait, it is told of
+and waited for, and the others know nothing of it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+import sys
+import time
+from collections.abc import Awaitable, Callable
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from gateway import __version__
+from gateway.config import Config, parse_endpoint
+from gateway.errors import UserError
+from gateway.transcript import SKY_READY
+
+if TYPE_CHECKING:
+    from gateway.assembly import Gateway
+    from gateway.recording import Recorder
+
+#: How long a mount may take to say its first word (a hand control's worst), and to say all that it is asked.
+FIRST_WORD, FIND_MOUNT = 4.0, 20.0
+#: With --wait, how long the ready lines wait for the mount to say what fits it.
+QUICK = 0.5
+#: A wrapper that passes a Ctrl-C on delivers it twice within this time, in seconds; a person does not.
+TWICE = 0.1
+
+
+def with_loop(fast: bool, serve: Callable[[], Awaitable[int]]) -> int:
+    """Run on uvloop where it is installed, else on asyncio's own loop."""
+    factory: Callable[[], asyncio.AbstractEventLoop] | None = None
+    if fast:
+        try:
+            import uvloop
+
+            factory = uvloop.new_event_loop
+        except ImportError:
+            factory = None
+    with asyncio.Runner(loop_factory=factory) as runner:
+        return runner.run(serve())  # type: ignore[arg-type]
+
+
+def until_signal() -> asyncio.Event:
+    """An event that SIGINT, SIGTERM and the closing of the terminal set; a second Ctrl-C ends the process at once."""
+    done = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    asked = 0.0
+
+    def end(number: int) -> None:
+        nonlocal asked
+        if not done.is_set():
+            done.set()
+            asked = loop.time()
+        elif number == signal.SIGINT and loop.time() - asked > TWICE:
+            os._exit(128 + number)
+
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # else it runs under nohup
+        numbers.append(signal.SIGHUP)
+    for number in numbers:
+        try:
+            loop.add_signal_handler(number, end, number)
+        except NotImplementedError:  # Windows
+            signal.signal(number, lambda number, _: loop.call_soon_threadsafe(end, number))
+    return done
+
+
+async def serve_mounts(config: Config, banner: str = "") -> int:
+    """Serve every mount until a signal comes -> the exit code. ``banner`` is said once the ports are open.
+
+    Raises UserError for a port that cannot be opened, and when no mount is found.
+    """
+    from gateway.assembly import Gateway
+    from gateway.sky import Sky
+    from gateway.transcript import Transcript
+
+    done, sky = until_signal(), Sky()
+    gateways: list[Gateway] = []
+    for mount in config.mount:
+        transcript = Transcript(time.time)
+        if config.log:
+            from gateway.logline import printer
+
+            transcript.sinks.append(printer(parse_endpoint(mount.at).protocol, sys.stderr, mount.name))
+        gateways.append(Gateway(mount, config.of(mount), transcript, sky, warn=warn))
+        gateways[-1].remember()
+        if mount.record:
+            transcript.sinks.append(_recorder(mount.record, gateways[-1]).put)
+    try:
+        for gateway in gateways:
+            await gateway.open()
+        if banner:
+            print(banner, flush=True)
+        patient = config.wait or len(gateways) > 1
+
+        def sky_ready() -> None:
+            for gateway in gateways:
+                gateway.transcript.note("mount", SKY_READY)
+
+        # once, when the first mount is found or not waited for
+        start_sky = cache(lambda: sky.start(_from_the_thread(sky_ready)))
+        await _unless(done, asyncio.gather(*(_serve(gateway, patient, start_sky) for gateway in gateways)))
+        await done.wait()
+    finally:
+        await asyncio.gather(*(gateway.close() for gateway in gateways))
+    return 0
+
+
+def _recorder(path: str, gateway: Gateway) -> Recorder:
+    import msgspec
+
+    from gateway.recording import Recorder
+
+    config = {"mount": gateway.config, "surface": gateway.surfaces}
+    settings = {"began": time.time(), "config": config, "past": gateway.past, "version": __version__}
+    return Recorder(Path(path), asyncio.get_running_loop().time, msgspec.to_builtins(settings))
+
+
+def _from_the_thread(work: Callable[[], object]) -> Callable[[], None]:
+    """What another thread may call to have something done on this one, as long as there is a loop."""
+    loop = asyncio.get_running_loop()
+
+    def call() -> None:
+        with contextlib.suppress(RuntimeError):  # the loop is closed: nobody wants to know
+            loop.call_soon_threadsafe(work)
+
+    return call
+
+
+def warn(text: str) -> None:
+    """A line on stderr, where there still is one: a terminal that was closed must not keep a mount moving."""
+    with contextlib.suppress(OSError, ValueError):
+        print(f"mount-gateway: {text}", file=sys.stderr, flush=True)
+
+
+async def _unless(done: asyncio.Event, work: asyncio.Future[Any]) -> None:
+    """Wait for some work, or for the end of it all. Raises what the work raises."""
+    end = asyncio.ensure_future(done.wait())
+    await asyncio.wait(cast("list[asyncio.Future[Any]]", [end, work]), return_when=asyncio.FIRST_COMPLETED)
+    for future in (end, work):
+        future.cancel()
+    await asyncio.gather(end, return_exceptions=True)
+    with contextlib.suppress(asyncio.CancelledError):
+        await work
+
+
+async def _serve(gateway: Gateway, patient: bool, start_sky: Callable[[], None]) -> None:
+    """Find one mount and say that it is ready. Raises UserError for one that is not there, unless there is patience."""
+    if not patient:
+        await _find(gateway)
+    start_sky()
+    found = not patient or await gateway.found(QUICK)
+    for name in gateway.names():
+        print(f"ready {name}", flush=True)
+    if not found and not await _found(gateway):
+        assert gateway.hub is not None
+        reason = gateway.hub.line.reason or "no answer"
+        warn(f"{gateway.title}: {reason}; trying on")
+
+
+async def _found(gateway: Gateway) -> bool:
+    """Wait for the mount -> whether it is there; False as soon as there is little hope."""
+    assert gateway.hub is not None
+    line, now = gateway.hub.line, asyncio.get_running_loop().time
+    began = now()
+    while now() < began + FIND_MOUNT:
+        if await gateway.found(0.1):
+            return True
+        if line.state == "down" or (line.answers == 0 and now() > began + FIRST_WORD):
+            break
+    return False
+
+
+async def _find(gateway: Gateway) -> None:
+    """Wait for the mount; raise UserError that says what is there instead."""
+    if await _found(gateway):
+        return
+    assert gateway.hub is not None
+    line = gateway.hub.line
+    if line.reason.startswith("cannot open"):
+        raise UserError(f"{gateway.title}: {line.reason}")
+    await line.close()
+    from gateway.detect import who_answers
+
+    found = await who_answers(gateway.mount.where, gateway.config.baud)
+    if found and found != gateway.mount.protocol:
+        raise UserError(f"{gateway.title}: the mount speaks {found}; write {found}@{gateway.mount.where}")
+    raise UserError(f"{gateway.title}: no mount answers (is it switched on, and the cable in the hand control?); "
+                    "--wait keeps trying")

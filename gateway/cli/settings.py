@@ -1,0 +1,72 @@
+"""Flags and ``gateway.toml`` as one: every key of ``[mount]`` is a flag of the same name, and flags win."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from gateway.config import Config, Source, make_config, read_tables
+from gateway.config.describing import Key, keys
+from gateway.config.endpoints import parse_site
+from gateway.errors import UserError
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Give a command the flags for everything that can be configured."""
+    parser.add_argument("--config", type=Path, metavar="FILE", help="read gateway.toml; what is given here wins")
+    parser.add_argument("--mount", metavar="ENDPOINT", help="for example nexstar@/dev/ttyUSB0, or nexstar@sim")
+    parser.add_argument("--surface", metavar="ENDPOINT", action="append", default=[],
+                        help="for example lx200@tcp://127.0.0.1:4030 or lx200:autostar@pty:/tmp/lx200; may be repeated")
+    for key in (*keys("mount"), *keys("")):
+        if isinstance(key.default, bool):
+            parser.add_argument(f"--{key.name}", action=argparse.BooleanOptionalAction, default=None, help=key.help)
+        elif key.flag:
+            parser.add_argument(f"--{key.name}", metavar=key.shown.replace("|", ","), help=key.help)
+
+
+def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
+    """The file and the flags as one, and where every value comes from. Raises UserError."""
+    tables: dict[str, Any] = {}
+    source = Source("command line")
+    if arguments.config is not None:
+        tables, source = read_tables(arguments.config)
+    _put_flags(arguments, tables, source)
+    return make_config(tables, source), source
+
+
+def _put_flags(arguments: argparse.Namespace, tables: dict[str, Any], source: Source) -> None:
+    given = {key.name: _value(key, text) for key in keys("mount") if key.flag
+             for text in (getattr(arguments, key.name.replace("-", "_")),) if text is not None}
+    mounts = tables.get("mount", [{}])
+    several = isinstance(mounts, list) and len(mounts) > 1
+    if several and (given or arguments.mount or arguments.surface):
+        flag = next(iter([*given, *(["mount"] if arguments.mount else []), "surface"]))
+        raise UserError(f"--{flag}: {source.name} has several mounts; write it there, under the one it is meant for")
+    if arguments.mount:
+        given["at"] = arguments.mount
+    if given and isinstance(mounts, list) and mounts and isinstance(mounts[0], dict):
+        tables["mount"] = [mounts[0] | given]
+        source.flags |= {("mount", 0, key): f"--{'mount' if key == 'at' else key}" for key in given}
+    if arguments.surface:
+        tables["surface"] = [{"at": surface} for surface in arguments.surface]
+        source.flags |= {("surface", number): "--surface" for number in range(len(arguments.surface))}
+    for key in keys(""):
+        value = getattr(arguments, key.name)
+        if value is not None:
+            tables[key.name] = value
+            source.flags[(key.name,)] = f"--{key.name}" if value else f"--no-{key.name}"
+
+
+def _value(key: Key, text: Any) -> Any:
+    """A flag's text as the value that the file would have. Raises UserError."""
+    if key.name == "site":
+        return list(parse_site(text))
+    value = text.split(",") if key.several else text
+    try:
+        return msgspec.to_builtins(msgspec.convert(value, key.kind, strict=False))
+    except msgspec.ValidationError:
+        right = key.right.replace(' in "quotes"', "").replace("[", "").replace("]", "")
+        raise UserError(f"--{key.name} {text!r}: write {right}") from None

@@ -1,0 +1,27 @@
+"""``tables``: what becomes of every command, per model."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+
+def add(commands: Any) -> None:
+    """Put the command into the parser."""
+    tables = commands.add_parser("tables", help="what becomes of every command, per model")
+    group = tables.add_mutually_exclusive_group()
+    group.add_argument("--write", action="store_true", help="write mappings/README.md")
+    group.add_argument("--check", action="store_true", help="fail when mappings/README.md is stale or a row is wrong")
+    tables.set_defaults(run=_tables)
+
+
+def _tables(arguments: argparse.Namespace) -> int:
+    from gateway import pairs
+
+    if arguments.check:
+        return pairs.check()
+    if arguments.write:
+        print(f"wrote {pairs.write()}")
+        return 0
+    print(pairs.text())
+    return 0

@@ -1,0 +1,84 @@
+"""Endpoints and places, as a person types them.
+
+An endpoint is ``PROTOCOL[:MODEL[/VERSION]]@WHERE``; a place is ``LAT,LON`` in degrees.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+
+import msgspec
+
+from gateway.errors import UserError
+from gateway.tables import load, parse_version
+
+PROTOCOLS = ("lx200", "nexstar")
+OLDEST, NEWEST = (1, 2), (6, 0)
+
+
+class Endpoint(msgspec.Struct, frozen=True):
+    """One end of the gateway: a protocol, maybe a model and a version, and where it is."""
+
+    protocol: str
+    where: str
+    model: str | None = None
+    version: str | None = None
+
+    def __str__(self) -> str:
+        model = f":{self.model}" if self.model else ""
+        return f"{self.protocol}{model}{'/' + self.version if self.version else ''}@{self.where}"
+
+
+def parse_endpoint(text: str) -> Endpoint:
+    """Raises UserError for an unknown protocol, model or version."""
+    what, at, where = text.partition("@")
+    if not at or not where:
+        raise UserError(f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example nexstar@/dev/ttyUSB0")
+    return parse_device(what, where)
+
+
+def parse_device(what: str, where: str = "") -> Endpoint:
+    """``PROTOCOL[:MODEL[/VERSION]]``. Raises UserError."""
+    protocol, _, rest = what.partition(":")
+    if protocol not in PROTOCOLS:
+        raise UserError(f"{protocol!r} is no protocol; write one of {', '.join(PROTOCOLS)}")
+    model, _, version = rest.partition("/")
+    if model and model not in load(protocol).models:
+        raise UserError(f"{protocol} has no model {model!r}; {nearest(model, list(load(protocol).models))}")
+    if version and not version.startswith("starsense-"):
+        try:
+            parse_version(version)
+        except ValueError:
+            raise UserError(f"{version!r} is no version; write it like 4.21") from None
+        known = OLDEST <= parse_version(version) < NEWEST or parse_version(version)[0] >= 100
+        if protocol == "nexstar" and not known:
+            raise UserError(f"{version!r}: hand controls have versions from 1.2 to 5.x, a GT from 100.0 on")
+    return Endpoint(protocol, where, model or None, version or None)
+
+
+def nearest(word: str, choices: Sequence[str]) -> str:
+    """What a mistyped word was probably meant to be, else all that it could be."""
+    close = difflib.get_close_matches(word, choices, 1)
+    return f"did you mean {close[0]!r}?" if close else f"write one of {', '.join(choices)}"
+
+
+def parse_site(text: str) -> tuple[float, float]:
+    """``LAT,LON`` in degrees, north and east positive. Raises UserError."""
+    try:
+        latitude, longitude = (float(part) for part in text.split(","))
+    except ValueError:
+        raise UserError(f"{text!r} is no site; write LAT,LON, north and east positive: 45.5,-122.7") from None
+    if wrong := misplaced(latitude, longitude):
+        raise UserError(f"{text!r}: {wrong}")
+    return latitude, longitude
+
+
+def misplaced(latitude: float, longitude: float) -> str:
+    """What is wrong with a place in degrees; empty when nothing is."""
+    if -90 <= latitude <= 90 and -180 <= longitude <= 360:
+        return ""
+    words = "latitude is -90 to 90, longitude -180 to 180 (east positive)"
+    if -90 <= longitude <= 90 and -180 <= latitude <= 360:
+        words += f"; the latitude comes first: {longitude:g},{latitude:g}?"
+    return words

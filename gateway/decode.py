@@ -1,0 +1,122 @@
+"""A capture of either protocol as a conversation: every command named, every reply taken apart, in order of time.
+
+Commands are cut out of the bytes as a surface does it, replies as a driver does it: by the commands they answer.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
+from typing import Any
+
+from gateway.captures import Chunk
+from gateway.clients import Framing
+from gateway.driver import Ask
+from gateway.errors import Fault, Refused
+from gateway.logline import show
+from gateway.tables import load
+from gateway.talk import Dialogue
+
+_WORDS = {"+": "connected", "-": "gone", "^": "port opened", "v": "port lost"}
+
+
+class _Talk:
+    """One side's commands and the replies that are still due."""
+
+    def __init__(self, protocol: str, framing: Framing, dialogue: Dialogue) -> None:
+        self.protocol, self._framing, self._dialogue = protocol, framing, dialogue
+        self._due: deque[Ask] = deque()
+        self._rest = b""
+
+    def commands(self, data: bytes) -> Iterator[tuple[bytes, str]]:
+        """The commands that these bytes complete, with their names and fields."""
+        for frame in self._framing(data):
+            found = load(self.protocol).find(frame)
+            if found is None:
+                yield frame, f"no command of the {self.protocol} protocol"
+                continue
+            command, picture = found
+            try:
+                values = picture.decode(frame)
+            except ValueError as error:
+                yield frame, f"{command.help}; not valid: {error}"
+                continue
+            if command.replies:
+                self._due.append(Ask(command.name, values))
+            yield frame, _fields(command.help, values)
+
+    def replies(self, data: bytes) -> Iterator[tuple[bytes, str]]:
+        """The replies that these bytes complete."""
+        self._rest += data
+        while self._rest:
+            taken = self._take()
+            if taken is None:
+                break
+            words, length = taken
+            yield self._rest[:length], words
+            self._rest = self._rest[length:]
+
+    def _take(self) -> tuple[str, int] | None:
+        """What the bytes answer: the oldest command that they fit; those before it were never answered."""
+        for skipped, ask in enumerate(self._due):
+            try:
+                taken = self._dialogue.take(ask, self._rest)
+            except ValueError as error:
+                taken = Refused(f"garbled: {error}"), len(self._rest)
+            if taken is not None and taken[1]:
+                for _ in range(skipped + 1):
+                    self._due.popleft()
+                return _reply(load(self.protocol).commands[ask.command].name, *taken)
+        return None if self._due else ("nobody asked", len(self._rest))
+
+
+def _reply(name: str, outcome: dict[str, Any] | Fault, length: int) -> tuple[str, int]:
+    if isinstance(outcome, Fault):
+        return f"{name}: {outcome}", length
+    return _fields(f"{name}:", {key: value for key, value in outcome.items() if key != "length"}), length
+
+
+def _fields(words: str, values: dict[str, Any]) -> str:
+    return " ".join([words, *(f"{name}={_short(value)}" for name, value in values.items())])
+
+
+def _short(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def decode(found: list[Chunk], talk: Callable[[str], tuple[str, Framing, Dialogue]], began: float | None) -> list[str]:
+    """Lines of text. ``talk`` tells of a side its protocol, its framing, its dialogue; ``began`` is Unix seconds."""
+    talks: dict[str, _Talk] = {}
+    lines = []
+    for chunk in found:
+        if chunk.arrow == "r":
+            continue
+        if chunk.side not in talks or chunk.arrow == "+":
+            talks[chunk.side] = _Talk(*talk(chunk.side))
+        if chunk.arrow not in "<>":
+            text = chunk.data.decode("latin-1")
+            lines.append(_line(chunk, began, b"", ", ".join(filter(None, (_WORDS.get(chunk.arrow, ""), text)))))
+            continue
+        side = talks[chunk.side]
+        for data, words in side.commands(chunk.data) if chunk.arrow == ">" else side.replies(chunk.data):
+            lines.append(_line(chunk, began, data, words))
+    return lines
+
+
+def _line(chunk: Chunk, began: float | None, data: bytes, words: str) -> str:
+    clock = ""
+    if chunk.at is not None:
+        moment = datetime.fromtimestamp(chunk.at + (began or 0.0), UTC)
+        clock = moment.strftime("%H:%M:%S.%f")[:-3] + " "
+    return f"{clock}{chunk.side:<21} {chunk.arrow} {show(data):<24} {words}".rstrip()
+
+
+def guess(found: list[Chunk]) -> str | None:
+    """The protocol that a capture is of, by what its commands look like; None when nothing tells."""
+    sent = b"".join(chunk.data for chunk in found if chunk.arrow == ">")
+    if not sent:
+        return None
+    return "lx200" if sent.count(b":") + sent.count(b"\x06") > 0 and sent.lstrip(b"#")[:1] in b":\x06$" else "nexstar"
+
+

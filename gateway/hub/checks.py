@@ -1,0 +1,212 @@
+"""Before a motion: is it allowed, and in which form can this mount carry it out?
+
+Checked are the target of every goto, park and home, the way to it as far as it concerns the Sun, the first stretch of a
+motion by hand, and how far a sync moves the sky. What happens afterwards is the guard's business (``guard.py``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from gateway import operations as op
+from gateway.errors import NearSun, Unsupported
+from gateway.hub.snapshot import RENEW
+from gateway.mount_geometry import Build, Geometry, Pair
+from gateway.paths import clear
+from gateway.safety import Limits, check_altitude, check_hour_angle, check_sync, leaving
+from gateway.spherical import separation, wrap180, wrap360
+
+if TYPE_CHECKING:
+    from gateway.hub.core import Hub
+
+#: A position older than that says nothing about where a motion begins.
+OLD_POSITION = 6.0
+
+
+class Checks:
+    """``admit`` is asked for every motion, in its turn."""
+
+    def __init__(self, hub: Hub) -> None:
+        self._hub = hub
+
+    async def admit(self, operation: op.Operation) -> op.Operation:
+        """An operation that the limits allow, in the form that this mount can carry out. Raises Fault."""
+        hub = self._hub
+        if isinstance(operation, op.Move | op.MoveAxis):
+            self._check_by_hand(operation)
+        elif isinstance(operation, op.Park | op.Home):
+            there = hub.driver.destination(operation)
+            own = isinstance(operation, op.Park) and hub.policy.own_park
+            if there is not None:
+                await self._check_axes(there, high_enough=own)
+        elif isinstance(operation, op.GotoHorizontal):
+            check_altitude(hub.policy.limits.narrowed(operation.lowest, operation.highest), operation.alt)
+            fork = not (await hub.read(op.GetStatus())).equatorial
+            if fork and hub.driver.way(op.GotoAxes) and not hub.driver.displaced:
+                return await self.admit(op.GotoAxes(operation.az, operation.alt))
+            return await self.admit(hub.derived.equatorial(operation))
+        elif isinstance(operation, op.GotoAxes):
+            if not hub.driver.way(op.AxisPosition) and (await hub.read(op.GetStatus())).equatorial:
+                return await self.admit(hub.derived.from_axes(operation))
+            await self._check_axes(operation)
+        elif isinstance(operation, op.Goto):
+            self._check_goto(operation)
+            await self._check_sun(op.Equatorial(operation.ra, operation.dec))
+            return hub.derived.to_mount(operation)
+        elif isinstance(operation, op.Sync):
+            if (await hub.read(op.GetStatus())).aligned:
+                here = await hub.read(op.Position())
+                check_sync(hub.policy.limits, here, op.Equatorial(operation.ra, operation.dec))
+            return hub.derived.to_mount(operation)
+        return operation
+
+    # --- gotos ------------------------------------------------------------------------------------------------------
+
+    def _check_goto(self, operation: op.Goto) -> None:
+        hub = self._hub
+        seen = op.Equatorial(operation.ra, operation.dec)
+        altitude = hub.derived.altitude(seen.ra, seen.dec)
+        if altitude is None:
+            hub.transcript.note_once("mount", "site unknown: gotos are not checked against the horizon")
+            return
+        check_altitude(hub.policy.limits.narrowed(operation.lowest, operation.highest), altitude)
+        status = hub.snapshot.value(op.GetStatus)
+        if status is not None and status.equatorial and hub.driver.tube_side("E") is None:
+            check_hour_angle(hub.policy.limits, hub.derived.sidereal_time() - seen.ra)
+
+    async def _check_axes(self, wanted: op.GotoAxes, high_enough: bool = False) -> None:
+        """Axis readings: a place over the horizon on a fork, one on the sky on an equatorial mount whose site is known.
+
+        ``high_enough`` is a place whose altitude is the operator's own decision.
+        """
+        hub = self._hub
+        limits = Limits(lowest=-90.0) if high_enough else hub.policy.limits
+        if not (await hub.read(op.GetStatus())).equatorial:
+            check_altitude(limits, wanted.alt)
+            if hub.observatory.site() is not None:
+                goal = hub.derived.equatorial(op.GotoHorizontal(wanted.az, wanted.alt))
+                await self._check_sun(op.Equatorial(goal.ra, goal.dec))
+            return
+        try:
+            goal = hub.derived.from_axes(wanted)
+        except Unsupported:
+            hub.transcript.note_once("mount", "site unknown: axis gotos are not checked")
+            return
+        check_altitude(limits, hub.derived.horizon(op.Equatorial(goal.ra, goal.dec)).alt)
+        await self._check_sun(op.Equatorial(goal.ra, goal.dec), (wanted.az, wanted.alt))
+
+    async def _check_sun(self, goal: op.Equatorial, axes: Pair | None = None) -> None:
+        """Raises NearSun. ``axes`` are the readings that a German mount goes to, where they are given.
+
+        A way out of the circle is clear as long as it comes no nearer than it begins. Before the alignment nobody knows
+        where the tube is, so only the target counts.
+        """
+        hub = self._hub
+        limit, suns = hub.suns.limit, hub.suns.up()
+        if not suns:
+            return
+        if any(distance < limit for distance in hub.suns.distances(goal)):
+            raise NearSun
+        status = await hub.read(op.GetStatus())
+        if not status.aligned:
+            return
+        here = await hub.read(op.Position())
+        if status.equatorial:
+            ways = list(self._polar_ways(here, goal, axes, await hub.tube_side()))
+        else:
+            ways = [self._fork_way(here, goal)]
+        for sun in suns:
+            allowed = min(limit, separation(here.ra, here.dec, sun.ra, sun.dec) - 0.01)
+            place = self._sun_reading(sun, status.equatorial)
+            if not all(clear(start, turn, place, allowed) for start, turn in ways):
+                raise NearSun("The way there passes too close to the Sun.")
+
+    def _sun_reading(self, sun: op.Equatorial, equatorial: bool) -> Pair:
+        """The Sun as the axes of this mount would read, pointing at it the first of the two ways."""
+        derived = self._hub.derived
+        if equatorial:
+            return self._geometry(Build.GERMAN).axes(self._hour_angle(sun), sun.dec, False)
+        seen = derived.horizon(sun) if self._hub.observatory.site() is not None else op.Horizontal(sun.ra, sun.dec)
+        return seen.az, seen.alt
+
+    def _fork_way(self, here: op.Equatorial, goal: op.Equatorial) -> tuple[Pair, Pair]:
+        """Where the axes of an alt-az fork begin and how far they turn; without a site, as if on a wedge."""
+        if self._hub.observatory.site() is None:
+            start, end = op.Horizontal(here.ra, here.dec), op.Horizontal(goal.ra, goal.dec)
+        else:
+            start, end = self._hub.derived.horizon(here), self._hub.derived.horizon(goal)
+        return (start.az, start.alt), (wrap180(end.az - start.az), end.alt - start.alt)
+
+    def _polar_ways(
+        self, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, side: str | None
+    ) -> Iterator[tuple[Pair, Pair]]:
+        """The same of an equatorial mount. A German one begins on its side; on either, if it does not tell it."""
+        german = self._hub.driver.german is True and self._hub.observatory.site() is not None
+        geometry = self._geometry(Build.GERMAN if german else Build.WEDGE)
+        begin, end = self._hour_angle(here), self._hour_angle(goal)
+        flipped = geometry.other_side(end)
+        if german:
+            there = axes or geometry.axes(end, goal.dec, flipped)
+        else:  # read as a German mount's, so that one Sun serves both
+            there = geometry.pole * end, geometry.pole * goal.dec
+        sides = (False, True) if german else (False,)
+        if german and side is not None:
+            sides = ((side == "W") == (geometry.pole > 0),)
+        for other in sides:
+            first, second = geometry.pole * begin, geometry.pole * here.dec
+            start = (first + 180.0, 180.0 - second) if other else (first, second)
+            yield start, (geometry.travel(1, start[0], there[0]), geometry.travel(2, start[1], there[1]))
+
+    def _geometry(self, build: Build) -> Geometry:
+        place = self._hub.observatory.site()
+        return Geometry(build, place.latitude if place is not None else 0.0)
+
+    def _hour_angle(self, seen: op.Equatorial) -> float:
+        """From the meridian; without a site, from some hour circle."""
+        derived = self._hub.derived
+        return wrap180((derived.sidereal_time() if self._hub.observatory.site() is not None else 0.0) - seen.ra)
+
+    # --- by hand ----------------------------------------------------------------------------------------------------
+
+    def _check_by_hand(self, operation: op.Move | op.MoveAxis) -> None:
+        """Raises BelowHorizon, TooHigh or NearSun when a limit would be crossed before the guard can act."""
+        hub = self._hub
+        seen, status = hub.snapshot.value(op.Position), hub.snapshot.value(op.GetStatus)
+        if seen is None or status is None or not status.aligned or hub.observatory.site() is None:
+            return
+        if hub.snapshot.age(op.Position, hub.now()) > OLD_POSITION:
+            return
+        degrees = hub.driver.speed(operation.rate) * (RENEW[op.Position] + 3.0 * hub.line.typical)
+        soon = self._soon(operation, seen, status, degrees)
+        if soon is None:
+            return
+        limits, before = hub.policy.limits, hub.derived.horizon(seen).alt
+        if isinstance(operation, op.Move):
+            limits = limits.narrowed(operation.lowest, operation.highest)
+        after = hub.derived.horizon(soon).alt
+        if leaving(limits, before, after, 0.0):
+            check_altitude(limits, after)
+        for now, then in zip(hub.suns.distances(seen), hub.suns.distances(soon), strict=True):
+            if then < hub.suns.limit and then < now:
+                raise NearSun
+
+    def _soon(self, operation: op.Move | op.MoveAxis, seen: op.Equatorial, status: op.Status,
+              degrees: float) -> op.Equatorial | None:
+        """Where a motion by hand leads within so many degrees; None where its sense on the sky is not known."""
+        if isinstance(operation, op.Move):
+            sense = 1 if operation.direction in (op.Direction.NORTH, op.Direction.WEST) else -1
+            axis = operation.direction.axis
+        else:
+            sense, axis = operation.sense, operation.axis
+            if status.equatorial and (axis == 2 or self._hub.derived.place().latitude < 0):
+                return None
+        if status.equatorial:
+            if axis == 1:
+                return op.Equatorial(wrap360(seen.ra - sense * degrees), seen.dec)
+            return op.Equatorial(seen.ra, max(-90.0, min(90.0, seen.dec + sense * degrees)))
+        here = self._hub.derived.horizon(seen)
+        there = op.GotoHorizontal(wrap360(here.az + sense * degrees * (axis == 1)),
+                                  max(-90.0, min(90.0, here.alt + sense * degrees * (axis == 2))))
+        goal = self._hub.derived.equatorial(there)
+        return op.Equatorial(goal.ra, goal.dec)

@@ -1,0 +1,53 @@
+"""The end of a gateway: nothing moves afterwards, and the mount tracks as its user had it.
+
+The stop is sent and waited for. Where no answer comes, or nobody serves the line any more, its bytes go out all the
+same. Then what outlives a stop is waited for: a hand control may have to be told twice to track again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from typing import TYPE_CHECKING
+
+from gateway import operations as op
+from gateway.driver import Ask
+from gateway.errors import Fault
+
+if TYPE_CHECKING:
+    from gateway.hub.core import Hub
+
+#: Seconds for the stop, and for what must follow it; between two commands whose answers nobody waits for.
+STOP, SETTLE, BLIND = 4.0, 2.5, 0.2
+
+
+async def end_motion(hub: Hub) -> None:
+    """Stop whatever moves and put tracking back; takes seconds at most, and raises nothing."""
+    hub.motions.stops += 1  # what still waits in a connection is not begun any more
+    if hub.motions.busy and hub.line.state != "opening":
+        await _stop(hub)
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(SETTLE):
+            await hub.motions.settle()
+
+
+async def _stop(hub: Hub) -> None:
+    await asyncio.sleep(0)  # a loop that is torn down has cancelled the line as well
+    try:
+        async with asyncio.timeout(STOP if hub.line.served else 0.0):
+            await hub.stop()
+    except (TimeoutError, Fault):
+        hub.transcript.note("mount", "the stop at shutdown was not answered: sent once more")
+        await _stop_blindly(hub)
+
+
+async def _stop_blindly(hub: Hub) -> None:
+    """The bytes of a stop, without waiting for answers."""
+    steps = hub.driver.perform(op.Stop())
+    with contextlib.suppress(Exception):  # the last thing tried; it ends with StopIteration when all went well
+        step = next(steps)
+        while True:
+            if isinstance(step, Ask):
+                hub.line.wire.write(hub.line.dialogue.encode(step))
+                await asyncio.sleep(BLIND)
+            step = steps.send({})

@@ -1,0 +1,210 @@
+"""The guard: looks at every position the mount tells, and ends what leads beyond a limit.
+
+Whoever moves the mount is watched: programs, somebody at the keypad, tracking. Each look compares with the one before
+it; what will be beyond a limit before the next look and a stop can come in time is stopped now, and what leads out of a
+forbidden place goes on. Motion is stopped; tracking that carries the tube there is switched off.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from gateway import operations as op
+from gateway.errors import Fault, Unsupported
+from gateway.safety import leaving, past_meridian
+from gateway.spherical import separation
+
+if TYPE_CHECKING:
+    from gateway.hub.core import Hub
+
+#: Looks that follow each other faster than that say nothing about a rate.
+SHORTEST = 0.15
+#: Exchanges that pass before a stop has effect: the one that told the position, one on the wire, the first of the stop.
+EXCHANGES = 3
+#: Degrees a second that no tracking reaches, though one digit of a coarse position may: somebody moves the mount.
+RESTLESS = 0.1
+#: How long it is watched closely after that.
+CLOSELY = 3.0
+#: A goto that ends at a limit may overshoot by so much; so much nearer to the Sun is no jitter.
+OVERSHOOT, NEARER = 0.05, 0.05
+#: How long a mount may coast after it was told to end a motion: what it does meanwhile is not held against it.
+COASTING = 1.0
+#: How old the pier side may grow, and the word of the mount that it is not aligned.
+SIDE_AGE = STATUS_AGE = 5.0
+
+
+class Look(Struct, frozen=True):
+    """What one position means: altitude and hour angle (None without a site), distances from the Suns, degrees."""
+
+    at: float
+    seen: op.Equatorial
+    altitude: float | None
+    hour_angle: float | None
+    suns: list[float]
+
+
+class Guard:
+    """``look`` is called with every position, ``began`` with every motion that the mount has acknowledged."""
+
+    def __init__(self, hub: Hub) -> None:
+        self._hub = hub
+        self._before: Look | None = None
+        self._speed = 0.0
+        self._limits = hub.policy.limits
+        self._farthest: list[float] = []
+        self._restless_until = self._coasts_until = -1e9
+        self._switching = False
+        self._helpless = False
+
+    @property
+    def restless(self) -> bool:
+        """Whether the mount moves though nobody here has told it to."""
+        return self._hub.now() < self._restless_until
+
+    def began(self, operation: op.Operation) -> None:
+        """A motion has begun; what was seen last is where it began."""
+        limits = self._hub.policy.limits
+        if isinstance(operation, op.Goto | op.GotoHorizontal | op.Move):
+            limits = limits.narrowed(operation.lowest, operation.highest)
+        elif isinstance(operation, op.Park) and (self._hub.policy.own_park or not self._destined(operation)):
+            limits = replace(limits, lowest=-90.0, highest=90.0)
+        self._limits, self._helpless, self._coasts_until = limits, False, -1e9
+        self._speed = 0.0
+        if isinstance(operation, op.Move | op.MoveAxis):
+            self._speed = self._hub.driver.speed(operation.rate)
+        if isinstance(operation, op.Sync) or self.restless or self._before is None:
+            self._before, self._farthest = None, []
+        else:
+            self._before = replace(self._before, at=self._hub.now())
+
+    def ended(self) -> None:
+        """A motion by hand was ended, or all were."""
+        self._coasts_until = self._hub.now() + COASTING
+
+    def _destined(self, operation: op.Operation) -> bool:
+        """Whether it is known here where this goto ends."""
+        return self._hub.driver.destination(operation) is not None
+
+    # --- looking ----------------------------------------------------------------------------------------------------
+
+    def look(self, seen: op.Equatorial) -> None:
+        """Compare a position with the one before, and act."""
+        hub = self._hub
+        now, before = hub.now(), self._before
+        if before is not None and now - before.at < SHORTEST:
+            return
+        if before is not None and before.altitude is None:  # the site may have become known since
+            before = self._measured(before.at, before.seen)
+        self._before = after = self._measured(now, seen)
+        if before is None or now < self._coasts_until or len(before.suns) != len(after.suns):
+            self._farthest = list(after.suns)
+            return
+        status = hub.snapshot.value(op.GetStatus)
+        if status is not None and not status.aligned:
+            hub.transcript.note_once("mount", "not aligned: positions mean nothing yet, so no limit can be watched")
+            if hub.snapshot.age(op.GetStatus, now) > STATUS_AGE:
+                hub.shared(op.GetStatus())
+            return
+        elapsed = now - before.at
+        moved = separation(before.seen.ra, before.seen.dec, seen.ra, seen.dec)
+        if moved / elapsed > RESTLESS and not hub.moving:
+            self._restless_until = now + CLOSELY
+        if not hub.moving and self._limits.lowest > -90.0:
+            self._limits = hub.policy.limits
+        reason = (
+            self._altitude(before, after, elapsed)
+            or self._suns(before, after, elapsed)
+            or self._meridian(before, after, elapsed, status)
+        )
+        self._speed = 0.0  # from the second look on, what is measured is the whole rate
+        if reason:
+            self._act(reason)
+
+    def _measured(self, now: float, seen: op.Equatorial) -> Look:
+        derived = self._hub.derived
+        altitude = derived.altitude(seen.ra, seen.dec)
+        hour_angle = None if altitude is None else derived.sidereal_time() - seen.ra
+        return Look(now, seen, altitude, hour_angle, self._hub.suns.distances(seen))
+
+    def _margin(self, change: float, elapsed: float) -> float:
+        """How far a motion gets before the next look and a stop can end it, degrees; a goto knows where it ends."""
+        if self._hub.slewing:
+            return 0.0
+        rate = abs(change) / elapsed
+        if rate > 0.2 * self._speed:
+            rate = max(rate, self._speed)
+        return rate * (elapsed + EXCHANGES * self._hub.line.typical)
+
+    def _altitude(self, before: Look, after: Look, elapsed: float) -> str:
+        if before.altitude is None or after.altitude is None:
+            return ""
+        margin = self._margin(after.altitude - before.altitude, elapsed) - OVERSHOOT * self._hub.slewing
+        if leaving(self._limits, before.altitude, after.altitude, margin):
+            return f"the altitude limit ({after.altitude:.1f} degrees)"
+        return ""
+
+    def _suns(self, before: Look, after: Look, elapsed: float) -> str:
+        """Nearer than the limit, and nearer than it was farthest since: a slow approach counts like a fast one."""
+        for number, (first, second) in enumerate(zip(before.suns, after.suns, strict=True)):
+            if second >= self._hub.suns.limit + self._margin(second - first, elapsed):
+                self._farthest[number] = second
+            elif second < self._farthest[number] - NEARER:
+                self._farthest[number] = second
+                return f"the Sun ({second:.0f} degrees from it)"
+            else:
+                self._farthest[number] = max(second, self._farthest[number])
+        return ""
+
+    def _meridian(self, before: Look, after: Look, elapsed: float, status: op.Status | None) -> str:
+        """The limit of the hour angle; a mount that may be a German one and does not tell its side is not watched."""
+        hub = self._hub
+        limit = hub.policy.limits.hour_angle
+        if limit is None or status is None or not status.equatorial or hub.slewing:
+            return ""
+        if before.hour_angle is None or after.hour_angle is None or hub.driver.german is None:
+            return ""
+        side = None
+        if hub.driver.german:
+            if hub.snapshot.age(op.PierSide, hub.now()) > SIDE_AGE:
+                hub.spawn(hub.tube_side())
+            side = hub.driver.tube_side(hub.snapshot.value(op.PierSide) or "")
+            if not side:
+                return ""
+        first, second = past_meridian(before.hour_angle, side), past_meridian(after.hour_angle, side)
+        if second > first and second > limit - self._margin(second - first, elapsed):
+            return f"the hour angle limit ({second / 15.0:.2f} hours past the meridian)"
+        return ""
+
+    # --- acting -----------------------------------------------------------------------------------------------------
+
+    def _act(self, reason: str) -> None:
+        """Stop what moves; where nobody moves the mount, it is tracking, and that goes off."""
+        hub = self._hub
+        if hub.moving or self.restless:
+            hub.transcript.note("mount", f"stopped at {reason}")
+            hub.begin_stop()
+        elif not (self._switching or self._helpless):
+            self._switching = True
+            hub.spawn(self._tracking_off(reason))
+
+    async def _tracking_off(self, reason: str) -> None:
+        hub = self._hub
+        try:
+            if (await hub.read(op.GetStatus())).tracking is op.Tracking.OFF:
+                hub.transcript.note("mount", f"WARNING: the mount rests and comes to {reason}")
+                self._helpless = True
+                return
+            await hub.perform(op.SetTracking(on=False))
+            hub.transcript.note("mount", f"tracking is off: it came to {reason}")
+        except Unsupported:
+            self._helpless = True
+            hub.transcript.note("mount", f"stopped at {reason}")
+            hub.transcript.note_once("mount", "the tracking of this mount cannot be switched off at a limit")
+            hub.begin_stop()
+        except Fault as fault:
+            hub.transcript.note("mount", f"tracking goes on beyond {reason}: {fault}")
+        finally:
+            self._switching = False

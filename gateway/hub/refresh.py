@@ -1,0 +1,124 @@
+"""Keeping the snapshot fresh: what clients poll is renewed before it grows old, and so is what the hub must watch.
+
+Every kind of read goes round by itself, so that none makes another late: while anything moves the position comes at
+least twice a second as far as the mount's line can. With nobody asking there is one heartbeat every few seconds.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING
+
+from gateway import operations as op
+from gateway.errors import Fault, NoAnswer, NotAligned
+from gateway.hub.snapshot import RENEW, Kind
+
+if TYPE_CHECKING:
+    from gateway.hub.core import Hub
+
+HEARTBEAT = 5.0
+CLOCK_AGE = 120.0
+ASK_AGAIN = 1.0
+#: What nobody wants waits until an answer or a motion wakes it.
+IDLE = 3600.0
+#: The shortest pause between two exchanges of the same kind: others need the line, too.
+BREATH = 0.05
+#: How much of an exchange goes by, on average, until the line is free for the next.
+WAITING = 0.5
+#: Timers come up to so much too early: event loops count in milliseconds.
+SOON = 0.001
+
+
+class Refresh:
+    """One task for every kind of read; an answer or a motion wakes those whom it concerns."""
+
+    def __init__(self, hub: Hub) -> None:
+        self._hub = hub
+        self._exchanges: dict[Kind, int] = {}
+        self._news: dict[Kind, asyncio.Event] = {kind: asyncio.Event() for kind in RENEW}
+        hub.snapshot.changed = self._changed
+
+    def cost(self, kind: Kind, exchanges: int) -> None:
+        """So many exchanges an answer of this kind has taken; the next one is asked for so much earlier."""
+        self._exchanges[kind] = exchanges
+
+    def start(self) -> None:
+        for kind in RENEW:
+            self._hub.spawn(self._for_ever(kind))
+
+    def _changed(self, kind: Kind) -> None:
+        """An answer has come or was forgotten, or a motion began: whoever waits must count anew."""
+        if kind in self._news:
+            self._news[kind].set()
+            if kind is op.Slewing:
+                self._news[op.Position].set()
+
+    async def _for_ever(self, kind: Kind) -> None:
+        hub = self._hub
+        await hub.identified.wait()
+        while True:
+            try:
+                await self._keep_fresh(kind)
+            except Exception as error:  # nothing may end this but the end of the gateway
+                hub.transcript.note("mount", f"internal error, please report it: {error!r}")
+                await asyncio.sleep(ASK_AGAIN)
+
+    async def _keep_fresh(self, kind: Kind) -> None:
+        hub = self._hub
+        while True:
+            if hub.line.state != "up":
+                await asyncio.sleep(0.2)
+                continue
+            if self._wanted(kind, hub.now()) and self._pause(kind, hub.now()) <= SOON:
+                await self.renew(kind)
+            pause = self._pause(kind, hub.now())
+            if kind is op.Position:
+                await self._now_and_then(hub.now())
+                pause = min(self._pause(kind, hub.now()), HEARTBEAT - hub.snapshot.age(kind, hub.now()))
+            await self._rest(kind, max(0.005, pause))
+
+    async def _rest(self, kind: Kind, seconds: float) -> None:
+        """Wait until it is time, or until something has changed."""
+        self._news[kind].clear()
+        try:
+            async with asyncio.timeout(seconds):
+                await self._news[kind].wait()
+        except TimeoutError:
+            return
+
+    async def _now_and_then(self, now: float) -> None:
+        """The heartbeat; the mount's clock while somebody is there."""
+        hub = self._hub
+        if hub.snapshot.age(op.Position, now) >= HEARTBEAT:
+            await self.renew(op.Position)
+        clock = hub.observatory.mount_clock
+        if clock is not None and now - clock[1] > CLOCK_AGE and self._wanted(op.Position, now):
+            await self.renew(op.GetClock)
+
+    def _wanted(self, kind: Kind, now: float) -> bool:
+        """Whether somebody polls this, or the hub itself must watch it."""
+        hub = self._hub
+        watched = kind is op.Position and (hub.moving or hub.guard.restless)
+        return watched or (kind is op.Slewing and hub.slewing) or hub.snapshot.polled(kind, now)
+
+    def _pause(self, kind: Kind, now: float) -> float:
+        """Seconds until this kind must be asked again, so that its answer comes when the last one grows old."""
+        if not self._wanted(kind, now):
+            return IDLE
+        ahead = (self._exchanges.get(kind, 1) + WAITING) * self._hub.line.typical
+        return max(RENEW[kind] - ahead, BREATH) - self._hub.snapshot.age(kind, now)
+
+    async def renew(self, kind: Kind) -> None:
+        """Ask the mount again. That it was decided to is recorded: a replay asks when this run did."""
+        hub = self._hub
+        hub.transcript.put("hub", "r", note=kind.__name__)
+        if kind is op.GetClock:
+            await hub.settings.renew_clock()
+            return
+        try:
+            await asyncio.shield(hub.shared(kind()))
+        except Fault as fault:
+            if not isinstance(fault, NoAnswer | NotAligned):
+                hub.transcript.note_once("mount", f"{kind.__name__}: {fault}")
+            if hub.snapshot.age(kind, hub.now()) > RENEW[kind]:
+                await asyncio.sleep(RENEW[kind])

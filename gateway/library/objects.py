@@ -1,0 +1,68 @@
+"""What a catalogue says of an object, and how well it can be seen.
+
+Kinds are the letters of the Meade protocol's type string: G galaxy, P planetary nebula, D diffuse nebula, C globular
+cluster, O open cluster; a cluster with nebulosity is both D and O, and what has no letter is no deep sky object.
+No catalogue at hand rates an object's looks, so the quality is judged here: by its magnitude, and one step lower where
+its light is spread thinner than magnitude 14 to the square arcminute.
+"""
+
+from __future__ import annotations
+
+import math
+
+from msgspec import Struct
+
+#: The best first, as the Meade protocol names them: super, excellent, very good, good, fair, poor, very poor.
+QUALITIES = ("SU", "EX", "VG", "GD", "FR", "PR", "VP")
+#: The faintest magnitude of each, but of the last, which has none.
+FAINTEST = (5.0, 7.0, 9.0, 11.0, 12.5, 14.0)
+_THIN = 14.0
+_WORDS = {"G": "GAL", "P": "PLAN NEB", "D": "DIFF NEB", "C": "GLOB CLUS", "O": "OPEN CLUS", "*": "STAR"}
+
+
+class Entry(Struct, frozen=True):
+    """An object: J2000 place in degrees, axes of its outline in arcminutes; None for what nobody has measured."""
+
+    name: str
+    kinds: str
+    ra: float
+    dec: float
+    magnitude: float | None = None
+    size: float | None = None
+    width: float | None = None
+
+
+class Wanted(Struct, frozen=True):
+    """The limits of a search: magnitudes, sizes in arcminutes, kinds, least quality."""
+
+    brightest: float
+    faintest: float
+    smallest: float
+    largest: float
+    kinds: str
+    quality: str
+
+
+def quality(magnitude: float | None, size: float | None, width: float | None) -> str:
+    """One of ``QUALITIES``; what nobody has measured is very poor. Axes in arcminutes."""
+    if magnitude is None:
+        return QUALITIES[-1]
+    step = sum(magnitude > limit for limit in FAINTEST)
+    area = math.pi / 4.0 * (size or 0.0) * (width or size or 0.0)
+    if area > 1.0 and magnitude + 2.5 * math.log10(area) > _THIN:
+        step += 1
+    return QUALITIES[min(step, len(QUALITIES) - 1)]
+
+
+def describe(entry: Entry) -> str:
+    """As the Meade paper's one example is written: ``M31 EX GAL MAG 3.5 SZ178.0'``; what is not known is left out."""
+    words = [entry.name]
+    star = entry.kinds == "*"
+    if not star:
+        words.append(quality(entry.magnitude, entry.size, entry.width))
+    words.append(_WORDS.get(entry.kinds[:1], "OBJECT"))
+    if entry.magnitude is not None:
+        words.append(f"MAG{entry.magnitude:4.1f}")
+    if entry.size is not None:
+        words.append(f"SZ{entry.size:5.1f}'")
+    return " ".join(words)

@@ -1,0 +1,28 @@
+"""What a port and whoever talks to its connections know of each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+
+class Guest(Protocol):
+    """Whoever talks to one connection."""
+
+    def feed(self, data: bytes) -> None: ...
+    def close(self) -> None: ...
+
+    def serial(self, change_rate: Callable[[int], int]) -> None:
+        """The connection is a serial port: how to set its baud rate; the one it had is returned."""
+
+
+#: (who it is, the host it comes from, how to write to it) -> its guest.
+Arrive = Callable[[str, str, Callable[[bytes], Any]], Guest]
+
+
+class Port(Protocol):
+    """Something that is open until it is closed; ``where`` is its name with the real numbers in it."""
+
+    where: str
+
+    async def close(self) -> None: ...

@@ -1,0 +1,32 @@
+"""Places on the Moon as targets: selenographic latitude north, longitude EAST positive (Mare Crisium is +59).
+
+What is kept is the place on the Moon; where that is on the sky is worked out at every goto.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gateway.errors import NoTarget
+from gateway.operations import Equatorial, MoonPlace, Sync
+from gateway.protocols.lx200.surface import selected
+from gateway.surface import Handling, Session, Start
+from gateway.tables import Command
+
+
+def set_moon_target(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:SE the latitude, :Se the longitude; the half that was not set yet is 0."""
+    if "fault" in values:
+        selected.fail(session, "No object selected")
+        raise values["fault"]
+    place = session.kept["moon"] = {"latitude": 0.0, "longitude": 0.0, **session.kept.get("moon", {}), **values}
+    words = f"MOON LAT {place['latitude']:+.1f} LONG {place['longitude']:+.1f}"
+    yield from selected.follow(session, MoonPlace(**place), words)
+
+
+def sync_on_moon(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:CL - only to a place on the Moon; the command has no reply."""
+    if not isinstance(session.kept.get("moving"), MoonPlace):
+        raise NoTarget
+    place: Equatorial = yield from selected.target(session)
+    yield Start(Sync(place.ra, place.dec))

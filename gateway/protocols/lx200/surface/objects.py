@@ -1,0 +1,154 @@
+"""The object library commands. What they select is this client's target, so :MS# goes there.
+
+The classic models search by the limits that :S sets; on the others LB, LF and LN do nothing and Lf, LI and Lo give the
+manual's static replies, but LC, LM and LS work, as in their later firmware.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from gateway.errors import Invalid, Unsupported
+from gateway.library import Entry, Wanted, deepsky, describe, search, stars
+from gateway.operations import Equatorial, MoonPlace, OfCatalog, PlanetPlace, Position, Zenith
+from gateway.protocols.lx200.surface import selected
+from gateway.protocols.lx200.surface.search import LIMITS
+from gateway.spherical import separation
+from gateway.surface import Handling, Session
+from gateway.tables import Command
+
+#: :Lo - catalogues that are to be had; Arp and Abell (4 and 5) are not.
+_DEEP_SKY = {0: "NGC", 1: "IC", 2: "UGC", 3: "C"}
+_STAR, _HIPPARCOS = 0, 3
+#: The STAR catalogue's numbers from 901 on. Its 351 alignment stars and Pluto (909) are in no catalogue at hand.
+_PLANETS = {901: "Mercury", 902: "Venus", 904: "Mars", 905: "Jupiter", 906: "Saturn", 907: "Uranus", 908: "Neptune"}
+_MOON = 903
+_NOT_FOUND = "Catalog not found"
+_YEAR = 365.25 * 86400.0
+
+
+def choose_catalog(session: Session, command: Command, values: dict[str, Any]) -> None:
+    """:Lo - on models that do not search the reply is always 1."""
+    catalog = None if "fault" in values else _DEEP_SKY.get(values["catalog"])
+    if session.model["libraries"]:
+        if catalog is None:
+            raise Invalid(_NOT_FOUND)
+        _check(lambda: deepsky.look_up(catalog, 1))
+    session.kept["deep sky"] = catalog
+
+
+def choose_stars(session: Session, command: Command, values: dict[str, Any]) -> None:
+    """:Ls - planets and Hipparcos; SAO, GCVS, HR and HD are not to be had."""
+    catalog = None if "fault" in values else values["catalog"]
+    if catalog not in (_STAR, _HIPPARCOS):
+        raise Invalid(_NOT_FOUND)
+    if catalog == _HIPPARCOS:
+        _check(lambda: stars.hipparcos(1, 2000.0))
+    session.kept["stars"] = catalog
+
+
+def _check(look_up: Callable[[], object]) -> None:
+    """Raises Invalid where the catalogue is not installed."""
+    try:
+        look_up()
+    except Unsupported:
+        raise Invalid(_NOT_FOUND) from None
+
+
+def select_object(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:LM a Messier object, :LC one of the catalogue that :Lo chose."""
+    catalog = "M" if command.name == "LM" else session.kept.get("deep sky", "NGC")
+    yield from _select(session, catalog, values, deepsky.look_up)
+
+
+def select_star(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:LS - of the catalogue that :Ls chose, else STAR on models that have it and Hipparcos on the others."""
+    catalog = session.kept.get("stars", _STAR if session.model["libraries"] else _HIPPARCOS)
+    number = values.get("number")
+    if catalog == _HIPPARCOS:
+        year = 1970.0 + session.clock() / _YEAR
+        yield from _select(session, "HIP", values, lambda _, number: stars.hipparcos(number, year))
+    elif number == _MOON:
+        yield from selected.follow(session, MoonPlace(), "MOON")
+    elif number in _PLANETS:
+        yield from selected.follow(session, PlanetPlace(_PLANETS[number]), f"{_PLANETS[number].upper()} PLANET")
+    else:
+        selected.fail(session, f"STAR {number} not found")
+
+
+def _select(
+    session: Session, catalog: str | None, values: dict[str, Any], look_up: Callable[[str, int], Entry | None]
+) -> Handling:
+    """The object of that number becomes the target; what is not there leaves none."""
+    number = values.get("number")
+    try:
+        entry: Entry | None = None if catalog is None or number is None else look_up(catalog, number)
+    except Unsupported as missing:
+        return selected.fail(session, str(missing))
+    if entry is None:
+        selected.fail(session, f"{catalog} {number} not found" if catalog else _NOT_FOUND)
+    else:
+        yield from selected.select(session, entry)
+
+
+def browse(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:LF the first within the limits, beginning in the west; :LN and :LB the ones after and before the object."""
+    if not session.model["libraries"]:
+        return
+    try:
+        candidates = deepsky.matching(_wanted(session))
+        visible, meridian = yield from _sky(session)
+        entry: Entry | None = session.kept.get("entry")
+        if entry is None or command.name == "LF":
+            found = search.first(candidates, visible, meridian)
+        else:
+            found = search.beside(candidates, visible, entry.ra, entry.dec, -1 if command.name == "LB" else 1)
+        if found is None:
+            selected.fail(session, "No object found")
+        else:
+            yield from selected.select(session, deepsky.by_row(found[0]))
+    except Unsupported as missing:
+        selected.fail(session, str(missing))
+
+
+def identify(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:Lf - how many objects within the limits are in the field, and the one nearest to its centre."""
+    if not session.model["libraries"]:
+        return {"text": session.model["find_text"]}
+    try:
+        candidates = deepsky.matching(_wanted(session))
+        visible, _ = yield from _sky(session)
+        seen: Equatorial = yield Position()
+        centre: Equatorial = yield OfCatalog(seen.ra, seen.dec)
+        radius = session.kept.get(*LIMITS["F"]) / 120.0
+        found = [c for c in search.in_field(candidates, centre.ra, centre.dec, radius) if visible(*c[1:])]
+        nearest = f" {describe(deepsky.by_row(found[0][0]))}" if found else ""
+        return {"text": f"{len(found)} - Objects found{nearest}"}
+    except Unsupported as missing:
+        return {"text": str(missing)}
+
+
+def object_text(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
+    """:LI"""
+    if not session.model["libraries"]:
+        return {"text": session.model["object_text"]}
+    return {"text": session.kept.get("object", "No object selected")}
+
+
+def _wanted(session: Session) -> Wanted:
+    """This client's limits."""
+    limits = {name: session.kept.get(name, default) for name, default in LIMITS.values()}
+    kinds = "".join(letter for letter in limits["types"] if letter.isupper())
+    return Wanted(limits["brighter"], limits["fainter"], limits["larger"], limits["smaller"], kinds, limits["quality"])
+
+
+def _sky(session: Session) -> Handling:
+    """-> (what may be gone to now, the right ascension in the south); everything may, where the site is unknown."""
+    limits = session.settings["limits"].narrowed(session.kept.get("lowest"), session.kept.get("highest"))
+    try:
+        zenith: Equatorial = yield Zenith()
+    except Unsupported:
+        return lambda ra, dec: True, 0.0
+    farthest, nearest = 90.0 - max(0.0, limits.lowest), 90.0 - limits.highest
+    return lambda ra, dec: nearest <= separation(zenith.ra, zenith.dec, ra, dec) <= farthest, zenith.ra

@@ -1,0 +1,264 @@
+"""Replaying a recording: its times are the clock, its mount bytes are the mount, its clients ask again.
+
+Every client must receive the bytes that it received then. The line sends its requests in the recorded order and at the
+recorded times; the hub decides as it did, for it lives on what the mount and the clients say and on nothing else.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import msgspec
+
+from gateway import operations as op
+from gateway.assembly import Gateway
+from gateway.config import MountConfig, SurfaceConfig
+from gateway.errors import UserError
+from gateway.keeping import Past
+from gateway.line import Line
+from gateway.ports import Guest
+from gateway.recorded import ROUNDED, RecordedLine, RecordedLoop, RecordedWire
+from gateway.recording import MOUNT, Event, Recording
+from gateway.talk import Dialogue
+from gateway.transcript import SKY_READY, Entry, Transcript
+from gateway.virtual import run
+from gateway.wires import SimulatorWire
+
+#: Turns of the event loop in which everything has come to rest that one event has set going.
+TURNS = 60
+#: What the gateway is given to end after the last event, seconds.
+AFTERWARDS = 1.0
+
+
+class Difference(NamedTuple):
+    """The first byte at which a client was told something else: what it received then, and now."""
+
+    client: str
+    at: float
+    then: bytes
+    now: bytes
+
+
+class Outcome(NamedTuple):
+    """``strayed`` are the moments at which the gateway asked the mount something else than it did then."""
+
+    clients: int
+    replies: int
+    requests: int
+    differences: list[Difference]
+    strayed: list[str]
+
+
+def replay(recording: Recording) -> Outcome:
+    """Play a recording again. Raises UserError for one whose beginning is missing."""
+    if recording.settings["from"]:
+        raise UserError("the beginning of this recording was rotated away: it can be decoded, or replayed with --sim")
+    outcome: Outcome = run(_replay(recording), lambda: RecordedLoop(recording.events))
+    return outcome
+
+
+def _gateway(recording: Recording, clock: Callable[[], float]) -> Gateway:
+    """The gateway that was recorded, as it was set up. Raises UserError."""
+    config = recording.settings["config"]
+    try:
+        mount = msgspec.convert(config["mount"], MountConfig)
+        surfaces = msgspec.convert(config["surface"], list[SurfaceConfig])
+        past = msgspec.convert(recording.settings["past"], Past)
+    except (msgspec.ValidationError, KeyError, TypeError) as error:
+        raise UserError(f"recording: its settings do not suit this version of mount-gateway: {error}") from None
+    gateway = Gateway(mount, surfaces, clock=clock)
+    gateway.past = past
+    return gateway
+
+
+async def _replay(recording: Recording) -> Outcome:
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, RecordedLoop)
+
+    def now() -> float:
+        return loop.time() - loop.began
+
+    wire = RecordedWire(recording.events, now)
+    gateway = _gateway(recording, lambda: float(recording.settings["began"]) + now())
+    lines: list[RecordedLine] = []
+
+    def line(dialogue: Dialogue, transcript: Transcript) -> Line:
+        lines.append(RecordedLine(wire, dialogue, transcript))
+        return lines[0]
+
+    gateway.prepare(line)
+    assert gateway.hub is not None
+    clients = _Clients(gateway)
+    gateway.hub.refresh.start = lambda: None  # type: ignore[method-assign]  # the recording decides
+    gateway.begin()
+    asked = 0
+    for cause, requests in _causes(recording.events):
+        await loop.until(cause.at)
+        at_once = sum(at <= cause.at + ROUNDED for at in requests)
+        lines[0].allow(at_once)
+        if cause.side == MOUNT:
+            _mount(cause, asked, gateway, wire)
+        elif cause.arrow == "r":
+            gateway.hub.spawn(gateway.hub.refresh.renew(getattr(op, cause.data.decode())))
+        else:
+            clients.play(cause)
+        await _rest()
+        for at in requests[at_once:]:
+            await loop.until(at)
+            lines[0].allow(1)
+            await _rest()
+        asked += len(requests)
+    await asyncio.sleep(AFTERWARDS)
+    await gateway.close()
+    total = sum(1 for event in recording.events if event.side == MOUNT and event.arrow == ">")
+    replies = sum(1 for event in recording.events if event.side != MOUNT and event.arrow == "<")
+    return Outcome(len(clients.all), replies, total, clients.compare(recording.events), wire.strayed)
+
+
+def replay_on_simulator(recording: Recording, show: Callable[[str], object]) -> None:
+    """The recorded clients on a simulated mount of the recorded kind; every line of the conversation is shown."""
+    run(_on_simulator(recording, show))
+
+
+async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> None:
+    from gateway.logline import SILENT, line
+    from gateway.simulators import DEFAULT_SITE, make_simulator
+
+    loop = asyncio.get_running_loop()
+    began = loop.time()
+
+    def now() -> float:
+        return loop.time() - began
+
+    def clock() -> float:
+        return float(recording.settings["began"]) + now()
+
+    gateway = _gateway(recording, clock)
+
+    def put(entry: Entry) -> None:
+        if entry.arrow not in SILENT:
+            show(line(entry, gateway.mount.protocol))
+
+    gateway.transcript.sinks.append(put)
+    simulator = make_simulator(gateway.mount, clock=clock, site=gateway.config.site or DEFAULT_SITE)
+    gateway.prepare(lambda dialogue, transcript: Line(SimulatorWire("sim", simulator.connection), dialogue, transcript))
+    gateway.sky.load()
+    clients = _Clients(gateway)
+    gateway.begin()
+    for event in recording.events:
+        await asyncio.sleep(max(0.0, event.at - now()))
+        if event.side != MOUNT:
+            clients.play(event)
+    await asyncio.sleep(AFTERWARDS)
+    await gateway.close()
+
+
+def _causes(events: list[Event]) -> Iterator[tuple[Event, list[float]]]:
+    """What came from outside, each with the times of the requests to the mount until something else came."""
+    cause: Event | None = None
+    requests: list[float] = []
+    for event in events:
+        if event.side == MOUNT and event.arrow == ">":
+            requests.append(event.at)
+        elif event.arrow in ("<^v!" if event.side == MOUNT else "+->r"):
+            if cause is not None:
+                yield cause, requests
+            cause, requests = event, []
+    if cause is not None:
+        yield cause, requests
+
+
+async def _rest() -> None:
+    """Let everything that one event has set going come to rest."""
+    for _ in range(TURNS):
+        await asyncio.sleep(0)
+
+
+def _mount(event: Event, asked: int, gateway: Gateway, wire: RecordedWire) -> None:
+    """Make what the mount did happen again, ``asked`` requests from the beginning."""
+    match event.arrow:
+        case "<":
+            wire.deliver(asked, event.data)
+        case "v":
+            wire.lost(event)
+        case "!" if event.data == SKY_READY.encode():
+            gateway.sky.load()
+
+
+class _Talk(NamedTuple):
+    """One connection, and what it is told now."""
+
+    name: str
+    guest: Guest
+    told: bytearray
+
+
+class _Then(NamedTuple):
+    """What a connection was told then, and (offset, seconds) of every reply."""
+
+    told: bytearray
+    times: list[tuple[int, float]]
+
+
+class _Clients:
+    """The recorded connections, by name; a name may be used again once it is gone."""
+
+    def __init__(self, gateway: Gateway) -> None:
+        self._gateway = gateway
+        self._here: dict[str, _Talk] = {}
+        self.all: list[_Talk] = []
+
+    def play(self, event: Event) -> None:
+        """Make what a client did happen again."""
+        match event.arrow:
+            case "+":
+                self._come(event)
+            case "-" if event.side in self._here:
+                self._here.pop(event.side).guest.close()
+            case ">" if event.side in self._here:
+                self._here[event.side].guest.feed(event.data)
+
+    def _come(self, event: Event) -> None:
+        found = re.fullmatch(r"surface (\d+), host (.*)", event.data.decode("latin-1"))
+        if found is None:
+            raise UserError(f"recording, {event.at:.6f} s: a connection without its surface and host")
+        now = bytearray()
+        reception = self._gateway.receptions[int(found.group(1)) - 1]
+        talk = _Talk(event.side, reception.arrive(event.side, found.group(2), now.extend), now)
+        self._here[event.side] = talk
+        self.all.append(talk)
+
+    def compare(self, events: list[Event]) -> list[Difference]:
+        """What every client was told then against now: one difference for each that was told something else."""
+        then: dict[str, _Then] = {}
+        talks = iter(self.all)
+        pairs: list[tuple[_Talk, _Then]] = []
+        for event in events:
+            if event.side == MOUNT:
+                continue
+            if event.arrow == "+":
+                then[event.side] = _Then(bytearray(), [])
+                pairs.append((next(talks), then[event.side]))
+            elif event.arrow == "-":
+                then.pop(event.side, None)  # what comes for it later goes nowhere
+            elif event.arrow == "<" and event.side in then:
+                then[event.side].times.append((len(then[event.side].told), event.at))
+                then[event.side].told.extend(event.data)
+        return [found for talk, heard in pairs if (found := _difference(talk, heard))]
+
+
+def _difference(talk: _Talk, then: _Then) -> Difference | None:
+    if then.told == talk.told:
+        return None
+    at = next((i for i, (a, b) in enumerate(zip(then.told, talk.told, strict=False)) if a != b),
+              min(len(then.told), len(talk.told)))
+    start, when = max((item for item in then.times if item[0] <= at), default=(0, 0.0))
+    return Difference(talk.name, when, bytes(then.told[start : start + 24]), bytes(talk.told[start : start + 24]))
+
+
+def in_words(found: list[Difference]) -> list[str]:
+    """One line each."""
+    return [f"{item.at:.3f} s, {item.client}: then {item.then!r}, now {item.now!r}" for item in found]

@@ -1,0 +1,116 @@
+"""What a newcomer meets on the command line: help that lists what there is, mistakes before greetings, quick ends."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import gateway
+from gateway import pairs
+from gateway.cli import main
+from gateway.cli.serving import _unless
+from gateway.errors import UserError
+from gateway.tables import load
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["demo", "--speed", "0"], "--speed 0.0: write a number more than 0"),
+        (["demo", "--port", "70000"], "--port: tcp://127.0.0.1:70000: a port is a number"),
+        (["demo", "--port", "0", "--pty", "/does/not/exist/x"], "/does/not/exist/x"),
+        (["run", "--site", "151.2,-33.9"], "the latitude comes first: -33.9,151.2?"),
+        (["sim", "nexstar:cpc", "--site", "-33.9,500"], "longitude -180 to 180"),
+        (["config"], "which mount?"),
+        (["config", "--mount", "nexstar@sim"], "at least one surface"),
+    ],
+)
+def test_a_mistake_comes_alone(arguments: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(arguments) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert says in shown.err
+    assert len(shown.err.splitlines()) == 1
+
+
+def test_the_help_of_sim_lists_every_model(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["sim", "--help"])
+    shown = capsys.readouterr().out
+    assert end.value.code == 0
+    for protocol in ("lx200", "nexstar"):
+        for name, row in load(protocol).models.items():
+            [line] = [line for line in shown.splitlines() if line.split()[:1] == [f"{protocol}:{name}"]]
+            assert line.split()[1:] == row.get("versions", [])
+
+
+def test_the_help_of_run_tells_of_ranges_and_defaults(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["run", "--help"])
+    words = " ".join(capsys.readouterr().out.split())
+    for part in ("--no-wait", "--guide-rate RATE", "(default 15)", "alt-az,eq-north,eq-south", "--park AZ,ALT"):
+        assert part in words
+
+
+def test_an_installed_copy_is_not_written_into(monkeypatch: pytest.MonkeyPatch,
+                                               capsys: pytest.CaptureFixture[str]) -> None:
+    inside = Path(gateway.__file__).resolve().parent / "mappings"
+    monkeypatch.setattr(pairs, "mappings_folder", lambda: inside)
+    monkeypatch.setattr(pairs, "text", lambda: "")
+    assert main(["tables", "--write"]) == 2
+    assert "part of an installation; run it in a checkout" in capsys.readouterr().err
+    assert not inside.exists()
+
+
+def test_a_signal_ends_the_search_for_a_mute_mount() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        mute.settimeout(20)
+        process = subprocess.Popen(
+            [sys.executable, "-m", "gateway", "run", "--surface", "lx200@tcp://127.0.0.1:0",
+             "--mount", f"nexstar@socket://127.0.0.1:{mute.getsockname()[1]}"],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        link, _ = mute.accept()
+        with link:
+            link.settimeout(20)
+            assert link.recv(1) == b"V"
+            began = time.monotonic()
+            process.send_signal(signal.SIGINT)
+            out, error = process.communicate(timeout=20)
+    assert (process.returncode, out, error) == (0, "", "")
+    assert time.monotonic() - began < 2.5
+
+
+def test_whatever_is_under_way_ends_with_the_signal() -> None:
+    async def story() -> tuple[bool, bool]:
+        done, cleaned = asyncio.Event(), False
+
+        async def work() -> None:
+            nonlocal cleaned
+            try:
+                await asyncio.sleep(3600)
+            finally:
+                cleaned = True
+
+        asyncio.get_running_loop().call_later(0.01, done.set)
+        await asyncio.wait_for(_unless(done, asyncio.ensure_future(work())), 5)
+        return done.is_set(), cleaned
+
+    assert asyncio.run(story()) == (True, True)
+
+
+def test_what_the_search_finds_wrong_is_raised() -> None:
+    async def story() -> None:
+        async def work() -> None:
+            raise UserError("no mount answers")
+
+        await _unless(asyncio.Event(), asyncio.ensure_future(work()))
+
+    with pytest.raises(UserError, match="no mount answers"):
+        asyncio.run(story())

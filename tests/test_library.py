@@ -1,0 +1,176 @@
+"""The object library: numbers, searches, what is missing. Expected places are typed from printed catalogues."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from gateway import library
+from gateway.library import QUALITIES, Wanted, deepsky, describe, files, search, stars
+from gateway.library.objects import quality
+from gateway.spherical import separation
+
+EVERYTHING = Wanted(-5.5, 20.0, 0, 200, "GPDCO", "VP")
+#: catalogue, number, J2000 hours, minutes, degrees (decimal), kinds
+PLACES = [
+    ("M", 1, 5, 34.5, 22.02, "D"), ("M", 13, 16, 41.7, 36.46, "C"), ("M", 31, 0, 42.7, 41.27, "G"),
+    ("M", 40, 12, 22.2, 58.08, "*"), ("M", 42, 5, 35.3, -5.39, "DO"), ("M", 45, 3, 47.5, 24.11, "O"),
+    ("M", 57, 18, 53.6, 33.03, "P"), ("M", 101, 14, 3.2, 54.35, "G"), ("M", 102, 14, 3.2, 54.35, "G"),
+    ("M", 110, 0, 40.4, 41.69, "G"), ("NGC", 7331, 22, 37.1, 34.42, "G"), ("NGC", 104, 0, 24.1, -72.08, "C"),
+    ("IC", 342, 3, 46.8, 68.10, "G"), ("C", 14, 2, 20.5, 57.14, "O"), ("C", 41, 4, 26.9, 15.87, "O"),
+    ("C", 80, 13, 26.8, -47.48, "C"), ("UGC", 454, 0, 42.7, 41.27, "G"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("catalog", "number", "hours", "minutes", "dec", "kinds"), PLACES)
+def test_a_number_is_a_place(catalog: str, number: int, hours: int, minutes: float, dec: float, kinds: str) -> None:
+    entry = deepsky.look_up(catalog, number)
+    assert entry is not None
+    assert entry.name == f"{catalog}{number}"
+    assert entry.kinds == kinds
+    assert separation(entry.ra, entry.dec, 15.0 * (hours + minutes / 60.0), dec) < 0.15  # the Hyades have no edge
+
+
+def test_the_great_catalogues_are_whole() -> None:
+    assert all(deepsky.look_up("M", number) for number in range(1, 111))
+    assert all(deepsky.look_up("C", number) for number in range(1, 110))
+    assert not [number for number in range(1, 7841, 97) if deepsky.look_up("NGC", number) is None]
+    assert not [number for number in range(1, 5387, 97) if deepsky.look_up("IC", number) is None]
+
+
+@pytest.mark.parametrize(("catalog", "number"), [("M", 0), ("M", 111), ("NGC", 7841), ("IC", 5387), ("C", 110),
+                                                 ("NGC", 999999), ("UGC", 99999)])
+def test_a_number_that_no_catalogue_has(catalog: str, number: int) -> None:
+    assert deepsky.look_up(catalog, number) is None
+
+
+def test_a_duplicate_is_its_original() -> None:
+    duplicate, original = deepsky.look_up("IC", 11), deepsky.look_up("NGC", 281)
+    assert duplicate is not None
+    assert original is not None
+    assert (duplicate.ra, duplicate.dec, duplicate.size) == (original.ra, original.dec, original.size)
+    assert duplicate.name == "IC11"
+
+
+def test_stars_stand_where_their_motion_has_brought_them() -> None:
+    barnard = stars.hipparcos(87937, 2000.0)  # J2000: 17 57 48.50 +04 41 36.2, moving 10.36" a year
+    later = stars.hipparcos(87937, 2030.0)
+    assert barnard is not None
+    assert later is not None
+    printed = 15 * (17 + 57 / 60 + 48.50 / 3600), 4 + 41 / 60 + 36.2 / 3600
+    assert separation(barnard.ra, barnard.dec, *printed) < 0.5 / 3600
+    assert separation(barnard.ra, barnard.dec, later.ra, later.dec) * 3600 == pytest.approx(30 * 10.36, rel=0.005)
+    sirius = stars.hipparcos(32349, 2000.0)
+    assert sirius is not None
+    assert describe(sirius) == "HIP32349 STAR MAG-1.1"
+
+
+@pytest.mark.parametrize("number", [0, 55203, 120405, 2_000_000])
+def test_a_star_that_is_not_in_the_file(number: int) -> None:
+    assert stars.hipparcos(number, 2000.0) is None
+
+
+def test_the_first_and_the_last_star() -> None:
+    assert all(stars.hipparcos(number, 2000.0) for number in (1, 2, 120403, 120404))
+
+
+@pytest.mark.parametrize(("call"), [lambda: deepsky.look_up("M", 42), lambda: stars.hipparcos(1, 2000.0),
+                                    lambda: deepsky.matching(EVERYTHING)])
+def test_without_the_packages_it_says_what_to_install(call: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(files, "find_spec", lambda name: None)
+    with pytest.raises(files.NotInstalled, match=r"Install mount-gateway\[library\]"):
+        call()  # type: ignore[operator]
+
+
+# --- quality ------------------------------------------------------------------------------------------------------
+
+
+def test_brighter_is_better_and_thinner_is_worse() -> None:
+    steps = [QUALITIES.index(quality(magnitude / 10.0, 1.0, 1.0)) for magnitude in range(160)]
+    assert steps == sorted(steps)
+    assert {QUALITIES[step] for step in steps} == set(QUALITIES)
+    assert quality(8.0, 5.0, 5.0) == "VG"
+    assert quality(8.0, 30.0, 30.0) == "GD"
+    assert quality(None, 1.0, 1.0) == "VP"
+
+
+def test_a_description_leaves_out_what_nobody_has_measured() -> None:
+    assert describe(library.Entry("X1", "D", 0.0, 0.0)) == "X1 VP DIFF NEB"
+
+
+# --- searching ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("wanted", [
+    Wanted(-5.5, 6.0, 0, 200, "GPDCO", "VP"), Wanted(9.0, 9.5, 0, 200, "GPDCO", "VP"),
+    Wanted(-5.5, 12.0, 20, 40, "GPDCO", "VP"), Wanted(-5.5, 20.0, 0, 200, "P", "VP"),
+    Wanted(-5.5, 20.0, 0, 200, "CO", "EX"), Wanted(-5.5, 20.0, 0, 200, "G", "GD"),
+])
+def test_a_search_keeps_its_limits(wanted: Wanted) -> None:
+    found = deepsky.matching(wanted)
+    assert 3 < len(found) < 2000
+    assert [deepsky.order(c) for c in found] == sorted(deepsky.order(c) for c in found)
+    for candidate in found[:: max(1, len(found) // 40)]:
+        entry = deepsky.by_row(candidate[0])
+        assert (entry.ra, entry.dec) == pytest.approx(candidate[1:])
+        assert wanted.brightest <= (20.0 if entry.magnitude is None else entry.magnitude) <= wanted.faintest
+        assert wanted.smallest <= (entry.size or 0.0) <= wanted.largest
+        assert set(entry.kinds) & set(wanted.kinds)
+        assert QUALITIES.index(quality(entry.magnitude, entry.size, entry.width)) <= QUALITIES.index(wanted.quality)
+
+
+def test_a_search_by_quality_finds_all_that_have_it() -> None:
+    best = {c[0] for c in deepsky.matching(Wanted(-5.5, 20.0, 0, 200, "GPDCO", "EX"))}
+    bright = deepsky.matching(Wanted(-5.5, 9.0, 0, 200, "GPDCO", "VP"))
+    entries = [(c[0], deepsky.by_row(c[0])) for c in bright]
+    assert best == {row for row, e in entries if quality(e.magnitude, e.size, e.width) in ("SU", "EX")}
+
+
+def test_nothing_wanted_nothing_found() -> None:
+    assert deepsky.matching(Wanted(-5.5, 20.0, 0, 200, "", "VP")) == []
+
+
+def test_a_search_goes_once_round_the_sky_from_the_west() -> None:
+    found = deepsky.matching(Wanted(-5.5, 6.0, 0, 200, "GPDCO", "VP"))
+    start = search.first(found, lambda ra, dec: True, 100.0)
+    assert start is not None
+    assert start[1] // 15 == 18  # 280 degrees is the lower meridian
+    seen, here = [start], start
+    for _ in range(len(found) - 1):
+        following = search.beside(found, lambda ra, dec: True, here[1], here[2], 1)
+        assert following is not None
+        assert search.beside(found, lambda ra, dec: True, following[1], following[2], -1) == here
+        assert deepsky.order(following) > deepsky.order(here) or following == found[0]
+        here = following
+        seen.append(here)
+    assert len(set(seen)) == len(found)
+    assert search.beside(found, lambda ra, dec: True, here[1], here[2], 1) == start
+
+
+def test_what_may_not_be_gone_to_is_passed_over() -> None:
+    found = deepsky.matching(EVERYTHING)
+    northern = search.first(found, lambda ra, dec: dec > 85.0, 0.0)
+    assert northern is not None
+    assert northern[2] > 85.0
+    assert search.first(found, lambda ra, dec: False, 0.0) is None
+    assert search.beside([], lambda ra, dec: True, 0.0, 0.0, 1) is None
+
+
+def test_the_field_is_round_and_its_middle_comes_first() -> None:
+    found = search.in_field(deepsky.matching(EVERYTHING), 83.82, -5.39, 0.5)
+    assert deepsky.by_row(found[0][0]).name == "M42"
+    distances = [separation(83.82, -5.39, c[1], c[2]) for c in found]
+    assert distances == sorted(distances)
+    assert max(distances) <= 0.5
+    wrap = search.in_field(deepsky.matching(EVERYTHING), 0.01, 0.0, 2.0)
+    assert any(c[1] > 350.0 for c in wrap)
+    assert math.isclose(max(abs(c[2]) for c in wrap), 2.0, abs_tol=0.5)
+
+
+def test_the_data_file_is_found_without_importing_its_package() -> None:
+    path = files.data_file("pyongc", "ongc.db")
+    assert isinstance(path, Path)
+    with pytest.raises(files.NotInstalled):
+        files.data_file("pyongc", "nothing.db")

@@ -1,0 +1,142 @@
+"""The dead man's switch: fast motion ends when whoever began it falls silent, and nothing else does."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from tests.bridge import Bridge, Visitor
+from tests.virtual import run
+
+HOST = "10.0.0.1"
+
+
+async def moves_for(bridge: Any, seconds: float) -> float:
+    """For how long the motion by hand goes on, seconds; at most so many."""
+    began = bridge.hub.now()
+    await asyncio.sleep(1)
+    assert bridge.hub.motions.axes
+    while bridge.hub.motions.axes and bridge.hub.now() - began < seconds:
+        await asyncio.sleep(0.1)
+    return float(bridge.hub.now() - began)
+
+
+@pytest.mark.parametrize(("config", "after"), [({}, 30.0), ({"dead_man": 12.0}, 12.0)])
+def test_silence_on_an_open_connection(config: dict[str, Any], after: float) -> None:
+    async def program() -> None:
+        async with Bridge("6-8se", config=config) as bridge:
+            bridge.client(HOST).tell(b":RC#:Mw#")
+            assert after - 1 <= await moves_for(bridge, 60) <= after + 2
+            assert b"P\x02\x10\x24\x00\x00\x00\x00" in bridge.sent()
+            said = [entry.note for entry in bridge.entries if entry.arrow == "!"]
+            assert said == [f"{HOST} has fallen silent: its motion is stopped"]
+            await asyncio.sleep(3)
+            assert bridge.sim.tracking
+
+    run(program())
+
+
+def test_a_nexstar_program_on_a_meade() -> None:
+    async def program() -> None:
+        async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se") as bridge:
+            bridge.client(HOST).tell(b"P\x02\x10\x24\x04\x00\x00\x00")
+            assert 29 <= await moves_for(bridge, 60) <= 32
+            assert b":Qw#" in bridge.sent()
+
+    run(program())
+
+
+@pytest.mark.parametrize(("config", "after"), [({}, 5.0), ({"dead_man_closed": 2.0}, 2.0)])
+def test_a_closed_connection_that_does_not_come_back(config: dict[str, Any], after: float) -> None:
+    async def program() -> None:
+        async with Bridge("6-8se", config=config) as bridge:
+            client = bridge.client(HOST)
+            client.tell(b":RC#:Mw#")
+            client.close()
+            assert after - 0.5 <= await moves_for(bridge, 60) <= after + 2
+            assert any(entry.note == f"{HOST} is gone: its motion is stopped" for entry in bridge.entries)
+
+    run(program())
+
+
+def test_a_program_that_opens_a_connection_per_command_keeps_its_motion() -> None:
+    async def program() -> None:
+        async with Bridge("6-8se") as bridge:
+            for turn in range(20):
+                client = bridge.client(HOST)
+                client.tell(b":RC#:Mw#" if not turn else b":GR#")
+                await asyncio.sleep(0.3)
+                client.close()
+                await asyncio.sleep(3.5)
+                assert bridge.hub.motions.axes == {1}, turn
+            assert 1.0 <= await moves_for(bridge, 60) <= 4.0
+
+    run(program())
+
+
+@pytest.mark.parametrize(("host", "lives"), [(HOST, True), ("10.0.0.2", False)])
+def test_bytes_of_the_same_host_count_and_those_of_others_do_not(host: str, lives: bool) -> None:
+    async def program() -> None:
+        async with Bridge("6-8se") as bridge:
+            first, second = bridge.client(HOST), bridge.client(host)
+            first.tell(b":RC#:Mw#")
+            for _ in range(240):  # one a second is answered from what is remembered: life all the same
+                second.tell(b":GR#")
+                await asyncio.sleep(0.25)
+            assert bool(bridge.hub.motions.axes) is lives
+
+    run(program())
+
+
+def test_slow_rates_are_somebodys_tracking() -> None:
+    async def program(asked: bytes) -> set[int]:
+        async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
+            bridge.client(HOST).tell(asked)
+            await asyncio.sleep(90)
+            return set(bridge.hub.motions.axes)
+
+    assert run(program(b"P\x03\x10\x06\x00\xf0\x00\x00")) == {1}  # 60" a second
+    assert run(program(b"P\x03\x10\x06\x01\x00\x00\x00")) == set()  # 64" a second
+
+
+def test_gotos_and_guide_pulses_end_by_themselves() -> None:
+    async def program() -> None:
+        async with Bridge("6-8se", speed=0.1) as bridge:
+            client = bridge.client(HOST)
+            assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110") == b"110"
+            client.close()
+            await asyncio.sleep(40)
+            assert bridge.sim.slewing
+
+    run(program())
+
+
+def test_a_focuser_stops_too() -> None:
+    async def program() -> None:
+        async with Bridge("autostar", driven="lx200") as bridge:
+            client: Visitor = bridge.client(HOST)
+            client.tell(b":F+#")
+            await asyncio.sleep(1)
+            assert b":FQ#" not in bridge.sent()
+            client.close()
+            await asyncio.sleep(7)
+            assert bridge.sent().count(b":FQ#") == 1
+
+    run(program())
+
+
+def test_who_stopped_it_himself_is_not_stopped_again() -> None:
+    async def program() -> None:
+        async with Bridge("6-8se") as bridge:
+            client = bridge.client(HOST)
+            client.tell(b":RC#:Mw#:Mn#")
+            await asyncio.sleep(2)
+            client.tell(b":Qw#")
+            await asyncio.sleep(1)
+            client.tell(b":Q#")
+            await asyncio.sleep(40)
+            assert not [entry for entry in bridge.entries if "silent" in entry.note]
+
+    run(program())

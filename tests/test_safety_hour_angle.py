@@ -1,0 +1,90 @@
+"""The limit of the hour angle: against the pier on a German mount, to both sides on a fork, for gotos where unknown.
+
+2026-01-15 22:00 UTC at 10 E: the sidereal time is 6h 21m.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+from tests.bridge import Bridge
+from tests.virtual import run
+
+EAST = b":Sr06:30:00#:Sd+10*00:00#:MS#"  # nine minutes before the meridian
+FAR_EAST = b":Sr12:00:00#:Sd+60*00:00#:MS#"  # 5h 39m before it
+WEST = b":Sr02:00:00#:Sd+60*00:00#:MS#"  # 4h 21m past it
+NO = b"111Beyond the hour angle limit.#"
+
+
+async def settle(client: Any) -> None:
+    while await client.ask(b":D#") not in (b"#", b"       #"):
+        await asyncio.sleep(1)
+
+
+def notes(bridge: Any) -> list[str]:
+    return [entry.note for entry in bridge.entries if entry.arrow == "!"]
+
+
+def test_a_german_mount_tracks_as_far_past_the_meridian_as_allowed() -> None:
+    async def program() -> None:
+        async with Bridge("cge", config={"hour_angle_limit": 0.5}) as bridge:
+            client = bridge.client()
+            assert await client.ask(EAST, until=b"110") == b"110"
+            await settle(client)
+            assert bridge.sim.feed(b"p") == b"W#"
+            await asyncio.sleep(1800)  # 21 minutes past it
+            assert bridge.sim.tracking
+            await asyncio.sleep(900)
+            assert not bridge.sim.tracking
+            past = [note for note in notes(bridge) if "hour angle" in note]
+            assert past == ["tracking is off: it came to the hour angle limit (0.50 hours past the meridian)"]
+            for there in (WEST, FAR_EAST):  # it changes sides: no goto ends against the pier
+                assert await client.ask(there, until=b"110") == b"110"
+                await settle(client)
+            assert bridge.sim.tracking
+
+    run(program())
+
+
+def test_without_the_setting_there_is_no_limit() -> None:
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            client = bridge.client()
+            assert await client.ask(EAST, until=b"110") == b"110"
+            await settle(client)
+            await asyncio.sleep(2700)
+            assert bridge.sim.tracking
+
+    run(program())
+
+
+def test_a_fork_on_a_wedge_keeps_to_both_sides_of_the_meridian() -> None:
+    async def program() -> None:
+        async with Bridge("6-8se", config={"hour_angle_limit": 4.5}) as bridge:
+            client = bridge.client()
+            bridge.sim.feed(b"T\x02")  # on a wedge, says its hand control
+            await asyncio.sleep(10)
+            assert await client.ask(b"\x06") == b"P"
+            assert await client.ask(FAR_EAST, until=NO) == NO
+            assert await client.ask(WEST, until=b"110") == b"110"
+            await settle(client)
+            await asyncio.sleep(900)
+            assert not bridge.sim.tracking
+            assert any(note.startswith("tracking is off: it came to the hour angle limit") for note in notes(bridge))
+
+    run(program())
+
+
+def test_a_mount_that_does_not_tell_its_side_is_checked_at_gotos() -> None:
+    async def program() -> None:
+        async with Bridge("cge", "4.10", config={"hour_angle_limit": 4.5}) as bridge:
+            assert bridge.driver.tube_side("E") is None
+            client = bridge.client()
+            assert await client.ask(FAR_EAST, until=NO) == NO
+            assert await client.ask(WEST, until=b"110") == b"110"
+            await settle(client)
+            await asyncio.sleep(900)
+            assert bridge.sim.tracking
+
+    run(program())

@@ -1,0 +1,96 @@
+"""The way of two axes past the Sun, and the pure rules of the limits."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.errors import PastMeridian
+from gateway.mount_geometry import Pair
+from gateway.paths import STEP, clear, one_rests, together
+from gateway.safety import Limits, check_hour_angle, leaving, past_meridian
+from gateway.spherical import separation, to_vector
+
+angles = st.floats(-180.0, 180.0)
+readings = st.tuples(angles, st.floats(-180.0, 180.0))
+
+
+def nearest(start: Pair, turn: Pair, sun: Pair, looks: int = 500) -> float:
+    """The least distance of either shape, by looking everywhere; with vectors, so that it shares no formula."""
+    target = to_vector(*sun)
+    length = max(map(abs, turn))
+    best = -1.0
+    for n in range(looks + 1):
+        for shape in (together, one_rests):
+            here = to_vector(*shape(start, turn, length * n / looks))
+            best = max(best, sum(a * b for a, b in zip(here, target, strict=True)))
+    return math.degrees(math.acos(max(-1.0, min(1.0, best))))
+
+
+@given(readings, st.tuples(angles, angles), st.tuples(angles, st.floats(-90.0, 90.0)), st.floats(1.0, 60.0))
+def test_a_way_is_clear_exactly_when_it_keeps_its_distance(
+    start: Pair, turn: Pair, sun: Pair, limit: float
+) -> None:
+    least = nearest(start, turn, sun)
+    if least > limit + STEP:
+        assert clear(start, turn, sun, limit)
+    elif least < limit - STEP:
+        assert not clear(start, turn, sun, limit)
+
+
+@given(readings, st.tuples(angles, angles))
+def test_both_shapes_begin_and_end_at_the_same_places(start: Pair, turn: Pair) -> None:
+    length = max(map(abs, turn))
+    end = start[0] + turn[0], start[1] + turn[1]
+    for shape in (together, one_rests):
+        assert separation(*shape(start, turn, 0.0), *start) < 1e-6
+        assert separation(*shape(start, turn, length), *end) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("turn", "sun", "free"),
+    [
+        ((90.0, 0.0), (45.0, 25.0), True),
+        ((90.0, 0.0), (45.0, 15.0), False),
+        ((90.0, 30.0), (30.0, 35.0), False),  # one axis rests: 30 degrees of both first, right under the Sun
+        ((90.0, 30.0), (60.0, 5.0), False),  # both arrive together: 15 degrees above it
+        ((-90.0, 0.0), (45.0, 15.0), True),
+    ],
+)
+def test_ways_from_the_origin_past_a_circle_of_twenty_degrees(
+    turn: Pair, sun: Pair, free: bool
+) -> None:
+    assert clear((0.0, 0.0), turn, sun, 20.0) is free
+
+
+@pytest.mark.parametrize(
+    ("hour_angle", "side", "past"),
+    [
+        (10.0, "W", 10.0), (-10.0, "W", -10.0), (-10.0, "E", 10.0), (10.0, "E", -10.0),  # German: towards the pier
+        (-100.0, "E", -260.0), (100.0, "W", -260.0),  # under the pole, not against the pier
+        (10.0, None, 10.0), (-100.0, None, 100.0), (350.0, None, 10.0),  # a fork: both ways
+    ],
+)  # fmt: skip
+def test_how_far_past_the_meridian(hour_angle: float, side: str | None, past: float) -> None:
+    assert past_meridian(hour_angle, side) == pytest.approx(past)
+
+
+def test_an_hour_angle_exactly_at_the_limit_is_allowed() -> None:
+    limits = Limits(hour_angle=75.0)
+    check_hour_angle(limits, 75.0)
+    check_hour_angle(limits, 285.0)
+    check_hour_angle(Limits(), 170.0)
+    for beyond in (75.1, -75.1):
+        with pytest.raises(PastMeridian):
+            check_hour_angle(limits, beyond)
+
+
+@given(st.floats(-90.0, 90.0), st.floats(-90.0, 90.0), st.floats(0.0, 10.0))
+def test_a_motion_that_leads_back_is_never_stopped(before: float, now: float, margin: float) -> None:
+    limits = Limits(lowest=10.0, highest=80.0)
+    if leaving(limits, before, now, margin):
+        assert (now < before and now < 10.0 + margin) or (now > before and now > 80.0 - margin)
+    assert not leaving(Limits(lowest=-90.0, highest=90.0), before, now, margin)
