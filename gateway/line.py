@@ -21,6 +21,8 @@ from gateway.wires import Wire
 STOP, MOTION, SETTING, POSITION, READ = range(5)
 QUIET = 0.15
 PROOFS = 3
+#: Seconds after which a read goes before newer motions and settings: many clients must not make the hub blind.
+AGED = {POSITION: 0.25, READ: 0.4}
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 
 
@@ -38,10 +40,10 @@ class Dialogue(Protocol):
 class Job:
     """An exchange that waits for its turn."""
 
-    __slots__ = ("ask", "future", "rank")
+    __slots__ = ("ask", "asked", "future", "rank")
 
     def __init__(self, ask: Ask, rank: int, future: asyncio.Future[dict[str, Any]]) -> None:
-        self.ask, self.rank, self.future = ask, rank, future
+        self.ask, self.rank, self.future, self.asked = ask, rank, future, future.get_loop().time()
 
 
 class Line:
@@ -146,7 +148,11 @@ class Line:
         now = asyncio.get_running_loop().time()
         while self._urgent and self._urgent[0] < now - 0.05:
             heapq.heappop(self._urgent)
-        if self._urgent and self._queue[0][0] >= POSITION and self._urgent[0] - now < 1.5 * self.typical:
+        if any(now - job.asked > AGED.get(rank, 1e9) for rank, _, job in self._queue):
+            self._queue = [(MOTION if now - job.asked > AGED.get(rank, 1e9) else rank, order, job)
+                           for rank, order, job in self._queue]
+            heapq.heapify(self._queue)
+        if self._urgent and self._queue[0][2].rank >= POSITION and self._urgent[0] - now < 1.5 * self.typical:
             self._wake.clear()
             try:
                 await asyncio.wait_for(self._wake.wait(), max(0.0, self._urgent[0] - now) + 0.05)
