@@ -18,11 +18,11 @@ from gateway.errors import Fault, NoAnswer, Refused, Silence
 from gateway.transcript import Transcript
 from gateway.wires import Wire
 
-STOP, MOTION, SETTING, POSITION, READ = range(5)
+STOP, MOTION, WAITED, SETTING, POSITION, READ = range(6)
 QUIET = 0.15
 PROOFS = 3
-#: Seconds after which a read goes before newer motions and settings: many clients must not make the hub blind.
-AGED = {POSITION: 0.25, READ: 0.4}
+#: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the hub.
+AGED = {POSITION: 0.25, READ: 0.6}
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 
 
@@ -149,7 +149,7 @@ class Line:
         while self._urgent and self._urgent[0] < now - 0.05:
             heapq.heappop(self._urgent)
         if any(now - job.asked > AGED.get(rank, 1e9) for rank, _, job in self._queue):
-            self._queue = [(MOTION if now - job.asked > AGED.get(rank, 1e9) else rank, order, job)
+            self._queue = [(WAITED if now - job.asked > AGED.get(rank, 1e9) else rank, order, job)
                            for rank, order, job in self._queue]
             heapq.heapify(self._queue)
         if self._urgent and self._queue[0][2].rank >= POSITION and self._urgent[0] - now < 1.5 * self.typical:

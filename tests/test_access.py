@@ -211,6 +211,7 @@ def test_lx200_clients_that_only_look() -> None:
                 if command != b":Gr#":
                     assert await client.ask(command, 3.0), command
             assert await client.ask(b":Sr05:34:32#:Gr#", until=b"32#") == b"105:34:32#", "the target is its own"
+            assert re.fullmatch(rb"1\d\d:\d\d:\d\d#", await client.ask(b":SL12:00:00#:GL#", until=b"#")), "not silence"
             assert await client.ask(b":GT#") == b"60.1#"
             assert await client.ask(b":GM#") == b"SITE 1#"
             await asyncio.sleep(5)

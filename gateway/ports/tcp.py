@@ -20,10 +20,10 @@ from gateway.ports.guest import Arrive, Guest
 
 #: Unread replies a connection may pile up before it is given up.
 SLOW_READER = 65536
-#: Bytes taken from a connection at a time: more than a serial line delivers in a second, and a millisecond's work.
-SHARE = 1024
+#: Bytes taken from a connection at a time: some hundred commands, a serial line's half second, two milliseconds' work.
+SHARE = 512
 #: Seconds that a connection waits which has sent a whole share at once.
-BREATH = 0.02
+BREATH = 0.05
 #: Connections that may wait to be accepted: programs that open one per command come in crowds.
 BACKLOG = 512
 #: A silent connection is asked for a sign of life after so many seconds, every so many, so many times; replies that
@@ -40,6 +40,9 @@ class _Connection(asyncio.BufferedProtocol):
         self._transport: asyncio.Transport | None = None
         self._feed: Callable[[bytes], None] = lambda data: None
         self._buffer = bytearray(SHARE)
+        self._view = memoryview(self._buffer)
+        #: While bytes are being taken in: the replies to them, which go out as one.
+        self._replies: list[bytes] | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         stream = cast(asyncio.Transport, transport)  # uvloop's own class does not derive from it
@@ -48,7 +51,7 @@ class _Connection(asyncio.BufferedProtocol):
         _watch(stream.get_extra_info("socket"))
         peer = stream.get_extra_info("peername") or ("?", 0)
         try:
-            self._guest = self._port.arrive(f"{peer[0]}:{peer[1]}", str(peer[0]), stream.write)
+            self._guest = self._port.arrive(f"{peer[0]}:{peer[1]}", str(peer[0]), self._write)
         except TurnedAway:
             stream.abort()
             return
@@ -59,7 +62,12 @@ class _Connection(asyncio.BufferedProtocol):
         return self._buffer
 
     def buffer_updated(self, nbytes: int) -> None:
-        self._feed(bytes(self._buffer[:nbytes]))
+        replies: list[bytes] = []
+        self._replies = replies
+        self._feed(bytes(self._view[:nbytes]))
+        self._replies = None
+        if replies:
+            self._write(replies[0] if len(replies) == 1 else b"".join(replies))
         if nbytes == SHARE and self._guest is not None and self._transport is not None:
             self._transport.pause_reading()
             asyncio.get_running_loop().call_later(BREATH, self._go_on)
@@ -67,6 +75,12 @@ class _Connection(asyncio.BufferedProtocol):
     def _go_on(self) -> None:
         if self._guest is not None and self._transport is not None:
             self._transport.resume_reading()
+
+    def _write(self, data: bytes) -> None:
+        if self._replies is not None:
+            self._replies.append(data)
+        elif self._transport is not None:
+            self._transport.write(data)
 
     def pause_writing(self) -> None:
         """The other side does not read: let it go rather than hold its replies for ever."""
