@@ -78,8 +78,8 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
 class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
     """One ``[[surface]]``."""
 
-    at: Annotated[str, _key("where programs connect: PROTOCOL[:MODEL[/VERSION]]@tcp://HOST:PORT, pty:PATH or a serial "
-                            "port", "ENDPOINT", "lx200@tcp://127.0.0.1:4030")]
+    at: Annotated[str, _key("where programs connect: PROTOCOL[:MODEL[/VERSION]]@tcp://HOST:PORT, rfc2217://HOST:PORT, "
+                            "pty:PATH or a serial port", "ENDPOINT", "lx200@tcp://127.0.0.1:4030")]
     mount: Annotated[str | None, _key("the name of the mount, where there are several", "NAME", "pier")] = None
     client: Annotated[str, _key(
         "the program that connects here, which then gets what it needs; auto: recognised where it can be, any: never",
