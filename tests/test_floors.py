@@ -38,6 +38,7 @@ FLOORS = {
     "hub": 5,
     "clients": 5,
     "ports": 5,
+    "announce": 5,
     "guests": 5,
     "state": 5,
     "mark": 5,

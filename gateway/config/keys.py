@@ -99,6 +99,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
     mount: list[MountConfig]
     surface: list[SurfaceConfig] = []
     wait: Annotated[bool, _key("keep trying when no mount answers; clients stay connected")] = False
+    discovery: Annotated[bool, _key("let programs find surfaces that the network can reach (SkySafari, mDNS)")] = True
     log: Annotated[bool, _key("show the conversation on both sides, decoded")] = False
 
     def of(self, mount: MountConfig) -> list[SurfaceConfig]:

@@ -75,7 +75,8 @@ def as_settings(needs: list[Need]) -> dict[str, Any]:
 def recognisable(surface: SurfaceConfig) -> dict[bytes, str]:
     """First bytes -> program, for those that would get something other than everybody on this surface.
 
-    Only where connections begin and end, which is the network: on a serial line one program may follow another unnoticed.
+    Only where connections always begin and end, which is the network: on a serial line one program may follow another
+    unnoticed.
     """
     endpoint = parse_endpoint(surface.at)
     if surface.client != "auto" or not endpoint.where.startswith(("tcp://", "rfc2217://")):
