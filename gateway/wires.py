@@ -106,9 +106,14 @@ def open_port(url: str, baud: int) -> Any:
     """Open a serial URL for exclusive use. Raises OSError that says what is wrong."""
     import serial
 
-    patience = None if url.startswith("rfc2217:") else 2.0  # pyserial's RFC 2217 client knows none
+    patience: float | None = 2.0
+    opened = url
+    if url.startswith("rfc2217://"):
+        patience = None  # pyserial's RFC 2217 client knows none
+        # ser2net leaves DTR and RTS unconfirmed where the port has no such lines; no mount needs them
+        opened += "" if "ign_set_control" in url else "&ign_set_control" if "?" in url else "?ign_set_control"
     try:
-        return serial.serial_for_url(url, baudrate=baud, timeout=TIMEOUT, write_timeout=patience, exclusive=True)
+        return serial.serial_for_url(opened, baudrate=baud, timeout=TIMEOUT, write_timeout=patience, exclusive=True)
     except serial.SerialException as error:
         number = getattr(error, "errno", None)
         text = str(error)
