@@ -80,6 +80,8 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
 
     at: Annotated[str, _key("where programs connect: PROTOCOL[:MODEL[/VERSION]]@tcp://HOST:PORT, rfc2217://HOST:PORT, "
                             "pty:PATH or a serial port", "ENDPOINT", "lx200@tcp://127.0.0.1:4030")]
+    baud: Annotated[Annotated[int, Meta(ge=300, le=921600)] | None, _key(
+        "baud rate of a serial port (default: 9600, and any at all on a virtual one)", "BAUD", 9600)] = None
     mount: Annotated[str | None, _key("the name of the mount, where there are several", "NAME", "pier")] = None
     client: Annotated[str, _key(
         "the program that connects here, which then gets what it needs; auto: recognised where it can be, any: never",
