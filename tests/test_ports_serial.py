@@ -116,7 +116,7 @@ def test_names_of_ports_are_taken_for_names_of_ports(where: str) -> None:
     async def main() -> None:
         await open_port(where, lambda name, host, write: Echo(write))
 
-    with pytest.raises(UserError, match="^cannot open "):
+    with pytest.raises(UserError, match=r"^cannot open "):
         asyncio.run(main())
 
 

@@ -32,7 +32,7 @@ def ser2net(workshop: Workshop, name: str, accepter: str, connector: str) -> Non
 def far_mount(workshop: Workshop, mount: str, *more: str) -> tuple[int, Endpoint]:
     """A simulated mount on a serial port behind ser2net: the RFC 2217 port, and a second way to it, for the truth."""
     device = workshop.folder / "mount"
-    argv = [*PRODUCT, "sim", mount, *more, "--at", f"pty:{device}", "--at", "tcp://127.0.0.1:0", "--speed", f"{SPEED:g}"]
+    argv = [*PRODUCT, "sim", mount, *more, "--at", f"pty:{device}", "--at", "tcp://127.0.0.1:0", "--speed", str(SPEED)]
     argv += ["--time", NIGHT.strftime("%Y-%m-%dT%H:%M:%SZ"), f"--site={NORTH.latitude:g},{NORTH.longitude:g}"]
     process = workshop.start(argv, ends_well=True)
     _, second = endpoints(process.wait_for_lines("ready ", 2))
