@@ -54,7 +54,7 @@ def make_simulator(endpoint: Endpoint, *, clock: Callable[[], float], site: tupl
 def simulated_wire(endpoint: Endpoint, config: MountConfig) -> SimulatorWire:
     """A mount ``…@sim`` as the wire of a gateway."""
     simulator = make_simulator(endpoint, clock=time.time, site=config.site or DEFAULT_SITE, speed=config.speed)
-    return SimulatorWire(f"sim {endpoint.protocol}", simulator.feed, config.latency)
+    return SimulatorWire(f"sim {endpoint.protocol}", simulator.connection, config.latency)
 
 
 class _Caller:
@@ -74,6 +74,9 @@ class _Caller:
             asyncio.get_running_loop().call_later(self._latency, lambda: self._write(answer))
         elif answer:
             self._write(answer)
+
+    def serial(self, change_rate: Callable[[int], int]) -> None:
+        """A simulated mount stays at the rate it was opened with."""
 
     def close(self) -> None:
         self._write = lambda data: None

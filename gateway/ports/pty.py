@@ -128,6 +128,7 @@ class _Pair:
             os.close(slave)
             self._held, self._epoll = -1, select.epoll()
             self._epoll.register(self.master, select.EPOLLIN | select.EPOLLET)
+            self._epoll.poll(0)  # that nobody has opened it yet is no news
         asyncio.get_running_loop().add_reader(self._watched, self._wake)
 
     @property
