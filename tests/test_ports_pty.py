@@ -37,6 +37,9 @@ class Visitor:
         self.book.append(data.decode("latin-1"))
         self.write(b"!" * data.count(b"?"))
 
+    def serial(self, change_rate: Callable[[int], int]) -> None:
+        pass
+
     def close(self) -> None:
         self.book.append("leaves")
 

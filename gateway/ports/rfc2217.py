@@ -89,6 +89,9 @@ class _Doorman:
                 telnet.suboption = None
         return plain
 
+    def serial(self, change_rate: Callable[[int], int]) -> None:
+        """There is no serial port behind it."""
+
     def close(self) -> None:
         self._guest.close()
 

@@ -73,7 +73,7 @@ def _gateway(workshop: Workshop, mount: str, port: int, surface: str, transport:
     where = "tcp://127.0.0.1:0" if transport == "tcp" else f"pty:{workshop.folder / 'surface'}"
     argv = [*PRODUCT, "run", "--mount", f"{mount}@socket://127.0.0.1:{port}", "--surface", f"{surface}@{where}"]
     # The mount's night is long past, so today's Sun would count as well, and what is refused depend on the hour.
-    argv += ["--sun", "off"]
+    argv += ["--sun", "0"]
     process = workshop.start(argv, ends_well=True)
     return endpoints(process.wait_for_lines("ready ", 1))[0]
 
