@@ -19,9 +19,11 @@ from gateway.errors import Busy, Fault, NoAnswer, Refused, Silence
 from gateway.transcript import Transcript
 from gateway.wires import Wire
 
-STOP, MOTION, SETTING, POSITION, READ = range(5)
+STOP, MOTION, WAITED, SETTING, POSITION, READ = range(6)
 QUIET = 0.15
 PROOFS = 3
+#: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the hub.
+AGED = {POSITION: 0.25, READ: 0.6}
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 #: A long piece of work of the mount may take that many seconds before what waits behind it is refused.
 BUSY_AFTER = 1.0
@@ -41,10 +43,10 @@ class Dialogue(Protocol):
 class Job:
     """An exchange that waits for its turn."""
 
-    __slots__ = ("ask", "future", "rank")
+    __slots__ = ("ask", "asked", "future", "rank")
 
     def __init__(self, ask: Ask, rank: int, future: asyncio.Future[dict[str, Any]]) -> None:
-        self.ask, self.rank, self.future = ask, rank, future
+        self.ask, self.rank, self.future, self.asked = ask, rank, future, future.get_loop().time()
 
 
 class Line:
@@ -154,7 +156,11 @@ class Line:
         now = asyncio.get_running_loop().time()
         while self._urgent and self._urgent[0] < now - 0.05:
             heapq.heappop(self._urgent)
-        if self._urgent and self._queue[0][0] >= POSITION and self._urgent[0] - now < 1.5 * self.typical:
+        if any(now - job.asked > AGED.get(rank, 1e9) for rank, _, job in self._queue):
+            self._queue = [(WAITED if now - job.asked > AGED.get(rank, 1e9) else rank, order, job)
+                           for rank, order, job in self._queue]
+            heapq.heapify(self._queue)
+        if self._urgent and self._queue[0][2].rank >= POSITION and self._urgent[0] - now < 1.5 * self.typical:
             self._wake.clear()
             try:
                 await asyncio.wait_for(self._wake.wait(), max(0.0, self._urgent[0] - now) + 0.05)

@@ -36,6 +36,7 @@ FLOORS = {
     "wires": 5,
     "line": 5,
     "hub": 5,
+    "access": 5,
     "clients": 5,
     "ports": 5,
     "announce": 5,

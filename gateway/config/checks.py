@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from gateway.access import networks
 from gateway.config.endpoints import nearest, parse_endpoint
 from gateway.config.keys import Config
 from gateway.config.lines import Place
@@ -33,6 +34,7 @@ def mistakes(config: Config) -> Iterator[Mistake]:
                                                        f"{mount.highest:g}")
     yield from _names(config)
     yield from _clients(config)
+    yield from _access(config)
     yield from _taken_twice(config)
     if not config.surface:
         yield Mistake(("surface",), "at least one surface is needed, for example lx200@tcp://127.0.0.1:4030")
@@ -87,6 +89,22 @@ def _clients(config: Config) -> Iterator[Mistake]:
         if surface.client not in known:
             words = f"{surface.client!r}: no such program is known; {nearest(surface.client, known)}"
             yield Mistake(("surface", number, "client"), words)
+
+
+def _access(config: Config) -> Iterator[Mistake]:
+    """Networks that are some, and only where connections come from hosts."""
+    for number, surface in enumerate(config.surface):
+        for key, value in (("allow", surface.allow), ("read-only", surface.read_only)):
+            if not isinstance(value, list):
+                continue
+            place: Place = ("surface", number, key)
+            if not parse_endpoint(surface.at).where.startswith(("tcp://", "rfc2217://")):
+                right = "true or false" if key == "read-only" else "it on a surface at tcp://"
+                yield Mistake(place, f"nobody comes from a network here; write {right}")
+            try:
+                networks(value)
+            except UserError as error:
+                yield Mistake(place, str(error))
 
 
 def _taken_twice(config: Config) -> Iterator[Mistake]:

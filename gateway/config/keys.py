@@ -94,6 +94,13 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     sync_text: Annotated[_Plain | None, _key(
         "reply to :CM# without its # (lx200); else what client says, else the model's own", "TEXT",
         "Coordinates matched.")] = None
+    allow: Annotated[list[str] | None, _key(
+        "tcp: only these networks or addresses may connect (default: all that can reach the port)", "NETWORKS",
+        ["192.168.1.0/24", "127.0.0.1"])] = None
+    read_only: Annotated[bool | list[str], _key(
+        "programs see the mount and may stop it, but move and set nothing: all, or those of these networks",
+        "NETWORKS")] = False
+    max_clients: Annotated[int, _key("tcp: no more connections than this at a time", "N", ge=1, le=10000)] = 400
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):

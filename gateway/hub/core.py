@@ -214,7 +214,8 @@ class Hub:
             return await handler(operation)
         return await self.drive(self.driver.perform(operation), SETTING)
 
-    def begin(self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: Life) -> None:
+    def begin(self, operation: op.Operation, stops: int, failed: Callable[[Fault], None],
+              life: Life) -> asyncio.Future[None]:
         """Carry out an operation that nobody waits for; ``failed`` is told when it was not."""
         motion = self.motions.begin(operation, stops, life) if isinstance(operation, MOTIONS) else None
 
@@ -224,7 +225,7 @@ class Hub:
             except Fault as fault:
                 failed(fault)
 
-        self.spawn(finish())
+        return self.spawn(finish())
 
     async def read(self, operation: op.Operation) -> Any:
         """A read, from the snapshot or by an exchange that everyone who asks shares. Raises Fault."""
