@@ -156,9 +156,9 @@ class Gateway:
         if self.keeping is None:
             self.remember()
         self.prepare(lambda dialogue, transcript: Line(self._wire(), dialogue, transcript))
-        for endpoint, reception in zip(self.endpoints, self.receptions, strict=True):
+        for endpoint, surface, reception in zip(self.endpoints, self.surfaces, self.receptions, strict=True):
             try:
-                self.ports.append(await open_port(endpoint.where, reception.arrive))
+                self.ports.append(await open_port(endpoint.where, reception.arrive, surface.baud))
             except UserError:
                 await self.close()
                 raise

@@ -39,6 +39,7 @@ FLOORS = {
     "access": 5,
     "clients": 5,
     "ports": 5,
+    "announce": 5,
     "guests": 5,
     "state": 5,
     "mark": 5,

@@ -14,6 +14,8 @@ from gateway.config.programs import programs
 from gateway.errors import UserError
 
 _EVERY_ADDRESS = ("0.0.0.0", "::")
+#: What a surface listens on, rather than opens.
+_LISTENING = ("tcp://", "rfc2217://")
 
 
 class Mistake(NamedTuple):
@@ -42,7 +44,7 @@ def _endpoints(config: Config) -> Iterator[Mistake]:
     for place, at in _all(config):
         try:
             where = parse_endpoint(at).where
-            if place[0] == "surface" and where.startswith("tcp://"):
+            if place[0] == "surface" and where.startswith(_LISTENING):
                 from gateway.ports.tcp import split_address
 
                 split_address(where)
@@ -121,7 +123,7 @@ def _taken_twice(config: Config) -> Iterator[Mistake]:
 
 def _address(where: str, listening: bool) -> tuple[str, str]:
     """What must differ: (host, port) of what listens, else the thing and nothing."""
-    if listening and where.startswith("tcp://"):
+    if listening and where.startswith(_LISTENING):
         from gateway.ports.tcp import split_address
 
         host, port = split_address(where)

@@ -51,7 +51,7 @@ class _Connection(asyncio.BufferedProtocol):
         _watch(stream.get_extra_info("socket"))
         peer = stream.get_extra_info("peername") or ("?", 0)
         try:
-            self._guest = self._port.arrive(f"{peer[0]}:{peer[1]}", str(peer[0]), self._write)
+            self._guest = self._port.arrive(f"{_in_brackets(str(peer[0]))}:{peer[1]}", str(peer[0]), self._write)
         except TurnedAway:
             stream.abort()
             return
@@ -112,7 +112,7 @@ def _watch(connection: socket.socket) -> None:
 
 
 class TcpPort:
-    """A listening TCP port."""
+    """A listening TCP port; ``where`` names the real one."""
 
     def __init__(self, arrive: Arrive) -> None:
         self.arrive = arrive
@@ -122,20 +122,26 @@ class TcpPort:
 
     @classmethod
     async def open(cls, where: str, arrive: Arrive) -> TcpPort:
-        """``tcp://HOST:PORT``; without a host this computer only; port 0 takes any free one."""
+        """``SCHEME://HOST:PORT``; without a host this computer only; port 0 takes any free one. Raises UserError.
+
+        The address ``[::]`` is every one of this computer, of both kinds.
+        """
         host, port = split_address(where)
-        self = cls(arrive)
+        self, loop = cls(arrive), asyncio.get_running_loop()
         try:
-            self._server = await asyncio.get_running_loop().create_server(lambda: _Connection(self), host, port,
-                                                                          backlog=BACKLOG)
+            if host == "::":
+                both = socket.create_server((host, port), family=socket.AF_INET6, backlog=BACKLOG,
+                                            dualstack_ipv6=socket.has_dualstack_ipv6())
+                self._server = await loop.create_server(lambda: _Connection(self), sock=both, backlog=BACKLOG)
+            else:
+                self._server = await loop.create_server(lambda: _Connection(self), host, port, backlog=BACKLOG)
         except OSError as error:
             reason = "the port is in use" if "in use" in str(error) else error.strerror or str(error)
             if "assign requested" in str(error):
                 reason = "this computer has no such address"
             raise UserError(f"cannot listen on {where}: {reason}") from None
         real = self._server.sockets[0].getsockname()
-        shown = f"[{real[0]}]" if ":" in real[0] else real[0]
-        self.where = f"tcp://{shown}:{real[1]}"
+        self.where = f"{where.partition('://')[0]}://{_in_brackets(real[0])}:{real[1]}"
         return self
 
     async def close(self) -> None:
@@ -147,8 +153,8 @@ class TcpPort:
 
 
 def exposed(where: str) -> bool:
-    """Whether ``tcp://HOST:PORT``, as a port tells it, can be reached from another computer."""
-    if not where.startswith("tcp://"):
+    """Whether ``SCHEME://HOST:PORT``, as a port tells it, can be reached from another computer."""
+    if not where.startswith(("tcp://", "rfc2217://")):
         return False
     try:
         return not ipaddress.ip_address(split_address(where)[0]).is_loopback
@@ -157,10 +163,15 @@ def exposed(where: str) -> bool:
 
 
 def split_address(where: str) -> tuple[str, int]:
-    """``tcp://HOST:PORT`` -> (host, port). Raises UserError."""
-    host, colon, number = where.removeprefix("tcp://").rpartition(":")
+    """``SCHEME://HOST:PORT`` -> (host, port). Raises UserError."""
+    scheme, _, address = where.partition("://")
+    host, colon, number = address.rpartition(":")
     if number.lstrip("-").isdigit() and not 0 <= int(number) <= 65535:
         raise UserError(f"{where}: a port is a number from 0 (any free one) to 65535")
-    if not colon or not number.isdigit():
-        raise UserError(f"{where}: write tcp://HOST:PORT, for example tcp://127.0.0.1:4030")
+    if not colon or not number.isdigit() or (":" in host and not (host.startswith("[") and host.endswith("]"))):
+        raise UserError(f"{where}: write {scheme}://HOST:PORT, for example {scheme}://127.0.0.1:4030")
     return host.strip("[]") or "127.0.0.1", int(number)
+
+
+def _in_brackets(host: str) -> str:
+    return f"[{host}]" if ":" in host else host
