@@ -1,0 +1,91 @@
+"""Random bytes at both ends of a gateway, a little of it every time, and what larger runs have found.
+
+``tests/proof/fuzz_surfaces.py`` and ``fuzz_drivers.py`` are the same on a large scale.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from random import Random
+
+import pytest
+
+from gateway import operations as op
+from gateway.errors import Fault
+from tests.bridge import Bridge
+from tests.proof.fuzz_bytes import KINDS
+from tests.proof.fuzz_drivers import Findings, lie
+from tests.proof.fuzz_forms import PROTOCOLS, of_reply, of_request
+from tests.proof.fuzz_surfaces import Judge, cases, throw
+from tests.virtual import run
+
+CASES = {str(case): case for case in cases()}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("case", ["lx200:autostar on nexstar:6-8se", "nexstar:cge 4.21 on lx200:autostar"])
+def test_bytes_into_a_surface(case: str, kind: str) -> None:
+    judge = Judge(CASES[case])
+    done, _ = run(throw(CASES[case], kind, Random(f"{case} {kind}"), 1500, judge))
+    assert done >= 1500
+    assert not judge.first
+
+
+@pytest.mark.parametrize("mount", ["lx200:lx200gps", "nexstar:cpc"])
+def test_spoilt_replies_into_a_driver(mount: str) -> None:
+    findings = Findings()
+    assert run(lie(*mount.split(":"), Random(mount), 1500, findings)) >= 1500
+    assert not findings.found
+    assert findings.ended["value"]
+
+
+def test_the_judges_know_bad_from_good() -> None:
+    lx200, nexstar = PROTOCOLS["lx200"], PROTOCOLS["nexstar"]
+    assert not of_reply(lx200, b":GR#", b"12:34:56#")
+    assert not of_reply(nexstar, b"V", b"\x04\x15#")
+    assert not of_reply(nexstar, b"P\1\xb0\x37\0\0\0\1", b"\0\0#"), "the no-response form"
+    assert not of_request(nexstar, b"P\2\x10\x24\0\0\0\0")
+    for frame, reply in ((b":GR#", b"24:00:00#"), (b":GR#", b"12:34:56##"), (b":GD#", b"+9\xff*00#"), (b":Mn#", b"1")):
+        assert of_reply(lx200, frame, reply)
+    for frame, reply in ((b"V", b"\x04\x15"), (b"e", b"12AB,4000#"), (b"Q", b"#")):
+        assert of_reply(nexstar, frame, reply)
+    assert of_request(lx200, b":GR") and of_request(lx200, b":Sr99:00:00#") and of_request(nexstar, b"P\2\x10")
+
+
+# --- what was found ---------------------------------------------------------------------------------------------------
+
+
+def _mute(bridge: Bridge) -> None:
+    bridge.hub.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+
+
+def test_a_read_from_a_mount_that_never_said_who_it_is_ends_also_after_a_stop() -> None:
+    async def program() -> None:
+        bridge = Bridge()
+        _mute(bridge)
+        bridge.hub.start()
+        with pytest.raises(Fault):
+            await bridge.hub.stop()
+        bridge.hub.snapshot.put(op.Slewing, False, bridge.hub.now())  # as an acknowledged stop leaves it
+        await asyncio.sleep(20)
+        async with asyncio.timeout(10):
+            with pytest.raises(Fault):
+                await bridge.hub.read(op.Slewing())
+        await bridge.hub.close()
+
+    run(program())
+
+
+def test_a_stop_that_fails_when_nobody_waits_any_more_leaves_nothing_behind() -> None:
+    async def program() -> None:
+        left: list[object] = []
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: left.append(context))
+        async with Bridge() as bridge:
+            _mute(bridge)
+            waiting = asyncio.create_task(bridge.hub.stop())
+            await asyncio.sleep(1)
+            waiting.cancel()
+            await asyncio.sleep(60)
+        assert not left
+
+    run(program())
