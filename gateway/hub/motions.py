@@ -74,9 +74,9 @@ class Motions:
                 task.cancel()
         for operation in [planned for planned in self._later if not planned.outlives_stop]:
             self._later.pop(operation).cancel()
-        stopping = self._hub.spawn(self._stop())
-        stopping.add_done_callback(lambda task: task.cancelled() or task.exception())  # whoever waits may have gone
-        return stopping
+        task = self._hub.spawn(self._stop())
+        task.add_done_callback(lambda done: done.cancelled() or done.exception())  # owed, whoever waits for it
+        return task
 
     async def stop(self) -> None:
         """The same, and wait until the mount has acknowledged it. Raises Fault."""

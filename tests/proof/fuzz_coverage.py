@@ -2,9 +2,9 @@
 
     python -m tests.proof.fuzz_coverage TARGET [libFuzzer's options, such as -max_total_time=600 -seed=1, and a corpus]
 
-TARGET is lx200-framing, nexstar-framing, lx200-parsing or nexstar-parsing. Framing must not depend on how the bytes were
-cut into packets; parsing takes client bytes through the surface to its replies, and mount bytes through the dialogue to
-its fields. Begins with the conversations in ``tests``; without a corpus directory nothing is kept.
+TARGET is lx200-framing, nexstar-framing, lx200-parsing or nexstar-parsing. Framing must not depend on how the bytes
+were cut into packets; parsing takes client bytes through the surface to its replies, and mount bytes through the
+dialogue to its fields. Begins with the conversations in ``tests``; without a corpus directory nothing is kept.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ with atheris.instrument_imports(include=["gateway"]):
     from gateway.protocols.nexstar.framing import Framer as Lengths
     from gateway.protocols.nexstar.framing import all_lengths
     from tests.fixture import Mount, Talk
+    from tests.proof.fuzz_bytes import conversations
+    from tests.proof.fuzz_forms import PROTOCOLS, of_reply
 
-from tests.proof.fuzz_bytes import conversations
-from tests.proof.fuzz_forms import PROTOCOLS, of_reply
 
 Target = Callable[[bytes], None]
 _MODELS = {"lx200": ["autostar", "lx200", "lx200-16", "lx200gps"], "nexstar": ["6-8se", "cge", "cgx", "cpc", "gt"]}

@@ -1,7 +1,7 @@
 """Judging bytes: is this a reply that the command may have, is this a request that the protocol has?
 
-Replies are measured by the pictures of ``commands.toml`` and, on LX200, by the shapes that were typed from the manual as
-well, which know nothing of the product. A verdict is a sentence; the empty one means that all is well.
+Replies are measured by the pictures of ``commands.toml`` and, on LX200, also by the shapes that were typed from the
+manual and know nothing of the product. A verdict is a sentence; the empty one means that all is well.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _LX200_BYTES = re.compile(rb"[\x20-\x7f\xdf]*")
 _LX200_REQUEST = re.compile(rb"\x06|[:$][\x20-\x22\x24-\x7e\xdf]+#")
 #: NexStar settings are acknowledged even where they do nothing.
 _ACKNOWLEDGED = b"RrBbSsTWHI"
-#: One form may have the shape of its good news in the manual's file alone: what else a mount says there.
+#: What the manual's file leaves out, which has one state and one answer: a sync refused, the target in low precision.
 _LX200_ALSO = {"CM": "#", "Gr": "[0-2][0-9]:[0-5][0-9](:[0-5][0-9]|\\.[0-9])#"}
 
 

@@ -59,9 +59,9 @@ def bars(sim: Meade, name: str, _: Values) -> bytes:
     going = sim.mechanics.slewing(sim.now)
     if not sim.classic:
         return b"\x7f#" if going else b"#"
-    if not going or "ra" not in sim.kept:
+    if not going:
         return b" " * 2 * BARS + b"#"
-    way = separation(*sim.position(), sim.kept["ra"], sim.kept["dec"])
+    way = separation(*sim.position(), sim.kept.get("ra", 0.0), sim.kept.get("dec", 0.0))
     count = max(1, min(BARS, round(way / 180.0 * BARS)))
     return (b"\xff" * count).ljust(BARS) * 2 + b"#"
 
