@@ -42,7 +42,8 @@ def _nexstar_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], f
     from gateway.protocols.nexstar.driver import FOLLOW_UPS
     from gateway.protocols.nexstar.driver.state import NexStar, Settings
 
-    settings = Settings(site=config.site, mode=config.mode, guide_rate=config.guide_rate, park=config.park)
+    settings = Settings(site=config.site, mode=config.mode, guide_rate=config.guide_rate, park=config.park,
+                        aux_home=config.aux_home)
     return NexStar(now, settings, endpoint.model, endpoint.version), dict(FOLLOW_UPS), NexStarDialogue()
 
 
@@ -55,7 +56,10 @@ def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Fa
     name = endpoint.model or "autostar"
     settings = {"precision": config.precision or "high", "limits": limits, "sync_text": config.sync_text}
     model = {**protocol.models[name], "name": name}
-    return Face(Surface(protocol, SPECIALS), lambda now: Framer().feed, frozenset({b":Q#"}), model, settings)
+    halts = {b":Q%c#" % letter: (op.Halt(axis), frozenset(b":M%c#" % other for other in letters))
+             for axis, letters in ((1, b"ew"), (2, b"ns")) for letter in letters}
+    surface = Surface(protocol, SPECIALS)
+    return Face(surface, lambda now: Framer().feed, frozenset({b":Q#"}), model, settings, halts=halts)
 
 
 def _meade_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float]) -> Driven:

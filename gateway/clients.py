@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
 from gateway.errors import Fault
 from gateway.hub import FRESH, MISSING, Hub
 from gateway.hub.dead_man import Life
-from gateway.operations import Operation, Stop
-from gateway.surface import Again, Defer, Handling, Session, Start, Surface
+from gateway.operations import Halt, Operation, Stop
+from gateway.ports.baud import Trial
+from gateway.surface import Again, Defer, Handling, Session, Speed, Start, Surface
 from gateway.transcript import Transcript
 
 #: Commands that may wait for their turn in one connection; more than that and the oldest are dropped.
@@ -65,6 +66,10 @@ class Client:
         self._memo_until = 0.0
         self._spent: list[type[Operation]] = []
         self._plain = True
+        self.halts: Mapping[bytes, tuple[Operation, frozenset[bytes]]] = {}
+        #: Where the connection is a serial port: its baud rate, and the one to go on with after this answer.
+        self.rate: Trial | None = None
+        self._next_rate: int | None = None
 
     def feed(self, data: bytes) -> None:
         """Take bytes as they arrived."""
@@ -86,9 +91,14 @@ class Client:
         frames = self.framing(data)
         self._idle = bool(frames) and data.endswith(frames[-1])  # else half a command may be waiting for its rest
         for frame in frames:
+            if self.rate is not None and self.surface.protocol.find(frame) is not None:
+                self.rate.understood()
             stopping = frame in self.stop_frames
             if stopping:
                 hub.begin_stop()
+            elif frame in self.halts:
+                self._halt(frame)
+                stopping = True
             self._inbox.append((frame, hub.stops, stopping))
         if self._task is None:
             self._pump()
@@ -120,11 +130,13 @@ class Client:
             answer, fault = None, None
             if isinstance(wanted, Start):
                 self._plain = False
-                if not (stopping and isinstance(wanted.operation, Stop)):
+                if not (stopping and isinstance(wanted.operation, Stop | Halt)):
                     self._begin(wanted.operation, stops)
             elif isinstance(wanted, Defer):
                 self._plain = False
                 self._defer(wanted)
+            elif isinstance(wanted, Speed):
+                self._plain, self._next_rate = False, wanted.baud
             else:
                 if isinstance(wanted, Again):
                     wanted = wanted.operation
@@ -201,6 +213,10 @@ class Client:
             self.write(reply)
         elif self.transcript.sinks:
             self._explain(frame)
+        if self._next_rate is not None:
+            if self.rate is not None:
+                self.rate.begin(self._next_rate)
+            self._next_rate = None
 
     def _explain(self, frame: bytes) -> None:
         """Leave a reason for a silence, once for every command of every host."""
@@ -215,6 +231,13 @@ class Client:
             self._memo_version, self._memo_until = self.hub.version, float("inf")
         self._memo[frame] = reply, self._spent
         self._memo_until = min(self._memo_until, self.hub.fresh_until(self._spent))
+
+    def _halt(self, frame: bytes) -> None:
+        """End the motion of an axis before everything that waits here, and take back what would begin it."""
+        operation, beginnings = self.halts[frame]
+        for waiting in [item for item in self._inbox if item[0] in beginnings]:
+            self._inbox.remove(waiting)
+        self._begin(operation, self.hub.stops)
 
     def _begin(self, operation: Operation, stops: int) -> None:
         """An operation nobody is told the outcome of: a failure goes to the transcript."""
@@ -254,3 +277,5 @@ class Client:
     def close(self) -> None:
         """The connection is gone: what it asked for is still done, the replies go nowhere."""
         self.write = lambda data: None
+        if self.rate is not None:
+            self.rate.end()

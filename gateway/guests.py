@@ -7,7 +7,7 @@ programs connected at the same time do not disturb each other.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from msgspec import Struct
@@ -15,7 +15,9 @@ from msgspec import Struct
 from gateway.clients import Client, Equinox, Framing
 from gateway.hub import Hub
 from gateway.hub.dead_man import Life
+from gateway.operations import Operation
 from gateway.ports import Guest
+from gateway.ports.baud import Trial
 from gateway.surface import Session, Surface
 
 INHERIT_FOR = 60.0
@@ -39,6 +41,8 @@ class Face(Struct, frozen=True):
     model: dict[str, Any]
     settings: dict[str, Any]
     equinox: Equinox | None = None
+    #: Commands that halt one axis -> the operation, and the commands that would set this axis moving.
+    halts: Mapping[bytes, tuple[Operation, frozenset[bytes]]] = {}
     #: Whether the mount is equatorial -> the model to present; None where the user has named one.
     fit: Callable[[bool], dict[str, Any]] | None = None
     manners: tuple[Manner, ...] = ()
@@ -63,6 +67,7 @@ class Reception:
             session.kept = dict(kept)
         client = Client(name, self.hub, face.surface, session, face.framing(self.hub.now), write, face.stop_frames,
                         face.equinox, self.hub.transcript, self.hub.dead_man.arrive(host))
+        client.halts = face.halts
         self.hub.transcript.put(name, "+", note=f"surface {self.number}, host {host}")
         return _Visit(client, face.manners, lambda: self._leave(name, host, session, client.life))
 
@@ -99,6 +104,9 @@ class _Visit:
         session.kept["precision"] = manner.settings.get("precision", session.kept["precision"])
         client.transcript.note(client.name, f"this is {manner.program}, and treated so")
         return False
+
+    def serial(self, change_rate: Callable[[int], int]) -> None:
+        self._client.rate = Trial(change_rate)
 
     def close(self) -> None:
         self._client.close()

@@ -1,20 +1,21 @@
 """The line to the mount: one exchange at a time, in order of rank.
 
-Stop goes first, then motion, then settings, then reads. After a silence the line is drained and proven to be in step
-before anything else is sent, or every later answer would belong to an earlier question. A lost port is opened again
-with growing pauses, for ever.
+Stop goes first, then motion, then settings, then reads. A mount that is busy with itself for long is left alone, but
+for a stop. After a silence the line is drained and proven to be in step before anything else is sent, or every later
+answer would belong to an earlier question. A lost port is opened again with growing pauses, for ever.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import heapq
 from collections.abc import Callable, Iterator
 from itertools import count
 from typing import Any, Protocol
 
 from gateway.driver import Ask
-from gateway.errors import Fault, NoAnswer, Refused, Silence
+from gateway.errors import Busy, Fault, NoAnswer, Refused, Silence
 from gateway.transcript import Transcript
 from gateway.wires import Wire
 
@@ -22,6 +23,8 @@ STOP, MOTION, SETTING, POSITION, READ = range(5)
 QUIET = 0.15
 PROOFS = 3
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
+#: A long piece of work of the mount may take that many seconds before what waits behind it is refused.
+BUSY_AFTER = 1.0
 
 
 class Dialogue(Protocol):
@@ -45,7 +48,7 @@ class Job:
 
 
 class Line:
-    """Owns the wire. ``state`` is ``opening``, ``up`` or ``down``; ``on_up`` is called when the wire was (re)opened."""
+    """Owns the wire. ``state`` is ``opening``, ``up``, ``busy`` or ``down``; ``on_up`` is called when it is opened."""
 
     def __init__(self, wire: Wire, dialogue: Dialogue, transcript: Transcript) -> None:
         self.wire, self.dialogue, self.transcript = wire, dialogue, transcript
@@ -60,6 +63,7 @@ class Line:
         self._buffer = b""
         self._arrived = asyncio.Event()
         self._lost = False
+        self._long = False
         self._urgent: list[float] = []
         self._task: asyncio.Task[None] | None = None
 
@@ -87,9 +91,13 @@ class Line:
         """Send a command when its turn comes and return the reply's fields. Raises Fault."""
         if self.state == "down":
             raise NoAnswer
+        if self.state == "busy" and rank != STOP:
+            raise Busy
         future: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
         heapq.heappush(self._queue, (rank, next(self._order), Job(ask, rank, future)))
         self._wake.set()
+        if self._long:
+            self._arrived.set()
         return await future
 
     # --- the worker -----------------------------------------------------------------------------------------------
@@ -165,40 +173,93 @@ class Line:
             self.transcript.put("mount", "<", self._buffer, "dropped: nobody asked")
             self._buffer = b""
         self._arrived.clear()
-        self.transcript.put("mount", ">", request)
         loop = asyncio.get_running_loop()
         began = loop.time()
-        try:
-            self.wire.write(request)
-        except OSError as error:
-            self._on_lost(str(error))
+        if not self._send(request):
             return NoAnswer()
-        deadline = began + (ask.patience or self.dialogue.timeout(ask))
-        while True:
-            taken = self._take(ask)
-            if taken is not None:
-                break
-            left = deadline - loop.time()
-            if left <= 0 or self._lost:
-                self.transcript.put("mount", "<", self._buffer, "no complete answer")
-                if ask.patience is not None and not self._buffer and not self._lost:
-                    return Silence()
-                return NoAnswer()
-            self._arrived.clear()
-            try:
-                async with asyncio.timeout(left):
-                    await self._arrived.wait()
-            except TimeoutError:
-                continue
+        self._long = ask.long
+        taken = await self._reply(ask, began)
+        self._free()
+        if isinstance(taken, Fault):
+            return taken
         outcome, length = taken
         self.transcript.put("mount", "<", self._buffer[:length])
         self._buffer = self._buffer[length:]
         self.answers += 1
-        self.typical += 0.2 * (loop.time() - began - self.typical)
+        if not ask.long:
+            self.typical += 0.2 * (loop.time() - began - self.typical)
         pace = self.dialogue.pace(ask)
         if pace:
             await asyncio.sleep(pace)
+            outcome = self._objection(ask) or outcome
         return outcome
+
+    async def _reply(self, ask: Ask, began: float) -> tuple[dict[str, Any] | Fault, int] | Fault:
+        """Wait for the reply -> it and its length, or the Fault that it did not come."""
+        loop = asyncio.get_running_loop()
+        deadline, busy_at, stops = began + (ask.patience or self.dialogue.timeout(ask)), began + BUSY_AFTER, 0
+        while True:
+            now = loop.time()
+            if ask.long:
+                stops += self._meanwhile(now >= busy_at)
+            taken = self._take(ask)
+            if taken is not None and not (stops and isinstance(taken[0], Busy)):
+                return taken
+            if taken is not None:  # said to a stop, while nothing moves anyway
+                self._buffer, stops = self._buffer[taken[1] :], stops - 1
+                self.transcript.note("mount", "busy: the stop was not heard")
+                continue
+            if now >= deadline or self._lost:
+                self.transcript.put("mount", "<", self._buffer, "no complete answer")
+                quiet = not self._buffer and not self._lost
+                return Silence() if ask.patience is not None and not ask.long and quiet else NoAnswer()
+            self._arrived.clear()
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout_at(busy_at if ask.long and now < busy_at else deadline):
+                    await self._arrived.wait()
+
+    def _send(self, request: bytes) -> bool:
+        """Write to the wire -> whether it was there."""
+        self.transcript.put("mount", ">", request)
+        try:
+            self.wire.write(request)
+        except OSError as error:
+            self._on_lost(str(error))
+            return False
+        return True
+
+    def _free(self) -> None:
+        """The long work of the mount is over."""
+        self._long = False
+        if self.state == "busy":
+            self.state = "up"
+
+    def _meanwhile(self, busy: bool) -> int:
+        """While the mount works: send the stops that need no answer; refuse all else once it is busy -> stops sent."""
+        if busy and self.state == "up":
+            self.state = "busy"
+        sent, waiting = 0, sorted(self._queue)
+        self._queue = []
+        for rank, order, job in waiting:
+            if job.future.done():
+                continue
+            if rank == STOP and self.dialogue.take(job.ask, b"") is not None:
+                sent += self._send(self.dialogue.encode(job.ask))
+                job.future.set_result({})
+            elif self.state == "busy":
+                job.future.set_exception(Busy())
+            else:
+                heapq.heappush(self._queue, (rank, order, job))
+        return sent
+
+    def _objection(self, ask: Ask) -> Fault | None:
+        """What a command without a reply was answered with all the same: that the mount is busy."""
+        taken = self._take(ask) if self._buffer and self.dialogue.take(ask, b"") is not None else None
+        if taken is None or not isinstance(taken[0], Fault):
+            return None
+        self.transcript.put("mount", "<", self._buffer[: taken[1]])
+        self._buffer = self._buffer[taken[1] :]
+        return taken[0]
 
     def _take(self, ask: Ask) -> tuple[dict[str, Any] | Fault, int] | None:
         """The reply, when it is complete; one that cannot be read at all is garbled, never the end of the line."""

@@ -54,7 +54,7 @@ def make_simulator(endpoint: Endpoint, *, clock: Callable[[], float], site: tupl
 def simulated_wire(endpoint: Endpoint, config: MountConfig) -> SimulatorWire:
     """A mount ``…@sim`` as the wire of a gateway."""
     simulator = make_simulator(endpoint, clock=time.time, site=config.site or DEFAULT_SITE, speed=config.speed)
-    return SimulatorWire(f"sim {endpoint.protocol}", simulator.feed, config.latency)
+    return SimulatorWire(f"sim {endpoint.protocol}", simulator.connection, config.latency)
 
 
 class _Caller:
@@ -75,14 +75,17 @@ class _Caller:
         elif answer:
             self._write(answer)
 
+    def serial(self, change_rate: Callable[[int], int]) -> None:
+        """A simulated mount stays at the rate it was opened with."""
+
     def close(self) -> None:
         self._write = lambda data: None
 
 
-async def serve_simulator(simulator: Any, places: list[str], latency: float) -> list[Port]:
-    """Open a simulated mount for other programs."""
+async def serve_simulator(simulator: Any, places: list[str], latency: float, baud: int | None = None) -> list[Port]:
+    """Open a simulated mount for other programs; with ``baud`` its serial ports understand that rate only."""
 
     def arrive(name: str, host: str, write: Callable[[bytes], Any]) -> Guest:
         return _Caller(simulator, latency, write)
 
-    return [await open_port(place, arrive) for place in places]
+    return [await open_port(place, arrive, baud) for place in places]

@@ -7,10 +7,14 @@ hands bytes to the loop: every URL that ``serial.serial_for_url`` opens works. A
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
 import threading
 from collections.abc import Callable
 from typing import Any, Protocol
+
+#: What hand controls and telescopes speak at power-on.
+BAUD = 9600
 
 OnData = Callable[[bytes], None]
 OnLost = Callable[[str], None]
@@ -33,7 +37,7 @@ class Wire(Protocol):
 class SerialWire:
     """Any pyserial URL: a device name, ``socket://``, ``rfc2217://``, ``hwgrep://``, ``spy://`` …"""
 
-    def __init__(self, url: str, baud: int = 9600) -> None:
+    def __init__(self, url: str, baud: int = BAUD) -> None:
         self.name, self.baud = url, baud
         self._port: Any = None
         self._thread: threading.Thread | None = None
@@ -67,6 +71,22 @@ class SerialWire:
             raise OSError(errno.ENODEV, "port is closed")
         self._port.write(data)
 
+    def set_baud(self, baud: int) -> None:
+        """Change the rate of the open port, and nothing else. Raises OSError for a rate that it does not have."""
+        try:
+            self._port.baudrate = baud
+        except Exception as error:  # ValueError, SerialException, termios.error: as the system has it
+            raise OSError(errno.EINVAL, f"{baud} baud: {error}") from None
+        self.baud = baud
+
+    async def change_rate(self) -> None:
+        """Go on at ``baud`` when what was written has left; a port that cannot keeps its rate."""
+        port = self._port
+        if port is not None:
+            with contextlib.suppress(OSError):
+                await asyncio.get_running_loop().run_in_executor(None, port.flush)
+                self.set_baud(self.baud)
+
     async def close(self) -> None:
         port, self._port = self._port, None
         if port is not None:
@@ -85,8 +105,9 @@ def open_port(url: str, baud: int) -> Any:
     """Open a serial URL for exclusive use. Raises OSError that says what is wrong."""
     import serial
 
+    patience = None if url.startswith("rfc2217:") else 2.0  # pyserial's RFC 2217 client knows none
     try:
-        return serial.serial_for_url(url, baudrate=baud, timeout=0.25, write_timeout=2.0, exclusive=True)
+        return serial.serial_for_url(url, baudrate=baud, timeout=0.25, write_timeout=patience, exclusive=True)
     except serial.SerialException as error:
         number = getattr(error, "errno", None)
         text = str(error)
@@ -105,12 +126,21 @@ def open_port(url: str, baud: int) -> Any:
         raise OSError(errno.EINVAL, f"{error}; socket://HOST:PORT, rfc2217://HOST:PORT or a device will do") from None
 
 
+#: (how to send what comes after some seconds) -> (bytes in -> the bytes that are answered at once).
+Connection = Callable[[Callable[[float, bytes], None]], Callable[[bytes], bytes]]
+
+
 class SimulatorWire:
     """A simulated mount in this process; ``latency`` is the time it takes to answer, in seconds."""
 
-    def __init__(self, name: str, feed: Callable[[bytes], bytes], latency: float = 0.0) -> None:
-        self.name, self._feed, self._latency = name, feed, latency
+    def __init__(self, name: str, connection: Connection, latency: float = 0.0) -> None:
+        self.name, self._latency = name, latency
         self._on_data: OnData | None = None
+        self._feed = connection(self._later)
+
+    def _later(self, seconds: float, answer: bytes) -> None:
+        """Some answers come after a while."""
+        asyncio.get_running_loop().call_later(self._latency + seconds, self._deliver, answer)
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
         self._on_data = on_data

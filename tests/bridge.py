@@ -56,7 +56,7 @@ class Bridge:
         self.transcript.sinks.append(self.entries.append)
         driver, follow_ups, dialogue = DRIVERS[driven](Endpoint(driven, "sim"), self.settings, loop.time)
         self.driver: Any = driver
-        line = Line(SimulatorWire("sim", self.sim.feed, latency), dialogue, self.transcript)
+        line = Line(SimulatorWire("sim", self.sim.connection, latency), dialogue, self.transcript)
         given = self.settings.site
         self.observatory = Observatory(loop.time, self.host, op.Place(*given) if given else None)
         self.hub = Hub(driver, follow_ups, line, Sky(), self.observatory, self.transcript,

@@ -43,7 +43,7 @@ FLOORS = {
     "mark": 5,
     "keeping": 5,
     "control": 5,
-    "probe": 5,
+    "detect": 6,
     "pairs": 5,
     "config": 6,
     "simulators": 6,

@@ -11,14 +11,14 @@ import sys
 from typing import NoReturn
 
 from gateway import __version__
-from gateway.cli import config, decode, demo, explain, replay, run, sim, stop, tables
+from gateway.cli import config, decode, demo, detect, explain, replay, run, sim, stop, tables
 from gateway.errors import UserError
 
-COMMANDS = (demo, run, stop, config, sim, tables, explain, replay, decode)
+COMMANDS = (demo, detect, run, stop, config, sim, tables, explain, replay, decode)
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run a command -> its exit code: 0 done, 1 not (a mount that could not be stopped), 2 bad input."""
+    """Run a command -> its exit code: 0 done, 1 not (nothing found, a mount that could not be stopped), 2 bad input."""
     try:
         arguments = parser().parse_args(_bound(sys.argv[1:] if argv is None else argv))
         return int(arguments.run(arguments) or 0)

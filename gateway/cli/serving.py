@@ -188,7 +188,7 @@ async def _find(gateway: Gateway) -> None:
     if line.reason.startswith("cannot open"):
         raise UserError(f"{gateway.title}: {line.reason}")
     await line.close()
-    from gateway.probe import who_answers
+    from gateway.detect import who_answers
 
     found = await who_answers(gateway.mount.where, gateway.config.baud)
     if found and found != gateway.mount.protocol:

@@ -20,6 +20,7 @@ def add(commands: Any) -> None:
     sim.add_argument("device", metavar="PROTOCOL[:MODEL[/VERSION]]", help="for example nexstar:cpc/4.21")
     sim.add_argument("--at", action="append", metavar="WHERE", help="tcp://HOST:PORT or pty:PATH; may be repeated")
     sim.add_argument("--latency", type=float, default=0.0, metavar="S", help="seconds to answer (a real one: 0.1-0.3)")
+    sim.add_argument("--baud", type=int, metavar="N", help="understand this rate only, on a pty as on a real port")
     sim.add_argument("--speed", type=float, default=1.0, help="slews this many times faster")
     sim.add_argument("--time", metavar="ISO", help="begin at this UTC time")
     sim.add_argument("--site", metavar="LAT,LON", default="45,10", help="default 45,10")
@@ -51,19 +52,21 @@ def _sim(arguments: argparse.Namespace) -> int:
     endpoint = parse_device(arguments.device)
     if arguments.latency < 0 or arguments.speed <= 0:
         raise UserError("sim: --latency is 0 or more seconds, --speed more than 0")
+    places = arguments.at or ["tcp://127.0.0.1:0"]
+    if arguments.baud is not None and (arguments.baud <= 0 or all(place.startswith("tcp:") for place in places)):
+        raise UserError("sim: --baud is a rate like 9600, of a serial port: --at pty:PATH")
     start = parse_time(arguments.time) if arguments.time else None
     simulator = make_simulator(endpoint, clock=running_clock(start), site=parse_site(arguments.site),
                                aligned=not arguments.unaligned, speed=arguments.speed)
-    places = arguments.at or ["tcp://127.0.0.1:0"]
     name = f"{endpoint.protocol}:{endpoint.model or DEFAULT_MODEL[endpoint.protocol]}"
-    return with_loop(True, lambda: _serve_simulator(simulator, name, places, arguments.latency))
+    return with_loop(True, lambda: _serve_simulator(simulator, name, places, arguments.latency, arguments.baud))
 
 
-async def _serve_simulator(simulator: Any, name: str, places: list[str], latency: float) -> int:
+async def _serve_simulator(simulator: Any, name: str, places: list[str], latency: float, baud: int | None) -> int:
     from gateway.simulators import serve_simulator
 
     done = until_signal()
-    ports = await serve_simulator(simulator, places, latency)
+    ports = await serve_simulator(simulator, places, latency, baud)
     for port in ports:
         print(f"ready {name}@{port.where}", flush=True)
     await done.wait()

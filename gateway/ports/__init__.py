@@ -15,14 +15,17 @@ from gateway.ports.tcp import TcpPort
 __all__ = ["Arrive", "Guest", "Port", "open_port"]
 
 
-async def open_port(where: str, arrive: Arrive) -> Port:
-    """Open ``tcp://HOST:PORT``, ``pty:PATH`` or a serial port. Raises UserError that says what is wrong."""
+async def open_port(where: str, arrive: Arrive, baud: int | None = None) -> Port:
+    """Open ``tcp://HOST:PORT``, ``pty:PATH`` or a serial port. Raises UserError that says what is wrong.
+
+    ``baud`` is for the two that have a rate: a pseudo-terminal without one understands any.
+    """
     if where.startswith("tcp://"):
         return await TcpPort.open(where, arrive)
     if where.startswith("pty:"):
         if not where[4:]:
             raise UserError("pty: needs a path, for example pty:/tmp/lx200")
-        return PtyPort(where[4:], arrive)
+        return PtyPort(where[4:], arrive, baud)
     if "://" not in where and not where.startswith(("/", "~", ".", "COM")):
         raise UserError(f"{where}: write tcp://HOST:PORT, pty:PATH or the name of a serial port")
-    return await SerialPort.open(where, arrive)
+    return await SerialPort.open(where, arrive, baud or 9600)

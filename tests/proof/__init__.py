@@ -1,1 +1,1 @@
-"""Proofs that run longer than a test may: see README.md."""
+"""Long proofs: run by hand, not by the suite."""

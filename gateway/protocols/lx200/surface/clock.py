@@ -137,15 +137,15 @@ def tell_sidereal(session: Session, command: Command, values: dict[str, Any]) ->
     """:GS - apparent, from the mount's clock and site, plus what :SS set."""
     yield from commit(session)
     sidereal: float = yield SiderealTime()
-    return {"sidereal": (sidereal + session.kept.get("sidereal offset", 0.0)) % 360.0}
+    return {"sidereal": (sidereal + session.shared.get("sidereal offset", 0.0)) % 360.0}
 
 
 def set_sidereal(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """:SS - kept as an offset of this client's."""
+    """:SS - kept as an offset of this surface: the mount's clock stays."""
     if "fault" in values:
         raise values["fault"]
     sidereal: float = yield SiderealTime()
-    session.kept["sidereal offset"] = values["sidereal"] - sidereal
+    session.shared["sidereal offset"] = values["sidereal"] - sidereal
 
 
 def toggle_hours(session: Session, command: Command, values: dict[str, Any]) -> None:

@@ -1,0 +1,119 @@
+"""Who exactly it is, asked by the very driver that will drive it, over the line it will drive it by."""
+
+from __future__ import annotations
+
+import asyncio
+import statistics
+import time
+from typing import Any
+
+from msgspec import Struct
+
+from gateway import operations as op
+from gateway.assembly import DRIVERS
+from gateway.config import Endpoint, MountConfig
+from gateway.detect.ear import Ear
+from gateway.detect.ways import ways
+from gateway.driver import Ask, Driver, Pause, Steps
+from gateway.errors import Fault, NoAnswer
+from gateway.line import Line
+from gateway.transcript import Transcript
+
+#: Seconds in all; a mount that answers takes less than two.
+LONGEST = 20.0
+#: How long a question that may stay unanswered is waited for: so many times the longest answer so far, but at least…
+#: A telescope that has answered in 30 ms will not take the second and a half that a stranger is given.
+TIMES, AT_LEAST = 4.0, 0.75
+POSITIONS = 2
+
+
+class Mount(Struct, frozen=True):
+    """A mount that was found. ``latency`` is the median of its answers in seconds; ``equinox`` is ``jnow`` or ``j2000``
+    by its version, ``aligned`` None when it could not say; ``ways`` are how the gateway will go about things."""
+
+    protocol: str
+    product: str
+    model: str
+    version: str
+    motors: tuple[str, ...]
+    latency: float
+    equinox: str
+    aligned: bool | None
+    equatorial: bool | None
+    tells_model: bool
+    tells_place: bool
+    ways: dict[str, str]
+
+
+class _Talk:
+    """Carries a driver's questions to a line, and keeps the time."""
+
+    def __init__(self, driver: Driver, line: Line) -> None:
+        self.driver, self.line = driver, line
+        self.took: list[float] = []
+
+    async def perform(self, operation: op.Operation) -> Any:
+        """The operation's answer. Raises Fault."""
+        steps: Steps = self.driver.perform(operation)
+        answer: Any = None
+        fault: Fault | None = None
+        try:
+            while True:
+                step = steps.send(answer) if fault is None else steps.throw(fault)
+                answer, fault = None, None
+                if isinstance(step, Ask):
+                    try:
+                        answer = await self._exchange(step)
+                    except Fault as error:
+                        fault = error
+                elif isinstance(step, Pause):
+                    await asyncio.sleep(step.seconds)
+        except StopIteration as end:
+            return end.value
+        finally:
+            steps.close()
+
+    async def _exchange(self, ask: Ask) -> dict[str, Any]:
+        if ask.patience is not None and self.took:
+            ask = ask._replace(patience=min(ask.patience, max(AT_LEAST, TIMES * max(self.took))))
+        now = asyncio.get_running_loop().time
+        began = now()
+        answer = await self.line.exchange(ask)
+        if self.driver.protocol.commands[ask.command].replies:
+            self.took.append(now() - began)
+        return answer
+
+
+async def identify(protocol: str, ear: Ear, model: str | None = None, version: str | None = None) -> Mount:
+    """Let the protocol's driver find out what is on an open wire. Raises Fault when it does not get that far."""
+    now = asyncio.get_running_loop().time
+    driver, _, dialogue = DRIVERS[protocol](Endpoint(protocol, ear.name, model, version), MountConfig(at="-"), now)
+    line = Line(ear, dialogue, Transcript(time.time))
+    talk = _Talk(driver, line)
+    line.start()
+    try:
+        async with asyncio.timeout(LONGEST):
+            identity: op.Identity = await talk.perform(op.GetIdentity())
+            status: op.Status | None = await _maybe(talk, op.GetStatus())
+            for _ in range(POSITIONS):
+                await _maybe(talk, op.Position())
+    except TimeoutError:
+        raise NoAnswer from None
+    finally:
+        await line.close()
+    return Mount(
+        protocol=protocol, product=identity.product, model=identity.model, version=identity.version,
+        motors=identity.motors, latency=statistics.median(talk.took), equinox=driver.equinox,
+        aligned=status.aligned if status else None, equatorial=status.equatorial if status else None,
+        tells_model=identity.model in driver.protocol.models,
+        tells_place=driver.gps or any(driver.knows(name) for name in ("w", "Gt") if name in driver.protocol.commands),
+        ways=ways(driver),
+    )
+
+
+async def _maybe(talk: _Talk, operation: op.Operation) -> Any:
+    """An answer that the mount need not be able to give."""
+    try:
+        return await talk.perform(operation)
+    except Fault:
+        return None

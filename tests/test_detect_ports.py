@@ -1,0 +1,330 @@
+"""Detection on real ports: pseudo-terminals, pyserial's own URLs, a socket, and the command line from end to end."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import json
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+import tty
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import serial
+from serial.rfc2217 import PortManager
+
+from gateway.cli import main
+from gateway.cli.detect import write_whole
+from gateway.config import Endpoint, make_config, read_tables
+from gateway.detect import Finding, Place, look, named
+from gateway.detect.ports import here, holder, lasting_name
+from gateway.detect.probe import Patience
+from gateway.errors import UserError
+from gateway.ports.pty import speed
+from gateway.ports.uart import misread
+from gateway.simulators import make_simulator, serve_simulator
+
+GATEWAY = [sys.executable, "-bb", "-m", "gateway"]
+PATIENCE = 20.0
+#: For devices that are known to answer at once, and for those that never do.
+HURRY = Patience(quiet=0.05, restless=0.2, first=0.1, answer=0.4)
+GLANCE = Patience(quiet=0.02, restless=0.1, first=0.03, answer=0.06)
+MOUNTS = ("lx200:lx200", "lx200:autostar", "lx200:lx200gps", "nexstar:nexstar-gps/1.2", "nexstar:6-8se/4.21")
+GPS = b"$GPGLL,4500.00,N,01000.00,E,220000.00,A*04\r\n"
+
+
+class Terminal:
+    """A pseudo-terminal and somebody behind it, who hears what arrives."""
+
+    def __init__(self, answer: Callable[[bytes], bytes] = lambda data: b"") -> None:
+        self.master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        self.path, self.heard, self._answer = os.ttyname(self._slave), b"", answer
+        asyncio.get_running_loop().add_reader(self.master, self._read)
+
+    def _read(self) -> None:
+        data = os.read(self.master, 1000)
+        self.heard += data
+        os.write(self.master, self._answer(data))
+
+    def close(self) -> None:
+        if self.master >= 0:
+            asyncio.get_running_loop().remove_reader(self.master)
+            os.close(self._slave)
+            os.close(self.master)
+            self.master = -1
+
+
+def at(path: str) -> Place:
+    return Place(path, path)
+
+
+async def _everybody(folder: Path) -> dict[str, Any]:
+    """Everything at the same time: what needs real time is waited for once."""
+    ports, jobs = [], {}
+    for index, what in enumerate((*MOUNTS, "lx200:lx200-16")):
+        protocol, _, model = what.partition(":")
+        name, _, version = model.partition("/")
+        simulator = make_simulator(Endpoint(protocol, "-", name, version or None), clock=time.time)
+        rate = 9600 if what in MOUNTS else 38400
+        ports += await serve_simulator(simulator, [f"pty:{folder / str(index)}"], 0.01, rate)
+        patience = {} if what in MOUNTS[1:] else {"first": HURRY, "others": HURRY}
+        jobs[what] = look(at(str(folder / str(index))), **patience)
+    silent, echo, gps, vanishing, held = [
+        Terminal(), Terminal(lambda data: data), Terminal(), Terminal(), Terminal()]
+    jobs["silent"] = look(at(silent.path), first=GLANCE, others=GLANCE)
+    jobs["echo"] = look(at(echo.path), first=HURRY)
+    jobs["loop"] = look(at("loop://"), first=HURRY)
+    jobs["vanishing"] = look(at(vanishing.path))
+    jobs["gps"] = look(at(gps.path))
+    with serial.Serial(held.path, exclusive=True):
+        jobs["held"] = look(at(held.path))
+        loop = asyncio.get_running_loop()
+        timers = [loop.call_later(0.1 + 0.3 * turn, os.write, gps.master, GPS) for turn in range(3)]
+        timers.append(loop.call_later(0.4, vanishing.close))
+        found = dict(zip(jobs, await asyncio.gather(*jobs.values()), strict=True))
+    found["heard"] = {"silent": silent.heard, "gps": gps.heard, "held": held.heard}
+    for timer in timers:
+        timer.cancel()
+    for terminal in (silent, echo, gps, vanishing, held):
+        terminal.close()
+    for port in ports:
+        await port.close()
+    return found
+
+
+@pytest.fixture(scope="module")
+def cli(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, list[str]]]:
+    """A simulated mount as a process, on a virtual serial port that understands 9600 baud only."""
+    folder = tmp_path_factory.mktemp("cli")
+    simulator = subprocess.Popen(
+        [*GATEWAY, "sim", "nexstar:cpc/4.10", "--at", f"pty:{folder / 'mount'}", "--baud", "9600"],
+        stdout=subprocess.PIPE, text=True)
+    assert simulator.stdout is not None
+    assert simulator.stdout.readline().startswith("ready")
+    arguments = ["detect", "--json", str(folder / "mount"), str(folder / "none"), "--write", str(folder / "g.toml")]
+    yield folder, arguments
+    simulator.terminate()
+    simulator.wait(PATIENCE)
+    simulator.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def found(cli: tuple[Path, list[str]], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """All findings; the command line looks while the others are looked at."""
+    process = subprocess.Popen([*GATEWAY, *cli[1]], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    everybody = asyncio.run(_everybody(tmp_path_factory.mktemp("ports")))
+    out, error = process.communicate(timeout=PATIENCE)
+    return {**everybody, "cli": (process.returncode, out, error)}
+
+
+@pytest.mark.parametrize("what", MOUNTS)
+def test_a_mount_on_a_pseudo_terminal_is_found(found: dict[str, Any], what: str) -> None:
+    finding: Finding = found[what]
+    assert finding.mount is not None, finding
+    assert (finding.mount.protocol, finding.baud) == (what.partition(":")[0], 9600)
+    assert finding.seconds < 5.0
+
+
+def test_a_mount_at_another_rate_is_found(found: dict[str, Any]) -> None:
+    finding = found["lx200:lx200-16"]
+    assert finding.mount is not None, finding
+    assert (finding.mount.model, finding.baud) == ("lx200-16", 38400)
+
+
+def test_a_silent_port_hears_the_harmless_questions_only(found: dict[str, Any]) -> None:
+    assert found["silent"].state == "silent"
+    assert found["heard"]["silent"] == b"Kx\x06" * 11
+
+
+@pytest.mark.parametrize(("what", "state"), [
+    ("echo", "echo"), ("loop", "echo"), ("gps", "gps"), ("vanishing", "vanished"), ("held", "busy"),
+])  # fmt: skip
+def test_what_is_no_mount_is_said_to_be_none(found: dict[str, Any], what: str, state: str) -> None:
+    assert (found[what].state, found[what].mount) == (state, None)
+
+
+def test_who_talks_and_who_is_in_use_hear_nothing(found: dict[str, Any]) -> None:
+    assert (found["heard"]["gps"], found["heard"]["held"]) == (b"", b"")
+
+
+def test_the_command_line_writes_what_run_reads(found: dict[str, Any], cli: tuple[Path, list[str]]) -> None:
+    code, out, error = found["cli"]
+    folder = cli[0]
+    mount, none = json.loads(out)
+    assert (code, mount["state"], none["state"]) == (0, "mount", "unopened"), error
+    assert "no such port" in none["words"]
+    assert (mount["mount"]["model"], mount["mount"]["version"], mount["baud"]) == ("cpc", "4.10", 9600)
+    assert mount["mount"]["run"] == (
+        f"mount-gateway run --mount nexstar@{folder / 'mount'} --surface lx200@tcp://127.0.0.1:4030")
+    config = make_config(*read_tables(folder / "g.toml"))
+    assert (config.mount[0].at, config.mount[0].baud) == (f"nexstar@{folder / 'mount'}", 9600)
+    assert config.surface[0].at == "lx200@tcp://127.0.0.1:4030"
+    assert sorted(path.name for path in folder.iterdir()) == ["g.toml", "mount"]
+
+
+def test_no_mount_is_exit_code_1_and_a_mistake_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    there = tmp_path / "gateway.toml"
+    there.write_text("mine")
+    none = str(tmp_path / "none")
+    assert main(["detect", none]) == 1
+    assert capsys.readouterr().out == f"{none}\n  cannot be opened: no such port\n"
+    assert main(["detect", "--write", str(there), none]) == 2
+    assert capsys.readouterr() == ("", f"mount-gateway: {there}: is there already; --force replaces it\n")
+    assert there.read_text() == "mine"
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    path = tmp_path / "gateway.toml"
+    write_whole(path, "new", force=False)
+    with pytest.raises(UserError, match="--force"):
+        write_whole(path, "newer", force=False)
+    assert path.read_text() == "new"
+    write_whole(path, "newer", force=True)
+    assert [file.read_text() for file in tmp_path.iterdir()] == ["newer"]
+    with pytest.raises(UserError, match="No such file"):
+        write_whole(tmp_path / "no" / "gateway.toml", "new", force=False)
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(UserError):
+        write_whole(tmp_path / "folder", "new", force=True)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["folder", "gateway.toml"]
+
+
+def test_a_port_that_may_not_be_opened(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise serial.SerialException(errno.EACCES, "could not open port /dev/x: [Errno 13] Permission denied: '/dev/x'")
+
+    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    finding = asyncio.run(look(at("/dev/x")))
+    assert finding.state == "unopened"
+    assert "dialout" in finding.reason
+
+
+def test_who_has_a_port_without_a_lock_is_named(tmp_path: Path) -> None:
+    port, link = tmp_path / "ttyUSB0", tmp_path / "by-id"
+    port.write_bytes(b"")
+    link.symlink_to(port)
+    assert holder(str(port)) == ""
+    with port.open("rb"):
+        assert f"(process {os.getpid()})" in holder(str(link))
+        finding = asyncio.run(look(at(str(link))))
+    assert (finding.state, finding.seconds) == ("busy", 0.0)
+    assert "in use by" in finding.reason
+
+
+def test_the_name_that_lasts_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    device, folder = tmp_path / "ttyUSB0", tmp_path / "by-id"
+    device.write_bytes(b"")
+    folder.mkdir()
+    (folder / "usb-Prolific-if00").symlink_to(device)
+    assert lasting_name(str(device), folder) == str(folder / "usb-Prolific-if00")
+    assert lasting_name("/dev/ttyS0", folder) == "/dev/ttyS0"
+    assert lasting_name("COM3", tmp_path / "none") == "COM3"
+
+    class Port:
+        device, description = "/dev/ttyUSB7", "USB-Serial Controller"
+
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: [Port])
+    assert here() == [Place("/dev/ttyUSB7", "/dev/ttyUSB7", "USB-Serial Controller")]
+
+
+def test_an_endpoint_may_be_given_for_a_port() -> None:
+    assert named("lx200@/dev/ttyS0").named == Endpoint("lx200", "/dev/ttyS0")
+    assert named("/dev/serial/by-path/pci-0000:00:1d.0@1").named is None
+    with pytest.raises(UserError, match="no model"):
+        named("nexstar:cpx@/dev/ttyS0")
+
+
+# --- over the network ---------------------------------------------------------------------------------------------
+
+
+class FarPort:
+    """What an RFC 2217 server needs of its serial port; the server sets whatever it likes, and bytes go to a device."""
+
+    cts = dsr = ri = cd = False
+    baudrate, bytesize, parity, stopbits = 9600, 8, "N", 1
+    rtscts = xonxoff = False
+    dtr = rts = break_condition = False
+
+    def reset_input_buffer(self) -> None: ...
+
+    reset_output_buffer = reset_input_buffer
+
+
+def serve_rfc2217(listener: socket.socket, device: Callable[[bytes], bytes]) -> None:
+    """One client of a serial port elsewhere."""
+    link, _ = listener.accept()
+
+    class Connection:
+        write = staticmethod(link.sendall)
+
+    with link:
+        manager = PortManager(FarPort(), Connection())
+        while data := link.recv(1000):
+            answer = device(b"".join(manager.filter(data)))
+            link.sendall(b"".join(manager.escape(answer)))
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning:serial.*")  # its client names its thread as of old
+def test_a_mount_behind_rfc2217_is_found() -> None:
+    sim = make_simulator(Endpoint("nexstar", "-", "cge", "3.02"), clock=time.time)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        server = threading.Thread(target=serve_rfc2217, args=(listener, sim.feed), daemon=True)
+        listener.settimeout(5.0)
+        server.start()
+        finding = asyncio.run(look(at(f"rfc2217://127.0.0.1:{listener.getsockname()[1]}"), first=HURRY))
+        server.join(5.0)
+    assert finding.mount is not None, finding
+    assert (finding.mount.model, finding.baud) == ("cge", None)
+
+
+def test_a_mount_behind_a_socket_is_found() -> None:
+    async def program() -> Finding:
+        simulator = make_simulator(Endpoint("lx200", "-", "lx200gps"), clock=time.time)
+        [port] = await serve_simulator(simulator, ["tcp://127.0.0.1:0"], 0.0)
+        finding = await look(at(port.where.replace("tcp:", "socket:")), first=HURRY)
+        await port.close()
+        return finding
+
+    finding = asyncio.run(program())
+    assert finding.mount is not None, finding
+    assert (finding.mount.model, finding.baud) == ("lx200gps", None)
+
+
+# --- the simulated UART -------------------------------------------------------------------------------------------
+
+
+def test_a_receiver_at_another_rate_reads_something_else() -> None:
+    everything = bytes(range(256))
+    assert misread(everything, 9600, 9600) == everything
+    assert misread(everything, 56700, 57600) == everything
+    assert misread(b"\x06", 4800, 9600) == b"x"  # 0 0110 0000 1, each bit twice: 0 0001 1110, and no stop bit
+    assert misread(b"\x00", 9600, 19200)[:1] == b"\x00"
+    for rate in (1200, 4800, 19200, 38400):
+        assert misread(b"Kx\x06:GR#", rate, 9600) not in (b"Kx\x06:GR#", b"")
+
+
+def test_a_terminals_rate_is_read_even_without_a_name() -> None:
+    master, slave = os.openpty()
+    try:
+        for rate in (9600, 14400, 57600):
+            with serial.Serial(os.ttyname(slave), rate):
+                assert speed(slave) == rate
+    finally:
+        os.close(slave)
+        os.close(master)
+
+
+@pytest.mark.parametrize("arguments", [
+    ["sim", "nexstar:cpc", "--baud", "9600"], ["sim", "nexstar:cpc", "--baud", "0", "--at", "pty:/tmp/never"],
+])  # fmt: skip
+def test_a_rate_needs_a_serial_port(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(arguments) == 2
+    assert "--at pty:PATH" in capsys.readouterr().err
