@@ -12,6 +12,7 @@ import pytest
 
 from gateway import operations as op
 from gateway.errors import Fault
+from gateway.hub.guard import Look
 from gateway.line import READ
 from gateway.protocols.lx200.simulator import Meade
 from tests.bridge import EVENING, Bridge
@@ -182,3 +183,17 @@ def test_a_simulated_classic_shows_bars_on_the_way_to_half_a_target() -> None:
     sim.feed(b":Sr02:00:00#:MS#")
     now[0] += 1.0
     assert sim.feed(b":D#").startswith(b"\xff")
+
+
+def test_a_look_from_before_the_site_was_known_is_measured_again_from_the_sun_too() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            guard = bridge.hub.guard
+            seen = await bridge.hub.read(op.Position())
+            guard._before, guard._farthest = Look(bridge.hub.now() - 1.0, seen, None, None, []), []
+            guard._coasts_until = 0.0
+            assert guard._measured(bridge.hub.now(), seen).suns
+            guard.look(seen)
+            assert guard._farthest
+
+    run(program())
