@@ -187,7 +187,7 @@ def test_a_simulated_classic_shows_bars_on_the_way_to_half_a_target() -> None:
 
 def test_a_look_from_before_the_site_was_known_is_measured_again_from_the_sun_too() -> None:
     async def program() -> None:
-        async with Bridge() as bridge:
+        async with Bridge(start=EVENING - 10 * 3600.0) as bridge:
             guard = bridge.hub.guard
             seen = await bridge.hub.read(op.Position())
             guard._before, guard._farthest = Look(bridge.hub.now() - 1.0, seen, None, None, []), []
