@@ -12,10 +12,11 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
-from gateway.errors import Fault
+from gateway.access import harmless
+from gateway.errors import Fault, ReadOnly
 from gateway.hub import FRESH, MISSING, Hub
 from gateway.hub.dead_man import Life
-from gateway.operations import Halt, Operation, Stop
+from gateway.operations import CancelGoto, Focus, Halt, Operation, Stop
 from gateway.ports.baud import Trial
 from gateway.surface import Again, Defer, Handling, Session, Speed, Start, Surface
 from gateway.transcript import Transcript
@@ -23,6 +24,8 @@ from gateway.transcript import Transcript
 #: Commands that may wait for their turn in one connection; more than that and the oldest are dropped.
 INBOX = 256
 MEMO = 32
+#: Operations of one connection that may be under way without anybody waiting for them; only an end is begun beyond.
+BEGUN = 16
 #: A half that is asked for within this many seconds of the other one belongs to the same instant.
 PAIR = 1.0
 
@@ -58,6 +61,10 @@ class Client:
         self.transcript = transcript
         self._inbox: deque[tuple[bytes, int, bool]] = deque(maxlen=INBOX)
         self._task: asyncio.Task[None] | None = None
+        #: It moves and sets nothing.
+        self.read_only = False
+        self.open = True
+        self._begun: dict[asyncio.Future[None], Operation] = {}
         self._deferred: dict[str, asyncio.TimerHandle] = {}
         self._told: dict[type[Operation], Told] = {}
         self._memo: dict[bytes, tuple[bytes, list[type[Operation]]]] = {}
@@ -70,6 +77,11 @@ class Client:
         #: Where the connection is a serial port: its baud rate, and the one to go on with after this answer.
         self.rate: Trial | None = None
         self._next_rate: int | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether anything it has asked for is still under way."""
+        return self._task is not None or bool(self._begun)
 
     def feed(self, data: bytes) -> None:
         """Take bytes as they arrived."""
@@ -130,6 +142,8 @@ class Client:
             answer, fault = None, None
             if isinstance(wanted, Start):
                 self._plain = False
+                if self._refused(wanted.operation):
+                    continue
                 if not (stopping and isinstance(wanted.operation, Stop | Halt)):
                     self._begin(wanted.operation, stops)
             elif isinstance(wanted, Defer):
@@ -143,6 +157,9 @@ class Client:
                     answer = self._again(wanted)
                     if answer is not None:
                         continue
+                if self._refused(wanted):
+                    self._plain, fault = False, ReadOnly()
+                    continue
                 value = self.hub.peek(wanted)
                 if value is MISSING:
                     return wanted
@@ -151,6 +168,17 @@ class Client:
                 else:
                     self._plain = False
                 answer = self._tell(wanted, value)
+
+    def _refused(self, operation: Operation) -> bool:
+        """Whether a client that only looks is told no; it goes to the transcript."""
+        if not self.read_only or harmless(operation):
+            return False
+        self.refuse(type(operation).__name__)
+        return True
+
+    def refuse(self, what: str) -> None:
+        """Leave a note of what a client that only looks was refused, once for every host."""
+        self.transcript.note_once(self.name, f"{what} refused: read only", self.name.rpartition(":")[0])
 
     def _again(self, operation: Operation) -> Any:
         """What this client was told a moment ago; None when that is too long ago."""
@@ -242,10 +270,18 @@ class Client:
     def _begin(self, operation: Operation, stops: int) -> None:
         """An operation nobody is told the outcome of: a failure goes to the transcript."""
         name = type(operation).__name__
-        self.hub.begin(
+        if len(self._begun) >= BEGUN:
+            ends = isinstance(operation, Halt | CancelGoto) or operation == Focus(0)
+            if not ends or operation in self._begun.values():
+                self.transcript.note_once(self.name, f"commands come faster than the mount takes them: {name} not done",
+                                          self.name.rpartition(":")[0])
+                return
+        task = self.hub.begin(
             self._inward(operation), stops, lambda fault: self.transcript.note(self.name, f"{name}: {fault}"),
             self.life,
         )
+        self._begun[task] = operation
+        task.add_done_callback(lambda done: self._begun.pop(done, None))
 
     def _defer(self, wanted: Defer) -> None:
         old = self._deferred.pop(wanted.special, None)
@@ -260,12 +296,13 @@ class Client:
         steps = self.surface.specials[special](self.session, None, {})  # type: ignore[arg-type]
         try:
             wanted = self._through(steps, None, self.hub.stops, False)
+            await self._finish(steps, wanted, self.hub.stops, False)
         except StopIteration:
             return
-        try:
-            await self._finish(steps, wanted, self.hub.stops, False)
         except Fault as fault:
             self.transcript.note(self.name, f"{special}: {fault}")
+        except Exception as error:
+            self._defect(special.encode(), error)
 
     def _inward(self, operation: Operation) -> Operation:
         return operation if self.equinox is None else self.equinox.inward(operation)
@@ -275,6 +312,7 @@ class Client:
 
     def close(self) -> None:
         """The connection is gone: what it asked for is still done, the replies go nowhere."""
+        self.open = False
         self.write = lambda data: None
         if self.rate is not None:
             self.rate.end()

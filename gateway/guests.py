@@ -12,6 +12,7 @@ from typing import Any
 
 from msgspec import Struct
 
+from gateway.access import MOST_HOSTS, Access, Sealed, TurnedAway
 from gateway.clients import Client, Equinox, Framing
 from gateway.hub import Hub
 from gateway.hub.dead_man import Life
@@ -52,14 +53,18 @@ class Reception:
     """Makes a client for every connection of one port."""
 
     def __init__(self, hub: Hub, face: Face, shared: dict[str, Any], host_clock: Callable[[], float],
-                 changed: Callable[[], None], number: int = 1) -> None:
+                 changed: Callable[[], None], number: int = 1, access: Access = Access()) -> None:
         self.hub, self.face, self.shared, self.clock, self.changed = hub, face, shared, host_clock, changed
         #: Which of the gateway's surfaces this is, counted from 1.
         self.number = number
+        self.access = access
+        self._clients: set[Client] = set()
+        self._turned: set[str] = set()
         self._left: dict[str, tuple[float, dict[str, Any]]] = {}
 
     def arrive(self, name: str, host: str, write: Callable[[bytes], Any]) -> Guest:
-        """A new connection."""
+        """A new connection. Raises TurnedAway."""
+        self._admit(name, host)
         face = self.face
         session = Session(face.model, face.settings, self.clock, self.shared, self.changed)
         at, kept = self._left.get(host, (-1e9, {}))
@@ -68,8 +73,26 @@ class Reception:
         client = Client(name, self.hub, face.surface, session, face.framing(self.hub.now), write, face.stop_frames,
                         face.equinox, self.hub.transcript, self.hub.dead_man.arrive(host))
         client.halts = face.halts
+        self._clients.add(client)
+        if self.access.only_looks(host):
+            client.read_only = True
+            session.shared = Sealed(self.shared, lambda: client.refuse("a setting"))
         self.hub.transcript.put(name, "+", note=f"surface {self.number}, host {host}")
         return _Visit(client, face.manners, lambda: self._leave(name, host, session, client.life))
+
+    def _admit(self, name: str, host: str) -> None:
+        """See whether a connection may be, and say once of a host why not. Raises TurnedAway."""
+        self._clients = {client for client in self._clients if client.open or client.busy}
+        if not self.access.admits(host):
+            why = "it is not in allow"
+        elif len(self._clients) >= self.access.most:
+            why = f"there are {self.access.most} clients (max-clients) already"
+        else:
+            return
+        if host not in self._turned and len(self._turned) < MOST_HOSTS:
+            self._turned.add(host)
+            self.hub.transcript.note(name, f"{host} was turned away from surface {self.number}: {why}")
+        raise TurnedAway
 
     def _leave(self, name: str, host: str, session: Session, life: Life) -> None:
         self.hub.transcript.put(name, "-")

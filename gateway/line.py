@@ -20,23 +20,25 @@ from gateway.talk import QUIET, Dialogue, Talk
 from gateway.transcript import Transcript
 from gateway.wires import Wire
 
-STOP, MOTION, SETTING, POSITION, READ = range(5)
+STOP, MOTION, WAITED, SETTING, POSITION, READ = range(6)
 #: How often the line is proven before it counts as down; after a proof that failed, so many times more quiet is wanted.
 PROOFS, QUIETER = 3, 3.0
 #: After half a command nothing is sent for this long: a hand control would take it for the other half.
 HALF_COMMAND = 3.5
 #: A port that nobody has answered on for this long is opened anew.
 MUTE = 20.0
+#: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the hub.
+AGED = {POSITION: 0.25, READ: 0.6}
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 
 
 class Job:
     """An exchange that waits for its turn."""
 
-    __slots__ = ("ask", "future", "rank")
+    __slots__ = ("ask", "asked", "future", "rank")
 
     def __init__(self, ask: Ask, rank: int, future: asyncio.Future[dict[str, Any]]) -> None:
-        self.ask, self.rank, self.future = ask, rank, future
+        self.ask, self.rank, self.future, self.asked = ask, rank, future, future.get_loop().time()
 
 
 class Line:
@@ -210,7 +212,11 @@ class Line:
         now = self._now()
         while self._urgent and self._urgent[0] < now - 0.05:
             heapq.heappop(self._urgent)
-        if self._urgent and self._queue[0][0] >= POSITION and self._urgent[0] - now < 1.5 * self.typical:
+        if any(now - job.asked > AGED.get(rank, 1e9) for rank, _, job in self._queue):
+            self._queue = [(WAITED if now - job.asked > AGED.get(rank, 1e9) else rank, order, job)
+                           for rank, order, job in self._queue]
+            heapq.heapify(self._queue)
+        if self._urgent and self._queue[0][2].rank >= POSITION and self._urgent[0] - now < 1.5 * self.typical:
             self._wake.clear()
             try:
                 await asyncio.wait_for(self._wake.wait(), max(0.0, self._urgent[0] - now) + 0.05)
@@ -255,7 +261,7 @@ class Line:
         if (self.state, self.reason) != ("down", reason):
             self.transcript.note("mount", reason)
         self.state, self.reason = "down", reason
-        for _, _, job in sorted(self._queue):
+        for _, _, job in sorted(self._queue, key=lambda item: (item[2].rank, item[1])):
             if not job.future.done():
                 job.future.set_exception(NoAnswer())
         self._queue.clear()

@@ -28,7 +28,7 @@ class RecordedLoop(VirtualLoop):
     """Virtual time in which deadlines are as late as they were.
 
     A busy computer wakes late, and what a client says meanwhile comes first. A deadline shortly before something left
-    the gateway, or was noted, was what brought that about. Shorter waits lead to requests, which are held back until then.
+    the gateway, or was noted, was what brought it about. Shorter waits lead to requests, which are held back till then.
     """
 
     def __init__(self, events: list[Event]) -> None:

@@ -71,7 +71,7 @@ class _Caller:
     def feed(self, data: bytes) -> None:
         answer = self._feed(data)
         if answer and self._latency:
-            asyncio.get_running_loop().call_later(self._latency, self._write, answer)
+            asyncio.get_running_loop().call_later(self._latency, lambda: self._write(answer))
         elif answer:
             self._write(answer)
 

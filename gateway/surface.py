@@ -54,9 +54,10 @@ class Session:
     __slots__ = ("changed", "clock", "kept", "last", "model", "settings", "shared")
 
     def __init__(self, model: Mapping[str, Any], settings: Mapping[str, Any], clock: Callable[[], float],
-                 shared: dict[str, Any], changed: Callable[[], None] = lambda: None) -> None:
+                 shared: Any, changed: Callable[[], None] = lambda: None) -> None:
         self.model, self.settings, self.clock = model, settings, clock
-        #: What all clients of a mount have in common, and what to call when the lasting part of it has changed.
+        #: What all clients of a mount have in common, a mapping that may be sealed, and what to call when the lasting
+        #: part of it has changed.
         self.shared, self.changed = shared, changed
         #: The frame before this one.
         self.last = b""

@@ -20,8 +20,9 @@ from gateway.transcript import Transcript
 QUIET = 0.15
 #: No disturbance is waited out for longer than that at a time.
 DRAIN = 5.0
-#: A second copy of a reply follows the first within this; what might be mistaken for it is not asked before.
-GAP = 0.05
+#: A second copy of a reply follows the first within this; what might be mistaken for it is not asked before, where it
+#: is an acknowledgement and no more, or where bytes that answer nothing have come within the last minutes.
+GAP, UNRULY = 0.05, 300.0
 #: A reply that is an acknowledgement and no more counts when nothing has followed it for this long.
 SETTLE = 0.02
 #: A long piece of work of the mount may take that many seconds before what waits behind it is refused.
@@ -60,13 +61,13 @@ class Talk:
         self.long = False
         #: When something was written last, seconds of the loop's clock; never yet is long ago.
         self.wrote = -1e9
-        #: How long an answer takes, the last one took, seconds, and how many there were.
+        #: How long an answer takes, and the last one took on the wire, in seconds; how many there were.
         self.typical, self.took, self.answers = 0.02, 0.0, 0
         self.doubt = Doubt(dialogue.alike)
         self._now = asyncio.get_running_loop().time
         self._buffer = b""
         self._arrived = asyncio.Event()
-        self._heard = -1e9
+        self._heard = self._stray = -1e9
         self._last: Ask | None = None
         self._proofs = 0
         self._stops = 0
@@ -104,8 +105,11 @@ class Talk:
 
     def gap(self, ask: Ask) -> float:
         """Seconds of quiet still wanted before a question, lest the rest of the last answer be taken for its own."""
-        if not self._buffer and (self._last is None or not self.dialogue.alike(self._last, ask)):
-            return 0.0
+        if not self._buffer:
+            if self._last is None or not self.dialogue.alike(self._last, ask):
+                return 0.0
+            if self._now() > self._stray + UNRULY and not self.dialogue.bare(ask):
+                return 0.0
         left = self._heard + GAP - self._now()
         return left if left > 1e-6 else 0.0
 
@@ -167,6 +171,7 @@ class Talk:
 
     def _unanswered(self, ask: Ask, began: float) -> Fault:
         """What it means that no reply came."""
+        self.took = self._now() - began
         if self.lost:
             self.half = True
         elif ask.patience is not None and not ask.long and not self._buffer:
@@ -202,6 +207,7 @@ class Talk:
     def drop(self, why: str) -> None:
         """Forget bytes that answer nothing."""
         if self._buffer:
+            self._stray = self._now()
             self._cut(len(self._buffer), f"dropped: {why}")
 
     # --- in step again ----------------------------------------------------------------------------------------------

@@ -18,6 +18,8 @@ BAUD = 9600
 
 OnData = Callable[[bytes], None]
 OnLost = Callable[[str], None]
+#: How long a read waits, in seconds, and how many bytes are taken from a socket at a time.
+TIMEOUT, CHUNK = 0.25, 4096
 
 
 class Wire(Protocol):
@@ -58,12 +60,23 @@ class SerialWire:
             while self._port is port:
                 data = port.read(1)
                 if data:
-                    waiting = port.in_waiting
-                    data += port.read(waiting) if waiting else b""
-                    loop.call_soon_threadsafe(on_data, bytes(data))
+                    try:
+                        data += self._rest(port)
+                    finally:  # a byte and the end of the connection: the byte counts
+                        loop.call_soon_threadsafe(on_data, bytes(data))
         except Exception as error:  # pyserial has many kinds of failure, and a reader that dies must say so
             if self._port is port and not loop.is_closed():
                 loop.call_soon_threadsafe(on_lost, str(error))
+
+    def _rest(self, port: Any) -> bytes:
+        """What is there besides the first byte, without waiting for more."""
+        if not self.name.startswith("socket://"):
+            waiting = port.in_waiting
+            return bytes(port.read(waiting)) if waiting else b""
+        port.timeout = 0  # a socket says that 1 byte waits, however many there are
+        rest = port.read(CHUNK)
+        port.timeout = TIMEOUT
+        return bytes(rest)
 
     def write(self, data: bytes) -> None:
         if self._port is None:
@@ -106,9 +119,14 @@ def open_port(url: str, baud: int) -> Any:
     """Open a serial URL for exclusive use. Raises OSError that says what is wrong."""
     import serial
 
-    patience = None if url.startswith("rfc2217:") else 2.0  # pyserial's RFC 2217 client knows none
+    patience: float | None = 2.0
+    opened = url
+    if url.startswith("rfc2217://"):
+        patience = None  # pyserial's RFC 2217 client knows none
+        # ser2net leaves DTR and RTS unconfirmed where the port has no such lines; no mount needs them
+        opened += "" if "ign_set_control" in url else "&ign_set_control" if "?" in url else "?ign_set_control"
     try:
-        return serial.serial_for_url(url, baudrate=baud, timeout=0.25, write_timeout=patience, exclusive=True)
+        return serial.serial_for_url(opened, baudrate=baud, timeout=TIMEOUT, write_timeout=patience, exclusive=True)
     except serial.SerialException as error:
         number = getattr(error, "errno", None)
         text = str(error)

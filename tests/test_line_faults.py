@@ -75,7 +75,8 @@ def test_a_second_copy_is_not_the_answer_to_the_next_question(after: float) -> N
         return hand_control(data) if reply is None else [(0.05, reply), (0.05 + after, reply)]
 
     async def program() -> None:
-        line, _ = await opened(answers)
+        line, wire = await opened(answers)
+        wire.deliver(b"#")  # a line that has shown that it does such things
         first, second = [asyncio.ensure_future(line.exchange(Ask(name))) for name in ("e", "z")]
         done = await asyncio.gather(first, second, return_exceptions=True)
         for outcome, field, value in zip(done, ("ra", "az"), (22.5, 67.5), strict=True):

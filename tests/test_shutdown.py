@@ -217,8 +217,8 @@ class Served:
         async def program() -> int:
             mover = asyncio.ensure_future(self._move(then))
             try:
-                return await serving.serve_gateway(
-                    Config(MountConfig(at="nexstar@socket://-"), [SurfaceConfig(at="lx200@tcp://127.0.0.1:0")]))
+                return await serving.serve_mounts(
+                    Config([MountConfig(at="nexstar@socket://-")], [SurfaceConfig(at="lx200@tcp://127.0.0.1:0")]))
             finally:
                 mover.cancel()
 

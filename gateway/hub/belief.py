@@ -40,7 +40,7 @@ _LATITUDE = {"ra": "dec", "az": "alt", "longitude": "latitude"}
 
 
 class Heard(Struct):
-    """An answer, or the fault that is one (silence, no such device), and when it was asked for and came."""
+    """An answer, or the fault that is one (silence, no such device), and when its question was sent and it came."""
 
     values: Mapping[str, Any]
     fault: Fault | None
@@ -106,7 +106,6 @@ class Belief:
     async def _hear(self, ask: Ask, rank: int) -> Heard:
         """One answer; garbled ones are asked again. Raises NoAnswer and Busy."""
         for attempt in range(GARBLED_TRIES):
-            asked = self._now()
             values: Mapping[str, Any] = {}
             fault: Fault | None = None
             try:
@@ -119,7 +118,8 @@ class Belief:
                 raise
             except Fault as said:
                 fault = said
-            return Heard(values, fault, asked, self._now())
+            came = self._now()
+            return Heard(values, fault, came - self._line.talk.took, came)
         raise NoAnswer
 
     def _wanted(self, kind: str, known: Heard | None, heard: Heard, strangers: int) -> int:
@@ -146,7 +146,7 @@ class Belief:
         return before.values == after.values
 
     def _reach(self, before: Heard, after: Heard) -> float:
-        """Degrees that the mount can have moved between two answers; what each took was mostly waiting for the line."""
+        """Degrees that the mount can have moved between two answers, and while the first one came."""
         took = min(before.came - before.asked, 2.5 * self._line.typical)
         return NEAR + self._fastest * (after.came - before.came + took)
 

@@ -186,7 +186,7 @@ class Hub:
 
     def begin_stop(self) -> None:
         """End every motion, before everything else; from now on it counts as stopped."""
-        self.motions.begin_stop().add_done_callback(lambda task: task.cancelled() or task.exception())
+        self.motions.begin_stop()
 
     async def stop(self) -> None:
         """The same, and wait until the mount has acknowledged it. Raises Fault."""
@@ -216,7 +216,8 @@ class Hub:
             return await handler(operation)
         return await self.drive(self.driver.perform(operation), SETTING)
 
-    def begin(self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: Life) -> None:
+    def begin(self, operation: op.Operation, stops: int, failed: Callable[[Fault], None],
+              life: Life) -> asyncio.Future[None]:
         """Carry out an operation that nobody waits for; ``failed`` is told when it was not."""
         motion = self.motions.begin(operation, stops, life) if isinstance(operation, MOTIONS) else None
 
@@ -226,14 +227,14 @@ class Hub:
             except Fault as fault:
                 failed(fault)
 
-        self.spawn(finish())
+        return self.spawn(finish())
 
     async def read(self, operation: op.Operation) -> Any:
         """A read, from the snapshot or by an exchange that everyone who asks shares. Raises Fault."""
         value = self.peek(operation)
         if value is not MISSING:
             return value
-        first = type(operation) not in self.snapshot.seen
+        first = type(operation) not in self.snapshot.seen or not self.identified.is_set()
         try:
             async with asyncio.timeout(FIRST_ANSWER if first else None):
                 return await asyncio.shield(self.shared(operation))

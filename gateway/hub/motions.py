@@ -25,6 +25,8 @@ MOTIONS = (
     *GOTOS, op.CancelGoto, op.Sync, op.Move, op.MoveAxis, op.Halt, op.Pulse, op.PulseAxis, op.SetTracking, op.TrackRate,
     op.SetHome, op.Unpark, op.Sleep, op.Wake, op.Focus,
 )  # fmt: skip
+#: Of these the last one counts: what still waits is not carried out any more, so no joystick gets ahead of the line.
+LATEST = (op.Move, op.MoveAxis, op.TrackRate)
 #: What can set the mount moving: a killed gateway leaves it so.
 MOVING = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
 #: How often a stop is sent again on a line that is up, when its answer was lost.
@@ -47,6 +49,8 @@ class Motions:
         self.owed = False
         self.axes: set[int] = set()
         self._turn = asyncio.Lock()
+        self._at_turn: asyncio.Task[Any] | None = None
+        self._stopping: asyncio.Task[None] | None = None
         self._jobs: dict[asyncio.Task[Any], op.Operation] = {}
         self._later: dict[op.Operation, asyncio.TimerHandle] = {}
         self._checks = Checks(hub)
@@ -74,13 +78,24 @@ class Motions:
                 task.cancel()
         for operation in [planned for planned in self._later if not planned.outlives_stop]:
             self._later.pop(operation).cancel()
-        task = self._hub.spawn(self._stop())
-        task.add_done_callback(lambda done: done.cancelled() or done.exception())  # owed, whoever waits for it
-        return task
+        if self._stopping is None or self._stopping.done():  # else it is being done: nothing can have begun since
+            self._stopping = self._hub.spawn(self._stop())
+            # owed, whoever waits for it
+            self._stopping.add_done_callback(lambda done: done.cancelled() or done.exception())
+        return self._stopping
 
     async def stop(self) -> None:
         """The same, and wait until the mount has acknowledged it. Raises Fault."""
         await asyncio.shield(self.begin_stop())
+
+    async def _take_turn(self) -> None:
+        """One after the other, but a stop goes before all that wait. Whoever has had its turn releases it."""
+        await self._turn.acquire()
+        while self._stopping is not None and not self._stopping.done():
+            self._turn.release()
+            await asyncio.sleep(0)
+            await self._turn.acquire()
+        self._at_turn = asyncio.current_task()
 
     async def _stop(self) -> None:
         async with self._turn:
@@ -118,9 +133,11 @@ class Motions:
             raise
 
     def _make_way(self, operation: op.Operation) -> None:
-        """A halt ends what would set its axis moving, the end of gotos ends those that wait."""
+        """A halt ends what would set its axis moving, the end of gotos those that wait, a newer rate an older one."""
         for task, other in list(self._jobs.items()):
             halted = isinstance(operation, op.Halt) and axis_moved(other) == operation.axis
+            if isinstance(operation, LATEST) and task is not self._at_turn:
+                halted = (axis_moved(other), type(other)) == (axis_moved(operation), type(operation))
             if halted or (isinstance(operation, op.CancelGoto) and isinstance(other, GOTOS)):
                 task.cancel()
 
@@ -131,7 +148,8 @@ class Motions:
             task.exception()  # whoever still waits gets it; nobody waiting is no error
 
     async def _run(self, operation: op.Operation, stops: int, life: Life | None) -> Any:
-        async with self._turn:
+        await self._take_turn()
+        try:
             if stops != self.stops and not (isinstance(operation, op.Halt) or operation.outlives_stop):
                 raise Stopped
             operation = await self._checks.admit(operation)
@@ -144,6 +162,8 @@ class Motions:
                 if ends:  # whatever should have ended must end
                     self.begin_stop()
                 raise
+        finally:
+            self._turn.release()
         self._after(operation)
         self._hub.dead_man.began(operation, life)
         return value
@@ -198,9 +218,12 @@ class Motions:
         special = self._follow_ups.get(type(operation))
         driver = self._hub.driver
         try:
-            async with self._turn:
+            await self._take_turn()
+            try:
                 steps = special(driver, operation) if special else driver.perform(operation)
                 await self._hub.drive(steps, STOP if urgent else MOTION)
+            finally:
+                self._turn.release()
             self._hub.changed()
         except Fault as fault:
             self._hub.transcript.note("mount", f"{type(operation).__name__}: {fault}")

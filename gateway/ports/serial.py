@@ -7,14 +7,14 @@ import contextlib
 
 from gateway.errors import UserError
 from gateway.ports.guest import Arrive, Guest
-from gateway.wires import BAUD, SerialWire
+from gateway.wires import SerialWire
 
 
 class SerialPort:
     """A real serial port, or any pyserial URL, with one client behind it."""
 
     def __init__(self, url: str, baud: int) -> None:
-        self.where = url
+        self.where, self._baud = url, baud
         self._wire = SerialWire(url, baud)
         self._guest: Guest | None = None
         self._reopening: asyncio.Task[None] | None = None
@@ -43,7 +43,7 @@ class SerialPort:
         return former
 
     def _lost(self, reason: str) -> None:
-        self._wire.baud = BAUD  # whoever comes back has been switched off meanwhile
+        self._wire.baud = self._baud  # whoever comes back has been switched off meanwhile
         self._reopening = asyncio.get_running_loop().create_task(self._reopen())
 
     async def _reopen(self) -> None:

@@ -1,8 +1,7 @@
 """Arrows, their rates, and guiding.
 
-Motor sense is kept. A fork on its wedge turns the same way everywhere, and in the south it is the other pole that its
-base is tilted to: positive is west and north in the northern hemisphere, east and south in the southern one. That is
-also how its axes are read (``Derived.axes``), so a program that moves an axis up sees its reading rise.
+Motor sense is kept, that of the German mount which a polar telescope is presented as: positive is west on the first
+axis (east in the south) and north on the second, which is what programs mean by it in both hemispheres.
 """
 
 from __future__ import annotations
@@ -17,9 +16,11 @@ LONGEST_PULSE = 9999  # milliseconds: the four digits of :Mg
 
 
 def _letter(mount: Meade, axis: int, sense: int) -> str:
+    if axis == 2:
+        return "n" if sense > 0 else "s"
     if mount.equatorial and mount.southern:
         sense = -sense
-    return ("w" if axis == 1 else "n") if sense > 0 else ("e" if axis == 1 else "s")
+    return "w" if sense > 0 else "e"
 
 
 def move(mount: Meade, operation: Move) -> Steps:
