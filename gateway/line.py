@@ -29,6 +29,9 @@ HALF_COMMAND = 3.5
 MUTE = 20.0
 #: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the hub.
 AGED = {POSITION: 0.25, READ: 0.6}
+#: Turns of the event loop in which whoever had an answer may ask on: the second half of a position, and a motion that
+#: waited for one, come before reads of a lower rank.
+TURNS = 8
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 
 
@@ -170,8 +173,8 @@ class Line:
                     job.future.set_exception(outcome)
                 else:
                     job.future.set_result(outcome)
-                if self._queue:
-                    await asyncio.sleep(0)  # so that the second half of a position comes before reads of a lower rank
+                for _ in range(TURNS if self._queue else 0):
+                    await asyncio.sleep(0)
             if isinstance(outcome, NoAnswer | Silence):
                 await self._recover()
         self._down(f"{self.wire.name} was lost")
@@ -212,10 +215,7 @@ class Line:
         now = self._now()
         while self._urgent and self._urgent[0] < now - 0.05:
             heapq.heappop(self._urgent)
-        if any(now - job.asked > AGED.get(rank, 1e9) for rank, _, job in self._queue):
-            self._queue = [(WAITED if now - job.asked > AGED.get(rank, 1e9) else rank, order, job)
-                           for rank, order, job in self._queue]
-            heapq.heapify(self._queue)
+        self._age()
         if self._urgent and self._queue[0][2].rank >= POSITION and self._urgent[0] - now < 1.5 * self.typical:
             self._wake.clear()
             try:
@@ -231,6 +231,14 @@ class Line:
                 await asyncio.wait_for(self._wake.wait(), gap)
             return None
         return heapq.heappop(self._queue)[2]
+
+    def _age(self) -> None:
+        """Reads that have waited long rise in rank."""
+        now = self._now()
+        if any(now - job.asked > AGED.get(rank, 1e9) for rank, _, job in self._queue):
+            self._queue = [(WAITED if now - job.asked > AGED.get(rank, 1e9) else rank, order, job)
+                           for rank, order, job in self._queue]
+            heapq.heapify(self._queue)
 
     def _meanwhile(self, busy: bool) -> int:
         """While the mount works: send the stops that need no answer; refuse all else once it is busy -> stops sent."""
