@@ -29,6 +29,8 @@ HALF_COMMAND = 3.5
 MUTE = 20.0
 #: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the hub.
 AGED = {POSITION: 0.25, READ: 0.6}
+#: After so many exchanges for motions in a row one such read goes first: no flood of arrows may hide where the mount is.
+IN_A_ROW = 1
 #: Turns of the event loop in which whoever had an answer may ask on: the second half of a position, and a motion that
 #: waited for one, come before reads of a lower rank.
 TURNS = 8
@@ -57,7 +59,7 @@ class Line:
         self._order = count()
         self._queue: list[tuple[int, int, Job]] = []
         self._wake = asyncio.Event()
-        self._opened = 0
+        self._opened = self._motions = 0
         self._urgent: list[float] = []
         self._task: asyncio.Task[None] | None = None
 
@@ -98,7 +100,7 @@ class Line:
         if self.state == "busy" and rank != STOP:
             raise Busy
         future: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
-        heapq.heappush(self._queue, (rank, next(self._order), Job(ask, rank, future)))
+        self._queue.append((rank, next(self._order), Job(ask, rank, future)))
         self._wake.set()
         self.talk.nudge()
         return await future
@@ -165,6 +167,7 @@ class Line:
             job = await self._next()
             if job is None:
                 continue
+            self._motions = self._motions + 1 if job.rank == MOTION else 0
             outcome = await self.talk.exchange(job.ask)
             if self.state == "busy":
                 self.state = "up"
@@ -206,8 +209,7 @@ class Line:
 
     async def _next(self) -> Job | None:
         """The next job in order of rank; a read waits where it would delay something urgent."""
-        while self._queue and self._queue[0][2].future.done():
-            heapq.heappop(self._queue)
+        self._queue = [item for item in self._queue if not item[2].future.done()]
         if not self._queue:
             self._wake.clear()
             await self._wake.wait()
@@ -215,30 +217,33 @@ class Line:
         now = self._now()
         while self._urgent and self._urgent[0] < now - 0.05:
             heapq.heappop(self._urgent)
-        self._age()
-        if self._urgent and self._queue[0][2].rank >= POSITION and self._urgent[0] - now < 1.5 * self.typical:
+        first = self._waiting()[0]
+        if self._urgent and first[2].rank >= POSITION and self._urgent[0] - now < 1.5 * self.typical:
             self._wake.clear()
             try:
                 await asyncio.wait_for(self._wake.wait(), max(0.0, self._urgent[0] - now) + 0.05)
             except TimeoutError:
                 heapq.heappop(self._urgent)
             return None
-        rank, _, job = self._queue[0]
-        gap = 0.0 if rank == STOP else self.talk.gap(job.ask)
+        job = first[2]
+        gap = 0.0 if job.rank == STOP else self.talk.gap(job.ask)
         if gap > 0:
             self._wake.clear()
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._wake.wait(), gap)
             return None
-        return heapq.heappop(self._queue)[2]
+        self._queue.remove(first)
+        return job
 
-    def _age(self) -> None:
-        """Reads that have waited long rise in rank."""
-        now = self._now()
-        if any(now - job.asked > AGED.get(rank, 1e9) for rank, _, job in self._queue):
-            self._queue = [(WAITED if now - job.asked > AGED.get(rank, 1e9) else rank, order, job)
-                           for rank, order, job in self._queue]
-            heapq.heapify(self._queue)
+    def _waiting(self) -> list[tuple[int, int, Job]]:
+        """Whatever waits, in the order in which its turn comes; reads that have waited long rise in rank."""
+        now, waited = self._now(), STOP + 0.5 if self._motions >= IN_A_ROW else WAITED
+
+        def turn(item: tuple[int, int, Job]) -> tuple[float, int]:
+            rank, order, job = item
+            return (waited if now - job.asked > AGED.get(rank, 1e9) else rank), order
+
+        return sorted(self._queue, key=turn)
 
     def _meanwhile(self, busy: bool) -> int:
         """While the mount works: send the stops that need no answer; refuse all else once it is busy -> stops sent."""
@@ -255,7 +260,7 @@ class Line:
             elif self.state == "busy":
                 job.future.set_exception(Busy())
             else:
-                heapq.heappush(self._queue, (rank, order, job))
+                self._queue.append((rank, order, job))
         return sent
 
     def _up(self) -> None:
@@ -269,7 +274,7 @@ class Line:
         if (self.state, self.reason) != ("down", reason):
             self.transcript.note("mount", reason)
         self.state, self.reason = "down", reason
-        for _, _, job in sorted(self._queue, key=lambda item: (item[2].rank, item[1])):
+        for _, _, job in sorted(self._queue):
             if not job.future.done():
                 job.future.set_exception(NoAnswer())
         self._queue.clear()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import heapq
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable
@@ -126,11 +125,9 @@ class RecordedLine(Line):
 
     async def _next(self) -> Job | None:
         if self._recorded.granted > self._recorded.written and self._recorded.script:
-            self._age()  # of two that ask the same the one goes first that did then
-            for item in sorted(self._queue):
+            for item in self._waiting():  # of two that ask the same the one goes first that did then
                 if not item[2].future.done() and self._bytes(item[2].ask) == self._recorded.script[0]:
                     self._queue.remove(item)
-                    heapq.heapify(self._queue)
                     return item[2]
         self._wake.clear()
         await self._wake.wait()
