@@ -27,7 +27,7 @@ class Bridge:
     def __init__(self, mount: str = "6-8se", version: str | None = None, *, site: tuple[float, float] = (45.0, 10.0),
                  latency: float = 0.05, aligned: bool = True, speed: float = 1.0, surface: str | None = "autostar",
                  config: dict[str, Any] | None = None, driven: str = "nexstar", presented: str = "lx200",
-                 start: float = EVENING, host_ahead: float = 0.0) -> None:
+                 surface_version: str | None = None, start: float = EVENING, host_ahead: float = 0.0) -> None:
         loop = asyncio.get_running_loop()
         self._began = loop.time()
         self.clock = lambda: start + loop.time() - self._began
@@ -45,7 +45,7 @@ class Bridge:
         self.observatory = Observatory(loop.time, self.host, op.Place(*given) if given else None)
         self.hub = Hub(driver, follow_ups, line, Sky(), self.observatory, self.transcript,
                        policy(self.settings))
-        face = FACES[presented](Endpoint(presented, "-", surface), SurfaceConfig(at="-"), self.settings.limits)
+        face = FACES[presented](Endpoint(presented, "-", surface, surface_version), SurfaceConfig(at="-"), self.settings.limits)
         face.surface.verbatim = presented == driven
         self.reception = Reception(self.hub, face, {"sites": {}}, self.clock, lambda: None)
 

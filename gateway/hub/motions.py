@@ -36,6 +36,12 @@ def axis_moved(operation: op.Operation) -> int | None:
     return operation.axis if isinstance(operation, op.MoveAxis) else None
 
 
+def _heed(task: asyncio.Task[Any]) -> None:
+    """Whoever waits for a task gets its exception; that nobody waits is no error."""
+    if not task.cancelled():
+        task.exception()
+
+
 class Motions:
     """Everything that can move the mount. ``stops`` counts those so far, ``gotos`` what was asked for and begun."""
 
@@ -66,7 +72,9 @@ class Motions:
                 task.cancel()
         for operation in [planned for planned in self._later if not planned.outlives_stop]:
             self._later.pop(operation).cancel()
-        return self._hub.spawn(self._stop())
+        task = self._hub.spawn(self._stop())
+        task.add_done_callback(_heed)
+        return task
 
     async def stop(self) -> None:
         """The same, and wait until the mount has acknowledged it. Raises Fault."""
@@ -116,8 +124,7 @@ class Motions:
     def _ended(self, task: asyncio.Task[Any]) -> None:
         self._jobs.pop(task, None)
         self._hub.snapshot.version += 1
-        if not task.cancelled():
-            task.exception()  # whoever still waits gets it; nobody waiting is no error
+        _heed(task)
 
     async def _run(self, operation: op.Operation, stops: int, life: Life | None) -> Any:
         async with self._turn:

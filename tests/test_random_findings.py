@@ -1,0 +1,61 @@
+"""What random sequences brought to light, each as short as it can be told."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+from typing import Any
+
+import pytest
+
+from tests.bridge import Bridge
+from tests.virtual import run
+
+
+def test_a_stop_that_nobody_waits_for_may_fail_in_peace() -> None:
+    """A sleeping hand control answers no stop: that is one line in the log and no traceback."""
+
+    async def program() -> list[Any]:
+        uncaught: list[Any] = []
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: uncaught.append(context))
+        async with Bridge("6-8se", surface="lx200gps") as bridge:
+            client = bridge.client()
+            client.tell(b":RS#:Mn#:hN#")
+            await asyncio.sleep(1)
+            client.tell(b":Qn#")
+            await asyncio.sleep(60)
+            gc.collect()
+            assert any(entry.note.startswith("stop: No answer") for entry in bridge.entries)
+        return uncaught
+
+    assert run(program()) == []
+
+
+@pytest.mark.parametrize("arrow", [b":Mn#", b":Mw#"])
+def test_small_gotos_need_an_alignment_too(arrow: bytes) -> None:
+    async def program() -> None:
+        config = {"site": (45.0, 10.0), "mode": "alt-az"}
+        async with Bridge("nexstar-gps", "1.2", aligned=False, config=config) as bridge:
+            bridge.client().tell(b":RS#" + arrow)
+            await asyncio.sleep(5)
+            assert not [sent for sent in bridge.sent() if sent.startswith(b"R")]
+            assert any(entry.note == "Move: Mount not aligned." for entry in bridge.entries)
+            assert not bridge.hub.moving
+
+    run(program())
+
+
+def test_the_first_question_of_a_kind_waits_for_a_busy_line() -> None:
+    """Two seconds are for a mount that has never answered; one that is being spoken to answers in its turn."""
+
+    async def program() -> None:
+        async with Bridge("cpc", driven="nexstar", presented="nexstar", surface="cge", latency=0.3) as bridge:
+            client = bridge.client()
+            client.tell(b"P\x02\x10\x24\x05\x00\x00\x00")
+            await asyncio.sleep(2)
+            client.tell(b"b20000000,10AA0000" + b"P\x02\x11\x24\x05\x00\x00\x00" + b"r80000000,10AA0000")
+            await asyncio.sleep(0.01)
+            reply = await client.ask(b"Z")
+            assert len(reply) == 10, reply
+
+    run(program())
