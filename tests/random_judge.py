@@ -18,6 +18,8 @@ LENGTHS = {**dict.fromkeys("EZezJLMVmtwhvplxyiu", 1), **dict.fromkeys("TK", 2), 
 #: Never to any device: firmware upload (RTC setting excepted), memory, an axis's position, finding the index.
 FIRMWARE, MEMORY, INDEX, SET_POSITION = range(0x81, 0x85), (0x30, 0x31), 0x19, 0x04
 RTC, RTC_DATE, RTC_YEAR = 178, 0x83, 0x84
+#: Hand controls before that are moved by small gotos, which are ended on their way: the tube is judged, not the goal.
+STEPS_BEFORE = (1, 6)
 #: What a coarse request may be off by.
 ROUNDING = 0.02
 
@@ -176,7 +178,8 @@ class Judge:
             if opcode in "Rr" and not self.sim.aligned:
                 self.complain(f"{data!r} without an alignment")
             elif opcode in "Rr":
-                self._target(repr(data), *folded(first, second))
+                if not (opcode == "R" and self.sim.version < STEPS_BEFORE):
+                    self._target(repr(data), *folded(first, second))
             elif opcode in "Ss":
                 self._sync(repr(data), *folded(first, second))
             elif self.sim.aligned and self.sim.mechanics.build.name == "ALTAZ":
