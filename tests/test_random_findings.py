@@ -59,3 +59,23 @@ def test_the_first_question_of_a_kind_waits_for_a_busy_line() -> None:
             assert len(reply) == 10, reply
 
     run(program())
+
+
+def test_tracking_that_was_just_switched_off_hides_no_sun() -> None:
+    """The manual's own order, T 0 and then the slew: the slew is looked at all the same."""
+
+    async def program() -> None:
+        june = 1782036000.0  # 2026-06-21 10:00 UTC: the Sun at azimuth 136, altitude 63
+        async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se", start=june) as bridge:
+            client = bridge.client()
+            await client.ask(b"b82D80000,2CCC0000")  # azimuth 184, altitude 63: 21 degrees before it
+            for _ in range(60):
+                await asyncio.sleep(0.5)
+                await client.ask(b"e")
+            assert await client.ask(b"T\x00") == b"#"
+            assert await client.ask(b"P\x02\x10\x25\x09\x00\x00\x00") == b"#"  # azimuth falls, 8 degrees a second
+            await asyncio.sleep(1)
+            assert b":Me#" not in bridge.sent()
+            assert any("Too close to the Sun" in entry.note for entry in bridge.entries)
+
+    run(program())

@@ -34,7 +34,7 @@ class Checks:
         """An operation that the limits allow, in the form that this mount can carry out. Raises Fault."""
         hub = self._hub
         if isinstance(operation, op.Move | op.MoveAxis):
-            self._check_by_hand(operation)
+            await self._check_by_hand(operation)
         elif isinstance(operation, op.Park | op.Home):
             there = hub.driver.destination(operation)
             own = isinstance(operation, op.Park) and hub.policy.own_park
@@ -169,11 +169,15 @@ class Checks:
 
     # --- by hand ----------------------------------------------------------------------------------------------------
 
-    def _check_by_hand(self, operation: op.Move | op.MoveAxis) -> None:
+    async def _check_by_hand(self, operation: op.Move | op.MoveAxis) -> None:
         """Raises BelowHorizon, TooHigh or NearSun when a limit would be crossed before the guard can act."""
         hub = self._hub
         seen, status = hub.snapshot.value(op.Position), hub.snapshot.value(op.GetStatus)
-        if seen is None or status is None or not status.aligned or hub.observatory.site() is None:
+        if seen is None or hub.observatory.site() is None:
+            return
+        if status is None:  # programs switch tracking off before a slew, and nothing is known of it after that
+            status = await hub.read(op.GetStatus())
+        if not status.aligned:
             return
         if hub.snapshot.age(op.Position, hub.now()) > OLD_POSITION:
             return

@@ -267,7 +267,7 @@ class Hub:
 
     async def _settled(self) -> None:
         """A goto has just ended: nobody is told so before the position is known where it ended."""
-        self.snapshot.forget(op.HorizontalPosition, op.AxisPosition, op.Position)
+        self.snapshot.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
         await self.read(op.Position())
 
     async def tube_side(self) -> str | None:

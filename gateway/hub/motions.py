@@ -154,6 +154,7 @@ class Motions:
             self.gotos += 1
             self.axes.clear()
             snapshot.put(op.Slewing, True, self._hub.now())
+            snapshot.forget(op.PierSide)  # the tube may change sides on its way
         elif axis is not None:
             self.axes.add(axis)
             snapshot.changed(op.Position)  # it must be watched from now on
