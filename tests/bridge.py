@@ -45,7 +45,8 @@ class Bridge:
         self.observatory = Observatory(loop.time, self.host, op.Place(*given) if given else None)
         self.hub = Hub(driver, follow_ups, line, Sky(), self.observatory, self.transcript,
                        policy(self.settings))
-        face = FACES[presented](Endpoint(presented, "-", surface, surface_version), SurfaceConfig(at="-"), self.settings.limits)
+        shown = Endpoint(presented, "-", surface, surface_version)
+        face = FACES[presented](shown, SurfaceConfig(at="-"), self.settings.limits)
         face.surface.verbatim = presented == driven
         self.reception = Reception(self.hub, face, {"sites": {}}, self.clock, lambda: None)
 

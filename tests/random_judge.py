@@ -20,6 +20,7 @@ FIRMWARE, MEMORY, INDEX, SET_POSITION = range(0x81, 0x85), (0x30, 0x31), 0x19, 0
 RTC, RTC_DATE, RTC_YEAR = 178, 0x83, 0x84
 #: Hand controls before that are moved by small gotos, which are ended on their way: the tube is judged, not the goal.
 STEPS_BEFORE = (1, 6)
+TELLS_SIDE = (4, 15)
 #: What a coarse request may be off by.
 ROUNDING = 0.02
 
@@ -117,7 +118,8 @@ class Judge:
         self.looks += 1
         elapsed = now - before[0]
         moved = apart(*before[2], *here)
-        jumped = moved > 2.0 * self.turned(before[1], axes) + 0.1
+        speed_of_axes = self.turned(before[1], axes) / elapsed
+        jumped = moved > 2.0 * speed_of_axes * elapsed + 0.1  # by a sync; a look later it is seen where it leads
         speed = moved / elapsed
         altitude = self.altitude(*here)
         beyond = {"low": self.lowest - altitude, "high": altitude - self.highest,
@@ -128,7 +130,7 @@ class Judge:
             if amount <= 0.0:
                 self._entered[limit] = 0.0
             elif jumped or speed < MOTION or self.lenient or not (self.strict and self.sim.aligned):
-                self._entered[limit] = max(self._entered[limit], amount)
+                self._entered[limit] = max(self._entered[limit], amount + jumped * speed_of_axes)
             else:
                 farther = amount - self._entered[limit]
                 self.worst[limit] = max(self.worst[limit], farther)
@@ -141,8 +143,16 @@ class Judge:
         return speed
 
     def tolerance(self) -> float:
-        """By hand nothing but jitter; on the way of a goto, what it goes between two looks and a stop."""
-        return float(self.sim.mechanics.fastest) * 1.5 if self._slewed else 0.1
+        """By hand nothing but jitter; on the way of a goto what it goes between two looks and a stop."""
+        if self.bridge.clock() < getattr(self.sim, "busy_until", 0.0):
+            return 2.5 * float(self.sim.mechanics.fastest)  # an LX200GPS that is busy tells nothing, and moves on
+        if self._slewed or self._sideless():
+            return float(self.sim.mechanics.fastest) * 1.5
+        return 0.1
+
+    def _sideless(self) -> bool:
+        """A German mount whose hand control does not tell the side of the pier: its north may be south."""
+        return self.protocol == "nexstar" and self.sim.german and self.sim.version < TELLS_SIDE
 
     # --- looking at the bytes ---------------------------------------------------------------------------------------
 
@@ -164,8 +174,12 @@ class Judge:
             self.complain(f"{words} to {distance:.2f} degrees from the Sun")
 
     def _sync(self, words: str, ra: float, dec: float) -> None:
-        if self.strict and self.sim.aligned and apart(ra, dec, *self.believed()) > 15.5:
+        if self.strict and self.sim.aligned and apart(ra, dec, *self.believed()) > self.sync_limit():
             self.complain(f"{words} by {apart(ra, dec, *self.believed()):.1f} degrees")
+
+    def sync_limit(self) -> float:
+        """Fifteen degrees, and what a goto goes between the look and the sync."""
+        return 15.1 + (float(self.sim.mechanics.fastest) if self.sim.mechanics.slewing(self.bridge.clock()) else 0.0)
 
     def _to_hand_control(self, data: bytes) -> None:
         opcode = chr(data[0])

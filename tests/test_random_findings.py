@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from tests.bridge import Bridge
+from tests.test_safety_altitude import altitude
 from tests.virtual import run
 
 
@@ -77,5 +78,42 @@ def test_tracking_that_was_just_switched_off_hides_no_sun() -> None:
             await asyncio.sleep(1)
             assert b":Me#" not in bridge.sent()
             assert any("Too close to the Sun" in entry.note for entry in bridge.entries)
+
+    run(program())
+
+
+def test_a_motor_of_a_german_mount_is_looked_at_before_it_turns() -> None:
+    """A declination motor's sense on the sky depends on the pier side; its axis reading knows."""
+
+    async def program() -> None:
+        limits = {"lowest": 39.6}
+        async with Bridge("cge", driven="nexstar", presented="nexstar", surface="cge", config=limits) as bridge:
+            client = bridge.client()
+            assert await client.ask(b"r28000000,05B00000") == b"#"  # 3h45m, +8: in the west, 40 degrees high
+            for _ in range(60):
+                await asyncio.sleep(0.5)
+                await client.ask(b"e")
+            for turn in range(8):  # one of the two senses leads down
+                await client.ask(bytes((80, 2, 17, 37 - turn % 2, 9, 0, 0, 0)))
+                for _ in range(40):
+                    await asyncio.sleep(0.1)
+                    low = altitude(bridge)
+                    assert low > 39.5, (turn, low)
+
+    run(program())
+
+
+def test_a_telescope_that_seeks_home_while_it_is_moved_is_stopped() -> None:
+    """It says NAK to every question meanwhile: nobody knows where it is."""
+
+    async def program() -> None:
+        async with Bridge("lx200gps", driven="lx200", presented="lx200", surface="lx200gps") as bridge:
+            client = bridge.client()
+            client.tell(b":RS#:Me#")
+            await asyncio.sleep(1)
+            client.tell(b":hS#")
+            await asyncio.sleep(3)
+            assert b":Q#" in bridge.sent()
+            assert not bridge.hub.moving
 
     run(program())

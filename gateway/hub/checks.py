@@ -182,7 +182,7 @@ class Checks:
         if hub.snapshot.age(op.Position, hub.now()) > OLD_POSITION:
             return
         degrees = hub.driver.speed(operation.rate) * (RENEW[op.Position] + 3.0 * hub.line.typical)
-        soon = self._soon(operation, seen, status, degrees)
+        soon = await self._soon(operation, seen, status, degrees)
         if soon is None:
             return
         limits, before = hub.policy.limits, hub.derived.horizon(seen).alt
@@ -195,8 +195,8 @@ class Checks:
             if then < hub.suns.limit and then < now:
                 raise NearSun
 
-    def _soon(self, operation: op.Move | op.MoveAxis, seen: op.Equatorial, status: op.Status,
-              degrees: float) -> op.Equatorial | None:
+    async def _soon(self, operation: op.Move | op.MoveAxis, seen: op.Equatorial, status: op.Status,
+                    degrees: float) -> op.Equatorial | None:
         """Where a motion by hand leads within so many degrees; None where its sense on the sky is not known."""
         if isinstance(operation, op.Move):
             sense = 1 if operation.direction in (op.Direction.NORTH, op.Direction.WEST) else -1
@@ -204,7 +204,7 @@ class Checks:
         else:
             sense, axis = operation.sense, operation.axis
             if status.equatorial and (axis == 2 or self._hub.derived.place().latitude < 0):
-                return None
+                return await self._axis_soon(axis, sense * degrees)
         if status.equatorial:
             if axis == 1:
                 return op.Equatorial(wrap360(seen.ra - sense * degrees), seen.dec)
@@ -213,4 +213,13 @@ class Checks:
         there = op.GotoHorizontal(wrap360(here.az + sense * degrees * (axis == 1)),
                                   max(-90.0, min(90.0, here.alt + sense * degrees * (axis == 2))))
         goal = self._hub.derived.equatorial(there)
+        return op.Equatorial(goal.ra, goal.dec)
+
+    async def _axis_soon(self, axis: int, degrees: float) -> op.Equatorial | None:
+        """Where so many degrees of one motor of an equatorial mount lead, whatever side its tube is on."""
+        if not self._hub.driver.way(op.AxisPosition):
+            return None
+        here: op.Horizontal = await self._hub.read(op.AxisPosition())
+        there = op.GotoAxes(here.az + degrees * (axis == 1), here.alt + degrees * (axis == 2))
+        goal = self._hub.derived.from_axes(there)
         return op.Equatorial(goal.ra, goal.dec)

@@ -251,7 +251,12 @@ class Hub:
             value: Any = self.derived.axes(await self.read(op.Position()))
         else:
             rank = POSITION if isinstance(operation, op.Position) else READ
-            value = await self.drive(self.driver.perform(operation), rank)
+            try:
+                value = await self.drive(self.driver.perform(operation), rank)
+            except Fault:
+                if isinstance(operation, op.Position):
+                    self.guard.unseen()
+                raise
         if isinstance(operation, op.Slewing):
             if self.slewing and not value:
                 await self._settled()

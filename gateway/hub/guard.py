@@ -32,6 +32,8 @@ CLOSELY = 3.0
 OVERSHOOT, NEARER = 0.05, 0.05
 #: Where a stop did not help within this time, it is tracking that goes on.
 AGAIN = 30.0
+#: How old the last position may be when a mount that moves by hand does not tell the next one, seconds.
+BLIND = 1.0
 #: How old the pier side may grow, and the word of the mount that it is not aligned.
 SIDE_AGE = STATUS_AGE = 5.0
 
@@ -116,6 +118,14 @@ class Guard:
         self._speed = 0.0  # from the second look on, what is measured is the whole rate
         if reason:
             self._act(reason)
+
+    def unseen(self) -> None:
+        """The mount did not tell where it is (an LX200GPS seeking home is busy): a motion by hand ends, seen or not."""
+        hub, now = self._hub, self._hub.now()
+        if hub.motions.axes and hub.snapshot.age(op.Position, now) > BLIND and now - self._stopped_at > BLIND:
+            hub.transcript.note("mount", "stopped: it moves and does not tell where it is")
+            self._stopped_at = now
+            hub.begin_stop()
 
     def _measured(self, now: float, seen: op.Equatorial) -> Look:
         derived = self._hub.derived
