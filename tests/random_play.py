@@ -35,14 +35,22 @@ STEP = 0.1
 
 
 class Play(Struct):
-    """What came of it."""
+    """What came of it. ``commanded`` counts the requests that the mount was sent."""
 
     name: str
     steps: int
     looks: int
+    commanded: int
     complaints: list[str]
     worst: dict[str, float]
     said: list[str]
+
+
+def cast(seed: int) -> tuple[tuple[str, str, str | None], str]:
+    """Mount and presented protocol of a seed: all mounts in turn, two thirds of them under the other protocol."""
+    mount = MOUNTS[seed % len(MOUNTS)]
+    shared = seed // len(MOUNTS) % 3 == 2
+    return mount, mount[0] if shared else ("lx200" if mount[0] == "nexstar" else "nexstar")
 
 
 def play(seed: int, steps: int, mount: tuple[str, str, str | None], presented: str) -> Play:
@@ -85,7 +93,7 @@ async def _play(seed: int, steps: int, mount: tuple[str, str, str | None], prese
                 break
         await player.end()
         judge = player.judge
-        return Play(f"seed {seed}: {name}", done, judge.looks, judge.complaints, judge.worst, player.said)
+        return Play(f"seed {seed}: {name}", done, judge.looks, len(bridge.sent()), judge.complaints, judge.worst, player.said)
 
 
 def _can_sync(driven: str, version: str | None) -> bool:
