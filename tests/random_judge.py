@@ -72,7 +72,7 @@ class Judge:
         self.began = bridge.clock()
         self.lenient = ""
         self._entered = {"low": 0.0, "high": 0.0, "sun": 0.0}
-        self._slewed = False
+        self._slewed = self._moves = False
         self._before: tuple[float, tuple[float, float], tuple[float, float]] | None = None
         bridge.transcript.sinks.append(self._hear)
 
@@ -125,6 +125,7 @@ class Judge:
         beyond = {"low": self.lowest - altitude, "high": altitude - self.highest,
                   "sun": self.circle - self.from_sun(*here)}
         slewing = mechanics.slewing(now)
+        self._moves = slewing or speed > MOTION
         self._slewed = slewing or (self._slewed and speed > MOTION)
         for limit, amount in beyond.items():
             if amount <= 0.0:
@@ -178,8 +179,8 @@ class Judge:
             self.complain(f"{words} by {apart(ra, dec, *self.believed()):.1f} degrees")
 
     def sync_limit(self) -> float:
-        """Fifteen degrees, and what a goto goes between the look and the sync."""
-        return 15.1 + (float(self.sim.mechanics.fastest) if self.sim.mechanics.slewing(self.bridge.clock()) else 0.0)
+        """Fifteen degrees, and as far as it goes between the look and the sync."""
+        return 15.1 + float(self.sim.mechanics.fastest) * self._moves
 
     def _to_hand_control(self, data: bytes) -> None:
         opcode = chr(data[0])

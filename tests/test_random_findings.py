@@ -82,12 +82,13 @@ def test_tracking_that_was_just_switched_off_hides_no_sun() -> None:
     run(program())
 
 
-def test_a_motor_of_a_german_mount_is_looked_at_before_it_turns() -> None:
+@pytest.mark.parametrize(("driven", "model"), [("nexstar", "cge"), ("lx200", "lx200")])
+def test_a_motor_of_an_equatorial_mount_is_looked_at_before_it_turns(driven: str, model: str) -> None:
     """A declination motor's sense on the sky depends on the pier side; its axis reading knows."""
 
     async def program() -> None:
         limits = {"lowest": 39.6}
-        async with Bridge("cge", driven="nexstar", presented="nexstar", surface="cge", config=limits) as bridge:
+        async with Bridge(model, driven=driven, presented="nexstar", surface="cge", config=limits) as bridge:
             client = bridge.client()
             assert await client.ask(b"r28000000,05B00000") == b"#"  # 3h45m, +8: in the west, 40 degrees high
             for _ in range(60):

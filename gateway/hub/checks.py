@@ -183,8 +183,6 @@ class Checks:
             return
         degrees = hub.driver.speed(operation.rate) * (RENEW[op.Position] + 3.0 * hub.line.typical)
         soon = await self._soon(operation, seen, status, degrees)
-        if soon is None:
-            return
         limits, before = hub.policy.limits, hub.derived.horizon(seen).alt
         if isinstance(operation, op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
@@ -196,8 +194,8 @@ class Checks:
                 raise NearSun
 
     async def _soon(self, operation: op.Move | op.MoveAxis, seen: op.Equatorial, status: op.Status,
-                    degrees: float) -> op.Equatorial | None:
-        """Where a motion by hand leads within so many degrees; None where its sense on the sky is not known."""
+                    degrees: float) -> op.Equatorial:
+        """Where a motion by hand leads within so many degrees."""
         if isinstance(operation, op.Move):
             sense = 1 if operation.direction in (op.Direction.NORTH, op.Direction.WEST) else -1
             axis = operation.direction.axis
@@ -215,10 +213,8 @@ class Checks:
         goal = self._hub.derived.equatorial(there)
         return op.Equatorial(goal.ra, goal.dec)
 
-    async def _axis_soon(self, axis: int, degrees: float) -> op.Equatorial | None:
+    async def _axis_soon(self, axis: int, degrees: float) -> op.Equatorial:
         """Where so many degrees of one motor of an equatorial mount lead, whatever side its tube is on."""
-        if not self._hub.driver.way(op.AxisPosition):
-            return None
         here: op.Horizontal = await self._hub.read(op.AxisPosition())
         there = op.GotoAxes(here.az + degrees * (axis == 1), here.alt + degrees * (axis == 2))
         goal = self._hub.derived.from_axes(there)
