@@ -79,11 +79,15 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Way(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One way of carrying out an operation: the commands it sends, or a Python special and those it uses."""
+    """One way of carrying out an operation: the commands it sends, or a Python special and those it uses.
+
+    ``needs`` names what a model must have for it (``has`` in ``models.toml``); the tables count by it.
+    """
 
     send: list[str] = []
     call: str | None = None
     uses: list[str] = []
+    needs: str | None = None
     outcome: str = "translated"
     why: str | None = None
 

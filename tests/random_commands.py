@@ -11,7 +11,7 @@ from random import Random
 from typing import NamedTuple
 
 from tests.manual_files import raw, rows
-from tests.random_judge import Judge
+from tests.random_judge import Judge, sun
 
 SITE_AND_CLOCK = re.compile(rb":(S[tgGLCM-P]|W|hI|gT)|[WHI]|P.\xb2[\x83\x84\xb3]", re.DOTALL)
 SITE_CLOCK_AND_SYNC = re.compile(SITE_AND_CLOCK.pattern + rb"|:C[ML]|[Ssu]", re.DOTALL)
@@ -22,7 +22,7 @@ ALIGNS = re.compile(rb":A[aAP]|:I#|:hI")
 REPLIES = {"E": 10, "e": 18, "Z": 10, "z": 18, "t": 2, "w": 9, "h": 9, "V": 3, "m": 2, "K": 2, "J": 2, "L": 2, "v": 2,
            "p": 2, **dict.fromkeys("RrBbSsTWHM", 1)}
 LX200_FORMS = rows("lx200_forms.txt") + rows("lx200_beyond.txt")
-NEXSTAR_FORMS = [row for row in rows("nexstar_forms.txt")]
+NEXSTAR_FORMS = rows("nexstar_forms.txt")
 
 
 class Step(NamedTuple):
@@ -38,7 +38,6 @@ def place(random: Random, judge: Judge) -> tuple[float, float]:
     if kind == 0:
         return random.uniform(0.0, 360.0), random.uniform(-90.0, 90.0)
     if kind == 1:
-        from tests.random_judge import sun
         ra, dec = sun(judge.unix())
         return (ra + random.uniform(-40.0, 40.0)) % 360.0, max(-90.0, min(90.0, dec + random.uniform(-40.0, 40.0)))
     if kind == 2:
@@ -153,8 +152,9 @@ def _nexstar_motion(random: Random, judge: Judge) -> list[Step]:
         return [Step(b"M", 1), Step(bytes((80, 2, 16, 36, 0, 0, 0, 0)), 0), Step(bytes((80, 2, 17, 36, 0, 0, 0, 0)), 0)]
     if kind == 10:
         return [Step(bytes((84, random.choice((0, 1, 2, 3, 4)))), 1)]
-    return [Step(bytes((80, random.randrange(1, 5), random.choice((16, 17, 18, 176, 178, 180, 0)), random.randrange(256)))
-                 + random.randbytes(3) + bytes((random.randrange(5),)), 0)]
+    device = random.choice((16, 17, 18, 176, 178, 180, 0))
+    asked = random.randbytes(3) + bytes((random.randrange(5),))
+    return [Step(bytes((80, random.randrange(1, 5), device, random.randrange(256))) + asked, 0)]
 
 
 def nexstar(random: Random, judge: Judge, model: str, wild: bool, synced: bool) -> list[Step]:

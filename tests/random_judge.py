@@ -202,7 +202,7 @@ class Judge:
         elif opcode == "P":
             device, number = data[2], data[3]
             upload = number in FIRMWARE and not (device == RTC and number in (RTC_DATE, RTC_YEAR))
-            if upload or number in MEMORY or number == SET_POSITION and device in (16, 17) or number == INDEX:
+            if upload or number in MEMORY or (number == SET_POSITION and device in (16, 17)) or number == INDEX:
                 self.complain(f"{data!r} is never to be passed on")
         elif opcode in "WHI" and self.sim.aligned:
             self.complain(f"{data!r} to an aligned hand control")

@@ -93,12 +93,13 @@ async def _play(seed: int, steps: int, mount: tuple[str, str, str | None], prese
                 break
         await player.end()
         judge = player.judge
-        return Play(f"seed {seed}: {name}", done, judge.looks, len(bridge.sent()), judge.complaints, judge.worst, player.said)
+        return Play(f"seed {seed}: {name}", done, judge.looks, len(bridge.sent()), judge.complaints, judge.worst,
+                    player.said)
 
 
 def _can_sync(driven: str, version: str | None) -> bool:
     """Where the gateway itself keeps the sync, the mount's belief says nothing about it."""
-    return driven == "lx200" or (version or "")[:2] in ("4.", "5.") and version not in ("4.03", "4.0")
+    return driven == "lx200" or ((version or "")[:2] in ("4.", "5.") and version not in ("4.03", "4.0"))
 
 
 class _Player:

@@ -1,6 +1,6 @@
-"""Every command of both manuals on every model that is presented, said to the whole gateway in one conversation a model.
+"""Every command of both manuals on every model that is presented, said to the whole gateway, one conversation a model.
 
-What is expected was typed by hand (``tests/manual``): the form of the reply that the model's column demands, silence, or
+What is expected was typed by hand (``tests/manual``): the form of reply that the model's column demands, silence, or
 what is done beyond the manual. Nothing is taken from the mapping tables.
 """
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from gateway import operations as op
 from tests.bridge import Bridge
 from tests.test_safety_altitude import altitude
 from tests.virtual import run
@@ -118,3 +119,24 @@ def test_a_telescope_that_seeks_home_while_it_is_moved_is_stopped() -> None:
             assert not bridge.hub.moving
 
     run(program())
+
+
+@pytest.mark.parametrize("model", ["autostar", "lx200gps"])
+def test_a_hand_that_takes_over_from_a_goto_is_stopped_in_time(model: str) -> None:
+    """The goto counts as under way for some seconds more; the motion is none that knows where it ends."""
+
+    async def program() -> float:
+        limits = {"lowest": 30.0}
+        async with Bridge(model, driven="lx200", presented="nexstar", surface="6-8se", config=limits,
+                          latency=0.2) as bridge:
+            client = bridge.client()
+            await client.ask(b"e")
+            await client.ask(b"P\x02\x11\x25\x09\x00\x00\x00")
+            low = 90.0
+            for _ in range(60):
+                bridge.hub.snapshot.put(op.Slewing, True, bridge.hub.now())
+                await asyncio.sleep(0.1)
+                low = min(low, altitude(bridge))
+            return low
+
+    assert run(program()) > 29.9

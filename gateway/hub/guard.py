@@ -133,9 +133,14 @@ class Guard:
         hour_angle = None if altitude is None else derived.sidereal_time() - seen.ra
         return Look(now, seen, altitude, hour_angle, self._hub.suns.distances(seen))
 
+    @property
+    def _going(self) -> bool:
+        """Whether it is a goto that moves the mount, and no hand that took over from it."""
+        return self._hub.slewing and not self._hub.motions.axes
+
     def _margin(self, change: float, elapsed: float) -> float:
         """How far a motion gets before the next look and a stop can end it, degrees; a goto knows where it ends."""
-        if self._hub.slewing:
+        if self._going:
             return 0.0
         rate = abs(change) / elapsed
         if rate > 0.2 * self._speed:
@@ -145,7 +150,7 @@ class Guard:
     def _altitude(self, before: Look, after: Look, elapsed: float) -> str:
         if before.altitude is None or after.altitude is None:
             return ""
-        margin = self._margin(after.altitude - before.altitude, elapsed) - OVERSHOOT * self._hub.slewing
+        margin = self._margin(after.altitude - before.altitude, elapsed) - OVERSHOOT * self._going
         if leaving(self._limits, before.altitude, after.altitude, margin):
             return f"the altitude limit ({after.altitude:.1f} degrees)"
         return ""

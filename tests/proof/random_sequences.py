@@ -1,4 +1,4 @@
-"""Random sequences for as long as you like: ``python -m tests.proof.random_sequences [--minutes 10] [--seed N --plays 1]``.
+"""Random sequences for as long as you like: ``python -m tests.proof.random_sequences --minutes 10``.
 
 Every play has a seed, which says everything: mount, version, presented model, place, hour, and every byte that is said.
 A play with complaints is printed with its seed; the same seed plays it again, and ``--said`` shows what was said.
