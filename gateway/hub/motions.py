@@ -40,6 +40,12 @@ def axis_moved(operation: op.Operation) -> int | None:
     return operation.axis if isinstance(operation, op.MoveAxis) else None
 
 
+def _heed(task: asyncio.Task[Any]) -> None:
+    """Whoever waits for a task gets its exception; that nobody waits is no error."""
+    if not task.cancelled():
+        task.exception()
+
+
 class Motions:
     """Everything that can move the mount. ``stops`` counts those so far, ``gotos`` what was asked for and begun."""
 
@@ -80,8 +86,7 @@ class Motions:
             self._later.pop(operation).cancel()
         if self._stopping is None or self._stopping.done():  # else it is being done: nothing can have begun since
             self._stopping = self._hub.spawn(self._stop())
-            # owed, whoever waits for it
-            self._stopping.add_done_callback(lambda done: done.cancelled() or done.exception())
+            self._stopping.add_done_callback(_heed)
         return self._stopping
 
     async def stop(self) -> None:
@@ -144,8 +149,7 @@ class Motions:
     def _ended(self, task: asyncio.Task[Any]) -> None:
         self._jobs.pop(task, None)
         self._hub.snapshot.version += 1
-        if not task.cancelled():
-            task.exception()  # whoever still waits gets it; nobody waiting is no error
+        _heed(task)
 
     async def _run(self, operation: op.Operation, stops: int, life: Life | None) -> Any:
         await self._take_turn()
@@ -180,6 +184,7 @@ class Motions:
             self.gotos += 1
             self.axes.clear()
             snapshot.put(op.Slewing, True, self._hub.now())
+            snapshot.forget(op.PierSide)  # the tube may change sides on its way
         elif axis is not None:
             self.axes.add(axis)
             snapshot.changed(op.Position)  # it must be watched from now on
