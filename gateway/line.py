@@ -22,6 +22,8 @@ STOP, MOTION, SETTING, POSITION, READ = range(5)
 QUIET = 0.15
 PROOFS = 3
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
+#: Turns of the loop that what follows from an answer may take until it is in the queue.
+TURNS = 5
 
 
 class Dialogue(Protocol):
@@ -61,6 +63,7 @@ class Line:
         self._arrived = asyncio.Event()
         self._lost = False
         self._urgent: list[float] = []
+        self._hurried = False
         self._task: asyncio.Task[None] | None = None
 
     def start(self) -> None:
@@ -118,14 +121,16 @@ class Line:
             job = await self._next()
             if job is None:
                 continue
-            outcome = await self._exchange(job.ask)
+            hurried, self._hurried = self._hurried, False
+            outcome = await self._exchange(job.ask, firm=hurried)
+            if hurried and self.dialogue.pace(job.ask):
+                outcome = await self._exchange(job.ask)  # a scope that needs its pause may have missed it
             if not job.future.done():
                 if isinstance(outcome, Fault):
                     job.future.set_exception(outcome)
                 else:
                     job.future.set_result(outcome)
-                if self._queue:
-                    await asyncio.sleep(0)  # so that the second half of a position comes before reads of a lower rank
+                await self._what_follows()
             if isinstance(outcome, NoAnswer) and not self._lost and not await self._prove():
                 self._down("the mount does not answer")
                 while not self._lost and not await self._prove():
@@ -134,6 +139,13 @@ class Line:
                     self.state = "up"
                     self.on_up()
         self._down(f"{self.wire.name} was lost")
+
+    async def _what_follows(self) -> None:
+        """Let the second half of a position, or the halt whose turn it is now, come before reads of a lower rank."""
+        for _ in range(TURNS):
+            if not self._queue or self._queue[0][0] == STOP:
+                return
+            await asyncio.sleep(0)
 
     async def _next(self) -> Job | None:
         """The next job in order of rank; a read waits where it would delay something urgent."""
@@ -155,8 +167,8 @@ class Line:
             return None
         return heapq.heappop(self._queue)[2]
 
-    async def _exchange(self, ask: Ask) -> dict[str, Any] | Fault:
-        """One request and its reply, or the Fault that came instead."""
+    async def _exchange(self, ask: Ask, firm: bool = False) -> dict[str, Any] | Fault:
+        """One request and its reply, or the Fault that came instead. A ``firm`` pause after it is kept to its end."""
         try:
             request = self.dialogue.encode(ask)
         except Fault as fault:
@@ -195,10 +207,22 @@ class Line:
         self._buffer = self._buffer[length:]
         self.answers += 1
         self.typical += 0.2 * (loop.time() - began - self.typical)
-        pace = self.dialogue.pace(ask)
-        if pace:
-            await asyncio.sleep(pace)
+        await self._pause(self.dialogue.pace(ask), firm)
         return outcome
+
+    async def _pause(self, seconds: float, firm: bool) -> None:
+        """Give an old scope time after a command without a reply; a stop cuts it short, unless it is ``firm``."""
+        until = asyncio.get_running_loop().time() + seconds
+        while (left := until - asyncio.get_running_loop().time()) > 0:
+            if not firm and self._queue and self._queue[0][0] == STOP:
+                self._hurried = True
+                return
+            self._wake.clear()
+            try:
+                async with asyncio.timeout(left):
+                    await self._wake.wait()
+            except TimeoutError:
+                return
 
     def _take(self, ask: Ask) -> tuple[dict[str, Any] | Fault, int] | None:
         """The reply, when it is complete; one that cannot be read at all is garbled, never the end of the line."""
