@@ -33,6 +33,8 @@ class PacedMount(asyncio.Protocol):
         self.simulator, self._chance, self._span = simulator, chance, (quickest, slowest)
         self.exchanges: list[Exchange] = []
         self.passed = 0
+        #: Called with every request at the moment the mount carries it out.
+        self.understood: Callable[[bytes], None] = lambda request: None
         self._feed: Callable[[bytes], bytes] = simulator.connection(self._later)
         self._loop = asyncio.get_running_loop()
         self._carried = 0.0
@@ -57,6 +59,7 @@ class PacedMount(asyncio.Protocol):
 
     def _understand(self, exchange: Exchange) -> None:
         answer = self._feed(exchange.request)
+        self.understood(exchange.request)
         if answer:
             begin = self._loop.time() + self._chance.uniform(*self._span)
             self._send(answer, begin, exchange)
