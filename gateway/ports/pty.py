@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import os
 import struct
-import tempfile
 import zlib
 
 from gateway.errors import UserError
@@ -92,6 +91,7 @@ def speed(terminal: int) -> int:
 def _lock_for(path: str) -> tuple[str, int]:
     """Hold a lock for a link's name, so that two gateways cannot share it. Raises UserError."""
     import fcntl
+    import tempfile
 
     name = os.path.join(tempfile.gettempdir(), f"mount-gateway-{zlib.crc32(path.encode()):08x}.lock")
     number = os.open(name, os.O_CREAT | os.O_RDWR, 0o666)
