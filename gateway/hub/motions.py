@@ -111,10 +111,13 @@ class Motions:
     def begin(self, operation: op.Operation, stops: int | None, life: Life | None) -> asyncio.Task[Any]:
         """Put a motion in line behind those before it; from now on it counts as asked for, by ``life``."""
         self._make_way(operation)
+        overtakes = self._overtakes(operation)
         same = self._waiting.get(operation)
-        if same is not None and self._overtakes(operation):
+        if overtakes and same is not None and not same.cancelling():
             return same
         task = self._hub.loop.create_task(self._run(operation, self.stops if stops is None else stops, life))
+        if overtakes:
+            self._waiting[operation] = task
         self._jobs[task] = operation
         self.gotos += isinstance(operation, GOTOS)
         self._hub.snapshot.version += 1  # a goto that was asked for changes what "slewing" answers
@@ -149,23 +152,23 @@ class Motions:
         return isinstance(operation, ENDS) and not any(
             isinstance(job, GOTOS) and not task.cancelling() for task, job in self._jobs.items())
 
-    def _ended(self, task: asyncio.Task[Any]) -> None:
-        operation = self._jobs.pop(task, None)
-        if operation is not None and self._waiting.get(operation) is task:
+    def _no_longer_waits(self, task: asyncio.Task[Any], operation: op.Operation) -> None:
+        if self._waiting.get(operation) is task:
             del self._waiting[operation]
+
+    def _ended(self, task: asyncio.Task[Any]) -> None:
+        self._no_longer_waits(task, self._jobs.pop(task))
         self._hub.snapshot.version += 1
         if not task.cancelled():
             task.exception()  # whoever still waits gets it; nobody waiting is no error
 
     async def _run(self, operation: op.Operation, stops: int, life: Life | None) -> Any:
-        rank = IN_ORDER
         task = asyncio.current_task()
         assert task is not None
-        if self._overtakes(operation):
-            rank, self._waiting[operation] = FIRST, task
+        rank = FIRST if self._waiting.get(operation) is task else IN_ORDER
         while True:
             async with self._turn.taken(rank):
-                self._waiting.pop(operation, None)
+                self._no_longer_waits(task, operation)
                 await self._stopped()
                 if stops != self.stops and not (isinstance(operation, op.Halt) or operation.outlives_stop):
                     raise Stopped
