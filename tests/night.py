@@ -24,8 +24,8 @@ ARCSECOND = 1.0 / 3600.0
 SECOND, ARC, BINARY = 7.5 * ARCSECOND, 0.5 * ARCSECOND, 180.0 / 2**24
 #: The same by protocol, for right ascension and declination.
 UNITS = {"lx200": (SECOND, ARC), "nexstar": (BINARY, BINARY)}
-#: A clock told in whole seconds, and what passes while it is asked for.
-CLOCK = 2.0
+#: Mount and gateway both tell whole seconds, and the mount is asked three times before its clock is known.
+CLOCK = 2.0 + 1.0
 
 
 class Plan(NamedTuple):

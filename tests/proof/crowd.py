@@ -76,8 +76,8 @@ class Outcome:
             self.words.append(text)
 
 
-#: What was told -> what is wrong with it (empty: nothing).
-Judge = Callable[[Told], str]
+#: What was told, and the loop time at which it was asked for -> what is wrong with it (empty: nothing).
+Judge = Callable[[Told, float], str]
 
 
 async def _client(port: int, question: bytes, read: Callable[[bytes], Told | None], chance: random.Random,
@@ -90,6 +90,7 @@ async def _client(port: int, question: bytes, read: Callable[[bytes], Told | Non
         ends = loop.time() + chance.expovariate(1.0 / LIFE) if fragile else float("inf")
         due = loop.time()
         while loop.time() < ends:
+            asked = loop.time()
             writer.write(question)
             reply = b""
             with contextlib.suppress(TimeoutError, asyncio.IncompleteReadError):
@@ -98,7 +99,7 @@ async def _client(port: int, question: bytes, read: Callable[[bytes], Told | Non
                         reply += await reader.readuntil(b"#")
             told = read(reply)
             outcome.answers += 1
-            fault = judge(told) if told is not None else "no such form"
+            fault = judge(told, asked) if told is not None else "no such form"
             if fault:
                 outcome.reproach(f"{question!r} was answered {reply!r}: {fault}")
             due = max(due + 1.0 / RATE, loop.time())
@@ -115,7 +116,7 @@ def _kill(writer: asyncio.StreamWriter, last: bytes) -> None:
 
 
 async def crowd(lx200_port: int, nexstar_port: int, clients: int, chance: random.Random, outcome: Outcome,
-                judge: Judge = lambda told: "") -> None:
+                judge: Judge = lambda told, asked: "") -> None:
     """So many programs, until cancelled."""
     async with asyncio.TaskGroup() as group:
         for number in range(clients):

@@ -20,7 +20,7 @@ from tests.night import PLANS, Plan, night
 from tests.virtual import run
 
 #: Between the first and the last hour: objects (a deque that fills, a cache), and MiB.
-OBJECTS, MEMORY = 200, 0.5
+OBJECTS, MEMORY = 200, 1.0
 
 
 def _spend(plan: Plan, hours: float, gotos: int, seed: int) -> bool:

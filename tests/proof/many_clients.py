@@ -38,7 +38,7 @@ GOTO_EVERY, WEIGH_EVERY = 25.0, 2.0
 PROBE_EVERY = 0.05
 #: Seconds after the start until things have settled: the sky is loaded, everybody has connected.
 SETTLE = 10.0
-#: KiB a minute of memory that count as flat, and the most bytes on the line against those of one client.
+#: KiB a minute in the second half that count as flat memory, and the most bytes on the line against those of one client.
 FLAT, LINE = 64.0, 1.1
 
 
@@ -55,9 +55,9 @@ class Truth:
             simulator = self._mount.simulator  # its own time stands still since it answered
             self._places.append((asyncio.get_running_loop().time(), *simulator.mechanics.truth(simulator.now)))
 
-    def judge(self, told: Told) -> str:
+    def judge(self, told: Told, asked: float) -> str:
         """Whether the mount pointed there when it was asked lately -> what is wrong, empty when nothing is."""
-        oldest, nearest = asyncio.get_running_loop().time() - OLDEST, 360.0
+        oldest, nearest = asked - OLDEST, 360.0
         for at, ra, dec in reversed(self._places):
             if at < oldest:
                 break
@@ -164,11 +164,13 @@ async def _run(arguments: argparse.Namespace, state: str, running: list[Running]
     for bench in (crowded, alone):
         await asyncio.to_thread(bench.gateway.end)
     many, one = json.loads(said)
-    growth = slope(sizes) * 60.0 * 1024.0
+    growth = slope(sizes[len(sizes) // 2 :]) * 60.0 * 1024.0
+    quarters = [sizes[min(len(sizes) - 1, len(sizes) * part // 4)][1] for part in range(5)]
     print(f"seed {arguments.seed}, {arguments.clients} clients, {arguments.minutes:g} minutes: {answers} answers "
           f"({answers / seconds:.0f} a second), {outcome.wrong} wrong, {outcome.killed} clients killed")
     print(*(f"  {words}" for words in outcome.words), sep="\n", end="\n" if outcome.words else "")
-    print(f"memory: {sizes[0][1]:.1f} MiB at first, {sizes[-1][1]:.1f} MiB at last, {growth:+.1f} KiB a minute")
+    print("memory after every quarter:", *(f"{size:.1f}" for size in quarters),
+          f"MiB; in the second half {growth:+.1f} KiB a minute")
     print(f"line: {rates[0]:.1f} bytes a second, {rates[1]:.1f} with one client, ratio {rates[0] / rates[1]:.2f}")
     for name, part in (("median", 50.0), ("p99", 99.0)):
         figures = [percentile(times, part) for times in (many, one)]
