@@ -38,7 +38,7 @@ GOTO_EVERY, WEIGH_EVERY = 25.0, 2.0
 PROBE_EVERY = 0.05
 #: Seconds after the start until things have settled: the sky is loaded, everybody has connected.
 SETTLE = 10.0
-#: KiB a minute in the second half that count as flat memory, and the most bytes on the line against those of one client.
+#: KiB a minute in the second half that count as flat memory; bytes on the line at most, against one client's.
 FLAT, LINE = 64.0, 1.1
 
 
