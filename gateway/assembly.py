@@ -14,6 +14,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from gateway import operations as op
+from gateway.access import Access, networks
 from gateway.config import Endpoint, MountConfig, SurfaceConfig, parse_endpoint
 from gateway.config.programs import as_settings, programs, recognisable, settled, wanted_by
 from gateway.control import Control
@@ -26,6 +27,7 @@ from gateway.keeping import Keeping, Past, recall, selected_site
 from gateway.line import Dialogue, Line
 from gateway.observatory import Observatory
 from gateway.ports import Port, open_port
+from gateway.ports.tcp import exposed
 from gateway.safety import Limits
 from gateway.sky import Sky
 from gateway.state import FORMAT, Kept, Marked, to_shared
@@ -42,7 +44,8 @@ def _nexstar_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], f
     from gateway.protocols.nexstar.driver import FOLLOW_UPS
     from gateway.protocols.nexstar.driver.state import NexStar, Settings
 
-    settings = Settings(site=config.site, mode=config.mode, guide_rate=config.guide_rate, park=config.park)
+    settings = Settings(site=config.site, mode=config.mode, guide_rate=config.guide_rate, park=config.park,
+                        aux_home=config.aux_home)
     return NexStar(now, settings, endpoint.model, endpoint.version), dict(FOLLOW_UPS), NexStarDialogue()
 
 
@@ -55,7 +58,10 @@ def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Fa
     name = endpoint.model or "autostar"
     settings = {"precision": config.precision or "high", "limits": limits, "sync_text": config.sync_text}
     model = {**protocol.models[name], "name": name}
-    return Face(Surface(protocol, SPECIALS), lambda now: Framer().feed, frozenset({b":Q#"}), model, settings)
+    halts = {b":Q%c#" % letter: (op.Halt(axis), frozenset(b":M%c#" % other for other in letters))
+             for axis, letters in ((1, b"ew"), (2, b"ns")) for letter in letters}
+    surface = Surface(protocol, SPECIALS)
+    return Face(surface, lambda now: Framer().feed, frozenset({b":Q#"}), model, settings, halts=halts)
 
 
 def _meade_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float]) -> Driven:
@@ -92,6 +98,13 @@ def policy(config: MountConfig) -> Policy:
     """What the operator has decided, as the hub takes it."""
     return Policy(config.limits, config.site_time, config.equinox, own_park=config.park is not None,
                   silence=config.dead_man, silence_closed=config.dead_man_closed)
+
+
+def access(surface: SurfaceConfig) -> Access:
+    """Who may come in and who may only look, as the operator has it. Raises UserError."""
+    looks = surface.read_only
+    return Access(None if surface.allow is None else networks(surface.allow),
+                  looks if isinstance(looks, bool) else networks(looks), surface.max_clients)
 
 
 def manners(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[Manner]:
@@ -143,12 +156,16 @@ class Gateway:
         if self.keeping is None:
             self.remember()
         self.prepare(lambda dialogue, transcript: Line(self._wire(), dialogue, transcript))
-        for endpoint, reception in zip(self.endpoints, self.receptions, strict=True):
+        for endpoint, surface, reception in zip(self.endpoints, self.surfaces, self.receptions, strict=True):
             try:
-                self.ports.append(await open_port(endpoint.where, reception.arrive))
+                self.ports.append(await open_port(endpoint.where, reception.arrive, surface.baud))
             except UserError:
                 await self.close()
                 raise
+        for port, surface in zip(self.ports, self.surfaces, strict=True):
+            if exposed(port.where) and surface.allow is None and surface.read_only is not True:
+                self.warn(f"{port.where}: there is no password, whoever can reach this port can move the mount; "
+                          'allow = ["192.168.1.0/24"] on this surface lets in only those')
         self.begin()
         await self._admit()
 
@@ -172,7 +189,7 @@ class Gateway:
             j2000 = J2000(self.sky, observatory.unix)
             face = replace(face, equinox=j2000 if surface.equinox == "j2000" else None,
                            manners=tuple(manners(endpoint.protocol, surface, j2000)))
-            self.receptions.append(Reception(self.hub, face, shared, self.clock, changed, number))
+            self.receptions.append(Reception(self.hub, face, shared, self.clock, changed, number, access(surface)))
             self.faces.append((endpoint.protocol, face))
 
     def begin(self) -> None:

@@ -9,19 +9,23 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
-from gateway.errors import Fault
+from gateway.access import harmless
+from gateway.errors import Fault, ReadOnly
 from gateway.hub import FRESH, MISSING, Hub
 from gateway.hub.dead_man import Life
-from gateway.operations import Operation, Stop
-from gateway.surface import Again, Defer, Handling, Session, Start, Surface
+from gateway.operations import CancelGoto, Focus, Halt, Operation, Stop
+from gateway.ports.baud import Trial
+from gateway.surface import Again, Defer, Handling, Session, Speed, Start, Surface
 from gateway.transcript import Transcript
 
 #: Commands that may wait for their turn in one connection; more than that and the oldest are dropped.
 INBOX = 256
 MEMO = 32
+#: Operations of one connection that may be under way without anybody waiting for them; only an end is begun beyond.
+BEGUN = 16
 #: A half that is asked for within this many seconds of the other one belongs to the same instant.
 PAIR = 1.0
 
@@ -57,6 +61,10 @@ class Client:
         self.transcript = transcript
         self._inbox: deque[tuple[bytes, int, bool]] = deque(maxlen=INBOX)
         self._task: asyncio.Task[None] | None = None
+        #: It moves and sets nothing.
+        self.read_only = False
+        self.open = True
+        self._begun: dict[asyncio.Future[None], Operation] = {}
         self._deferred: dict[str, asyncio.TimerHandle] = {}
         self._told: dict[type[Operation], Told] = {}
         self._memo: dict[bytes, tuple[bytes, list[type[Operation]]]] = {}
@@ -65,6 +73,15 @@ class Client:
         self._memo_until = 0.0
         self._spent: list[type[Operation]] = []
         self._plain = True
+        self.halts: Mapping[bytes, tuple[Operation, frozenset[bytes]]] = {}
+        #: Where the connection is a serial port: its baud rate, and the one to go on with after this answer.
+        self.rate: Trial | None = None
+        self._next_rate: int | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether anything it has asked for is still under way."""
+        return self._task is not None or bool(self._begun)
 
     def feed(self, data: bytes) -> None:
         """Take bytes as they arrived."""
@@ -86,9 +103,14 @@ class Client:
         frames = self.framing(data)
         self._idle = bool(frames) and data.endswith(frames[-1])  # else half a command may be waiting for its rest
         for frame in frames:
+            if self.rate is not None and self.surface.protocol.find(frame) is not None:
+                self.rate.understood()
             stopping = frame in self.stop_frames
             if stopping:
                 hub.begin_stop()
+            elif frame in self.halts:
+                self._halt(frame)
+                stopping = True
             self._inbox.append((frame, hub.stops, stopping))
         if self._task is None:
             self._pump()
@@ -120,17 +142,24 @@ class Client:
             answer, fault = None, None
             if isinstance(wanted, Start):
                 self._plain = False
-                if not (stopping and isinstance(wanted.operation, Stop)):
+                if self._refused(wanted.operation):
+                    continue
+                if not (stopping and isinstance(wanted.operation, Stop | Halt)):
                     self._begin(wanted.operation, stops)
             elif isinstance(wanted, Defer):
                 self._plain = False
                 self._defer(wanted)
+            elif isinstance(wanted, Speed):
+                self._plain, self._next_rate = False, wanted.baud
             else:
                 if isinstance(wanted, Again):
                     wanted = wanted.operation
                     answer = self._again(wanted)
                     if answer is not None:
                         continue
+                if self._refused(wanted):
+                    self._plain, fault = False, ReadOnly()
+                    continue
                 value = self.hub.peek(wanted)
                 if value is MISSING:
                     return wanted
@@ -139,6 +168,17 @@ class Client:
                 else:
                     self._plain = False
                 answer = self._tell(wanted, value)
+
+    def _refused(self, operation: Operation) -> bool:
+        """Whether a client that only looks is told no; it goes to the transcript."""
+        if not self.read_only or harmless(operation):
+            return False
+        self.refuse(type(operation).__name__)
+        return True
+
+    def refuse(self, what: str) -> None:
+        """Leave a note of what a client that only looks was refused, once for every host."""
+        self.transcript.note_once(self.name, f"{what} refused: read only", self.name.rpartition(":")[0])
 
     def _again(self, operation: Operation) -> Any:
         """What this client was told a moment ago; None when that is too long ago."""
@@ -201,6 +241,10 @@ class Client:
             self.write(reply)
         elif self.transcript.sinks:
             self._explain(frame)
+        if self._next_rate is not None:
+            if self.rate is not None:
+                self.rate.begin(self._next_rate)
+            self._next_rate = None
 
     def _explain(self, frame: bytes) -> None:
         """Leave a reason for a silence, once for every command of every host."""
@@ -216,13 +260,28 @@ class Client:
         self._memo[frame] = reply, self._spent
         self._memo_until = min(self._memo_until, self.hub.fresh_until(self._spent))
 
+    def _halt(self, frame: bytes) -> None:
+        """End the motion of an axis before everything that waits here, and take back what would begin it."""
+        operation, beginnings = self.halts[frame]
+        for waiting in [item for item in self._inbox if item[0] in beginnings]:
+            self._inbox.remove(waiting)
+        self._begin(operation, self.hub.stops)
+
     def _begin(self, operation: Operation, stops: int) -> None:
         """An operation nobody is told the outcome of: a failure goes to the transcript."""
         name = type(operation).__name__
-        self.hub.begin(
+        if len(self._begun) >= BEGUN:
+            ends = isinstance(operation, Halt | CancelGoto) or operation == Focus(0)
+            if not ends or operation in self._begun.values():
+                self.transcript.note_once(self.name, f"commands come faster than the mount takes them: {name} not done",
+                                          self.name.rpartition(":")[0])
+                return
+        task = self.hub.begin(
             self._inward(operation), stops, lambda fault: self.transcript.note(self.name, f"{name}: {fault}"),
             self.life,
         )
+        self._begun[task] = operation
+        task.add_done_callback(lambda done: self._begun.pop(done, None))
 
     def _defer(self, wanted: Defer) -> None:
         old = self._deferred.pop(wanted.special, None)
@@ -252,4 +311,7 @@ class Client:
 
     def close(self) -> None:
         """The connection is gone: what it asked for is still done, the replies go nowhere."""
+        self.open = False
         self.write = lambda data: None
+        if self.rate is not None:
+            self.rate.end()

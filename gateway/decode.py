@@ -90,6 +90,8 @@ def decode(found: list[Chunk], talk: Callable[[str], tuple[str, Framing, Dialogu
     talks: dict[str, _Talk] = {}
     lines = []
     for chunk in found:
+        if chunk.arrow == "r":
+            continue
         if chunk.side not in talks or chunk.arrow == "+":
             talks[chunk.side] = _Talk(*talk(chunk.side))
         if chunk.arrow not in "<>":

@@ -19,12 +19,15 @@ from gateway.tables import Command, Protocol, Version, Way
 class Ask(NamedTuple):
     """Send a command with these field values; answered with the reply's fields, or a Fault is thrown in.
 
-    With ``patience`` (seconds) silence is an answer, too: ``Silence`` is thrown in and the line is not doubted.
+    With ``patience`` (seconds) silence is an answer, too: ``Silence`` is thrown in and the line is not doubted. A
+    ``long`` one is work that takes the mount up to that many seconds: a stop that needs no answer goes out meanwhile,
+    everything else is refused as busy, and silence at the end is a fault of the line.
     """
 
     command: str
     values: Mapping[str, Any] = {}
     patience: float | None = None
+    long: bool = False
 
 
 class Pause(NamedTuple):
@@ -59,6 +62,8 @@ class Driver:
     loses_alignment = False
     #: Whether the mount has a GPS receiver of its own.
     gps = False
+    #: Whether a sync is kept here that the mount's own axes know nothing of.
+    displaced = False
     #: What the mount's coordinates mean, where that is known by its version: ``jnow`` or ``j2000``.
     equinox = "jnow"
     #: Whether it is a German mount, whose tube changes sides of the pier; None where that is not known.
@@ -78,7 +83,7 @@ class Driver:
     def way(self, operation: type[Operation]) -> Way | None:
         """The first way of carrying out an operation whose commands this mount has."""
         for way in self.protocol.driver.get(operation.__name__, ()):
-            if all(self.knows(name) for name in way.send):
+            if all(self.knows(name) for name in (*way.send, *way.needs)):
                 return way
         return None
 

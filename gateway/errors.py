@@ -116,6 +116,12 @@ class NoDevice(Fault):
     words = "No such device on the mount."
 
 
+class ReadOnly(Fault):
+    """The client may look, and stop the mount, but neither move it nor set anything."""
+
+    words = "Read only."
+
+
 class Refused(Fault):
     """The mount itself said no."""
 

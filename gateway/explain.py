@@ -20,7 +20,7 @@ from gateway.logline import meaning, show
 from gateway.observatory import Observatory
 from gateway.pairs import outcome, surface_rows
 from gateway.sky import Sky
-from gateway.surface import Again, Defer, Session, Start, Surface
+from gateway.surface import Again, Defer, Session, Speed, Start, Surface
 from gateway.tables import load
 
 _SITE = op.Place(45.0, 10.0)
@@ -92,6 +92,9 @@ def _run(client: str, mount: str, frame: bytes) -> list[str]:
         while True:
             wanted = steps.send(answer) if fault is None else steps.throw(fault)
             answer, fault = None, None
+            if isinstance(wanted, Speed):
+                lines.append(f"  a serial port goes on at {wanted.baud} baud")
+                continue
             if isinstance(wanted, Defer):
                 continue
             operation = wanted.operation if isinstance(wanted, Start | Again) else wanted

@@ -7,15 +7,18 @@ programs connected at the same time do not disturb each other.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from msgspec import Struct
 
+from gateway.access import MOST_HOSTS, Access, Sealed, TurnedAway
 from gateway.clients import Client, Equinox, Framing
 from gateway.hub import Hub
 from gateway.hub.dead_man import Life
+from gateway.operations import Operation
 from gateway.ports import Guest
+from gateway.ports.baud import Trial
 from gateway.surface import Session, Surface
 
 INHERIT_FOR = 60.0
@@ -39,6 +42,8 @@ class Face(Struct, frozen=True):
     model: dict[str, Any]
     settings: dict[str, Any]
     equinox: Equinox | None = None
+    #: Commands that halt one axis -> the operation, and the commands that would set this axis moving.
+    halts: Mapping[bytes, tuple[Operation, frozenset[bytes]]] = {}
     #: Whether the mount is equatorial -> the model to present; None where the user has named one.
     fit: Callable[[bool], dict[str, Any]] | None = None
     manners: tuple[Manner, ...] = ()
@@ -48,14 +53,18 @@ class Reception:
     """Makes a client for every connection of one port."""
 
     def __init__(self, hub: Hub, face: Face, shared: dict[str, Any], host_clock: Callable[[], float],
-                 changed: Callable[[], None], number: int = 1) -> None:
+                 changed: Callable[[], None], number: int = 1, access: Access = Access()) -> None:
         self.hub, self.face, self.shared, self.clock, self.changed = hub, face, shared, host_clock, changed
         #: Which of the gateway's surfaces this is, counted from 1.
         self.number = number
+        self.access = access
+        self._clients: set[Client] = set()
+        self._turned: set[str] = set()
         self._left: dict[str, tuple[float, dict[str, Any]]] = {}
 
     def arrive(self, name: str, host: str, write: Callable[[bytes], Any]) -> Guest:
-        """A new connection."""
+        """A new connection. Raises TurnedAway."""
+        self._admit(name, host)
         face = self.face
         session = Session(face.model, face.settings, self.clock, self.shared, self.changed)
         at, kept = self._left.get(host, (-1e9, {}))
@@ -63,8 +72,27 @@ class Reception:
             session.kept = dict(kept)
         client = Client(name, self.hub, face.surface, session, face.framing(self.hub.now), write, face.stop_frames,
                         face.equinox, self.hub.transcript, self.hub.dead_man.arrive(host))
+        client.halts = face.halts
+        self._clients.add(client)
+        if self.access.only_looks(host):
+            client.read_only = True
+            session.shared = Sealed(self.shared, lambda: client.refuse("a setting"))
         self.hub.transcript.put(name, "+", note=f"surface {self.number}, host {host}")
         return _Visit(client, face.manners, lambda: self._leave(name, host, session, client.life))
+
+    def _admit(self, name: str, host: str) -> None:
+        """See whether a connection may be, and say once of a host why not. Raises TurnedAway."""
+        self._clients = {client for client in self._clients if client.open or client.busy}
+        if not self.access.admits(host):
+            why = "it is not in allow"
+        elif len(self._clients) >= self.access.most:
+            why = f"there are {self.access.most} clients (max-clients) already"
+        else:
+            return
+        if host not in self._turned and len(self._turned) < MOST_HOSTS:
+            self._turned.add(host)
+            self.hub.transcript.note(name, f"{host} was turned away from surface {self.number}: {why}")
+        raise TurnedAway
 
     def _leave(self, name: str, host: str, session: Session, life: Life) -> None:
         self.hub.transcript.put(name, "-")
@@ -99,6 +127,9 @@ class _Visit:
         session.kept["precision"] = manner.settings.get("precision", session.kept["precision"])
         client.transcript.note(client.name, f"this is {manner.program}, and treated so")
         return False
+
+    def serial(self, change_rate: Callable[[int], int]) -> None:
+        self._client.rate = Trial(change_rate)
 
     def close(self) -> None:
         self._client.close()

@@ -13,9 +13,6 @@ from gateway.motors import APPROACH_RATE, Axis, Leg
 from gateway.mount_geometry import Build, Geometry, Pair, Sky
 from gateway.spherical import SIDEREAL_RATE, wrap180, wrap360
 
-SOLAR_RATE = 360.0 / 86400.0
-LUNAR_RATE = 14.685 / 3600.0
-
 
 class Mechanics:
     """A mount. ``correction`` is what a sync adds to the axes before they are believed; the truth has none.
@@ -27,6 +24,7 @@ class Mechanics:
         self.build, self.sky = build, sky
         self.fastest = 4.0  # degrees a second
         self.speed = 1.0  # gotos are that much faster
+        self._drive_rate = SIDEREAL_RATE  # what tracking keeps up with
         self.correction: Pair = (0.0, 0.0)
         self.flipped = False
         self.suspended_since: float | None = None
@@ -34,8 +32,6 @@ class Mechanics:
         self._on, self._sense = False, 1
         self._aim: Pair = (0.0, 0.0)
         self._held = False  # in alt-az both axes follow the aim
-
-    # --- what can be seen -------------------------------------------------------------------------------
 
     @property
     def geometry(self) -> Geometry:
@@ -80,14 +76,19 @@ class Mechanics:
         self.advance(now)
         return self._axes[axis].pulse != 0.0
 
-    # --- what can be told -------------------------------------------------------------------------------
-
     def track(self, now: float, on: bool, sense: int = 1) -> None:
         """Tracking on or off; hand motion ends, a goto goes on. ``sense``: which way a polar axis turns."""
         self.advance(now)
         self._on, self._sense = on, sense
         if not self.slewing(now):
-            self.resume(now)
+            self._follow(now)
+
+    def keep_up_with(self, now: float, rate: float) -> None:
+        """Track at this rate instead of the sidereal one, on every build; hand motion and gotos go on."""
+        self._settle(now)
+        self._drive_rate = rate
+        if not any(motor.taken or motor.leg is not None for motor in self._axes.values()):
+            self._follow(now)
 
     def resume(self, now: float) -> None:
         """Track whatever is believed to be in view (or rest), whatever the axes were told before."""
@@ -190,8 +191,6 @@ class Mechanics:
             motor.position, motor.rate = position, 0.0
         self._follow(now)
 
-    # --- how it moves -----------------------------------------------------------------------------------
-
     def advance(self, now: float) -> None:
         """Let happen, in their order, the arrivals and the ends of pulses that are due by ``now``."""
         while True:
@@ -220,6 +219,8 @@ class Mechanics:
     def _aimed(self, now: float) -> Pair:
         """The axes that point at the aim, by what the mount believes."""
         ra, dec = self._aim
+        if self._held:
+            ra += (SIDEREAL_RATE - self._drive_rate) * (now - self._axes[1].since)
         first, second = self.geometry.axes(wrap180(self.sky.sidereal(now) - ra), dec, self.flipped)
         return first - self.correction[0], second - self.correction[1]
 
@@ -237,7 +238,7 @@ class Mechanics:
         nudged = any(motor.added or motor.pulse for motor in self._axes.values())
         for motor, position in zip(self._axes.values(), here, strict=True):
             motor.position, motor.since = position, now
-        if self._held and nudged:
+        if self._held and (nudged or self._drive_rate != SIDEREAL_RATE):
             self._aim = self._from_axes(now, here, self.correction)
 
     def _follow(self, now: float) -> None:
@@ -245,10 +246,9 @@ class Mechanics:
         self._note(now)
         self.suspended_since = None
         for motor in self._axes.values():
-            motor.taken = motor.drive = False
-            motor.rate, motor.added, motor.leg, motor.goal = 0.0, 0.0, None, None
+            motor.rest()
         if self.build is not Build.ALTAZ:
-            self._axes[1].rate = self._sense * SIDEREAL_RATE * self._on
+            self._axes[1].rate = self._sense * self._drive_rate * self._on
         elif self._on and not self._held:
             here = self._where(now)
             self._aim = self._from_axes(now, here, self.correction)
@@ -263,9 +263,8 @@ class Mechanics:
             for motor, p, q in zip(self._axes.values(), before, after, strict=True):
                 motor.rate = wrap180(q - p)
             self._held = False
-        motor = self._axes[axis]
-        motor.taken, motor.drive, motor.rate, motor.added = True, False, 0.0, 0.0
-        motor.leg = motor.goal = None
+        self._axes[axis].rest()
+        self._axes[axis].taken = True
         if self.suspended_since is None:
             self.suspended_since = now
 
@@ -276,8 +275,8 @@ class Mechanics:
     def _set_out(self, now: float, here: Pair, there: Pair, fixed: bool) -> None:
         self.suspended_since = None
         for number, motor in self._axes.items():
-            motor.taken = motor.drive = False
-            motor.position, motor.since, motor.rate, motor.added = here[number - 1], now, 0.0, 0.0
+            motor.rest()
+            motor.position, motor.since = here[number - 1], now
             motor.leg = self._leg(now, number, here[number - 1], there[number - 1])
             motor.goal = there[number - 1] if fixed else None
 

@@ -1,29 +1,34 @@
 """The line to the mount: one exchange at a time, in order of rank.
 
-Stop goes first, then motion, then settings, then reads. After a silence the line is drained and proven to be in step
-before anything else is sent, or every later answer would belong to an earlier question. A lost port is opened again
-with growing pauses, for ever.
+Stop goes first, then motion, then settings, then reads. A mount that is busy with itself for long is left alone, but
+for a stop. After a silence the line is drained and proven to be in step before anything else is sent, or every later
+answer would belong to an earlier question. A lost port is opened again with growing pauses, for ever.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import heapq
 from collections.abc import Callable, Iterator
 from itertools import count
 from typing import Any, Protocol
 
 from gateway.driver import Ask
-from gateway.errors import Fault, NoAnswer, Refused, Silence
+from gateway.errors import Busy, Fault, NoAnswer, Refused, Silence
 from gateway.transcript import Transcript
 from gateway.wires import Wire
 
-STOP, MOTION, SETTING, POSITION, READ = range(5)
+STOP, MOTION, WAITED, SETTING, POSITION, READ = range(6)
 QUIET = 0.15
 PROOFS = 3
+#: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the hub.
+AGED = {POSITION: 0.25, READ: 0.6}
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 #: Turns of the loop that what follows from an answer may take until it is in the queue.
 TURNS = 5
+#: A long piece of work of the mount may take that many seconds before what waits behind it is refused.
+BUSY_AFTER = 1.0
 
 
 class Dialogue(Protocol):
@@ -40,14 +45,14 @@ class Dialogue(Protocol):
 class Job:
     """An exchange that waits for its turn."""
 
-    __slots__ = ("ask", "future", "rank")
+    __slots__ = ("ask", "asked", "future", "rank")
 
     def __init__(self, ask: Ask, rank: int, future: asyncio.Future[dict[str, Any]]) -> None:
-        self.ask, self.rank, self.future = ask, rank, future
+        self.ask, self.rank, self.future, self.asked = ask, rank, future, future.get_loop().time()
 
 
 class Line:
-    """Owns the wire. ``state`` is ``opening``, ``up`` or ``down``; ``on_up`` is called when the wire was (re)opened."""
+    """Owns the wire. ``state`` is ``opening``, ``up``, ``busy`` or ``down``; ``on_up`` is called when it is opened."""
 
     def __init__(self, wire: Wire, dialogue: Dialogue, transcript: Transcript) -> None:
         self.wire, self.dialogue, self.transcript = wire, dialogue, transcript
@@ -62,6 +67,7 @@ class Line:
         self._buffer = b""
         self._arrived = asyncio.Event()
         self._lost = False
+        self._long = False
         self._urgent: list[float] = []
         self._hurried = False
         self._task: asyncio.Task[None] | None = None
@@ -90,9 +96,13 @@ class Line:
         """Send a command when its turn comes and return the reply's fields. Raises Fault."""
         if self.state == "down":
             raise NoAnswer
+        if self.state == "busy" and rank != STOP:
+            raise Busy
         future: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
         heapq.heappush(self._queue, (rank, next(self._order), Job(ask, rank, future)))
         self._wake.set()
+        if self._long:
+            self._arrived.set()
         return await future
 
     # --- the worker -----------------------------------------------------------------------------------------------
@@ -158,7 +168,11 @@ class Line:
         now = asyncio.get_running_loop().time()
         while self._urgent and self._urgent[0] < now - 0.05:
             heapq.heappop(self._urgent)
-        if self._urgent and self._queue[0][0] >= POSITION and self._urgent[0] - now < 1.5 * self.typical:
+        if any(now - job.asked > AGED.get(rank, 1e9) for rank, _, job in self._queue):
+            self._queue = [(WAITED if now - job.asked > AGED.get(rank, 1e9) else rank, order, job)
+                           for rank, order, job in self._queue]
+            heapq.heapify(self._queue)
+        if self._urgent and self._queue[0][2].rank >= POSITION and self._urgent[0] - now < 1.5 * self.typical:
             self._wake.clear()
             try:
                 await asyncio.wait_for(self._wake.wait(), max(0.0, self._urgent[0] - now) + 0.05)
@@ -177,52 +191,105 @@ class Line:
             self.transcript.put("mount", "<", self._buffer, "dropped: nobody asked")
             self._buffer = b""
         self._arrived.clear()
-        self.transcript.put("mount", ">", request)
         loop = asyncio.get_running_loop()
         began = loop.time()
-        try:
-            self.wire.write(request)
-        except OSError as error:
-            self._on_lost(str(error))
+        if not self._send(request):
             return NoAnswer()
-        deadline = began + (ask.patience or self.dialogue.timeout(ask))
-        while True:
-            taken = self._take(ask)
-            if taken is not None:
-                break
-            left = deadline - loop.time()
-            if left <= 0 or self._lost:
-                self.transcript.put("mount", "<", self._buffer, "no complete answer")
-                if ask.patience is not None and not self._buffer and not self._lost:
-                    return Silence()
-                return NoAnswer()
-            self._arrived.clear()
-            try:
-                async with asyncio.timeout(left):
-                    await self._arrived.wait()
-            except TimeoutError:
-                continue
+        self._long = ask.long
+        taken = await self._reply(ask, began)
+        self._free()
+        if isinstance(taken, Fault):
+            return taken
         outcome, length = taken
         self.transcript.put("mount", "<", self._buffer[:length])
         self._buffer = self._buffer[length:]
         self.answers += 1
-        self.typical += 0.2 * (loop.time() - began - self.typical)
-        await self._pause(self.dialogue.pace(ask), firm)
+        if not ask.long:
+            self.typical += 0.2 * (loop.time() - began - self.typical)
+        pace = self.dialogue.pace(ask)
+        if pace and await self._pause(pace, firm):
+            outcome = self._objection(ask) or outcome
         return outcome
 
-    async def _pause(self, seconds: float, firm: bool) -> None:
-        """Give an old scope time after a command without a reply; a stop cuts it short, unless it is ``firm``."""
+    async def _pause(self, seconds: float, firm: bool) -> bool:
+        """Give a scope time after a command without a reply. A stop cuts it short, unless ``firm``: then False."""
         until = asyncio.get_running_loop().time() + seconds
-        while (left := until - asyncio.get_running_loop().time()) > 0:
+        while not self._lost and (left := until - asyncio.get_running_loop().time()) > 0:
             if not firm and self._queue and self._queue[0][0] == STOP:
                 self._hurried = True
-                return
+                return False
             self._wake.clear()
-            try:
+            with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(left):
                     await self._wake.wait()
-            except TimeoutError:
-                return
+        return True
+
+    async def _reply(self, ask: Ask, began: float) -> tuple[dict[str, Any] | Fault, int] | Fault:
+        """Wait for the reply -> it and its length, or the Fault that it did not come."""
+        loop = asyncio.get_running_loop()
+        deadline, busy_at, stops = began + (ask.patience or self.dialogue.timeout(ask)), began + BUSY_AFTER, 0
+        while True:
+            now = loop.time()
+            if ask.long:
+                stops += self._meanwhile(now >= busy_at)
+            taken = self._take(ask)
+            if taken is not None and not (stops and isinstance(taken[0], Busy)):
+                return taken
+            if taken is not None:  # said to a stop, while nothing moves anyway
+                self._buffer, stops = self._buffer[taken[1] :], stops - 1
+                self.transcript.note("mount", "busy: the stop was not heard")
+                continue
+            if now >= deadline or self._lost:
+                self.transcript.put("mount", "<", self._buffer, "no complete answer")
+                quiet = not self._buffer and not self._lost
+                return Silence() if ask.patience is not None and not ask.long and quiet else NoAnswer()
+            self._arrived.clear()
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout_at(busy_at if ask.long and now < busy_at else deadline):
+                    await self._arrived.wait()
+
+    def _send(self, request: bytes) -> bool:
+        """Write to the wire -> whether it was there."""
+        self.transcript.put("mount", ">", request)
+        try:
+            self.wire.write(request)
+        except OSError as error:
+            self._on_lost(str(error))
+            return False
+        return True
+
+    def _free(self) -> None:
+        """The long work of the mount is over."""
+        self._long = False
+        if self.state == "busy":
+            self.state = "up"
+
+    def _meanwhile(self, busy: bool) -> int:
+        """While the mount works: send the stops that need no answer; refuse all else once it is busy -> stops sent."""
+        if busy and self.state == "up":
+            self.state = "busy"
+        sent, waiting = 0, sorted(self._queue)
+        self._queue = []
+        for rank, order, job in waiting:
+            if job.future.done():
+                continue
+            if rank == STOP and self.dialogue.take(job.ask, b"") is not None:
+                sent += self._send(self.dialogue.encode(job.ask))
+                job.future.set_result({})
+            elif self.state == "busy":
+                job.future.set_exception(Busy())
+            else:
+                heapq.heappush(self._queue, (rank, order, job))
+        return sent
+
+    def _objection(self, ask: Ask) -> Fault | None:
+        """What a command without a reply was answered with all the same: that the mount is busy."""
+        taken = self._take(ask) if self._buffer and self.dialogue.take(ask, b"") is not None else None
+        if taken is None or not isinstance(taken[0], Fault):
+            return None
+        self.transcript.put("mount", "<", self._buffer[: taken[1]])
+        self._buffer = self._buffer[taken[1] :]
+        return taken[0]
 
     def _take(self, ask: Ask) -> tuple[dict[str, Any] | Fault, int] | None:
         """The reply, when it is complete; one that cannot be read at all is garbled, never the end of the line."""

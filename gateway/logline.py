@@ -9,6 +9,8 @@ from typing import TextIO
 from gateway.tables import load
 from gateway.transcript import Entry
 
+#: What a person need not see: bytes shown as commands, the hub's own decisions, a lost port that has a note besides.
+SILENT = ("raw", "r", "v")
 _EVENTS = {"+": "connected", "-": "gone", "^": "port opened", "v": "port lost"}
 
 
@@ -38,7 +40,7 @@ def printer(mount_protocol: str, stream: TextIO, name: str | None = None) -> Cal
     """A sink that writes one line per entry."""
 
     def put(entry: Entry) -> None:
-        if entry.arrow not in ("raw", "v"):  # a lost port has a note of its own
+        if entry.arrow not in SILENT:
             stream.write(line(entry, mount_protocol, name) + "\n")
             stream.flush()
 

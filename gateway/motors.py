@@ -9,6 +9,9 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+#: What a drive keeps up with besides the stars, degrees a second.
+SOLAR_RATE = 360.0 / 86400.0
+LUNAR_RATE = 14.685 / 3600.0
 #: The last stretch of a goto, in degrees, and how fast it is done.
 APPROACH, APPROACH_RATE = 0.5, 0.25
 
@@ -52,3 +55,8 @@ class Axis:
     drive: bool = False  # that rate is itself a tracking rate
     leg: Leg | None = None
     goal: float | None = None  # of a goto to a fixed position; None: the aim on the sky
+
+    def rest(self) -> None:
+        """Forget every order but a guide pulse."""
+        self.taken = self.drive = False
+        self.rate, self.added, self.leg, self.goal = 0.0, 0.0, None, None

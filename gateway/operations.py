@@ -89,6 +89,14 @@ class Moment(Struct, frozen=True):
     offset: float
 
 
+class Gps(Struct, frozen=True):
+    """What a GPS receiver tells: whether it has a fix; place, and UTC as Unix seconds, with one."""
+
+    linked: bool
+    place: Place | None = None
+    unix: float = 0.0
+
+
 class Status(Struct, frozen=True):
     """How the mount stands: its tracking mode, whether it is aligned, and how it is built."""
 
@@ -151,6 +159,10 @@ class GetSite(Read, frozen=True):
 
 class GetClock(Read, frozen=True):
     """-> Moment."""
+
+
+class GetGps(Read, frozen=True):
+    """-> Gps, of the receiver that the mount carries. Raises Unsupported, NoDevice."""
 
 
 class SiderealTime(Read, frozen=True):

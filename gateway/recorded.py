@@ -19,15 +19,15 @@ from gateway.wires import OnData, OnLost
 
 #: Half of the recorded times' last digit, seconds.
 ROUNDED = 1e-6
-#: The latest that a timer may have been, seconds.
-LATE = 0.05
+#: Waits of so many seconds are deadlines; the latest that one may have been noticed, seconds.
+DEADLINE, LATE = 1.0, 0.05
 
 
 class RecordedLoop(VirtualLoop):
-    """Virtual time in which timers are as late as they were.
+    """Virtual time in which deadlines are as late as they were.
 
-    A busy computer wakes late, and what a client says meanwhile comes first. A timer that is due shortly before
-    something left the gateway was what made it leave, then.
+    A busy computer wakes late, and what a client says meanwhile comes first. A deadline shortly before something left
+    the gateway was what made it leave, then. Shorter waits lead to requests, which are held back until their moment.
     """
 
     def __init__(self, events: list[Event]) -> None:
@@ -39,7 +39,8 @@ class RecordedLoop(VirtualLoop):
         self, when: float, callback: Callable[..., object], *args: Any, context: Any = None
     ) -> Any:
         number = bisect_left(self._left, when)
-        late = number < len(self._left) and self._left[number] - when <= LATE
+        deadline = when - self.time() >= DEADLINE and isinstance(getattr(callback, "__self__", None), asyncio.Timeout)
+        late = deadline and number < len(self._left) and self._left[number] - when <= LATE
         return super().call_at(self._left[number] if late else when, callback, *args, context=context)
 
     async def until(self, at: float) -> None:

@@ -2,7 +2,8 @@
 
 The head says with which settings; then one line is one thing: seconds since the beginning, who, an arrow, bytes. ``>``
 goes towards the mount, ``<`` comes from it; raw chunks as they arrived, requests and replies as they were written.
-``+`` and ``-`` are connections that come and go, ``!`` is a note, ``^`` and ``v`` are the mount's port opened and lost.
+``+`` and ``-`` are connections that come and go, ``!`` is a note, ``^`` and ``v`` are the mount's port opened and lost,
+``r`` is the hub's decision to read something anew.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ MARK = "# mount-gateway recording 1"
 MOUNT = "mount"
 #: A file that has grown to this many bytes is put aside as FILE.1, the older ones as FILE.2 and so on.
 LONGEST, KEPT = 10_000_000, 9
-_LINE = re.compile(r"(\d+\.\d+) (\S+) ([<>+\-!^v])(?: (.*))?")
+_LINE = re.compile(r"(\d+\.\d+) (\S+) ([<>+\-!^vr])(?: (.*))?")
 
 
 class Event(NamedTuple):
@@ -163,6 +164,6 @@ def _read_part(path: Path) -> tuple[dict[str, Any], list[Event]]:
                 continue
             raise UserError(f"{path}:{number}: {line[:60]!r} is no line of a recording: SECONDS WHO ARROW BYTES")
         at, side, arrow, text = found.groups()
-        data = (text or "").encode("latin-1") if arrow in "+-!^v" else unescape(text or "")
+        data = (text or "").encode("latin-1") if arrow in "+-!^vr" else unescape(text or "")
         events.append(Event(float(at), side, arrow, data))
     return settings, events

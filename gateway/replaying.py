@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import msgspec
 
+from gateway import operations as op
 from gateway.assembly import Gateway
 from gateway.config import MountConfig, SurfaceConfig
 from gateway.errors import UserError
@@ -90,6 +91,7 @@ async def _replay(recording: Recording) -> Outcome:
     gateway.prepare(line)
     assert gateway.hub is not None
     clients = _Clients(gateway)
+    gateway.hub.refresh.start = lambda: None  # type: ignore[method-assign]  # the recording decides
     gateway.begin()
     asked = 0
     for cause, requests in _causes(recording.events):
@@ -98,6 +100,8 @@ async def _replay(recording: Recording) -> Outcome:
         lines[0].allow(at_once)
         if cause.side == MOUNT:
             _mount(cause, asked, gateway, wire)
+        elif cause.arrow == "r":
+            gateway.hub.spawn(gateway.hub.refresh.renew(getattr(op, cause.data.decode())))
         else:
             clients.play(cause)
         await _rest()
@@ -119,7 +123,7 @@ def replay_on_simulator(recording: Recording, show: Callable[[str], object]) -> 
 
 
 async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> None:
-    from gateway.logline import line
+    from gateway.logline import SILENT, line
     from gateway.simulators import DEFAULT_SITE, make_simulator
 
     loop = asyncio.get_running_loop()
@@ -134,12 +138,12 @@ async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> 
     gateway = _gateway(recording, clock)
 
     def put(entry: Entry) -> None:
-        if entry.arrow != "raw":
+        if entry.arrow not in SILENT:
             show(line(entry, gateway.mount.protocol))
 
     gateway.transcript.sinks.append(put)
     simulator = make_simulator(gateway.mount, clock=clock, site=gateway.config.site or DEFAULT_SITE)
-    gateway.prepare(lambda dialogue, transcript: Line(SimulatorWire("sim", simulator.feed), dialogue, transcript))
+    gateway.prepare(lambda dialogue, transcript: Line(SimulatorWire("sim", simulator.connection), dialogue, transcript))
     gateway.sky.load()
     clients = _Clients(gateway)
     gateway.begin()
@@ -158,7 +162,7 @@ def _causes(events: list[Event]) -> Iterator[tuple[Event, list[float]]]:
     for event in events:
         if event.side == MOUNT and event.arrow == ">":
             requests.append(event.at)
-        elif event.arrow in ("<^v!" if event.side == MOUNT else "+->"):
+        elif event.arrow in ("<^v!" if event.side == MOUNT else "+->r"):
             if cause is not None:
                 yield cause, requests
             cause, requests = event, []
@@ -237,6 +241,8 @@ class _Clients:
             if event.arrow == "+":
                 then[event.side] = _Then(bytearray(), [])
                 pairs.append((next(talks), then[event.side]))
+            elif event.arrow == "-":
+                then.pop(event.side, None)  # what comes for it later goes nowhere
             elif event.arrow == "<" and event.side in then:
                 then[event.side].times.append((len(then[event.side].told), event.at))
                 then[event.side].told.extend(event.data)

@@ -54,7 +54,7 @@ def make_simulator(endpoint: Endpoint, *, clock: Callable[[], float], site: tupl
 def simulated_wire(endpoint: Endpoint, config: MountConfig) -> SimulatorWire:
     """A mount ``…@sim`` as the wire of a gateway."""
     simulator = make_simulator(endpoint, clock=time.time, site=config.site or DEFAULT_SITE, speed=config.speed)
-    return SimulatorWire(f"sim {endpoint.protocol}", simulator.feed, config.latency)
+    return SimulatorWire(f"sim {endpoint.protocol}", simulator.connection, config.latency)
 
 
 class _Caller:
@@ -71,9 +71,12 @@ class _Caller:
     def feed(self, data: bytes) -> None:
         answer = self._feed(data)
         if answer and self._latency:
-            asyncio.get_running_loop().call_later(self._latency, self._write, answer)
+            asyncio.get_running_loop().call_later(self._latency, lambda: self._write(answer))
         elif answer:
             self._write(answer)
+
+    def serial(self, change_rate: Callable[[int], int]) -> None:
+        """A simulated mount stays at the rate it was opened with."""
 
     def close(self) -> None:
         self._write = lambda data: None

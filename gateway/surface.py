@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from gateway import operations
-from gateway.errors import Fault, Invalid, NoTarget
+from gateway.errors import Fault, Invalid, NoTarget, Unsupported
 from gateway.operations import Operation, Verbatim
 from gateway.tables import Command, Protocol, SurfaceRow
 
@@ -38,7 +38,13 @@ class Defer(NamedTuple):
     special: str
 
 
-Want = Operation | Start | Again | Defer
+class Speed(NamedTuple):
+    """Go on at another baud rate once this command was answered, where there is a serial port."""
+
+    baud: int
+
+
+Want = Operation | Start | Again | Defer | Speed
 Handling = Generator[Want, Any, Any]
 Special = Callable[["Session", Command, dict[str, Any]], Any]
 
@@ -49,9 +55,10 @@ class Session:
     __slots__ = ("changed", "clock", "kept", "last", "model", "settings", "shared")
 
     def __init__(self, model: Mapping[str, Any], settings: Mapping[str, Any], clock: Callable[[], float],
-                 shared: dict[str, Any], changed: Callable[[], None] = lambda: None) -> None:
+                 shared: Any, changed: Callable[[], None] = lambda: None) -> None:
         self.model, self.settings, self.clock = model, settings, clock
-        #: What all clients of a mount have in common, and what to call when the lasting part of it has changed.
+        #: What all clients of a mount have in common, a mapping that may be sealed, and what to call when the lasting
+        #: part of it has changed.
         self.shared, self.changed = shared, changed
         #: The frame before this one.
         self.last = b""
@@ -87,7 +94,7 @@ class Surface:
             return self.unanswered(frame)
         command, picture = found
         row = self.protocol.surface.get(command.name)
-        passed = self.verbatim and (row is None or row.outcome == "refused")
+        passed = self.verbatim and (row is None or row.passes or row.outcome == "refused")
         if row is None and not passed:
             return self.unanswered(frame)
         try:
@@ -101,12 +108,21 @@ class Surface:
             if passed and not self.passes(command.name, values):
                 return self.unanswered(frame)
             if row is None or passed:
-                answer = yield Verbatim(command.name, tuple(values.items()))
+                answer = yield from self._pass_on(session, command, row, values)
             else:
                 answer = yield from self._act(session, command, row, values)
             return self.reply(session, command, answer)
         except Fault as fault:
             return self.refusal(command, fault) or self.unanswered(frame)
+
+    def _pass_on(self, session: Session, command: Command, row: SurfaceRow | None, values: dict[str, Any]) -> Handling:
+        """To a mount of the same protocol; one that lacks it leaves it to this surface."""
+        try:
+            return (yield Verbatim(command.name, tuple(values.items())))
+        except Unsupported:
+            if row is None or not row.passes:
+                raise
+        return (yield from self._act(session, command, row, values))
 
     def silence(self, frame: bytes) -> str:
         """Why a command has no reply, where its sender may have expected one; empty where none is due."""

@@ -56,7 +56,10 @@ class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a surface does with a command: exactly one of the five verbs, and what a reader should know."""
+    """What a surface does with a command: exactly one of the five verbs, and what a reader should know.
+
+    One that ``passes`` means nothing here, but something to a mount of the same protocol that has it.
+    """
 
     ask: str | None = None
     keep: list[str] | None = None
@@ -66,6 +69,7 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     asks: list[str] = []
     outcome: str | None = None
     without: str | None = None
+    passes: bool = False
     why: str | None = None
 
     @property
@@ -79,17 +83,21 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Way(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One way of carrying out an operation: the commands it sends, or a Python special and those it uses."""
+    """One way of carrying out an operation: the commands it sends, or a Python special, what it needs and what it uses.
+
+    A way whose ``send`` or ``needs`` the mount lacks is passed over; the others it uses where there are some.
+    """
 
     send: list[str] = []
     call: str | None = None
+    needs: list[str] = []
     uses: list[str] = []
     outcome: str = "translated"
     why: str | None = None
 
     @property
     def commands(self) -> list[str]:
-        return self.send + self.uses
+        return self.send + self.needs + self.uses
 
 
 class Command:

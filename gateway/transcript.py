@@ -16,7 +16,8 @@ class Entry(NamedTuple):
     """One thing that happened.
 
     ``arrow`` is ``>`` for a command towards the mount, ``<`` for a reply, ``raw`` for bytes as they arrived, ``!`` for
-    a note, ``+`` and ``-`` for a connection that comes and goes, ``^`` and ``v`` for the mount's port opened and lost.
+    a note, ``+`` and ``-`` for a connection that comes and goes, ``^`` and ``v`` for the mount's port opened and lost,
+    ``r`` for the hub's decision to read something anew.
     """
 
     time: float

@@ -7,13 +7,19 @@ hands bytes to the loop: every URL that ``serial.serial_for_url`` opens works. A
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
 import threading
 from collections.abc import Callable
 from typing import Any, Protocol
 
+#: What hand controls and telescopes speak at power-on.
+BAUD = 9600
+
 OnData = Callable[[bytes], None]
 OnLost = Callable[[str], None]
+#: How long a read waits, in seconds, and how many bytes are taken from a socket at a time.
+TIMEOUT, CHUNK = 0.25, 4096
 
 
 class Wire(Protocol):
@@ -33,7 +39,7 @@ class Wire(Protocol):
 class SerialWire:
     """Any pyserial URL: a device name, ``socket://``, ``rfc2217://``, ``hwgrep://``, ``spy://`` …"""
 
-    def __init__(self, url: str, baud: int = 9600) -> None:
+    def __init__(self, url: str, baud: int = BAUD) -> None:
         self.name, self.baud = url, baud
         self._port: Any = None
         self._thread: threading.Thread | None = None
@@ -54,13 +60,24 @@ class SerialWire:
             while self._port is port:
                 data = port.read(1)
                 if data:
-                    waiting = port.in_waiting
-                    data += port.read(waiting) if waiting else b""
-                    loop.call_soon_threadsafe(on_data, bytes(data))
+                    try:
+                        data += self._rest(port)
+                    finally:  # a byte and the end of the connection: the byte counts
+                        loop.call_soon_threadsafe(on_data, bytes(data))
         except (OSError, TypeError, ValueError, AttributeError) as error:
             # pyserial raises the last three when a port is closed under a pending read
             if self._port is port and not loop.is_closed():
                 loop.call_soon_threadsafe(on_lost, str(error))
+
+    def _rest(self, port: Any) -> bytes:
+        """What is there besides the first byte, without waiting for more."""
+        if not self.name.startswith("socket://"):
+            waiting = port.in_waiting
+            return bytes(port.read(waiting)) if waiting else b""
+        port.timeout = 0  # a socket says that 1 byte waits, however many there are
+        rest = port.read(CHUNK)
+        port.timeout = TIMEOUT
+        return bytes(rest)
 
     def write(self, data: bytes) -> None:
         if self._port is None:
@@ -74,6 +91,14 @@ class SerialWire:
         except Exception as error:  # ValueError, SerialException, termios.error: as the system has it
             raise OSError(errno.EINVAL, f"{baud} baud: {error}") from None
         self.baud = baud
+
+    async def change_rate(self) -> None:
+        """Go on at ``baud`` when what was written has left; a port that cannot keeps its rate."""
+        port = self._port
+        if port is not None:
+            with contextlib.suppress(OSError):
+                await asyncio.get_running_loop().run_in_executor(None, port.flush)
+                self.set_baud(self.baud)
 
     async def close(self) -> None:
         port, self._port = self._port, None
@@ -93,9 +118,14 @@ def open_port(url: str, baud: int) -> Any:
     """Open a serial URL for exclusive use. Raises OSError that says what is wrong."""
     import serial
 
-    patience = None if url.startswith("rfc2217:") else 2.0  # pyserial's RFC 2217 client knows none
+    patience: float | None = 2.0
+    opened = url
+    if url.startswith("rfc2217://"):
+        patience = None  # pyserial's RFC 2217 client knows none
+        # ser2net leaves DTR and RTS unconfirmed where the port has no such lines; no mount needs them
+        opened += "" if "ign_set_control" in url else "&ign_set_control" if "?" in url else "?ign_set_control"
     try:
-        return serial.serial_for_url(url, baudrate=baud, timeout=0.25, write_timeout=patience, exclusive=True)
+        return serial.serial_for_url(opened, baudrate=baud, timeout=TIMEOUT, write_timeout=patience, exclusive=True)
     except serial.SerialException as error:
         number = getattr(error, "errno", None)
         text = str(error)
@@ -114,12 +144,21 @@ def open_port(url: str, baud: int) -> Any:
         raise OSError(errno.EINVAL, f"{error}; socket://HOST:PORT, rfc2217://HOST:PORT or a device will do") from None
 
 
+#: (how to send what comes after some seconds) -> (bytes in -> the bytes that are answered at once).
+Connection = Callable[[Callable[[float, bytes], None]], Callable[[bytes], bytes]]
+
+
 class SimulatorWire:
     """A simulated mount in this process; ``latency`` is the time it takes to answer, in seconds."""
 
-    def __init__(self, name: str, feed: Callable[[bytes], bytes], latency: float = 0.0) -> None:
-        self.name, self._feed, self._latency = name, feed, latency
+    def __init__(self, name: str, connection: Connection, latency: float = 0.0) -> None:
+        self.name, self._latency = name, latency
         self._on_data: OnData | None = None
+        self._feed = connection(self._later)
+
+    def _later(self, seconds: float, answer: bytes) -> None:
+        """Some answers come after a while."""
+        asyncio.get_running_loop().call_later(self._latency + seconds, self._deliver, answer)
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
         self._on_data = on_data

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway import operations as op
+from gateway.access import Access
 from gateway.assembly import DRIVERS, FACES, policy
 from gateway.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.guests import Reception
@@ -42,7 +43,7 @@ class Bridge:
                  latency: float = 0.05, aligned: bool = True, speed: float = 1.0, surface: str | None = "autostar",
                  config: dict[str, Any] | None = None, driven: str = "nexstar", presented: str = "lx200",
                  start: float = EVENING, host_ahead: float = 0.0, state: Path | None = None, on: Bridge | None = None,
-                 in_thread: InThread | None = None) -> None:
+                 in_thread: InThread | None = None, access: Access = Access()) -> None:
         """With ``state`` a directory for what is kept; ``on`` the same mount as another gateway's, which has ended."""
         loop = asyncio.get_running_loop()
         self._began = loop.time() if on is None else on._began
@@ -56,7 +57,7 @@ class Bridge:
         self.transcript.sinks.append(self.entries.append)
         driver, follow_ups, dialogue = DRIVERS[driven](Endpoint(driven, "sim"), self.settings, loop.time)
         self.driver: Any = driver
-        line = Line(SimulatorWire("sim", self.sim.feed, latency), dialogue, self.transcript)
+        line = Line(SimulatorWire("sim", self.sim.connection, latency), dialogue, self.transcript)
         given = self.settings.site
         self.observatory = Observatory(loop.time, self.host, op.Place(*given) if given else None)
         self.hub = Hub(driver, follow_ups, line, Sky(), self.observatory, self.transcript,
@@ -72,7 +73,7 @@ class Bridge:
                                    in_thread or here)
             self.keeping.attach(self.hub)
             shared, changed = self.keeping.shared, self.keeping.changed
-        self.reception = Reception(self.hub, face, shared, self.clock, changed)
+        self.reception = Reception(self.hub, face, shared, self.clock, changed, access=access)
 
     async def __aenter__(self) -> Bridge:
         self.hub.start()

@@ -13,14 +13,14 @@ from gateway import operations as op
 from gateway.assembly import FACES
 from gateway.clients import PAIR
 from gateway.config import Endpoint, SurfaceConfig
-from gateway.errors import Fault
+from gateway.errors import Fault, Unsupported
 from gateway.guests import Face
 from gateway.hub.derived import Derived
 from gateway.hub.places import PLACES
 from gateway.observatory import Observatory
 from gateway.safety import Limits, check_altitude, check_sync
 from gateway.sky import Sky
-from gateway.surface import Again, Defer, Session, Start
+from gateway.surface import Again, Defer, Session, Speed, Start
 
 
 def unix(text: str) -> float:
@@ -61,6 +61,8 @@ class Mount:
             op.AxisPosition: self.axes, op.PierSide: self.pier,
             op.GetIdentity: self.identity,
         }
+        if isinstance(operation, op.GetGps | op.GuideRate):
+            raise Unsupported
         if type(operation) in PLACES:
             observatory = Observatory(lambda: self.clock.unix, lambda: self.clock.unix, self.site)
             return PLACES[type(operation)](Derived(self.sky, observatory, "jnow"), operation)
@@ -130,6 +132,8 @@ class Talk:
             while True:
                 wanted = steps.send(answer) if fault is None else steps.throw(fault)
                 answer, fault = None, None
+                if isinstance(wanted, Speed):
+                    continue
                 if isinstance(wanted, Defer):
                     self.deferred = [item for item in self.deferred if item[1:] != (session, wanted.special)]
                     self.deferred.append((self.now + wanted.seconds, session, wanted.special))

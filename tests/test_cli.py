@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import re
 import signal
@@ -15,6 +16,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from gateway.cli import main
 
 GATEWAY = [sys.executable, "-bb", "-m", "gateway"]
 PATIENCE = 20.0
@@ -76,13 +79,19 @@ def ask(where: str, data: bytes, until: bytes = b"#") -> bytes:
 
 
 def refused(*arguments: str) -> str:
-    """The one line that a mistake gets."""
-    done = subprocess.run([*GATEWAY, *arguments], capture_output=True, text=True, timeout=PATIENCE, check=False)
-    assert done.returncode == 2, done
-    assert "Traceback" not in done.stderr
-    lines = done.stderr.strip().splitlines()
-    assert len(lines) == 1, lines
-    return lines[0]
+    """The one line that a mistake gets, and nothing else; in this process, for a Python takes long to start."""
+    out, error = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
+        assert main(list(arguments)) == 2
+    [line] = error.getvalue().splitlines()
+    assert out.getvalue() == "" and line.startswith("mount-gateway: ")
+    return line
+
+
+def test_a_mistake_ends_the_process_with_code_2() -> None:
+    done = subprocess.run([*GATEWAY, "run"], capture_output=True, text=True, timeout=PATIENCE)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("mount-gateway: ") and done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
@@ -145,9 +154,9 @@ def test_a_port_in_use_is_named(started: list[Running]) -> None:
         (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://nowhere"], "tcp://HOST:PORT"),
         (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--site", "north"], "LAT,LON"),
         (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--lowest", "95"], "lowest"),
-        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--sun", "near"], "off for solar work"),
-        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--sun=-5"], "sun is 0 to 90"),
-        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--hour-angle-limit", "13"], "12 hours"),
+        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--sun", "near"], "0 to 90"),
+        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--sun=-5"], "0 to 90"),
+        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--hour-angle-limit", "13"], "up to 12"),
         (["run", "--mount", "nexstar@foo://bar", "--surface", "lx200@tcp://:0"], "foo://bar"),
         (["run", "--config", "/does/not/exist.toml"], "/does/not/exist.toml"),
         (["sim", "nexstar:cge", "--time", "yesterday"], "2026-01-15"),
@@ -167,8 +176,8 @@ def test_a_mistake_gets_one_clear_line(arguments: list[str], says: str) -> None:
         ('[mount]\nat = "nexstar@sim"\nlattitude = 3\n[[surface]]\nat = "lx200@tcp://:0"', "lattitude"),
         ('[mount]\nat = "nexstar@sim"\nsite-tme = "never"\n[[surface]]\nat = "lx200@tcp://:0"', "'site-time'"),
         ('[mount]\nat = "nexstar@sim"\nsite-time = "often"\n[[surface]]\nat = "lx200@tcp://:0"', "unaligned"),
-        ('[mount]\nat = "nexstar@sim"\nsun = "of"\n[[surface]]\nat = "lx200@tcp://:0"', '"off" for solar work'),
-        ('[mount]\nat = "nexstar@sim"\ndead-man = 0\n[[surface]]\nat = "lx200@tcp://:0"', "dead-man must be"),
+        ('[mount]\nat = "nexstar@sim"\nsun = "of"\n[[surface]]\nat = "lx200@tcp://:0"', "sun"),
+        ('[mount]\nat = "nexstar@sim"\ndead-man = 0\n[[surface]]\nat = "lx200@tcp://:0"', "dead-man"),
         ('[mount]\nat = "nexstar@sim"\nbaud = "fast"\n[[surface]]\nat = "lx200@tcp://:0"', "baud"),
         ('[mount]\nat = "nexstar@sim"\n[[surface]]\nequinox = "jnow"', "at"),
         ('[mount\n', "gateway.toml"),

@@ -22,7 +22,7 @@ from serial.rfc2217 import PortManager
 
 from gateway.cli import main
 from gateway.cli.detect import write_whole
-from gateway.config import Endpoint, read_config
+from gateway.config import Endpoint, make_config, read_tables
 from gateway.detect import Finding, Place, look, named
 from gateway.detect.ports import here, holder, lasting_name
 from gateway.detect.probe import Patience
@@ -164,8 +164,8 @@ def test_the_command_line_writes_what_run_reads(found: dict[str, Any], cli: tupl
     assert (mount["mount"]["model"], mount["mount"]["version"], mount["baud"]) == ("cpc", "4.10", 9600)
     assert mount["mount"]["run"] == (
         f"mount-gateway run --mount nexstar@{folder / 'mount'} --surface lx200@tcp://127.0.0.1:4030")
-    config = read_config(folder / "g.toml")
-    assert (config.mount.at, config.mount.baud) == (f"nexstar@{folder / 'mount'}", 9600)
+    config = make_config(*read_tables(folder / "g.toml"))
+    assert (config.mount[0].at, config.mount[0].baud) == (f"nexstar@{folder / 'mount'}", 9600)
     assert config.surface[0].at == "lx200@tcp://127.0.0.1:4030"
     assert sorted(path.name for path in folder.iterdir()) == ["g.toml", "mount"]
 

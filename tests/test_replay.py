@@ -54,7 +54,7 @@ def _live(path: Path, mount: str, presented: str) -> bytes:
         config, surfaces = MountConfig(at=f"{mount}@sim"), [SurfaceConfig(at=f"{presented}@tcp://:0")]
         transcript = Transcript(clock)
         gateway = Gateway(config, surfaces, transcript, clock=clock)
-        wire = _Mute("sim", make_simulator(gateway.mount, clock=clock, speed=3.0).feed, 0.0731)
+        wire = _Mute("sim", make_simulator(gateway.mount, clock=clock, speed=3.0).connection, 0.0731)
         settings = {"began": clock(), "config": {"mount": config, "surface": surfaces}, "past": gateway.past}
         recorder = Recorder(path, loop.time, msgspec.to_builtins(settings), longest=200_000)
         transcript.sinks.append(recorder.put)

@@ -209,7 +209,7 @@ class Served:
             await opening(gateway)
 
         monkeypatch.setattr(Gateway, "open", open_it)
-        monkeypatch.setattr(Gateway, "_wire", lambda _: SimulatorWire("sim", self.sim.feed, 0.005))
+        monkeypatch.setattr(Gateway, "_wire", lambda _: SimulatorWire("sim", self.sim.connection, 0.005))
 
     def run(self, fast: bool, then: Callable[[], object]) -> int:
         """Begin a goto, and a moment later do something to the loop or the process."""
@@ -217,8 +217,8 @@ class Served:
         async def program() -> int:
             mover = asyncio.ensure_future(self._move(then))
             try:
-                return await serving.serve_gateway(
-                    Config(MountConfig(at="nexstar@socket://-"), [SurfaceConfig(at="lx200@tcp://127.0.0.1:0")]))
+                return await serving.serve_mounts(
+                    Config([MountConfig(at="nexstar@socket://-")], [SurfaceConfig(at="lx200@tcp://127.0.0.1:0")]))
             finally:
                 mover.cancel()
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.keeping import selected_site
 from gateway.operations import Place
 from gateway.tables import load
 from tests.bridge import Bridge, Visitor
@@ -88,12 +89,12 @@ def test_the_site_selected_last_stands_in_for_a_mount_that_knows_none(tmp_path: 
             client.tell(b":W1#:St+10*30#")
             await asyncio.sleep(1)
             assert bridge.keeping is not None
-            assert bridge.keeping.site() is None, "half a site is none"
+            assert selected_site(bridge.keeping.shared) is None, "half a site is none"
             client.tell(b":Sg010*00#")
             await asyncio.sleep(1)
         async with Bridge(state=tmp_path, aligned=False, on=bridge) as bridge:
             assert bridge.keeping is not None
-            assert bridge.keeping.site() == Place(10.5, -10.0)
+            assert selected_site(bridge.keeping.shared) == Place(10.5, -10.0)
 
     run(program())
 

@@ -23,7 +23,8 @@ def test_the_wheel_runs_the_demo(tmp_path: Path) -> None:
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "README.md"):
         shutil.copy(ROOT / name, source / name)
-    pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check", "wheel", "--no-deps"]
+    pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check", "wheel", "--no-deps",
+           "--no-build-isolation"]
     subprocess.run([*pip, "-w", str(tmp_path), str(source)], check=True, timeout=120)
     [wheel] = tmp_path.glob("*.whl")
     fresh = tmp_path / "fresh"

@@ -65,14 +65,15 @@ class Still:
         self.stops += 1
         self.spawn(self.perform(op.Stop()))
 
-    def begin(self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: Life) -> None:
+    def begin(self, operation: op.Operation, stops: int, failed: Callable[[Fault], None],
+              life: Life) -> asyncio.Task[None]:
         async def finish() -> None:
             try:
                 await self.perform(operation, stops)
             except Fault as fault:
                 failed(fault)
 
-        self.spawn(finish())
+        return self.spawn(finish())
 
     def spawn(self, work: Coroutine[Any, Any, Any]) -> asyncio.Task[Any]:
         return self.loop.create_task(work)

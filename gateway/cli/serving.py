@@ -23,6 +23,7 @@ from gateway.errors import UserError
 from gateway.transcript import SKY_READY
 
 if TYPE_CHECKING:
+    from gateway.announce import Offer
     from gateway.assembly import Gateway
     from gateway.recording import Recorder
 
@@ -78,12 +79,19 @@ async def serve_mounts(config: Config, banner: str = "") -> int:
 
     Raises UserError for a port that cannot be opened, and when no mount is found.
     """
+    from gateway.announce import Announcement, offered
     from gateway.assembly import Gateway
     from gateway.sky import Sky
     from gateway.transcript import Transcript
 
     done, sky = until_signal(), Sky()
     gateways: list[Gateway] = []
+    announcement = Announcement(warn, lambda text: gateways[0].transcript.note("mount", text))
+
+    def offers() -> list[Offer]:
+        names = [name for gateway in gateways for name in gateway.names()] if config.discovery else []
+        return [offer for offer in offered(names) if offer.wide]
+
     for mount in config.mount:
         transcript = Transcript(time.time)
         if config.log:
@@ -97,6 +105,7 @@ async def serve_mounts(config: Config, banner: str = "") -> int:
     try:
         for gateway in gateways:
             await gateway.open()
+        await announcement.answer(offers())
         if banner:
             print(banner, flush=True)
         patient = config.wait or len(gateways) > 1
@@ -108,9 +117,10 @@ async def serve_mounts(config: Config, banner: str = "") -> int:
         # once, when the first mount is found or not waited for
         start_sky = cache(lambda: sky.start(_from_the_thread(sky_ready)))
         await _unless(done, asyncio.gather(*(_serve(gateway, patient, start_sky) for gateway in gateways)))
+        announcement.publish(offers())  # by now it is known which model fits the mount
         await done.wait()
     finally:
-        await asyncio.gather(*(gateway.close() for gateway in gateways))
+        await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
     return 0
 
 

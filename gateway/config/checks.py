@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from gateway.access import networks
 from gateway.config.endpoints import nearest, parse_endpoint
 from gateway.config.keys import Config
 from gateway.config.lines import Place
@@ -13,6 +14,8 @@ from gateway.config.programs import programs
 from gateway.errors import UserError
 
 _EVERY_ADDRESS = ("0.0.0.0", "::")
+#: What a surface listens on, rather than opens.
+_LISTENING = ("tcp://", "rfc2217://")
 
 
 class Mistake(NamedTuple):
@@ -31,6 +34,7 @@ def mistakes(config: Config) -> Iterator[Mistake]:
                                                        f"{mount.highest:g}")
     yield from _names(config)
     yield from _clients(config)
+    yield from _access(config)
     yield from _taken_twice(config)
     if not config.surface:
         yield Mistake(("surface",), "at least one surface is needed, for example lx200@tcp://127.0.0.1:4030")
@@ -40,7 +44,7 @@ def _endpoints(config: Config) -> Iterator[Mistake]:
     for place, at in _all(config):
         try:
             where = parse_endpoint(at).where
-            if place[0] == "surface" and where.startswith("tcp://"):
+            if place[0] == "surface" and where.startswith(_LISTENING):
                 from gateway.ports.tcp import split_address
 
                 split_address(where)
@@ -87,6 +91,22 @@ def _clients(config: Config) -> Iterator[Mistake]:
             yield Mistake(("surface", number, "client"), words)
 
 
+def _access(config: Config) -> Iterator[Mistake]:
+    """Networks that are some, and only where connections come from hosts."""
+    for number, surface in enumerate(config.surface):
+        for key, value in (("allow", surface.allow), ("read-only", surface.read_only)):
+            if not isinstance(value, list):
+                continue
+            place: Place = ("surface", number, key)
+            if not parse_endpoint(surface.at).where.startswith(("tcp://", "rfc2217://")):
+                right = "true or false" if key == "read-only" else "it on a surface at tcp://"
+                yield Mistake(place, f"nobody comes from a network here; write {right}")
+            try:
+                networks(value)
+            except UserError as error:
+                yield Mistake(place, str(error))
+
+
 def _taken_twice(config: Config) -> Iterator[Mistake]:
     """Nothing can be opened twice, neither by two mounts nor by two surfaces."""
     seen: list[tuple[str, str]] = []
@@ -103,7 +123,7 @@ def _taken_twice(config: Config) -> Iterator[Mistake]:
 
 def _address(where: str, listening: bool) -> tuple[str, str]:
     """What must differ: (host, port) of what listens, else the thing and nothing."""
-    if listening and where.startswith("tcp://"):
+    if listening and where.startswith(_LISTENING):
         from gateway.ports.tcp import split_address
 
         host, port = split_address(where)

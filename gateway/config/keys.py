@@ -52,6 +52,7 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
                     | None, _key(
         "axis readings to park at, degrees (default: azimuth 0, altitude 0; the pole on an equatorial mount)",
         "AZ,ALT", [0.0, 0.0])] = None
+    aux_home: Annotated[bool, _key("home is where the motors' own home switches are, on mounts that have some")] = False
     sun: Annotated[float, _key("come no nearer to the Sun while it is up, degrees; 0 for solar work", "DEG",
                                ge=0.0, le=90.0)] = 20.0
     hour_angle_limit: Annotated[Annotated[float, Meta(gt=0.0, le=12.0)] | None, _key(
@@ -78,8 +79,10 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
 class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
     """One ``[[surface]]``."""
 
-    at: Annotated[str, _key("where programs connect: PROTOCOL[:MODEL[/VERSION]]@tcp://HOST:PORT, pty:PATH or a serial "
-                            "port", "ENDPOINT", "lx200@tcp://127.0.0.1:4030")]
+    at: Annotated[str, _key("where programs connect: PROTOCOL[:MODEL[/VERSION]]@tcp://HOST:PORT, rfc2217://HOST:PORT, "
+                            "pty:PATH or a serial port", "ENDPOINT", "lx200@tcp://127.0.0.1:4030")]
+    baud: Annotated[Annotated[int, Meta(ge=300, le=921600)] | None, _key(
+        "baud rate of a serial port (default: 9600, and any at all on a virtual one)", "BAUD", 9600)] = None
     mount: Annotated[str | None, _key("the name of the mount, where there are several", "NAME", "pier")] = None
     client: Annotated[str, _key(
         "the program that connects here, which then gets what it needs; auto: recognised where it can be, any: never",
@@ -91,6 +94,13 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     sync_text: Annotated[_Plain | None, _key(
         "reply to :CM# without its # (lx200); else what client says, else the model's own", "TEXT",
         "Coordinates matched.")] = None
+    allow: Annotated[list[str] | None, _key(
+        "tcp: only these networks or addresses may connect (default: all that can reach the port)", "NETWORKS",
+        ["192.168.1.0/24", "127.0.0.1"])] = None
+    read_only: Annotated[bool | list[str], _key(
+        "programs see the mount and may stop it, but move and set nothing: all, or those of these networks",
+        "NETWORKS")] = False
+    max_clients: Annotated[int, _key("tcp: no more connections than this at a time", "N", ge=1, le=10000)] = 400
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
@@ -99,6 +109,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
     mount: list[MountConfig]
     surface: list[SurfaceConfig] = []
     wait: Annotated[bool, _key("keep trying when no mount answers; clients stay connected")] = False
+    discovery: Annotated[bool, _key("let programs find surfaces that the network can reach (SkySafari, mDNS)")] = True
     log: Annotated[bool, _key("show the conversation on both sides, decoded")] = False
 
     def of(self, mount: MountConfig) -> list[SurfaceConfig]:

@@ -75,10 +75,11 @@ def as_settings(needs: list[Need]) -> dict[str, Any]:
 def recognisable(surface: SurfaceConfig) -> dict[bytes, str]:
     """First bytes -> program, for those that would get something other than everybody on this surface.
 
-    Only where connections begin and end, which is TCP: on a serial line one program follows another unnoticed.
+    Only where connections always begin and end, which is the network: on a serial line one program may follow another
+    unnoticed.
     """
     endpoint = parse_endpoint(surface.at)
-    if surface.client != "auto" or not endpoint.where.startswith("tcp://"):
+    if surface.client != "auto" or not endpoint.where.startswith(("tcp://", "rfc2217://")):
         return {}
     return {row.first.encode("latin-1"): key for key, row in programs(endpoint.protocol).items()
             if row.first is not None and wanted_by(surface, key)}

@@ -43,7 +43,7 @@ class Checks:
         elif isinstance(operation, op.GotoHorizontal):
             check_altitude(hub.policy.limits.narrowed(operation.lowest, operation.highest), operation.alt)
             fork = not (await hub.read(op.GetStatus())).equatorial
-            if fork and hub.driver.way(op.GotoAxes):
+            if fork and hub.driver.way(op.GotoAxes) and not hub.driver.displaced:
                 return await self.admit(op.GotoAxes(operation.az, operation.alt))
             return await self.admit(hub.derived.equatorial(operation))
         elif isinstance(operation, op.GotoAxes):

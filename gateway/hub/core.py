@@ -70,6 +70,9 @@ class Hub:
         self.guard = Guard(self)
         self.dead_man = DeadMan(self, policy.silence, policy.silence_closed)
         self.motions = Motions(self, follow_ups)
+        self.refresh = Refresh(self)
+        #: How many exchanges the operation took that was carried out last.
+        self.exchanges = 0
         self.settings = SiteAndClock(self)
         #: Called when something that outlives the gateway may have changed; awaited before the mount is set moving.
         self.changed: Callable[[], None] = lambda: None
@@ -84,7 +87,7 @@ class Hub:
     def start(self) -> None:
         """Open the line, find out what is on it, and keep the snapshot fresh."""
         self.line.start()
-        Refresh(self).start()
+        self.refresh.start()
 
     async def close(self) -> None:
         """End motion, put tracking back, forget what was planned, close the line."""
@@ -167,7 +170,7 @@ class Hub:
         if kind is op.Slewing and self.motions.goto_waits:
             return True
         now = self.snapshot.asked[kind] = self.now()
-        return self.snapshot.fresh(kind, now, 2.5 * self.line.typical, self.line.state == "down")
+        return self.snapshot.fresh(kind, now, 2.5 * self.line.typical, self.line.state != "up")
 
     @property
     def version(self) -> int:
@@ -211,7 +214,8 @@ class Hub:
             return await handler(operation)
         return await self.drive(self.driver.perform(operation), SETTING)
 
-    def begin(self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: Life) -> None:
+    def begin(self, operation: op.Operation, stops: int, failed: Callable[[Fault], None],
+              life: Life) -> asyncio.Future[None]:
         """Carry out an operation that nobody waits for; ``failed`` is told when it was not."""
         motion = self.motions.begin(operation, stops, life) if isinstance(operation, MOTIONS) else None
 
@@ -221,7 +225,7 @@ class Hub:
             except Fault as fault:
                 failed(fault)
 
-        self.spawn(finish())
+        return self.spawn(finish())
 
     async def read(self, operation: op.Operation) -> Any:
         """A read, from the snapshot or by an exchange that everyone who asks shares. Raises Fault."""
@@ -253,10 +257,14 @@ class Hub:
         await self.identified.wait()
         gotos = self.motions.gotos
         if isinstance(operation, op.AxisPosition) and not self.driver.way(op.AxisPosition):
-            value: Any = self.derived.axes(await self.read(op.Position()))
+            if (await self.read(op.GetStatus())).equatorial:
+                value: Any = self.derived.axes(await self.read(op.Position()))
+            else:  # the axes of a fork are azimuth and altitude
+                value = await self.read(op.HorizontalPosition())
         else:
             rank = POSITION if isinstance(operation, op.Position) else READ
             value = await self.drive(self.driver.perform(operation), rank)
+            self.refresh.cost(type(operation), self.exchanges)
         if isinstance(operation, op.Slewing):
             if self.slewing and not value:
                 await self._settled()
@@ -272,7 +280,7 @@ class Hub:
 
     async def _settled(self) -> None:
         """A goto has just ended: nobody is told so before the position is known where it ended."""
-        self.snapshot.forget(op.HorizontalPosition, op.AxisPosition, op.Position)
+        self.snapshot.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
         await self.read(op.Position())
 
     async def tube_side(self) -> str | None:
@@ -288,11 +296,13 @@ class Hub:
         """Carry out a driver's generator: exchanges, pauses, things to do later."""
         answer: Any = None
         fault: Fault | None = None
+        self.exchanges = exchanges = 0
         try:
             while True:
                 step = steps.send(answer) if fault is None else steps.throw(fault)
                 answer, fault = None, None
                 if isinstance(step, Ask):
+                    exchanges += 1
                     try:
                         answer = await self.line.exchange(step, rank)
                     except Fault as error:
@@ -302,6 +312,7 @@ class Hub:
                 else:
                     self.motions.plan(step)
         except StopIteration as end:
+            self.exchanges = exchanges
             return end.value
         except (Fault, asyncio.CancelledError):
             raise

@@ -96,6 +96,8 @@ class Guard:
         now, before = hub.now(), self._before
         if before is not None and now - before.at < SHORTEST:
             return
+        if before is not None and before.altitude is None:  # the site may have become known since
+            before = self._measured(before.at, before.seen)
         self._before = after = self._measured(now, seen)
         if before is None or now < self._coasts_until or len(before.suns) != len(after.suns):
             self._farthest = list(after.suns)

@@ -28,6 +28,8 @@ MOTIONS = (
     *GOTOS, op.CancelGoto, op.Sync, op.Move, op.MoveAxis, op.Halt, op.Pulse, op.PulseAxis, op.SetTracking, op.TrackRate,
     op.SetHome, op.Unpark, op.Sleep, op.Wake, op.Focus,
 )  # fmt: skip
+#: Of these the last one counts: what still waits is not carried out any more, so no joystick gets ahead of the line.
+LATEST = (op.Move, op.MoveAxis, op.TrackRate)
 #: What can set the mount moving: a killed gateway leaves it so.
 MOVING = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
 #: What ends a motion before anything else is begun, and what then begins anew when it was half done.
@@ -53,7 +55,8 @@ class Motions:
         self.owed = False
         self.axes: set[int] = set()
         self._turn = Turn()
-        self._stopping = asyncio.Lock()
+        self._at_turn: asyncio.Task[Any] | None = None
+        self._stopping: asyncio.Task[None] | None = None
         self._interruptible: asyncio.Task[Any] | None = None
         #: Halts that wait for their turn: the same one asked for again is that one.
         self._waiting: dict[op.Operation, asyncio.Task[Any]] = {}
@@ -84,24 +87,25 @@ class Motions:
             task.cancel()
         for operation in [planned for planned in self._later if not planned.outlives_stop]:
             self._later.pop(operation).cancel()
-        return self._hub.spawn(self._stop(ended))
+        if self._stopping is None or self._stopping.done():  # else it is being done: nothing can have begun since
+            self._stopping = self._hub.spawn(self._stop(ended))
+        return self._stopping
 
     async def stop(self) -> None:
         """The same, and wait until the mount has acknowledged it. Raises Fault."""
         await asyncio.shield(self.begin_stop())
 
     async def _stop(self, ended: list[asyncio.Task[Any]]) -> None:
-        async with self._stopping:
-            if ended:
-                await asyncio.wait(ended)
-            for attempt in range(STOP_TRIES):
-                try:
-                    await self._hub.drive(self._hub.driver.perform(op.Stop()), STOP)
-                    break
-                except Fault as fault:
-                    self._hub.transcript.note("mount", f"stop: {fault}")
-                    if attempt == STOP_TRIES - 1 or self._hub.line.state == "down":
-                        raise
+        if ended:
+            await asyncio.wait(ended)
+        for attempt in range(STOP_TRIES):
+            try:
+                await self._hub.drive(self._hub.driver.perform(op.Stop()), STOP)
+                break
+            except Fault as fault:
+                self._hub.transcript.note("mount", f"stop: {fault}")
+                if attempt == STOP_TRIES - 1 or self._hub.line.state == "down":
+                    raise
         self.owed = False
         self.axes.clear()
         self._hub.dead_man.stopped()
@@ -126,8 +130,8 @@ class Motions:
 
     async def _stopped(self) -> None:
         """Wait for the stop that is under way, if there is one."""
-        async with self._stopping:
-            return
+        while self._stopping is not None and not self._stopping.done():
+            await asyncio.wait({self._stopping})
 
     async def ended(self, task: asyncio.Task[Any]) -> Any:
         """Wait for a motion that was begun. Raises Fault, and Stopped when a stop came first."""
@@ -139,9 +143,11 @@ class Motions:
             raise
 
     def _make_way(self, operation: op.Operation) -> None:
-        """A halt ends what would set its axis moving, the end of gotos ends those that wait."""
+        """A halt ends what would set its axis moving, the end of gotos those that wait, a newer rate an older one."""
         for task, other in list(self._jobs.items()):
             halted = isinstance(operation, op.Halt) and axis_moved(other) == operation.axis
+            if isinstance(operation, LATEST) and task is not self._at_turn:
+                halted = (axis_moved(other), type(other)) == (axis_moved(operation), type(operation))
             if halted or (isinstance(operation, op.CancelGoto) and isinstance(other, GOTOS)):
                 task.cancel()
         if self._overtakes(operation) and self._interruptible is not None:
@@ -169,6 +175,7 @@ class Motions:
         while True:
             async with self._turn.taken(rank):
                 self._no_longer_waits(task, operation)
+                self._at_turn = task
                 await self._stopped()
                 if stops != self.stops and not (isinstance(operation, op.Halt) or operation.outlives_stop):
                     raise Stopped
@@ -250,6 +257,7 @@ class Motions:
         driver = self._hub.driver
         try:
             async with self._turn.taken(FIRST if urgent else IN_ORDER):
+                self._at_turn = asyncio.current_task()
                 await self._stopped()
                 steps = special(driver, operation) if special else driver.perform(operation)
                 await self._hub.drive(steps, STOP if urgent else MOTION)

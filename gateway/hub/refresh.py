@@ -23,6 +23,8 @@ ASK_AGAIN = 1.0
 IDLE = 3600.0
 #: The shortest pause between two exchanges of the same kind: others need the line, too.
 BREATH = 0.05
+#: How much of an exchange goes by, on average, until the line is free for the next.
+WAITING = 0.5
 #: Timers come up to so much too early: event loops count in milliseconds.
 SOON = 0.001
 
@@ -32,9 +34,13 @@ class Refresh:
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
-        self._took: dict[Kind, float] = {}
+        self._exchanges: dict[Kind, int] = {}
         self._news: dict[Kind, asyncio.Event] = {kind: asyncio.Event() for kind in RENEW}
         hub.snapshot.changed = self._changed
+
+    def cost(self, kind: Kind, exchanges: int) -> None:
+        """So many exchanges an answer of this kind has taken; the next one is asked for so much earlier."""
+        self._exchanges[kind] = exchanges
 
     def start(self) -> None:
         for kind in RENEW:
@@ -64,7 +70,7 @@ class Refresh:
                 await asyncio.sleep(0.2)
                 continue
             if self._wanted(kind, hub.now()) and self._pause(kind, hub.now()) <= SOON:
-                await self._renew(kind)
+                await self.renew(kind)
             pause = self._pause(kind, hub.now())
             if kind is op.Position:
                 await self._now_and_then(hub.now())
@@ -84,10 +90,10 @@ class Refresh:
         """The heartbeat; the mount's clock while somebody is there."""
         hub = self._hub
         if hub.snapshot.age(op.Position, now) >= HEARTBEAT:
-            await self._renew(op.Position)
+            await self.renew(op.Position)
         clock = hub.observatory.mount_clock
         if clock is not None and now - clock[1] > CLOCK_AGE and self._wanted(op.Position, now):
-            await hub.settings.renew_clock()
+            await self.renew(op.GetClock)
 
     def _wanted(self, kind: Kind, now: float) -> bool:
         """Whether somebody polls this, or the hub itself must watch it."""
@@ -99,12 +105,16 @@ class Refresh:
         """Seconds until this kind must be asked again, so that its answer comes when the last one grows old."""
         if not self._wanted(kind, now):
             return IDLE
-        ahead = self._took.get(kind, self._hub.line.typical)
+        ahead = (self._exchanges.get(kind, 1) + WAITING) * self._hub.line.typical
         return max(RENEW[kind] - ahead, BREATH) - self._hub.snapshot.age(kind, now)
 
-    async def _renew(self, kind: Kind) -> None:
+    async def renew(self, kind: Kind) -> None:
+        """Ask the mount again. That it was decided to is recorded: a replay asks when this run did."""
         hub = self._hub
-        began = hub.now()
+        hub.transcript.put("hub", "r", note=kind.__name__)
+        if kind is op.GetClock:
+            await hub.settings.renew_clock()
+            return
         try:
             await asyncio.shield(hub.shared(kind()))
         except Fault as fault:
@@ -112,6 +122,3 @@ class Refresh:
                 hub.transcript.note_once("mount", f"{kind.__name__}: {fault}")
             if hub.snapshot.age(kind, hub.now()) > RENEW[kind]:
                 await asyncio.sleep(RENEW[kind])
-            return
-        took = hub.now() - began
-        self._took[kind] = took + 0.8 * (self._took.get(kind, took) - took)

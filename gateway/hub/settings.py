@@ -10,6 +10,8 @@ import asyncio
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from msgspec.structs import replace
+
 from gateway import operations as op
 from gateway.errors import Fault, NoAnswer
 from gateway.line import READ, SETTING
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
 #: How long a half of a site waits for the other one, and a client for the mount's first word.
 HALF_SITE = 2.0
 FIRST_ANSWER = 2.0
+#: How long one look at the mount's GPS unit serves everybody, with a fix and without.
+GPS_FIX, GPS_SEARCH = 300.0, 30.0
 
 
 class SiteAndClock:
@@ -33,12 +37,17 @@ class SiteAndClock:
             op.SiderealTime: self._sidereal_time,
             op.SetSite: self._set_site,
             op.SetClock: self._set_clock,
+            op.GetGps: self._get_gps,
         }
+        self._gps: tuple[op.Gps, float] | None = None
+        self._looking = asyncio.Lock()
 
-    def peek(self, kind: type[op.Operation]) -> op.Place | op.Moment | None:
+    def peek(self, kind: type[op.Operation]) -> op.Place | op.Moment | op.Gps | None:
         """The answer when it is known without asking."""
         if kind is op.GetSite:
             return self._observatory.site()
+        if kind is op.GetGps:
+            return self._seen_gps()
         return self._observatory.clock() if kind is op.GetClock else None
 
     async def _first_answers(self) -> None:
@@ -66,6 +75,23 @@ class SiteAndClock:
         await self._get_site(op.GetSite())
         await self._get_clock(op.GetClock())
         return self._hub.derived.sidereal_time()
+
+    def _seen_gps(self) -> op.Gps | None:
+        """What the GPS unit told lately, its time running on."""
+        if self._gps is None:
+            return None
+        seen, at = self._gps
+        age = self._hub.now() - at
+        return replace(seen, unix=seen.unix + age) if age < (GPS_FIX if seen.linked else GPS_SEARCH) else None
+
+    async def _get_gps(self, operation: op.GetGps) -> op.Gps:
+        await self._first_answers()
+        async with self._looking:
+            seen = self._seen_gps()
+            if seen is None:
+                told: op.Gps = await self._hub.drive(self._hub.driver.perform(operation), READ)
+                seen, _ = self._gps = told, self._hub.now()
+        return seen
 
     # --- setting ----------------------------------------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""Ports: where clients come in. TCP, a pseudo-terminal with a stable name, a real serial port.
+"""Ports: where clients come in. TCP, RFC 2217, a pseudo-terminal with a stable name, a real serial port.
 
 A port knows nothing of protocols: for every connection it asks ``arrive`` for somebody to feed, and hands back what
 that one writes. Clients come and go at any moment; what one of them does to its connection never reaches another.
@@ -16,16 +16,20 @@ __all__ = ["Arrive", "Guest", "Port", "open_port"]
 
 
 async def open_port(where: str, arrive: Arrive, baud: int | None = None) -> Port:
-    """Open ``tcp://HOST:PORT``, ``pty:PATH`` or a serial port. Raises UserError that says what is wrong.
+    """Open ``tcp://`` or ``rfc2217://HOST:PORT``, ``pty:PATH`` or a serial port. Raises UserError: what is wrong.
 
     ``baud`` is for the two that have a rate: a pseudo-terminal without one understands any.
     """
     if where.startswith("tcp://"):
         return await TcpPort.open(where, arrive)
+    if where.startswith("rfc2217://"):
+        from gateway.ports.rfc2217 import over_telnet
+
+        return await TcpPort.open(where, over_telnet(arrive))
     if where.startswith("pty:"):
         if not where[4:]:
             raise UserError("pty: needs a path, for example pty:/tmp/lx200")
         return PtyPort(where[4:], arrive, baud)
-    if "://" not in where and not where.startswith(("/", "~", ".", "COM")):
-        raise UserError(f"{where}: write tcp://HOST:PORT, pty:PATH or the name of a serial port")
+    if "://" not in where and not where.upper().startswith(("/", "~", ".", "COM", "\\\\.\\")):
+        raise UserError(f"{where}: write tcp://HOST:PORT, rfc2217://HOST:PORT, pty:PATH or the name of a serial port")
     return await SerialPort.open(where, arrive, baud or 9600)

@@ -12,6 +12,9 @@ class Guest(Protocol):
     def feed(self, data: bytes) -> None: ...
     def close(self) -> None: ...
 
+    def serial(self, change_rate: Callable[[int], int]) -> None:
+        """The connection is a serial port: how to set its baud rate; the one it had is returned."""
+
 
 #: (who it is, the host it comes from, how to write to it) -> its guest.
 Arrive = Callable[[str, str, Callable[[bytes], Any]], Guest]

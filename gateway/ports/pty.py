@@ -1,80 +1,180 @@
-"""A virtual serial port: a raw pseudo-terminal behind a symbolic link that keeps its name."""
+"""A virtual serial port: a raw pseudo-terminal behind a name that stays.
+
+Programs open and close it at will, and every opening is a connection of its own: it begins with the first byte, and
+ends when the last program has closed its end. That moment a pseudo-terminal tells by hanging up, but only as long as
+the gateway does not hold that end open itself; and it goes on to say so, which is why Linux's edge-triggered epoll is
+asked. Elsewhere the gateway holds it open, and all of it is one connection.
+
+What one program leaves behind never reaches the next: replies nobody read, settings, exclusive use.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import os
+import select
 import struct
-import zlib
+from collections.abc import Callable
 
 from gateway.errors import UserError
-from gateway.ports.guest import Arrive
+from gateway.ports.guest import Arrive, Guest
+from gateway.ports.link import Link, like_a_serial_port
 from gateway.ports.uart import misread
 
 #: Linux: struct termios2, whose last number is the output rate itself.
 TCGETS2, TERMIOS2 = 0x802C542A, struct.Struct("=4IB19s2I")
+#: So much is read at a time, so many times before others have their turn.
+CHUNK, TURNS = 4096, 8
 
 
 class PtyPort:
-    """A virtual serial port: a raw pseudo-terminal behind a symbolic link that keeps its name.
+    """A virtual serial port. Raises UserError when there is none on this system, or the name cannot be had.
 
-    The slave stays open here, so programs may open and close it at will. A link left over from a crash is replaced; one
-    that another gateway holds, or a file of any other kind, is not. With ``baud`` it is as picky as a real one: a
-    program that has set its end to another rate is not understood, and understands nothing.
+    It takes every baud rate and every setting a program asks for, and heeds none. With ``baud`` it is as picky as a
+    real one: a program that has set its end to another rate is not understood, and understands nothing.
     """
 
     def __init__(self, path: str, arrive: Arrive, baud: int | None = None) -> None:
         try:
-            import tty
+            import tty  # noqa: F401
         except ImportError:
             raise UserError("pty: there are no pseudo-terminals on this system; use a serial port pair") from None
         self.baud = baud
-        self.path = os.path.abspath(os.path.expanduser(path))
+        self._arrive = arrive
+        self._guest: Guest | None = None
+        self._link = Link(path)
+        self.path = self._link.path
         self.where = f"pty:{self.path}"
-        self._lock_name, self._lock = _lock_for(self.path)
-        self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        os.set_blocking(self._master, False)
-        self._device = os.ttyname(self._slave)
         try:
-            _link(self._device, self.path)
+            self._pair = self._new_pair()
+        except UserError:
+            self._link.close()
+            raise
+
+    def _new_pair(self) -> _Pair:
+        try:
+            pair = _Pair(self._read)
         except OSError as error:
-            self._close_files()
-            raise UserError(f"cannot make {self.path}: {error.strerror}") from None
-        self._guest = arrive(self.path, f"pty:{self.path}", self._write)
-        asyncio.get_running_loop().add_reader(self._master, self._read)
+            raise UserError(f"cannot make {self.path}: no pseudo-terminal: {error.strerror}") from None
+        try:
+            self._link.point(pair.device)
+        except UserError:
+            pair.close()
+            raise
+        return pair
 
     def _read(self) -> None:
-        try:
-            data = os.read(self._master, 4096)
-        except (BlockingIOError, OSError):
-            return
-        if self.baud is not None:
-            data = misread(data, speed(self._slave), self.baud)
-        if data:
-            self._guest.feed(data)
+        """Take everything that is there; notice that the last program has closed its end."""
+        pair = self._pair
+        for _ in range(TURNS):
+            try:
+                data = os.read(pair.master, CHUNK)
+            except BlockingIOError:
+                return
+            except OSError:
+                self._leave()
+                return
+            if self.baud is not None:
+                data = misread(data, speed(pair.master), self.baud)
+            if self._guest is None:
+                self._guest = self._arrive(self.path, self.where, self._write)
+            if data:
+                self._guest.feed(data)
+        pair.look_again()
 
     def _write(self, data: bytes) -> None:
         """Nobody may be reading: what does not fit is lost, as on a wire."""
+        if self._guest is None:
+            return
         if self.baud is not None:
-            data = misread(data, self.baud, speed(self._slave))
+            data = misread(data, self.baud, speed(self._pair.master))
         with contextlib.suppress(OSError):
-            os.write(self._master, data)
+            os.write(self._pair.master, data)
 
-    def _close_files(self) -> None:
-        with contextlib.suppress(OSError):
-            os.unlink(self._lock_name)
-        for number in (self._master, self._slave, self._lock):
-            with contextlib.suppress(OSError):
-                os.close(number)
+    def _leave(self) -> None:
+        """Nobody has it open any more: the connection ends, and the port is as new for the next."""
+        guest, self._guest = self._guest, None
+        if guest is not None:
+            guest.close()
+        if not self._pair.freshen():
+            self._pair.close()
+            self._pair = self._new_pair()
 
     async def close(self) -> None:
-        asyncio.get_running_loop().remove_reader(self._master)
-        self._guest.close()
-        if os.path.islink(self.path) and os.readlink(self.path) == self._device:
-            os.unlink(self.path)
-        self._close_files()
+        guest, self._guest = self._guest, None
+        if guest is not None:
+            guest.close()
+        self._link.close()
+        self._pair.close()
+
+
+class _Pair:
+    """The two ends of a pseudo-terminal: ``master`` is read when ``look`` is called, ``device`` is for programs."""
+
+    def __init__(self, look: Callable[[], None]) -> None:
+        import tty
+
+        self._closed = False
+        self.master, slave = os.openpty()
+        self.device = os.ttyname(slave)
+        self._look = look
+        tty.setraw(slave)
+        like_a_serial_port(self.device)
+        os.set_blocking(self.master, False)
+        self._held, self._epoll = slave, None
+        if hasattr(select, "epoll"):
+            os.close(slave)
+            self._held, self._epoll = -1, select.epoll()
+            self._epoll.register(self.master, select.EPOLLIN | select.EPOLLET)
+            self._epoll.poll(0)  # that nobody has opened it yet is no news
+        asyncio.get_running_loop().add_reader(self._watched, self._wake)
+
+    @property
+    def _watched(self) -> int:
+        return self.master if self._epoll is None else self._epoll.fileno()
+
+    def _wake(self) -> None:
+        if self._closed:
+            return
+        if self._epoll is not None:
+            self._epoll.poll(0)  # else it goes on to tell the same
+        self._look()
+
+    def look_again(self) -> None:
+        """There is more; it will not be told once more."""
+        asyncio.get_running_loop().call_soon(self._wake)
+
+    def freshen(self) -> bool:
+        """Forget what the last program has left -> False when it has left it locked.
+
+        Exclusive use (TIOCEXCL, which INDI asks for) ends with the last closing of a real port. A pseudo-terminal that
+        lives on keeps it, and only root may open that one ever again.
+        """
+        import fcntl
+        import termios
+        import tty
+
+        try:
+            slave = os.open(self.device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        except OSError as error:
+            return error.errno != errno.EBUSY
+        fcntl.ioctl(slave, termios.TIOCNXCL)
+        tty.setraw(slave)  # and throws away what was not read
+        os.close(slave)
+        if self._epoll is not None and any(event & select.EPOLLIN for _, event in self._epoll.poll(0)):
+            self.look_again()  # the next program was quick
+        return True
+
+    def close(self) -> None:
+        self._closed = True
+        asyncio.get_running_loop().remove_reader(self._watched)
+        if self._epoll is not None:
+            self._epoll.close()
+        for number in (self.master, self._held):
+            with contextlib.suppress(OSError):
+                os.close(number)
 
 
 def speed(terminal: int) -> int:
@@ -86,25 +186,3 @@ def speed(terminal: int) -> int:
         held = fcntl.ioctl(terminal, TCGETS2, bytes(TERMIOS2.size))
         return int(TERMIOS2.unpack(held)[-1])
     return int(termios.tcgetattr(terminal)[5])
-
-
-def _lock_for(path: str) -> tuple[str, int]:
-    """Hold a lock for a link's name, so that two gateways cannot share it. Raises UserError."""
-    import fcntl
-    import tempfile
-
-    name = os.path.join(tempfile.gettempdir(), f"mount-gateway-{zlib.crc32(path.encode()):08x}.lock")
-    number = os.open(name, os.O_CREAT | os.O_RDWR, 0o666)
-    try:
-        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(number)
-        raise UserError(f"cannot make {path}: another gateway holds it") from None
-    return name, number
-
-
-def _link(device: str, path: str) -> None:
-    """Point a symbolic link at the device, in the place of an older link. Raises OSError."""
-    if os.path.islink(path):
-        os.unlink(path)
-    os.symlink(device, path)

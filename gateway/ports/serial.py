@@ -14,16 +14,18 @@ class SerialPort:
     """A real serial port, or any pyserial URL, with one client behind it."""
 
     def __init__(self, url: str, baud: int) -> None:
-        self.where = url
+        self.where, self._baud = url, baud
         self._wire = SerialWire(url, baud)
         self._guest: Guest | None = None
         self._reopening: asyncio.Task[None] | None = None
+        self._changing: asyncio.Task[None] | None = None
 
     @classmethod
     async def open(cls, url: str, arrive: Arrive, baud: int = 9600) -> SerialPort:
         """Raises UserError when the port cannot be opened now; later losses are waited out."""
         self = cls(url, baud)
         self._guest = arrive(url, url, self._write)
+        self._guest.serial(self._change_rate)
         try:
             await self._wire.open(self._guest.feed, self._lost)
         except OSError as error:
@@ -34,7 +36,14 @@ class SerialPort:
         with contextlib.suppress(OSError):
             self._wire.write(data)
 
+    def _change_rate(self, baud: int) -> int:
+        """Another baud rate, once what was written has left; the present one is returned."""
+        former, self._wire.baud = self._wire.baud, baud
+        self._changing = asyncio.get_running_loop().create_task(self._wire.change_rate())
+        return former
+
     def _lost(self, reason: str) -> None:
+        self._wire.baud = self._baud  # whoever comes back has been switched off meanwhile
         self._reopening = asyncio.get_running_loop().create_task(self._reopen())
 
     async def _reopen(self) -> None:
@@ -49,8 +58,9 @@ class SerialPort:
             return
 
     async def close(self) -> None:
-        if self._reopening is not None:
-            self._reopening.cancel()
+        for task in (self._reopening, self._changing):
+            if task is not None:
+                task.cancel()
         if self._guest is not None:
             self._guest.close()
         await self._wire.close()

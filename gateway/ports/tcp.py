@@ -1,19 +1,37 @@
-"""A listening TCP port, and the connections it has accepted."""
+"""A listening TCP port, and the connections it has accepted.
+
+Whoever connects can do no more to the others than take its turn: little is read of a connection at a time, one that
+sends without end waits in between, one that does not read its replies is let go, and one whose other side has vanished
+is found out by the system within a minute.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import ipaddress
+import socket
 from collections.abc import Callable
 from typing import cast
 
+from gateway.access import TurnedAway
 from gateway.errors import UserError
 from gateway.ports.guest import Arrive, Guest
 
 #: Unread replies a connection may pile up before it is given up.
 SLOW_READER = 65536
+#: Bytes taken from a connection at a time: some hundred commands, a serial line's half second, two milliseconds' work.
+SHARE = 512
+#: Seconds that a connection waits which has sent a whole share at once.
+BREATH = 0.05
+#: Connections that may wait to be accepted: programs that open one per command come in crowds.
+BACKLOG = 512
+#: A silent connection is asked for a sign of life after so many seconds, every so many, so many times; replies that
+#: nobody acknowledges (milliseconds) are the same sign. By the names the system has for it; not every one has all.
+ALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPALIVE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 60_000}
 
 
-class _Connection(asyncio.Protocol):
+class _Connection(asyncio.BufferedProtocol):
     """One TCP connection."""
 
     def __init__(self, port: TcpPort) -> None:
@@ -21,35 +39,80 @@ class _Connection(asyncio.Protocol):
         self._guest: Guest | None = None
         self._transport: asyncio.Transport | None = None
         self._feed: Callable[[bytes], None] = lambda data: None
+        self._buffer = bytearray(SHARE)
+        self._view = memoryview(self._buffer)
+        #: While bytes are being taken in: the replies to them, which go out as one.
+        self._replies: list[bytes] | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         stream = cast(asyncio.Transport, transport)  # uvloop's own class does not derive from it
         self._transport = stream
         stream.set_write_buffer_limits(high=SLOW_READER)
+        _watch(stream.get_extra_info("socket"))
         peer = stream.get_extra_info("peername") or ("?", 0)
-        self._guest = self._port.arrive(f"{peer[0]}:{peer[1]}", str(peer[0]), stream.write)
+        try:
+            self._guest = self._port.arrive(f"{_in_brackets(str(peer[0]))}:{peer[1]}", str(peer[0]), self._write)
+        except TurnedAway:
+            stream.abort()
+            return
         self._feed = self._guest.feed
         self._port.connections.add(self)
 
-    def data_received(self, data: bytes) -> None:
-        self._feed(data)
+    def get_buffer(self, sizehint: int) -> bytearray:
+        return self._buffer
+
+    def buffer_updated(self, nbytes: int) -> None:
+        replies: list[bytes] = []
+        self._replies = replies
+        self._feed(bytes(self._view[:nbytes]))
+        self._replies = None
+        if replies:
+            self._write(replies[0] if len(replies) == 1 else b"".join(replies))
+        if nbytes == SHARE and self._guest is not None and self._transport is not None:
+            self._transport.pause_reading()
+            asyncio.get_running_loop().call_later(BREATH, self._go_on)
+
+    def _go_on(self) -> None:
+        if self._guest is not None and self._transport is not None:
+            self._transport.resume_reading()
+
+    def _write(self, data: bytes) -> None:
+        if self._replies is not None:
+            self._replies.append(data)
+        elif self._transport is not None:
+            self._transport.write(data)
 
     def pause_writing(self) -> None:
         """The other side does not read: let it go rather than hold its replies for ever."""
         self.abort()
 
     def abort(self) -> None:
+        self._leave()
         if self._transport is not None:
             self._transport.abort()
 
-    def connection_lost(self, exc: Exception | None) -> None:
+    def _leave(self) -> None:
+        """Nothing more is heard of it or said to it."""
         self._port.connections.discard(self)
-        if self._guest is not None:
-            self._guest.close()
+        guest, self._guest = self._guest, None
+        if guest is not None:
+            self._feed = lambda data: None
+            guest.close()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._leave()
+
+
+def _watch(connection: socket.socket) -> None:
+    """Have the system find out when the other side has vanished without a word."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in ALIVE.items():
+        with contextlib.suppress(OSError, AttributeError):
+            connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
 
 
 class TcpPort:
-    """A listening TCP port."""
+    """A listening TCP port; ``where`` names the real one."""
 
     def __init__(self, arrive: Arrive) -> None:
         self.arrive = arrive
@@ -59,19 +122,26 @@ class TcpPort:
 
     @classmethod
     async def open(cls, where: str, arrive: Arrive) -> TcpPort:
-        """``tcp://HOST:PORT``; without a host this computer only; port 0 takes any free one."""
+        """``SCHEME://HOST:PORT``; without a host this computer only; port 0 takes any free one. Raises UserError.
+
+        The address ``[::]`` is every one of this computer, of both kinds.
+        """
         host, port = split_address(where)
-        self = cls(arrive)
+        self, loop = cls(arrive), asyncio.get_running_loop()
         try:
-            self._server = await asyncio.get_running_loop().create_server(lambda: _Connection(self), host, port)
+            if host == "::":
+                both = socket.create_server((host, port), family=socket.AF_INET6, backlog=BACKLOG,
+                                            dualstack_ipv6=socket.has_dualstack_ipv6())
+                self._server = await loop.create_server(lambda: _Connection(self), sock=both, backlog=BACKLOG)
+            else:
+                self._server = await loop.create_server(lambda: _Connection(self), host, port, backlog=BACKLOG)
         except OSError as error:
             reason = "the port is in use" if "in use" in str(error) else error.strerror or str(error)
             if "assign requested" in str(error):
                 reason = "this computer has no such address"
             raise UserError(f"cannot listen on {where}: {reason}") from None
         real = self._server.sockets[0].getsockname()
-        shown = f"[{real[0]}]" if ":" in real[0] else real[0]
-        self.where = f"tcp://{shown}:{real[1]}"
+        self.where = f"{where.partition('://')[0]}://{_in_brackets(real[0])}:{real[1]}"
         return self
 
     async def close(self) -> None:
@@ -82,11 +152,26 @@ class TcpPort:
             await asyncio.sleep(0)
 
 
+def exposed(where: str) -> bool:
+    """Whether ``SCHEME://HOST:PORT``, as a port tells it, can be reached from another computer."""
+    if not where.startswith(("tcp://", "rfc2217://")):
+        return False
+    try:
+        return not ipaddress.ip_address(split_address(where)[0]).is_loopback
+    except ValueError:
+        return True
+
+
 def split_address(where: str) -> tuple[str, int]:
-    """``tcp://HOST:PORT`` -> (host, port). Raises UserError."""
-    host, colon, number = where.removeprefix("tcp://").rpartition(":")
+    """``SCHEME://HOST:PORT`` -> (host, port). Raises UserError."""
+    scheme, _, address = where.partition("://")
+    host, colon, number = address.rpartition(":")
     if number.lstrip("-").isdigit() and not 0 <= int(number) <= 65535:
         raise UserError(f"{where}: a port is a number from 0 (any free one) to 65535")
-    if not colon or not number.isdigit():
-        raise UserError(f"{where}: write tcp://HOST:PORT, for example tcp://127.0.0.1:4030")
+    if not colon or not number.isdigit() or (":" in host and not (host.startswith("[") and host.endswith("]"))):
+        raise UserError(f"{where}: write {scheme}://HOST:PORT, for example {scheme}://127.0.0.1:4030")
     return host.strip("[]") or "127.0.0.1", int(number)
+
+
+def _in_brackets(host: str) -> str:
+    return f"[{host}]" if ":" in host else host

@@ -31,7 +31,8 @@ class Endpoint(NamedTuple):
         return self.where.removeprefix("pty:")
 
 
-def _endpoints(ready: Sequence[str]) -> list[Endpoint]:
+def endpoints(ready: Sequence[str]) -> list[Endpoint]:
+    """What `ready` lines name."""
     return [Endpoint(*line.removeprefix("ready ").split("@", 1)) for line in ready]
 
 
@@ -43,7 +44,7 @@ def _simulator(
     argv = [*PRODUCT, "sim", mount, "--at", anywhere, "--at", anywhere, "--speed", f"{speed:g}"]
     argv += ["--time", NIGHT.strftime("%Y-%m-%dT%H:%M:%SZ"), f"--site={site.latitude:g},{site.longitude:g}"]
     process = workshop.start(argv if aligned else [*argv, "--unaligned"], ends_well=True)
-    wire, second_wire = _endpoints(process.wait_for_lines("ready ", 2))
+    wire, second_wire = endpoints(process.wait_for_lines("ready ", 2))
     return wire, second_wire
 
 
@@ -72,9 +73,9 @@ def _gateway(workshop: Workshop, mount: str, port: int, surface: str, transport:
     where = "tcp://127.0.0.1:0" if transport == "tcp" else f"pty:{workshop.folder / 'surface'}"
     argv = [*PRODUCT, "run", "--mount", f"{mount}@socket://127.0.0.1:{port}", "--surface", f"{surface}@{where}"]
     # The mount's night is long past, so today's Sun would count as well, and what is refused depend on the hour.
-    argv += ["--sun", "off"]
+    argv += ["--sun", "0"]
     process = workshop.start(argv, ends_well=True)
-    return _endpoints(process.wait_for_lines("ready ", 1))[0]
+    return endpoints(process.wait_for_lines("ready ", 1))[0]
 
 
 def start_gateway(workshop: Workshop, mount: Endpoint, model: str, transport: str) -> Endpoint:

@@ -1,8 +1,8 @@
 """Talking to a Meade: requests out, replies in.
 
 A reply has one of five shapes: none, one character, text up to ``#``, one character and text, two texts (``:SC``). A
-raw 0x15 instead of any of them means busy (LX200GPS). Commands without a reply are followed by a short pause, which old
-scopes need.
+raw 0x15 instead of any of them, of none too, means busy (LX200GPS). Commands without a reply are followed by a short
+pause, which old scopes need.
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ from gateway.errors import Busy, Fault, Refused
 from gateway.tables import Protocol, load
 
 NAK = 0x15
-#: Seconds. The second string of ``:SC`` comes when a classic has calculated its planets.
-TIMEOUT, TIMEOUT_DATE, PACE = 3.0, 14.0, 0.05
+TIMEOUT, PACE = 3.0, 0.05  # seconds
 
 
 class MeadeDialogue:
@@ -25,7 +24,7 @@ class MeadeDialogue:
     protocol: Protocol = load("lx200")
 
     def timeout(self, ask: Ask) -> float:
-        return TIMEOUT_DATE if ask.command == "SC" else TIMEOUT
+        return TIMEOUT
 
     def pace(self, ask: Ask) -> float:
         return 0.0 if self.protocol.commands[ask.command].replies else PACE
@@ -44,12 +43,12 @@ class MeadeDialogue:
         The fields come with ``length``: only by that is low precision told from high.
         """
         replies = self.protocol.commands[ask.command].replies
+        if buffer[:1] == bytes((NAK,)):
+            return Busy(), 1
         if not replies:
             return {}, 0
         if not buffer:
             return None
-        if buffer[:1] == bytes((NAK,)):
-            return Busy(), 1
         for reply, picture in replies:
             taken = picture.take(buffer)
             if taken is None:

@@ -1,18 +1,37 @@
-"""The sentence of a GPS receiver, made from a place and an instant."""
+"""The sentence of a GPS receiver: RMC, which tells place, date and time in one."""
 
 from __future__ import annotations
 
 from datetime import UTC, datetime
 
+from gateway.operations import Gps, Place
 
-def rmc(latitude: float, longitude: float, unix: float) -> str:
+
+def fix(sentence: str) -> Gps | None:
+    """What a sentence tells; None when it is of another kind, or garbled."""
+    import pynmea2
+
+    try:
+        seen = pynmea2.parse(sentence.strip(), check=True)
+        if seen.sentence_type != "RMC":
+            return None
+        if not seen.is_valid:
+            return Gps(linked=False)
+        unix = datetime.combine(seen.datestamp, seen.timestamp.replace(tzinfo=UTC)).timestamp()
+        return Gps(True, Place(seen.latitude, seen.longitude), unix)
+    except (pynmea2.ParseError, AttributeError, TypeError, ValueError):
+        return None
+
+
+def rmc(latitude: float, longitude: float, unix: float, linked: bool = True) -> str:
     """An RMC sentence with its checksum: position to a thousandth of an arcminute (east positive), time in UT."""
     import pynmea2
 
     now = datetime.fromtimestamp(unix, UTC)
     places = (*_angle(latitude, 2, "NS"), *_angle(longitude, 3, "EW"))
-    return str(pynmea2.RMC("GP", "RMC", (now.strftime("%H%M%S"), "A", *places, "0.0", "0.0", now.strftime("%d%m%y"),
-                                         "", "")))
+    status = "A" if linked else "V"
+    return str(pynmea2.RMC("GP", "RMC", (now.strftime("%H%M%S"), status, *places, "0.0", "0.0",
+                                         now.strftime("%d%m%y"), "", "")))
 
 
 def _angle(degrees: float, digits: int, letters: str) -> tuple[str, str]:

@@ -1,6 +1,6 @@
-"""What a simulated Meade tells: positions, names, modes, bars, menus, help, the objects it knows.
+"""What a simulated Meade tells: positions, names, modes, bars, menus, help.
 
-Standard forms come from ``commands.toml``; what real telescopes do otherwise is in ``_degree`` and in few lines here.
+Standard forms come from ``commands.toml``; what real telescopes do otherwise is in ``form`` and in few lines here.
 """
 
 from __future__ import annotations
@@ -8,8 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gateway.protocols.lx200.nmea import rmc
-from gateway.sky import Sky
-from gateway.spherical import hour_angle_to_horizon, separation, wrap180
+from gateway.spherical import hour_angle_to_horizon, wrap180
 
 if TYPE_CHECKING:
     from gateway.protocols.lx200.simulator import Meade
@@ -20,10 +19,8 @@ BARS = 16
 _MENU = {"0": "ALTAZ", "1": "POLAR", "2": "LAND"}
 _TEXTS = {"GVP": "product", "GVN": "firmware", "GVD": "firmware_date", "GVT": "firmware_time", "GVF": "full_name"}
 _HELP = ("LX200 help", "Use the arrow keys to move.", "MODE shows the next menu.", "GO TO slews to the object.")
-#: A few objects by hand, J2000: enough for a telescope that is not there.
-_MESSIER = {1: (83.633, 22.015), 13: (250.423, 36.461), 31: (10.685, 41.269), 42: (83.822, -5.391),
-            45: (56.75, 24.117), 57: (283.396, 33.029)}
-_SKY = Sky()
+#: What an LX200GPS tells before anybody has set a tracking rate.
+_POWER_ON_HERTZ = {"lx200gps": 60.0}
 
 
 def form(sim: Meade, name: str, **values: Any) -> bytes:
@@ -55,15 +52,19 @@ def target(sim: Meade, name: str, _: Values) -> bytes:
 
 
 def bars(sim: Meade, name: str, _: Values) -> bytes:
-    """:D - 32 columns on a classic, as many bars as there is way to go; one bar elsewhere."""
+    """:D - one bar until a slew is over; on a classic 16 columns for each axis, as many bars as there is way to go."""
     going = sim.mechanics.slewing(sim.now)
     if not sim.classic:
         return b"\x7f#" if going else b"#"
-    if not going or "ra" not in sim.kept:
+    if not going:
         return b" " * 2 * BARS + b"#"
-    way = separation(*sim.position(), sim.kept["ra"], sim.kept["dec"])
-    count = max(1, min(BARS, round(way / 180.0 * BARS)))
-    return (b"\xff" * count).ljust(BARS) * 2 + b"#"
+    there, is_axes = sim.goal
+    here = sim.mechanics.axes(sim.now) if is_axes else sim.position()
+    return b"".join([_bar(wrap180(to - at)) for at, to in zip(here, there, strict=True)]) + b"#"
+
+
+def _bar(degrees: float) -> bytes:
+    return (b"\xff" * max(1, min(BARS, round(abs(degrees) / 180.0 * BARS)))).ljust(BARS)
 
 
 def letter(sim: Meade, name: str, _: Values) -> bytes:
@@ -85,7 +86,7 @@ def text(sim: Meade, name: str, _: Values) -> bytes:
 
 def hertz(sim: Meade, name: str, _: Values) -> bytes:
     """:GT - the LX200GPS writes a sign."""
-    rate = sim.kept.get("hertz", 60.1)
+    rate = sim.kept.get("hertz", _POWER_ON_HERTZ.get(sim.model, 60.1))
     return (f"{rate:+05.1f}#" if sim.model == "lx200gps" else f"{rate:04.1f}#").encode()
 
 
@@ -99,19 +100,12 @@ def menu(sim: Meade, name: str, _: Values) -> bytes:
 
 def home(sim: Meade, name: str, _: Values) -> bytes:
     """:h?"""
-    if sim.now < sim.busy_until:
-        return b"2"
-    return str(sim.home).encode()
+    return b"2" if sim.seeking else str(sim.home).encode()
 
 
 def gps(sim: Meade, name: str, _: Values) -> bytes:
     """:gps"""
     return rmc(*sim.site, sim.now).encode() + b"#"
-
-
-def temperature(sim: Meade, name: str, _: Values) -> bytes:
-    """:fT"""
-    return form(sim, name, value=12.5)
 
 
 def help_text(sim: Meade, name: str, _: Values) -> bytes:
@@ -121,45 +115,14 @@ def help_text(sim: Meade, name: str, _: Values) -> bytes:
     return _HELP[sim.kept["help"]].encode() + b"#"
 
 
-def catalogue(sim: Meade, name: str, values: Values) -> bytes:
-    """:Lo :Ls - 1, available."""
-    return b"1"
-
-
-def choose(sim: Meade, name: str, values: Values) -> None:
-    """:LM - a target where the number is known; other catalogues are empty here."""
-    place = _MESSIER.get(values["number"]) if name == "LM" else None
-    if place is not None:
-        sim.kept["ra"], sim.kept["dec"] = _SKY.to_of_date(*place, sim.utc())
-        sim.kept["object"] = f"M{values['number']}"
-
-
-def describe(sim: Meade, name: str, _: Values) -> bytes:
-    """:LI, :Lf - static texts but on a classic."""
-    if not sim.classic:
-        return f"{sim.row['object_text' if name == 'LI' else 'find_text']}#".encode()
-    return f"{sim.kept.get('object', 'No object')}#".encode() if name == "LI" else b"0 - Objects found#"
-
-
-def moon(sim: Meade, name: str, values: Values) -> bytes:
-    """:SE :Se - 0 while the Moon is down."""
-    ra, dec, _ = _SKY.moon(sim.utc(), *sim.site)
-    if hour_angle_to_horizon(wrap180(sim.mechanics.sky.sidereal(sim.now) - ra), dec, sim.site[0])[1] <= 0:
-        return b"0"
-    sim.kept["ra"], sim.kept["dec"] = ra, dec
-    return b"1"
-
-
 def nothing(sim: Meade, name: str, values: Values) -> None:
     """Understood, without a reply or an effect that could be seen."""
 
 
-_SILENT = ("B+", "B-", "B", "BD", "f+", "f-", "F+", "F-", "FQ", "FF", "FS", "F", "g+", "g-", "r+", "r-", "$BA", "$BZ",
-           "$Q", "$QA+", "$QA-", "$QZ+", "$QZ-", "LB", "LF", "LN", "ED", "EK", "ES", "EQ", "GH", "SH")
+_SILENT = ("ED", "EK", "ES", "EQ", "GH", "SH")
 HANDLERS: dict[str, Any] = {
     "GR": equatorial, "GD": equatorial, "GZ": horizon, "GA": horizon, "Gr": target, "Gd": target, "D": bars,
     "ACK": letter, "GW": status, "GVP": text, "GVN": text, "GVD": text, "GVT": text, "GVF": text, "GT": hertz,
-    "G0": menu, "G1": menu, "G2": menu, "h?": home, "gps": gps, "fT": temperature, "??": help_text, "?+": help_text,
-    "?-": help_text, "Lo": catalogue, "Ls": catalogue, "LM": choose, "LC": choose, "LS": choose, "LI": describe,
-    "Lf": describe, "SE": moon, "Se": moon, **dict.fromkeys(_SILENT, nothing),
+    "G0": menu, "G1": menu, "G2": menu, "h?": home, "gps": gps, "??": help_text, "?+": help_text,
+    "?-": help_text, **dict.fromkeys(_SILENT, nothing),
 }  # fmt: skip

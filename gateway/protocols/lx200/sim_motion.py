@@ -1,10 +1,14 @@
-"""How a simulated Meade moves: targets, slews and their refusals, arrows, guiding, tracking, park and home."""
+"""How a simulated Meade moves: targets, slews and their refusals, syncs, arrows, guiding.
+
+North raises declination or altitude, west turns the first axis with the stars. Rates are degrees a second.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
-from gateway.mount_geometry import Build
+from gateway.mount_geometry import Build, Pair
 from gateway.spherical import SIDEREAL_RATE, horizon_to_hour_angle, hour_angle_to_horizon, wrap180, wrap360
 
 if TYPE_CHECKING:
@@ -14,11 +18,9 @@ Values = dict[str, Any]
 
 #: :RG and :RC in multiples of the sidereal rate, :RM in degrees a second; :RS is the fastest.
 GUIDE, CENTER, FIND = 1.0, 16.0, 2.0
-#: Seconds that an LX200GPS is busy with itself for.
-ALIGNING, GPS_FIX, SEEKING = 120.0, 60.0, 30.0
 _BELOW = {True: b"1Object below    horizon.        #", False: b"1Object Below Horizon.#"}
 _ABOVE = {True: b"2Object above    higher limit.  #", False: b"2Object Below Higher.#"}
-_DRIVES = {"TQ": 60.1, "TS": 60.0, "TL": 57.9}
+_SIDEREAL = SIDEREAL_RATE * 3600.0  # arcseconds a second
 
 
 def set_target(sim: Meade, name: str, values: Values) -> bytes:
@@ -27,7 +29,8 @@ def set_target(sim: Meade, name: str, values: Values) -> bytes:
     return b"1"
 
 
-def _altitude(sim: Meade, ra: float, dec: float) -> float:
+def altitude(sim: Meade, ra: float, dec: float) -> float:
+    """Of a place of date, over the site that is selected."""
     hour_angle = wrap180(sim.mechanics.sky.sidereal(sim.now) - ra)
     return hour_angle_to_horizon(hour_angle, dec, sim.site[0])[1]
 
@@ -35,7 +38,7 @@ def _altitude(sim: Meade, ra: float, dec: float) -> float:
 def slew(sim: Meade, name: str, _: Values) -> bytes:
     """:MS"""
     ra, dec = sim.kept.get("ra", 0.0), sim.kept.get("dec", 0.0)
-    return _slew(sim, ra, dec, _altitude(sim, ra, dec)) or b"0"
+    return _slew(sim, ra, dec, altitude(sim, ra, dec)) or b"0"
 
 
 def slew_horizontal(sim: Meade, name: str, _: Values) -> bytes:
@@ -46,16 +49,31 @@ def slew_horizontal(sim: Meade, name: str, _: Values) -> bytes:
     return b"1" if _slew(sim, ra, dec, alt) else b"0"
 
 
-def _slew(sim: Meade, ra: float, dec: float, altitude: float) -> bytes | None:
+def _slew(sim: Meade, ra: float, dec: float, height: float) -> bytes | None:
     """Begin, or say why not."""
-    if altitude < sim.kept["lowest"] - 1e-3:
+    if height < sim.kept["lowest"] - 1e-3:
         return _BELOW[sim.classic]
-    if altitude > sim.kept["highest"] + 1e-3:
+    if height > sim.kept["highest"] + 1e-3:
         return _ABOVE[sim.classic]
-    sim.parked = False
-    sim.arrows.clear()
+    take_up(sim)
+    sim.goal = (ra, dec), False
     sim.mechanics.goto_sky(sim.now, ra, dec)
     return None
+
+
+def slew_axes(sim: Meade, goal: Pair) -> None:
+    """Begin a slew that ends at these axis positions."""
+    release(sim)
+    sim.goal = goal, True
+    sim.mechanics.goto_axes(sim.now, *goal)
+
+
+def take_up(sim: Meade) -> None:
+    """In service again, if it was parked or asleep; no arrow is pressed."""
+    release(sim)
+    if sim.parked or sim.asleep:
+        sim.parked = sim.asleep = False
+        sim.track(sim.letter != "L")
 
 
 def sync(sim: Meade, name: str, _: Values) -> bytes | None:
@@ -78,7 +96,7 @@ def key_rate(sim: Meade, name: str, values: Values) -> None:
 
 def free_rate(sim: Meade, name: str, values: Values) -> None:
     """:RA :RE :Rg - degrees a second for :RS, arcseconds a second for :RG."""
-    sim.kept[name] = values["rate"]
+    sim.kept[name] = min(_SIDEREAL, values["rate"]) if name == "Rg" else values["rate"]
 
 
 def max_rate(sim: Meade, name: str, values: Values) -> bytes:
@@ -90,11 +108,15 @@ def max_rate(sim: Meade, name: str, values: Values) -> bytes:
     return b"1"
 
 
+def _guide_speed(sim: Meade) -> float:
+    return float(sim.kept.get("Rg", GUIDE * _SIDEREAL)) / 3600.0
+
+
 def _speed(sim: Meade, axis: int) -> float:
     """Degrees a second of the arrows."""
     name = sim.kept["rate"]
     if name == "RG":
-        return float(sim.kept.get("Rg", GUIDE * 15.041)) / 3600.0
+        return _guide_speed(sim)
     if name == "RC":
         return CENTER * SIDEREAL_RATE
     if name == "RM":
@@ -111,115 +133,57 @@ def _axis(sim: Meade, letter: str) -> tuple[int, float]:
 
 
 def arrow(sim: Meade, name: str, _: Values) -> None:
-    """:Mn :Ms :Me :Mw"""
+    """:Mn :Ms :Me :Mw - guiding adds to tracking, the other rates take its place."""
     axis, sense = _axis(sim, name[1])
-    gentle = sim.kept["rate"] == "RG" and sim.mechanics.build is Build.WEDGE
+    if set(sim.arrows) - {axis}:
+        release(sim, axis)
+    else:
+        take_up(sim)
     sim.mechanics.cancel(sim.now)
-    sim.mechanics.move(sim.now, axis, sense * _speed(sim, axis), gentle)
-    sim.arrows.add(axis)
-    sim.parked = False
+    gentle = sim.kept["rate"] == "RG"
+    if gentle:
+        sim.mechanics.pulse(sim.now, axis, sense * _speed(sim, axis), math.inf)
+    else:
+        sim.mechanics.move(sim.now, axis, sense * _speed(sim, axis))
+    sim.arrows[axis] = gentle
 
 
-def let_go(sim: Meade, name: str, _: Values) -> None:
-    """:Qn :Qs :Qe :Qw - tracking goes on by itself when the last arrow is released."""
-    axis, _sense = _axis(sim, name[1])
-    if axis in sim.arrows:
-        sim.arrows.discard(axis)
-        sim.mechanics.move(sim.now, axis, 0.0)
-    if not sim.arrows and not sim.mechanics.slewing(sim.now):
+def release(sim: Meade, *axes: int) -> None:
+    """Let go of these arrows, or of all; when none is left, what is in view then is tracked."""
+    pressed = [axis for axis in (axes or (1, 2)) if axis in sim.arrows]
+    for axis in pressed:
+        if sim.arrows.pop(axis):
+            sim.mechanics.pulse(sim.now, axis, 0.0, 0.0)
+        else:
+            sim.mechanics.move(sim.now, axis, 0.0)
+    if pressed and not sim.arrows:
         sim.mechanics.resume(sim.now)
 
 
+def let_go(sim: Meade, name: str, _: Values) -> None:
+    """:Qn :Qs :Qe :Qw"""
+    release(sim, _axis(sim, name[1])[0])
+
+
 def stop(sim: Meade, name: str, _: Values) -> None:
-    """:Q"""
-    sim.busy_until = 0.0
-    sim.mechanics.cancel(sim.now)
-    for axis in list(sim.arrows):
-        sim.mechanics.move(sim.now, axis, 0.0)
-    sim.arrows.clear()
-    sim.mechanics.resume(sim.now)
+    """:Q - everything but what a telescope that is busy does without moving."""
+    release(sim)
+    if sim.mechanics.slewing(sim.now):
+        sim.mechanics.cancel(sim.now)
+        take_up(sim)
+    if sim.seeking:
+        sim.seeking, sim.home = False, 0
 
 
 def pulse(sim: Meade, name: str, values: Values) -> None:
     """:Mg"""
     axis, sense = _axis(sim, values["direction"])
-    speed = float(sim.kept.get("Rg", GUIDE * 15.041)) / 3600.0
-    sim.mechanics.pulse(sim.now, axis, sense * speed, values["ms"] / 1000.0)
-
-
-def drive(sim: Meade, name: str, _: Values) -> None:
-    """:TQ :TS :TL :TM"""
-    sim.kept["manual"] = name == "TM"
-    sim.kept["hertz"] = _DRIVES.get(name) or sim.kept.get("custom", 60.1)
-
-
-def set_drive(sim: Meade, name: str, values: Values) -> bytes:
-    """:ST :T - a classic takes 56.4 to 60.1 only, and :ST only in manual mode."""
-    hertz = values["hertz"]
-    if sim.classic and (not 56.4 <= hertz <= 60.15 or (name == "ST" and not sim.kept.get("manual"))):
-        return b"0" if name == "ST" else b""
-    sim.kept["custom"] = sim.kept["hertz"] = hertz
-    return b"1"
-
-
-def step_drive(sim: Meade, name: str, _: Values) -> None:
-    """:T+ :T-"""
-    step = 0.1 if name == "T+" else -0.1
-    sim.kept["custom"] = sim.kept["hertz"] = round(sim.kept.get("custom", 60.1) + step, 1)
-
-
-def align(sim: Meade, name: str, _: Values) -> None:
-    """:AA :AP :AL - a mode; where :GW is not known the alignment is gone with it."""
-    letter = {"AA": "A", "AP": "P", "AL": "L"}[name]
-    if letter != "L":
-        sim.mechanics.rebuild(sim.now, Build.WEDGE if letter == "P" else Build.ALTAZ)
-    if sim.classic:
-        sim.aligned = False
-        sim.mechanics.correct(sim.now, (0.0, 0.0))
-    sim.letter = letter
-    sim.track(letter != "L")
-
-
-def auto_align(sim: Meade, name: str, _: Values) -> bytes:
-    """:Aa - minutes on a real one; here it is done at once and the telescope busy afterwards."""
-    if sim.letter != "A":
-        return b"0"
-    sim.busy_until, sim.aligned = sim.now + ALIGNING, True
-    sim.track(True)
-    return b"1"
-
-
-def park(sim: Meade, name: str, _: Values) -> None:
-    """:hP - azimuth and altitude zero, or the pole; then tracking is off."""
-    sim.track(False)
-    sim.mechanics.goto_axes(sim.now, *((sim.mechanics.axes(sim.now)[0], 90.0) if sim.letter == "P" else (0.0, 0.0)))
-    sim.parked = True
-
-
-def seek_home(sim: Meade, name: str, _: Values) -> None:
-    """:hS :hF - ignored by an Autostar."""
-    if sim.model != "autostar":
-        sim.busy_until, sim.home = sim.now + SEEKING, 1
-
-
-def sleep(sim: Meade, name: str, _: Values) -> None:
-    """:hN :hW"""
-    sim.track(name == "hW")
-
-
-def restart(sim: Meade, name: str, _: Values) -> bytes:
-    """:I"""
-    sim.parked = False
-    sim.track(sim.aligned)
-    return b"X"
+    sim.mechanics.pulse(sim.now, axis, sense * _guide_speed(sim), values["ms"] / 1000.0)
 
 
 HANDLERS: dict[str, Any] = {
     "Sr": set_target, "Sd": set_target, "Sa": set_target, "Sz": set_target, "MS": slew, "MA": slew_horizontal,
     "CM": sync, "CL": sync, "RG": rate, "RC": rate, "RM": rate, "RS": rate, "R": key_rate, "RA": free_rate,
     "RE": free_rate, "Rg": free_rate, "Sw": max_rate, "Mn": arrow, "Ms": arrow, "Me": arrow, "Mw": arrow,
-    "Qn": let_go, "Qs": let_go, "Qe": let_go, "Qw": let_go, "Q": stop, "Mg": pulse, "TQ": drive, "TS": drive,
-    "TL": drive, "TM": drive, "ST": set_drive, "T": set_drive, "T+": step_drive, "T-": step_drive, "AA": align,
-    "AP": align, "AL": align, "Aa": auto_align, "hP": park, "hS": seek_home, "hF": seek_home, "hN": sleep, "hW": sleep,
-    "I": restart,
+    "Qn": let_go, "Qs": let_go, "Qe": let_go, "Qw": let_go, "Q": stop, "Mg": pulse,
 }  # fmt: skip

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import calendar
+import re
 from datetime import UTC, date, datetime
 from typing import TYPE_CHECKING, Any
 
 from gateway.protocols.lx200.sim_answers import form
-from gateway.protocols.lx200.sim_motion import GPS_FIX
+from gateway.protocols.lx200.sim_tracking import ALIGNING
 from gateway.spherical import wrap180
 
 if TYPE_CHECKING:
@@ -15,11 +16,19 @@ if TYPE_CHECKING:
 
 Values = dict[str, Any]
 
-#: Seconds a classic calculates its planets after a new date.
-PLANETS = 5.0
+#: Seconds: a classic calculates its planets after a new date; an LX200GPS looks for satellites.
+PLANETS, GPS_FIX = 5.0, 60.0
+_MARKED = b"\x02"  # the site that is selected, in a classic's menu
+_NAME = 12  # columns of that menu
+_TYPES = re.compile("[Gg][Pp][Dd][Cc][Oo]")
 _SEARCH = {"b": ("magnitude", -5.5), "f": ("magnitude", 20.0), "F": ("field", 15), "l": ("size", 0), "s": ("size", 200),
            "y": ("types", "GPDCO"), "q": ("quality", "VP")}
 _QUALITIES = ("SU", "EX", "VG", "GD", "FR", "PR", "VP")
+
+
+def takes(sim: Meade, name: str) -> float:
+    """How many seconds pass before the last part of this command's reply."""
+    return {"SC": PLANETS if sim.classic else 0.0, "gT": GPS_FIX, "Aa": ALIGNING}.get(name, 0.0)
 
 
 def _local(sim: Meade) -> datetime:
@@ -40,13 +49,19 @@ def day(sim: Meade, name: str, _: Values) -> bytes:
 def offset(sim: Meade, name: str, _: Values) -> bytes:
     """:GG - unpadded on a classic."""
     if sim.classic and sim.offset == int(sim.offset):
-        return f"{-sim.offset:+.0f}#".encode()
+        return f"{-int(sim.offset):+d}#".encode()
     return form(sim, name, offset=-sim.offset)
 
 
 def sidereal(sim: Meade, name: str, _: Values) -> bytes:
-    """:GS"""
-    return form(sim, name, sidereal=sim.mechanics.sky.sidereal(sim.now))
+    """:GS - as it was set, else by clock and site."""
+    return form(sim, name, sidereal=sim.mechanics.sky.sidereal(sim.now) + sim.kept.get("sidereal ahead", 0.0))
+
+
+def set_sidereal(sim: Meade, name: str, values: Values) -> bytes:
+    """:SS - a display of its own here: the motors go by clock and site."""
+    sim.kept["sidereal ahead"] = values["sidereal"] - sim.mechanics.sky.sidereal(sim.now)
+    return b"1"
 
 
 def _set_clock(sim: Meade, local: datetime) -> None:
@@ -95,7 +110,7 @@ def stamp(sim: Meade, name: str, values: Values) -> bytes:
 
 def gps_time(sim: Meade, name: str, _: Values) -> bytes:
     """:gT"""
-    sim.ahead, sim.busy_until = 0.0, sim.now + GPS_FIX
+    sim.ahead = 0.0
     sim.relocate()
     return b"1"
 
@@ -123,34 +138,40 @@ def longitude(sim: Meade, name: str, _: Values) -> bytes:
 
 def set_latitude(sim: Meade, name: str, values: Values) -> bytes:
     """:St - an Autostar says 0 to a good one."""
-    sim.site = values["latitude"], sim.site[1]
+    sim.sites[sim.site_number] = values["latitude"], sim.site[1]
     sim.relocate()
     return b"0" if sim.model == "autostar" else b"1"
 
 
 def set_longitude(sim: Meade, name: str, values: Values) -> bytes:
     """:Sg"""
-    sim.site = sim.site[0], wrap180(-values["longitude"])
+    sim.sites[sim.site_number] = sim.site[0], wrap180(-values["longitude"])
     sim.relocate()
     return b"1"
 
 
 def select(sim: Meade, name: str, values: Values) -> None:
-    """:W"""
-    sim.kept["site"] = values["site"]
+    """:W - counted from 0 or from 1 by the model, which takes a 0 for the first, too."""
+    number = max(0, values["site"] - sim.row["first_site"])
+    if number < len(sim.sites):
+        sim.site_number = number
+        sim.relocate()
 
 
 def site_name(sim: Meade, name: str, _: Values) -> bytes:
-    """:GM :GN :GO :GP"""
-    index = "MNOP".index(name[1])
-    return f"{sim.kept['names'].get(index, f'SITE {index + 1}')}#".encode()
+    """:GM :GN :GO :GP - a classic shows a line of its menu."""
+    number = "MNOP".index(name[1])
+    text = sim.names[number].encode("latin-1")
+    if not sim.classic:
+        return text + b"#"
+    return text.ljust(_NAME) + (_MARKED if number == sim.site_number else b" ") + b"#"
 
 
 def set_site_name(sim: Meade, name: str, values: Values) -> bytes:
     """:SM :SN :SO :SP"""
     if not 0 < len(values["name"]) <= sim.row["names"]:
         return b"0"
-    sim.kept["names"]["MNOP".index(name[1])] = values["name"]
+    sim.names["MNOP".index(name[1])] = values["name"]
     return b"1"
 
 
@@ -173,6 +194,8 @@ def search(sim: Meade, name: str, _: Values) -> bytes:
 
 def set_search(sim: Meade, name: str, values: Values) -> bytes:
     """:Sb :Sf :SF :Sl :Ss :Sy"""
+    if name == "Sy" and not _TYPES.fullmatch(values["types"]):
+        return b"0"
     sim.kept["search " + name[1]] = next(iter(values.values()))
     return b"1"
 
@@ -205,7 +228,7 @@ def hours(sim: Meade, name: str, _: Values) -> bytes:
 
 
 def yes(sim: Meade, name: str, values: Values) -> bytes:
-    """:SS :SB"""
+    """:SB"""
     return b"1"
 
 
@@ -213,7 +236,7 @@ HANDLERS: dict[str, Any] = {
     "GL": time, "Ga": time, "GC": day, "GG": offset, "GS": sidereal, "SL": set_time, "SC": set_date, "SG": set_offset,
     "hI": stamp, "gT": gps_time, "Gt": latitude, "Gg": longitude, "St": set_latitude, "Sg": set_longitude, "W": select,
     "Go": limit, "Gh": limit, "So": set_limit, "Sh": set_limit, "Sq": step_quality, "U": toggle_format,
-    "P": toggle_pointing, "H": toggle_hours, "Gc": hours, "SS": yes, "SB": yes,
+    "P": toggle_pointing, "H": toggle_hours, "Gc": hours, "SS": set_sidereal, "SB": yes,
     **dict.fromkeys(("GM", "GN", "GO", "GP"), site_name), **dict.fromkeys(("SM", "SN", "SO", "SP"), set_site_name),
     **dict.fromkeys(("Gb", "Gf", "GF", "Gl", "Gs", "Gy", "Gq"), search),
     **dict.fromkeys(("Sb", "Sf", "SF", "Sl", "Ss", "Sy"), set_search),

@@ -1,8 +1,12 @@
 """The simulated Meade: a classic LX200 under or at 16 inches, an Autostar, an LX200GPS.
 
 Bytes in, bytes out, at the time that the given clock shows; nothing sleeps. What it knows is what the manual gives that
-model, what it answers is what real ones were seen to answer, quirks included: degree bytes of 0xDF, a classic that has
-no name, an Autostar that says 0 to a good latitude, an LX200GPS that says NAK while it is busy.
+model, what it answers is what real ones were seen to answer, quirks included. Where nobody has said:
+
+- What takes a real one seconds or minutes (``:SC`` on a classic, ``:Aa`` and ``:gT`` on an LX200GPS) is answered late,
+  and nothing else meanwhile, to a caller that gave ``later``; to any other it is done at once.
+- It answers after ``:hP#`` on every model. Any motion command takes a parked or sleeping telescope into service.
+- The classics and the Autostar begin in low precision, the LX200GPS in high.
 """
 
 from __future__ import annotations
@@ -13,9 +17,10 @@ from typing import Any
 from gateway.errors import UserError
 from gateway.kinematics import Mechanics
 from gateway.mount_geometry import Build, Pair, Sky
-from gateway.protocols.lx200 import sim_answers, sim_motion, sim_settings
+from gateway.protocols.lx200 import sim_answers, sim_library, sim_motion, sim_parts, sim_settings, sim_tracking
 from gateway.protocols.lx200.framing import Framer
-from gateway.spherical import fold_declination
+from gateway.protocols.lx200.sim_line import ClassicFramer
+from gateway.spherical import SIDEREAL_RATE, fold_declination, wrap180
 from gateway.tables import load
 
 Handler = Callable[["Meade", str, dict[str, Any]], bytes | None]
@@ -32,9 +37,12 @@ BEYOND = {
 }  # fmt: skip
 #: A classic has no name to tell.
 NAMELESS = {"GVP", "GVN", "GVD", "GVT", "GVF"}
-HANDLERS: dict[str, Handler] = {**sim_answers.HANDLERS, **sim_motion.HANDLERS, **sim_settings.HANDLERS}
-#: The classics and the Autostar begin in the short format.
+HANDLERS: dict[str, Handler] = {
+    **sim_answers.HANDLERS, **sim_library.HANDLERS, **sim_motion.HANDLERS, **sim_parts.HANDLERS,
+    **sim_settings.HANDLERS, **sim_tracking.HANDLERS,
+}  # fmt: skip
 STARTS_HIGH = {"lx200gps"}
+SITES = 4
 
 
 class Meade:
@@ -53,34 +61,48 @@ class Meade:
         self.classic: bool = model in ("lx200", "lx200-16")
         self.clock: Callable[[], float] = clock
         self.now: float = clock()
-        self.site: Pair = site
+        self.sites: list[Pair] = [site] * SITES
+        self.names = [f"SITE {number}" if not self.classic else f"ST{number}" for number in range(1, SITES + 1)]
+        self.site_number = 0
         self.ahead, self.offset = 0.0, utc_offset
         self.aligned: bool = aligned
         self.letter: str = "P" if self.classic else "A"
-        self.high: bool = model in STARTS_HIGH
-        self.kept: dict[str, Any] = {"rate": "RC", "site": 0, "names": {}, "sites": {}, "lowest": 0.0, "highest": 90.0}
-        self.arrows: set[int] = set()
+        #: Where a slew goes, and whether that is axis positions instead of a place on the sky.
+        self.goal: tuple[Pair, bool] = (0.0, 0.0), False
+        #: Axes moved by hand, and whether that only adds to what the motor does anyway.
+        self.arrows: dict[int, bool] = {}
         self.busy_until = 0.0
-        self.parked, self.home = False, 0
+        self.seeking, self.home = False, 0
+        self.parked, self.asleep = False, False
         build = Build.WEDGE if self.letter == "P" else Build.ALTAZ
-        start = (180.0 if site[0] >= 0 else 0.0, 0.0 if build is Build.WEDGE else 45.0)
-        self.mechanics = Mechanics(build, Sky(*site), self.now, start)
-        self.mechanics.speed, self.mechanics.fastest = speed, float(self.row["max_rate"])
-        if aligned:
-            self.track(True)
-        self._framer = Framer()
+        self.mechanics = Mechanics(build, Sky(*site), self.now, self.start(build))
+        self.mechanics.speed = speed
+        self.power_on()
+        self._framer = self.framer()
+
+    def power_on(self) -> None:
+        """Formats, rates and target as they are after switching on; site, clock and names are remembered."""
+        self.high: bool = self.model in STARTS_HIGH
+        self.parts: dict[str, Any] = {}
+        self.kept: dict[str, Any] = {"rate": "RC", "lowest": 0.0, "highest": 90.0}
+        self.mechanics.fastest = float(self.row["max_rate"])
+        self.mechanics.keep_up_with(self.now, SIDEREAL_RATE)
+        self.parked = self.asleep = False
+        self.track(self.aligned)
 
     # --- the line -------------------------------------------------------------------------------------------------
 
+    def framer(self) -> Framer:
+        return ClassicFramer() if self.classic else Framer()
+
     def feed(self, data: bytes, framer: Framer | None = None, later: Later | None = None) -> bytes:
         """Bytes from the port -> what the telescope answers to them now; ``later`` is given what comes afterwards."""
-        self.now = self.clock()
-        self.mechanics.advance(self.now)
+        self._come_to_now()
         return b"".join([self._answer(frame, later) for frame in (framer or self._framer).feed(data)])
 
     def connection(self, later: Later | None = None) -> Callable[[bytes], bytes]:
         """One more way in, for another program on the same telescope: its half commands are its own."""
-        framer = Framer()
+        framer = self.framer()
         return lambda data: self.feed(data, framer, later)
 
     def _answer(self, frame: bytes, later: Later | None) -> bytes:
@@ -88,19 +110,25 @@ class Meade:
         if found is None or not self.knows(found[0].name):
             return b""
         command, picture = found
-        if self.now < self.busy_until and command.name not in WHILE_BUSY:
+        if self.busy and command.name not in WHILE_BUSY:
             return NAK if self.model == "lx200gps" else b""
         try:
             values = picture.decode(frame)
         except ValueError:
             refusals = [form for reply, form in command.replies if reply.fault]
             return refusals[0].encode({}) if refusals and not refusals[0].fields else b""
-        reply = HANDLERS[command.name](self, command.name, values)
-        if command.name == "SC" and reply and later is not None and self.classic:
-            first, _, second = reply.partition(b"#")
-            later(sim_settings.PLANETS, second)
-            return first + b"#"
-        return reply or b""
+        reply = HANDLERS[command.name](self, command.name, values) or b""
+        return self._take_time(command.name, reply, later)
+
+    def _take_time(self, name: str, reply: bytes, later: Later | None) -> bytes:
+        """Of a reply that takes its time, what comes at once; the rest follows when the telescope is free again."""
+        seconds = sim_settings.takes(self, name)
+        if later is None or not seconds or reply == b"0":
+            return reply
+        self.busy_until = self.now + seconds
+        first, mark, rest = reply.partition(b"#")
+        later(seconds, rest if mark else first)
+        return first + mark if mark else b""
 
     def knows(self, name: str) -> bool:
         """Whether this model has a command: by the manual, else by what real ones do."""
@@ -113,13 +141,34 @@ class Meade:
 
     # --- what it is -----------------------------------------------------------------------------------------------
 
+    @property
+    def site(self) -> Pair:
+        """Latitude and longitude east of the site that is selected."""
+        return self.sites[self.site_number]
+
+    @property
+    def busy(self) -> bool:
+        """Whether the telescope hears hardly anything: seeking home, calculating, waiting for satellites."""
+        return self.seeking or self.now < self.busy_until
+
     def utc(self) -> float:
         """The telescope's own clock, Unix seconds."""
         return self.now + self.ahead
 
+    def start(self, build: Build) -> Pair:
+        """Axes at power-on: on the meridian, half way up or on the equator."""
+        return (180.0 if self.site[0] >= 0 else 0.0), (0.0 if build is Build.WEDGE else 45.0)
+
     def track(self, on: bool) -> None:
         """Follow the sky, or stand still."""
         self.mechanics.track(self.now, on, self.mechanics.geometry.pole)
+
+    def forget(self) -> None:
+        """Lose the alignment: the tube is taken to stand where it should at power-on."""
+        first, second = self.mechanics.axes(self.now)
+        there = self.start(self.mechanics.build)
+        self.mechanics.correct(self.now, (wrap180(there[0] - first), wrap180(there[1] - second)))
+        self.aligned = False
 
     def relocate(self) -> None:
         """After a new site or time."""
@@ -129,19 +178,29 @@ class Meade:
         """Right ascension and declination of date, as the telescope believes."""
         return fold_declination(*self.mechanics.believed(self.now))
 
+    def _come_to_now(self) -> None:
+        """Let time pass: motion, and the end of a search for home."""
+        self.now = self.clock()
+        self.mechanics.advance(self.now)
+        if self.seeking and not self.mechanics.slewing(self.now):
+            self.seeking, self.home, self.aligned = False, 1, True
+            self.mechanics.correct(self.now, (0.0, 0.0))
+
     # --- for whoever watches --------------------------------------------------------------------------------------
 
     def truth(self) -> Pair:
         """Right ascension and declination of date that the tube really points at."""
-        self.now = self.clock()
+        self._come_to_now()
         return self.mechanics.truth(self.now)
 
     @property
     def tracking(self) -> bool:
-        self.now = self.clock()
+        """Whether the telescope follows the sky at this moment."""
+        self._come_to_now()
         return self.mechanics.tracking(self.now)
 
     @property
     def slewing(self) -> bool:
-        self.now = self.clock()
+        """Whether a slew is under way."""
+        self._come_to_now()
         return self.mechanics.slewing(self.now)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gateway.kinematics import LUNAR_RATE, SOLAR_RATE
+from gateway.motors import LUNAR_RATE, SOLAR_RATE
 from gateway.protocols.nexstar.sim_clock import GPS, RTC, Handler, Values
 from gateway.spherical import SIDEREAL_RATE, wrap180
 from gateway.tables import Version
@@ -190,8 +190,11 @@ def _tell(name: str, default: int) -> Handler:
 
 
 def _periodic_error(sim: HandControl, values: Values) -> Values | None:
-    """0C and 0D hex: acknowledged; the simulated gears have no error to correct."""
-    return {} if values["device"] == AZM and "pec" in sim.row["has"] else None
+    """0C and 0D hex: acknowledged and remembered; the simulated gears have no error to correct."""
+    if values["device"] != AZM or "pec" not in sim.row["has"]:
+        return None
+    sim.settings["periodic error", AZM] = int(bool(values.get("on", 0)))
+    return {}
 
 
 def _version(sim: HandControl, values: Values) -> Values | None:

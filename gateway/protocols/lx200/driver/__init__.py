@@ -8,18 +8,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from gateway.protocols.lx200.driver import identify, motion, place, pointing
+from gateway.protocols.lx200.driver import drive, home, identify, motion, place, pointing
 
 SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
     function.__name__: function
     for function in (
         identify.identity, identify.status,
         pointing.position, pointing.horizontal_position, pointing.slewing, pointing.goto, pointing.goto_axes,
-        pointing.cancel_goto, pointing.sync, pointing.park, pointing.home, pointing.set_home, pointing.home_state,
-        pointing.unpark, pointing.sleep, pointing.wake,
-        motion.move, motion.move_axis, motion.halt, motion.stop, motion.pulse, motion.pulse_axis, motion.set_tracking,
-        motion.track_rate, motion.set_guide_rate, motion.backlash, motion.periodic_error, motion.focus,
-        place.get_site, place.set_site, place.get_clock, place.set_clock, place.clock_from_gps,
+        pointing.cancel_goto, pointing.sync,
+        home.park, home.home, home.set_home, home.home_state, home.unpark, home.sleep, home.wake,
+        motion.move, motion.move_axis, motion.halt, motion.stop, motion.pulse, motion.pulse_axis, motion.set_guide_rate,
+        drive.set_tracking, drive.rest, drive.rise, drive.track_rate, drive.backlash, drive.periodic_error, drive.focus,
+        place.gps, place.get_site, place.set_site, place.get_clock, place.set_clock, place.clock_from_gps,
     )
 }
-FOLLOW_UPS: dict[type[Any], Callable[[Any, Any], Any]] = {motion.EndPulse: motion.end_pulse}
+FOLLOW_UPS: dict[type[Any], Callable[[Any, Any], Any]] = {
+    motion.EndPulse: motion.end_pulse, motion.NextPulse: motion.next_pulse, home.SeekOn: home.seek_on,
+}  # fmt: skip

@@ -12,6 +12,7 @@ PROBE = 1.5
 
 def identity(mount: Meade, _: Operation) -> Steps:
     """ACK, :GVP, :GVN, :GW, :GR -> Identity."""
+    mount.power_on()
     letter = yield from _probe("ACK")
     if letter is not None:
         _learn_letter(mount, letter["mode"])
@@ -79,7 +80,7 @@ def read_status(mount: Meade) -> Steps:
         if answer is None:
             return None
         _learn_letter(mount, answer["mode"])
-        mount.aligned, tracks = True, answer["mode"] != "L"
+        mount.aligned, tracks = True, answer["mode"] != "L" and not mount.parked
     mount.tracking = own_mode(mount) if tracks else Tracking.OFF
     return None
 

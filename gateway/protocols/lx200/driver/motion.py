@@ -1,36 +1,18 @@
-"""Arrows, guiding, tracking, drive rates, accessories.
+"""Arrows, their rates, and guiding.
 
-Motor sense is kept: a motor's positive sense is west on the first axis (east in the south), north on the second.
+Motor sense is kept, that of the German mount which a polar telescope is presented as: positive is west on the first axis
+(east in the south) and north on the second, which is what programs mean by it in both hemispheres.
 """
 
 from __future__ import annotations
 
 from gateway.driver import Later, Steps
-from gateway.errors import Unsupported
-from gateway.operations import (
-    Backlash,
-    Focus,
-    Halt,
-    Move,
-    MoveAxis,
-    Operation,
-    PeriodicError,
-    Pulse,
-    PulseAxis,
-    Rate,
-    SetGuideRate,
-    SetTracking,
-    Stop,
-    Tracking,
-    TrackRate,
-)
-from gateway.protocols.lx200.driver.identify import own_mode
+from gateway.operations import Halt, Move, MoveAxis, Operation, Pulse, PulseAxis, Rate, SetGuideRate, Stop
 from gateway.protocols.lx200.driver.state import SIDEREAL, SPEEDS, Meade, ask, rate_command
 
-SIDEREAL_HERTZ = 60.16427
-_DRIVES = {"sidereal": "TQ", "solar": "TS", "lunar": "TL"}
 #: Faster than that an LX200GPS takes degrees a second; slower ones are its guide rate.
 _FREE_FROM = 0.1
+LONGEST_PULSE = 9999  # milliseconds: the four digits of :Mg
 
 
 def _letter(mount: Meade, axis: int, sense: int) -> str:
@@ -62,16 +44,52 @@ def _move(mount: Meade, axis: int, letter: str, rate: Rate) -> Steps:
 
 def _choose(mount: Meade, axis: int, rate: Rate) -> Steps:
     """Set the rate: freely on an LX200GPS, else the nearest of the four that is not above it."""
-    if rate.key is None and rate.name is None and mount.model == "lx200gps":
-        degrees = rate.degrees or 0.0
-        if degrees >= _FREE_FROM:
-            yield from ask(mount, "RS")
-            yield from ask(mount, "RA" if axis == 1 else "RE", rate=min(SPEEDS["RS"], degrees))
-        else:
-            yield from ask(mount, "Rg", rate=min(SIDEREAL, degrees * 3600.0))
-            yield from ask(mount, "RG")
+    if rate.key is None and rate.name is None and mount.knows("RA"):
+        yield from _choose_freely(mount, axis, rate.degrees or 0.0)
+        return
+    command = rate_command(rate)
+    if command == "RS":
+        yield from _fastest(mount, axis, rate.degrees if rate.name == "max" else None)
+    elif command == "RG":
+        yield from set_guide_rate(mount, SetGuideRate(axis, mount.guide_rate))
+    yield from ask(mount, command)
+
+
+def _choose_freely(mount: Meade, axis: int, degrees: float) -> Steps:
+    """Degrees a second by :RA or :RE, slow ones as the guide rate."""
+    if degrees >= _FREE_FROM:
+        yield from ask(mount, "RS")
+        yield from ask(mount, "RA" if axis == 1 else "RE", rate=min(SPEEDS["RS"], degrees))
+        mount.free_axes.add(axis)
     else:
-        yield from ask(mount, rate_command(rate))
+        yield from _guide_at(mount, degrees * 3600.0 / SIDEREAL)
+        yield from ask(mount, "RG")
+
+
+def _fastest(mount: Meade, axis: int, degrees: float | None) -> Steps:
+    """:Sw when another speed than the last one is wanted for :RS; a rate of this axis' own is taken back."""
+    lowest, highest = mount.facts["max_rates"]
+    wanted = int(max(lowest, min(highest, mount.facts["max_rate"] if degrees is None else degrees)))
+    if wanted != (mount.fastest or mount.facts["max_rate"]):
+        yield from ask(mount, "Sw", rate=wanted)
+        mount.fastest = wanted
+    if axis in mount.free_axes:
+        yield from ask(mount, "RA" if axis == 1 else "RE", rate=float(wanted))
+        mount.free_axes.discard(axis)
+
+
+def set_guide_rate(mount: Meade, operation: SetGuideRate) -> Steps:
+    """The fraction of sidereal that :RG and guide pulses mean: :Rg where the model has it and it is another one."""
+    mount.guide_rate = min(1.0, operation.rate)
+    if mount.knows("Rg"):
+        yield from _guide_at(mount, mount.guide_rate)
+
+
+def _guide_at(mount: Meade, fraction: float) -> Steps:
+    """:Rg, which no Meade tells again: it is sent whenever it differs from what was sent last."""
+    if abs(fraction - mount.guides_at) > 1e-6:
+        yield from ask(mount, "Rg", rate=min(1.0, fraction) * SIDEREAL)
+        mount.guides_at = fraction
 
 
 def halt(mount: Meade, operation: Halt) -> Steps:
@@ -88,6 +106,7 @@ def stop(mount: Meade, _: Stop) -> Steps:
     mount.moving.clear()
     mount.pulsing.clear()
     yield from ask(mount, "Q")
+    mount.seeking = False
 
 
 # --- guiding ----------------------------------------------------------------------------------------------------
@@ -99,24 +118,42 @@ class EndPulse(Operation, frozen=True):
     axis: int
 
 
+class NextPulse(Operation, frozen=True):
+    """Internal: the rest of a guide pulse longer than :Mg can tell."""
+
+    letter: str
+    ms: int
+
+
 def pulse(mount: Meade, operation: Pulse) -> Steps:
     """:Mg where the model has it, else guide rate for that long."""
-    yield from _pulse(mount, operation.direction.axis, operation.direction.value, operation.ms)
+    yield from _pulse(mount, operation.direction.axis, operation.direction.value, operation.ms, None)
 
 
 def pulse_axis(mount: Meade, operation: PulseAxis) -> Steps:
-    """The same by motor sense."""
-    yield from _pulse(mount, operation.axis, _letter(mount, operation.axis, operation.sense), operation.ms)
+    """The same by motor sense, at a rate of its own where the model takes one."""
+    letter = _letter(mount, operation.axis, operation.sense)
+    yield from _pulse(mount, operation.axis, letter, operation.ms, operation.rate)
 
 
-def _pulse(mount: Meade, axis: int, letter: str, ms: int) -> Steps:
+def _pulse(mount: Meade, axis: int, letter: str, ms: int, rate: float | None) -> Steps:
+    if mount.knows("Rg"):
+        yield from _guide_at(mount, mount.guide_rate if rate is None else rate)
     if mount.knows("Mg") and mount.product:
-        yield from ask(mount, "Mg", direction=letter, ms=min(ms, 9999))
+        yield from next_pulse(mount, NextPulse(letter, ms))
         return
     yield from ask(mount, "RG")
     yield from ask(mount, f"M{letter}")
     mount.pulsing[axis] = letter
     yield Later(ms / 1000.0, EndPulse(axis), urgent=True)
+
+
+def next_pulse(mount: Meade, operation: NextPulse) -> Steps:
+    """One piece of at most four digits, then the next."""
+    piece = min(operation.ms, LONGEST_PULSE)
+    yield from ask(mount, "Mg", direction=operation.letter, ms=piece)
+    if operation.ms > piece:
+        yield Later(piece / 1000.0, NextPulse(operation.letter, operation.ms - piece))
 
 
 def end_pulse(mount: Meade, operation: EndPulse) -> Steps:
@@ -125,63 +162,3 @@ def end_pulse(mount: Meade, operation: EndPulse) -> Steps:
     if letter is not None:
         yield from ask(mount, f"Q{letter}")
         mount.pulsing.pop(operation.axis, None)
-
-
-# --- tracking ---------------------------------------------------------------------------------------------------
-
-
-def set_tracking(mount: Meade, operation: SetTracking) -> Steps:
-    """:AL and back, only on models that report :GW - elsewhere these letters destroy the alignment."""
-    wanted = own_mode(mount) if operation.on else Tracking.OFF
-    if wanted is mount.tracking:
-        return
-    if not mount.tells_status:
-        raise Unsupported("The mount keeps tracking: switching it off would destroy its alignment.")
-    yield from ask(mount, "AL" if not operation.on else {"A": "AA", "P": "AP", "G": "AP"}[mount.home_letter])
-    mount.tracking = wanted
-
-
-def track_rate(mount: Meade, operation: TrackRate) -> Steps:
-    """:TQ :TS :TL, any other one in hertz."""
-    if operation.name is not None:
-        yield from ask(mount, _DRIVES[operation.name])
-    else:
-        yield from ask(mount, "TM")
-        yield from ask(mount, "ST", hertz=(operation.factor or 1.0) * SIDEREAL_HERTZ)
-
-
-def set_guide_rate(mount: Meade, operation: SetGuideRate) -> Steps:
-    """:Rg on an LX200GPS."""
-    if not mount.knows("Rg"):
-        raise Unsupported("This model has one guide rate only.")
-    yield from ask(mount, "Rg", rate=operation.rate * SIDEREAL)
-
-
-# --- accessories ------------------------------------------------------------------------------------------------
-
-
-def backlash(mount: Meade, operation: Backlash) -> Steps:
-    """:$BA :$BZ on an LX200GPS."""
-    command = "$BZ" if operation.axis == 1 else "$BA"
-    if not mount.knows(command):
-        raise Unsupported("This model has no adjustable backlash.")
-    yield from ask(mount, command, value=operation.value)
-
-
-def periodic_error(mount: Meade, operation: PeriodicError) -> Steps:
-    """:$QZ :$QA on an LX200GPS, the toggle elsewhere."""
-    if operation.axis is not None and mount.knows("$QZ+"):
-        yield from ask(mount, f"$Q{'Z' if operation.axis == 1 else 'A'}{'+' if operation.on else '-'}")
-    elif mount.model != "autostar":
-        yield from ask(mount, "$Q")
-    else:
-        raise Unsupported("This model has no periodic error correction over the line.")
-
-
-def focus(mount: Meade, operation: Focus) -> Steps:
-    """:F"""
-    if operation.direction and mount.knows("F"):
-        yield from ask(mount, "F", speed=operation.speed)
-    yield from ask(mount, {1: "F+", -1: "F-", 0: "FQ"}[operation.direction])
-
-

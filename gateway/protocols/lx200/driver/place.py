@@ -5,13 +5,16 @@ from __future__ import annotations
 import calendar
 from datetime import UTC, datetime, timedelta
 
-from gateway.driver import Steps
-from gateway.errors import Invalid, NoDevice, Refused, Unsupported
-from gateway.operations import ClockFromGps, GetClock, GetSite, Moment, Place, SetClock, SetSite
+from gateway.driver import Ask, Steps
+from gateway.errors import Busy, Invalid, Refused, Silence, Unsupported
+from gateway.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Moment, Place, SetClock, SetSite
 from gateway.protocols.lx200.driver.state import Meade, ask
+from gateway.protocols.lx200.nmea import fix
 from gateway.spherical import wrap180
 
 ARCMINUTE = 1.0 / 60.0
+#: Sentences to listen to for one that tells place and time, and seconds for each: they come in blocks.
+SENTENCES, NEXT_SENTENCE = 8, 2.5
 
 
 def get_site(mount: Meade, _: GetSite) -> Steps:
@@ -47,10 +50,22 @@ def get_clock(mount: Meade, _: GetClock) -> Steps:
     return Moment(calendar.timegm(day.timetuple()) + seconds - offset * 3600.0, offset)
 
 
+def gps(mount: Meade, _: GetGps) -> Steps:
+    """:gps until a sentence tells place and time -> Gps; a receiver that is silent or off has no fix."""
+    for _attempt in range(SENTENCES):
+        try:
+            seen = fix((yield Ask("gps", patience=NEXT_SENTENCE))["text"])
+        except (Silence, Busy):
+            break
+        if seen is not None:
+            return seen
+    return Gps(linked=False)
+
+
 def clock_from_gps(mount: Meade, _: ClockFromGps) -> Steps:
-    """:gT - minutes on a real one; its answer is not waited for longer than any other."""
-    if not mount.knows("gT"):
-        raise NoDevice("This model has no GPS.")
+    """:gT - minutes on a real one, whose keypad is dead meanwhile: not while anything moves. Raises Busy, NoDevice."""
+    if mount.goto is not None or mount.moving or mount.seeking:
+        raise Busy("The mount moves: its GPS can be asked when it stands.")
     yield from ask(mount, "gT")
 
 

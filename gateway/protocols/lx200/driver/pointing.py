@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
-
 from gateway.driver import Steps
-from gateway.errors import Fault, NoAnswer, Refused
+from gateway.errors import Fault, Refused
 from gateway.operations import (
     CancelGoto,
     Equatorial,
     Goto,
     GotoAxes,
-    Home,
-    HomeState,
     Horizontal,
     HorizontalPosition,
-    Park,
     Position,
-    SetHome,
-    Sleep,
     Slewing,
     Sync,
-    Unpark,
-    Wake,
 )
-from gateway.protocols.lx200.driver.identify import read_status
 from gateway.protocols.lx200.driver.state import GotoState, Meade, ask
 from gateway.spherical import fold_declination
 
@@ -49,6 +39,8 @@ def horizontal_position(mount: Meade, _: HorizontalPosition) -> Steps:
 
 def slewing(mount: Meade, _: Slewing) -> Steps:
     """:D -> bool, latched from the goto until the telescope has settled; hand motion is none."""
+    if mount.seeking:
+        return (yield from still_seeking(mount))
     if mount.goto is None:
         return False
     bars = (yield from ask(mount, "D"))["bars"]
@@ -66,23 +58,29 @@ def slewing(mount: Meade, _: Slewing) -> Steps:
     return False
 
 
+def still_seeking(mount: Meade) -> Steps:
+    """:h? -> whether it still looks for its home."""
+    mount.seeking = (yield from ask(mount, "h?"))["state"] == "2"
+    return mount.seeking
+
+
 def goto(mount: Meade, operation: Goto) -> Steps:
     """:Sr :Sd :MS - refusals come with the telescope's own words."""
-    yield from _clear_the_way(mount)
+    yield from clear_the_way(mount)
     yield from ask(mount, "Sr", ra=operation.ra)
     yield from ask(mount, "Sd", dec=operation.dec)
-    yield from _begin(mount, "MS")
+    yield from begin(mount, "MS")
 
 
 def goto_axes(mount: Meade, operation: GotoAxes) -> Steps:
     """:Sz :Sa :MA - where the model has it."""
-    yield from _clear_the_way(mount)
+    yield from clear_the_way(mount)
     yield from ask(mount, "Sz", az=operation.az)
     yield from ask(mount, "Sa", alt=operation.alt)
-    yield from _begin(mount, "MA")
+    yield from begin(mount, "MA")
 
 
-def _begin(mount: Meade, command: str, then: str | None = None) -> Steps:
+def begin(mount: Meade, command: str, then: str | None = None) -> Steps:
     """Send what begins a goto. It counts as under way before that, for a stop must know of it."""
     mount.parked, mount.goto = False, GotoState(since=mount.now(), then=then)
     try:
@@ -93,19 +91,20 @@ def _begin(mount: Meade, command: str, then: str | None = None) -> Steps:
     mount.goto.since = mount.now()
 
 
-def _clear_the_way(mount: Meade) -> Steps:
+def clear_the_way(mount: Meade) -> Steps:
     """The newer goto wins; arrows are let go."""
-    if mount.goto is not None or mount.moving:
+    if mount.goto is not None or mount.moving or mount.seeking:
         yield from ask(mount, "Q")
-        mount.goto = None
+        mount.goto, mount.seeking = None, False
         mount.moving.clear()
 
 
 def cancel_goto(mount: Meade, _: CancelGoto) -> Steps:
-    """:Q, when a goto is under way: it would end hand motion, too."""
-    if mount.goto is not None:
+    """:Q, when a goto or a search for home is under way: it would end hand motion, too."""
+    if mount.goto is not None or mount.seeking:
         mount.goto = None
         yield from ask(mount, "Q")
+        mount.seeking = False
 
 
 def sync(mount: Meade, operation: Sync) -> Steps:
@@ -115,46 +114,3 @@ def sync(mount: Meade, operation: Sync) -> Steps:
     answer = yield from ask(mount, "CM")
     if not answer["text"].strip():
         raise Refused("The mount refused the sync.")
-
-
-def park(mount: Meade, _: Park) -> Steps:
-    """:hP"""
-    yield from _clear_the_way(mount)
-    yield from _begin(mount, "hP", then="park")
-
-
-def home(mount: Meade, _: Home) -> Steps:
-    """:hF"""
-    yield from _clear_the_way(mount)
-    yield from ask(mount, "hF")
-
-
-def set_home(mount: Meade, _: SetHome) -> Steps:
-    """:hS"""
-    yield from ask(mount, "hS")
-
-
-def home_state(mount: Meade, _: HomeState) -> Steps:
-    """:h? -> 0 failed, 1 found, 2 searching."""
-    return int((yield from ask(mount, "h?"))["state"])
-
-
-def unpark(mount: Meade, _: Unpark) -> Steps:
-    """A parked LX200GPS wakes by :I, others by the next goto; the state is read anew."""
-    if mount.parked and mount.model == "lx200gps":
-        with contextlib.suppress(NoAnswer):
-            yield from ask(mount, "I")
-    mount.parked = False
-    yield from read_status(mount)
-
-
-def sleep(mount: Meade, _: Sleep) -> Steps:
-    """:hN"""
-    yield from ask(mount, "hN")
-
-
-def wake(mount: Meade, _: Wake) -> Steps:
-    """:hW"""
-    yield from ask(mount, "hW")
-
-

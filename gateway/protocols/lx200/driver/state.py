@@ -8,12 +8,16 @@ from typing import Any
 from msgspec import Struct
 
 from gateway.driver import Ask, Driver, Pause, Steps
-from gateway.errors import Busy
+from gateway.errors import Busy, Unsupported
 from gateway.operations import Place, Rate, Tracking
 from gateway.tables import load
 
+SIDEREAL = 15.041067  # arcseconds a second
 BUSY_RETRIES, BUSY_WAIT = 6, 0.4
-SIDEREAL = 15.041067
+#: What takes a telescope long, in seconds at most: a classic calculates its planets, an LX200GPS finds its satellites.
+LONG = {"SC": 14.0, "gT": 600.0}
+#: All that is understood while it seeks its home; a Meade that is asked anything else says NAK, or nothing.
+WHILE_SEEKING = frozenset({"hS", "hF", "Q", "h?"})
 _NAMES = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
 #: Hand-control keys 1-9 as Meade's four rates.
 _KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS", 9: "RS"}
@@ -54,7 +58,19 @@ class Meade(Driver):
         self.moving: dict[int, str] = {}
         self.pulsing: dict[int, str] = {}
         self.parked = False
+        self.guide_rate = 1.0  # what is meant by it, a fraction of sidereal
         self.site: Place | None = None
+        self.power_on()
+
+    def power_on(self) -> None:
+        """What no Meade tells, as after switching it on: that may have happened while the line was lost."""
+        #: It seeks its home; ``fastest`` is what :Sw was sent last, degrees a second.
+        self.seeking = False
+        self.fastest: int | None = None
+        #: Axes with a rate of their own (:RA :RE); the guide rate sent last (:Rg); whether it corrects periodic errors.
+        self.free_axes: set[int] = set()
+        self.guides_at = 1.0
+        self.corrects = False
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -103,10 +119,14 @@ def rate_command(rate: Rate) -> str:
 
 
 def ask(mount: Meade, command: str, **values: Any) -> Steps:
-    """Send a command; a busy telescope (NAK) is waited for, a few times."""
+    """Send a command; a busy telescope (NAK) is waited for, a few times. Raises Unsupported for what it lacks."""
+    if not mount.knows(command):
+        raise Unsupported(f"This model knows no {command if command == 'ACK' else f':{command}#'}.")
+    if mount.seeking and command not in WHILE_SEEKING:
+        raise Busy("The mount seeks its home.")
     for attempt in range(BUSY_RETRIES):
         try:
-            return (yield Ask(command, {**values, "low": mount.low}))
+            return (yield Ask(command, {**values, "low": mount.low}, LONG.get(command), command in LONG))
         except Busy:
             if attempt == BUSY_RETRIES - 1:
                 raise

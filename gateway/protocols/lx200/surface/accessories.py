@@ -5,13 +5,23 @@ from __future__ import annotations
 from typing import Any
 
 from gateway.operations import Backlash, Focus, HomeState, PeriodicError, Unpark
-from gateway.surface import Handling, Session, Start
+from gateway.surface import Handling, Session, Speed, Start
 from gateway.tables import Command
 
 
 def toggle_precision(session: Session, command: Command, values: dict[str, Any]) -> None:
     """:U - the format of coordinates, for this client."""
     session.kept["precision"] = "low" if session.kept["precision"] == "high" else "high"
+
+
+#: The digit of :SB -> baud. The manual prints the first one as 56.7K.
+RATES = {1: 57600, 2: 38400, 3: 28800, 4: 19200, 5: 14400, 6: 9600, 7: 4800, 8: 2400, 9: 1200}
+
+
+def baud(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:SB - 1 at the old rate; a network connection has none."""
+    if values.get("rate") in RATES:
+        yield Speed(RATES[values["rate"]])
 
 
 def toggle_pointing(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:

@@ -1,20 +1,25 @@
-"""The GPS of an LX200GPS: sentences made from the site and the clock in force."""
+"""The GPS of an LX200GPS: the mount's own unit, or the site and the clock in force."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from gateway.operations import ClockFromGps, GetClock, GetSite, Moment, Place
+from gateway.errors import NoDevice, Unsupported
+from gateway.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Moment, Place
 from gateway.protocols.lx200.nmea import rmc
 from gateway.surface import Handling, Session
 from gateway.tables import Command
 
 
 def sentence(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """:gps - one RMC sentence."""
-    place: Place = yield GetSite()
+    """:gps - one RMC sentence; without a fix one that says so."""
+    try:
+        seen: Gps = yield GetGps()
+    except (Unsupported, NoDevice):
+        seen = Gps(linked=True)
+    place: Place = seen.place or (yield GetSite())
     moment: Moment = yield GetClock()
-    return {"text": rmc(place.latitude, place.longitude, moment.unix)}
+    return {"text": rmc(place.latitude, place.longitude, seen.unix or moment.unix, seen.linked)}
 
 
 def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Handling:

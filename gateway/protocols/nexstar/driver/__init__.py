@@ -20,7 +20,7 @@ SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
         motion.move, motion.move_axis, motion.halt, motion.stop, motion.pulse, motion.pulse_axis, motion.backlash,
         motion.periodic_error, motion.focus,
         tracking.status, tracking.set_tracking, tracking.track_rate, tracking.guide_rate, tracking.set_guide_rate,
-        place.get_site, place.set_site, place.get_clock, place.set_clock, place.clock_from_gps,
+        place.gps, place.get_site, place.set_site, place.get_clock, place.set_clock, place.clock_from_gps,
     )
 }
 FOLLOW_UPS: dict[type[Any], Callable[[Any, Any], Any]] = {

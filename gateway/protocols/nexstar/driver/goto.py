@@ -30,6 +30,7 @@ from gateway.protocols.nexstar.driver.state import GotoState, NexStar
 
 START_GRACE = 3.0
 CANCEL_WAIT = 5.0
+MOTORS, FOUND = (16, 17), 255
 
 
 def goto(mount: NexStar, operation: Goto) -> Steps:
@@ -66,7 +67,9 @@ def clear_the_way(mount: NexStar) -> Steps:
     for axis in list(mount.moving):
         yield Ask(f"slew_{'azm' if axis == 1 else 'alt'}_pos", {"rate": 0})
         mount.moving.pop(axis, None)
-    if mount.goto is not None:
+    if mount.goto is not None and mount.goto.seeks:
+        yield from _stop_seeking(mount)
+    elif mount.goto is not None:
         yield Ask("M")
         deadline = mount.now() + CANCEL_WAIT
         while mount.now() < deadline:
@@ -83,13 +86,26 @@ def clear_the_way(mount: NexStar) -> Steps:
 
 def cancel_goto(mount: NexStar, _: CancelGoto) -> Steps:
     """``M``: a goto ends, hand motion goes on."""
+    if mount.goto is not None and mount.goto.seeks:
+        yield from _stop_seeking(mount)
+        yield from tracking.restore(mount)
+        return
     mount.goto = None
     yield Ask("M")
+
+
+def _stop_seeking(mount: NexStar) -> Steps:
+    """Rate 0 ends a search for the switches, which ``M`` does not know of."""
+    mount.goto, mount.home_state = None, 0
+    for axis in ("azm", "alt"):
+        yield Ask(f"slew_{axis}_pos", {"rate": 0})
 
 
 def slewing(mount: NexStar, _: Slewing) -> Steps:
     """-> bool. ``L``, latched from the acknowledgement of the goto until the mount has had time to begin."""
     state = mount.goto
+    if state is not None and state.seeks:
+        return (yield from _still_seeking(mount, state))
     answer = yield Ask("L")
     moving = answer["slewing"] == "1"
     if mount.goto is not state:
@@ -106,6 +122,17 @@ def slewing(mount: NexStar, _: Slewing) -> Steps:
     mount.goto = None
     yield Later(0.0, Arrived(then=state.then or ""))
     return False
+
+
+def _still_seeking(mount: NexStar, state: GotoState) -> Steps:
+    """AUX 0x12 of both motors."""
+    for device in MOTORS:
+        if (yield Ask("level_done", {"device": device}))["done"] != FOUND:
+            return mount.goto is not None
+    if mount.goto is state:
+        mount.goto = None
+        yield Later(0.0, Arrived(then="home"))
+    return mount.goto is not None
 
 
 class Arrived(Operation, frozen=True):
@@ -129,12 +156,14 @@ def arrived(mount: NexStar, operation: Arrived) -> Steps:
     if mount.goto is not None or mount.moving:
         return
     if operation.then == "park":
+        if not mount.knows("T") or tracking.own_mode(mount) is None:
+            raise Unsupported("It stands at its park position, but this hand control keeps tracking.")
         mount.parked, mount.remembered = True, None
-        if mount.knows("T"):
-            yield Ask("T", {"mode": 0})
-            mount.tracking = Tracking.OFF
+        yield Ask("T", {"mode": 0})
+        mount.tracking = Tracking.OFF
     elif operation.then == "home":
         mount.home_state = 1
+        yield from tracking.restore(mount)
     elif mount.rate.name != "sidereal":
         yield from tracking.track_rate(mount, mount.rate)
 
@@ -154,13 +183,26 @@ def set_home(mount: NexStar, _: SetHome) -> Steps:
 
 
 def home(mount: NexStar, _: Home) -> Steps:
-    """To the stored home position. Raises Unsupported when none was stored."""
+    """To the stored home position; to the motors' switches where they have some and the settings say so."""
+    if mount.settings.aux_home and mount.has("home"):
+        yield from _seek_switches(mount)
+        return
     if mount.home is None:
         mount.home_state = 0
         raise Unsupported("No home position was stored.")
     yield from clear_the_way(mount)
     mount.home_state = 2
     yield from _to_axes(mount, mount.home.az, mount.home.alt, "home")
+
+
+def _seek_switches(mount: NexStar) -> Steps:
+    """AUX 0x0B on both motors (never 0x19, which seeks the index of the periodic error)."""
+    yield from clear_the_way(mount)
+    yield from tracking.put_off(mount)
+    mount.parked, mount.home_state = False, 2
+    mount.goto = GotoState(since=mount.now(), then="home", seeks=True)
+    for device in MOTORS:
+        yield Ask("level_start", {"device": device})
 
 
 def home_state(mount: NexStar, _: HomeState) -> Steps:

@@ -38,9 +38,14 @@ _FOCUS_KEYS = {1: 2, 2: 4, 3: 6, 4: 9}
 
 
 def sense(mount: NexStar, direction: Direction) -> int:
-    """+1 or -1: which way a motor turns for a sky direction. Positive on axis 1 is west, but east in EQ south."""
+    """+1 or -1: which way a motor turns for a sky direction. Positive on axis 1 is west, but east in EQ south.
+
+    Positive on axis 2 lifts the tube of a fork towards the pole that its base is tilted to: south in EQ south. Of a
+    German mount the side of the pier decides (``_flipped``), whose letters are counted from the north.
+    """
     positive = direction in (Direction.NORTH, Direction.WEST)
-    if direction.axis == 1 and tracking.own_mode(mount) is Tracking.EQ_SOUTH:
+    southern = tracking.own_mode(mount) is Tracking.EQ_SOUTH
+    if southern and (direction.axis == 1 or not mount.german):
         positive = not positive
     return 1 if positive else -1
 
@@ -166,7 +171,7 @@ def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
     if operation.ms <= 0:
         return
     if mount.motors and min(mount.motors.values()) >= PULSE_FIRMWARE:
-        mount.pulsing[axis] = (sign * (operation.rate or mount.settings.guide_rate), operation.ms)
+        mount.pulsing[axis] = (sign * (operation.rate or mount.guide_rates[axis]), operation.ms)
         yield from next_pulse(mount, NextPulse(axis))
         return
     if not (mount.tracking or Tracking.OFF).equatorial or not mount.knows("slew_azm_pos"):
@@ -214,8 +219,8 @@ def periodic_error(mount: NexStar, operation: PeriodicError) -> Steps:
 
 
 def focus(mount: NexStar, operation: Focus) -> Steps:
-    """A focuser on the mount's bus moves like an axis (AUX 0x24, 0x25)."""
+    """A focuser on the mount's bus moves like an axis (AUX 0x24, 0x25); its positions count outwards."""
     if not mount.focuser:
         raise Unsupported("No focuser answers on this mount.")
     rate = _FOCUS_KEYS[operation.speed] if operation.direction else 0
-    yield Ask("move_neg" if operation.direction < 0 else "move_pos", {"device": FOCUSER, "rate": rate})
+    yield Ask("move_neg" if operation.direction > 0 else "move_pos", {"device": FOCUSER, "rate": rate})

@@ -11,7 +11,7 @@ from datetime import UTC, datetime, timedelta
 
 from gateway.driver import Ask, Steps
 from gateway.errors import Fault, NoDevice, Unsupported
-from gateway.operations import ClockFromGps, GetClock, GetSite, Moment, Place, SetClock, SetSite
+from gateway.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Moment, Place, SetClock, SetSite
 from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.spherical import wrap180
 
@@ -22,15 +22,13 @@ def get_site(mount: NexStar, _: GetSite) -> Steps:
         answer = yield Ask("w")
         mount.site = Place(answer["latitude"], answer["longitude"])
         return mount.site
-    if mount.has("gps"):
-        try:
-            if (yield Ask("gps_linked"))["linked"]:
-                latitude = (yield Ask("gps_latitude"))["latitude"]
-                longitude = (yield Ask("gps_longitude"))["longitude"]
-                mount.site = Place(latitude, wrap180(longitude))
-                return mount.site
-        except Fault:
-            pass
+    try:
+        seen = yield from gps(mount, GetGps())
+    except Fault:
+        seen = Gps(linked=False)
+    if seen.place is not None:
+        mount.site = seen.place
+        return mount.site
     if mount.settings.site is None:
         raise Unsupported("This hand control does not tell its site.")
     mount.site = Place(*mount.settings.site)
@@ -73,19 +71,30 @@ def get_clock(mount: NexStar, _: GetClock) -> Steps:
     raise Unsupported("This hand control does not tell the time.")
 
 
-def clock_from_gps(mount: NexStar, _: ClockFromGps) -> Steps:
-    """GPS unit 176, when it is linked, into the hand control's own clock; its zone stays."""
-    if not mount.has("gps") or not (yield Ask("gps_linked"))["linked"]:
-        raise NoDevice("The GPS is not linked.")
+def gps(mount: NexStar, _: GetGps) -> Steps:
+    """GPS unit 176 -> Gps. Raises NoDevice."""
+    if not mount.has("gps") or not mount.knows("gps_linked"):
+        raise NoDevice("This mount has no GPS unit.")
+    if not (yield Ask("gps_linked"))["linked"]:
+        return Gps(linked=False)
+    latitude = (yield Ask("gps_latitude"))["latitude"]
+    longitude = (yield Ask("gps_longitude"))["longitude"]
     day = yield Ask("gps_date")
     year = yield Ask("gps_year")
     time = yield Ask("gps_time")
+    return Gps(True, Place(latitude, wrap180(longitude)), _moment({**day, **year, **time}, 0.0, century=0).unix)
+
+
+def clock_from_gps(mount: NexStar, _: ClockFromGps) -> Steps:
+    """GPS unit 176, when it is linked, into the hand control's own clock; its zone stays."""
+    seen = yield from gps(mount, GetGps())
+    if not seen.linked:
+        raise NoDevice("The GPS is not linked.")
     offset = 0.0
     if mount.knows("h"):
         present = yield Ask("h")
         offset = float(present["zone"] + present["dst"])
-    moment = _moment({**day, **year, **time}, 0.0, century=0)
-    yield from set_clock(mount, SetClock(moment.unix, offset))
+    yield from set_clock(mount, SetClock(seen.unix, offset))
 
 
 def _moment(fields: dict[str, int], zone: float, century: int = 2000) -> Moment:

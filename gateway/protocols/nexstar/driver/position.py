@@ -21,7 +21,7 @@ def position(mount: NexStar, _: Position) -> Steps:
 def horizontal_position(mount: NexStar, _: HorizontalPosition) -> Steps:
     """A fork's own azimuth and altitude; None where the axes are equatorial (the hub derives it then)."""
     mode = own_mode(mount)
-    if mount.german or (mode is not None and mode.equatorial) or mount.offset != (0.0, 0.0):
+    if mount.german or (mode is not None and mode.equatorial) or mount.displaced:
         return None
     answer = yield Ask("z" if mount.knows("z") else "Z")
     return Horizontal(az=wrap360(answer["az"]), alt=max(-90.0, min(90.0, answer["alt"])))

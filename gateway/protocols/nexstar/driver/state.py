@@ -31,6 +31,7 @@ class Settings(Struct, frozen=True):
     mode: str | None = None
     guide_rate: float = 0.5
     park: tuple[float, float] | None = None
+    aux_home: bool = False  # home is where the motors' own switches are
 
 
 class GotoState(Struct):
@@ -39,6 +40,7 @@ class GotoState(Struct):
     since: float
     seen: bool = False
     then: str | None = None
+    seeks: bool = False  # the motors look for their switches: only they know when it is over
 
 
 class Memory(Struct, omit_defaults=True):
@@ -83,6 +85,7 @@ class NexStar(Driver):
         self.recalled = False  # that was remembered by an earlier run
         self.restores = 0
         self.steps: dict[int, float] = {}
+        self.guide_rates = {1: settings.guide_rate, 2: settings.guide_rate}  # of pulses, until they are set
         self.pulsing: dict[int, tuple[float, int]] = {}
         # position
         self.last: Equatorial | None = None
@@ -103,6 +106,11 @@ class NexStar(Driver):
     def loses_alignment(self) -> bool:  # type: ignore[override]
         """A StarSense that is told site or time forgets its alignment."""
         return self.starsense
+
+    @property
+    def displaced(self) -> bool:  # type: ignore[override]
+        """A hand control without sync: it is carried out here."""
+        return self.offset != (0.0, 0.0)
 
     @property
     def equinox(self) -> str:  # type: ignore[override]

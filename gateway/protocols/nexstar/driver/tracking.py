@@ -59,6 +59,10 @@ def own_mode(mount: NexStar) -> Tracking | None:
         return mount.own_mode
     if not mount.knows("t") and mount.settings.mode is None:
         return None
+    return _built_for(mount)
+
+
+def _built_for(mount: NexStar) -> Tracking:
     if mount.german:
         return Tracking.EQ_SOUTH if mount.southern else Tracking.EQ_NORTH
     return Tracking.ALTAZ
@@ -67,15 +71,17 @@ def own_mode(mount: NexStar) -> Tracking | None:
 def status(mount: NexStar, _: GetStatus) -> Steps:
     """-> Status. While fast motion has put tracking off, the mode it will come back to counts."""
     yield from read_status(mount)
-    mode = mount.remembered or mount.tracking or Tracking.OFF
     known = own_mode(mount)
     equatorial = known.equatorial if known is not None else mount.german
+    mode = mount.remembered or mount.tracking or Tracking.OFF
+    if known is None and mount.aligned:  # one that cannot say tracks as it is built: what is aligned, tracks
+        mode = _built_for(mount)
     return Status(tracking=mode, aligned=mount.aligned, equatorial=equatorial)
 
 
 def send_mode(mount: NexStar, mode: Tracking) -> Steps:
     """``T``, and the special rate again when tracking comes back."""
-    if not mount.knows("T") or (mode is not Tracking.OFF and own_mode(mount) is None):
+    if not mount.knows("T") or own_mode(mount) is None:
         raise Unsupported("This hand control cannot change tracking.")
     yield Ask("T", {"mode": code_of(mount, mode)})
     _learn(mount, mode)
@@ -183,7 +189,8 @@ def guide_rate(mount: NexStar, operation: GuideRate) -> Steps:
 
 
 def set_guide_rate(mount: NexStar, operation: SetGuideRate) -> Steps:
-    """AUX 0x46."""
+    """AUX 0x46; pulses, which carry their rate, go by it too."""
+    mount.guide_rates[operation.axis] = max(0.01, min(1.0, operation.rate))
     value = max(0, min(255, round(operation.rate * 256)))
     try:
         yield Ask("set_guide_rate", {"device": 15 + operation.axis, "rate": value})

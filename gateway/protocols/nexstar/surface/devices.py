@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from gateway.errors import NoDevice
-from gateway.operations import GetClock, GetSite, Moment, Place, SetClock
+from gateway.errors import NoDevice, Unsupported
+from gateway.operations import GetClock, GetGps, GetSite, Gps, Moment, Place, SetClock
 from gateway.surface import Handling, Session
 from gateway.tables import Command, parse_version
 
@@ -58,24 +58,43 @@ def _require(session: Session, part: str) -> None:
         raise NoDevice
 
 
-def gps_flag(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
-    """Linked, and time valid."""
+def _receiver(session: Session) -> Handling:
+    """What the mount's own receiver tells; one presented over a mount without any is site and clock."""
     _require(session, "gps")
-    return {"linked": 1, "valid": 1}
+    try:
+        return (yield GetGps())
+    except (Unsupported, NoDevice):
+        place: Place = yield GetSite()
+        moment: Moment = yield GetClock()
+        return Gps(True, place, moment.unix)
+
+
+def gps_flag(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """Linked, and time valid."""
+    linked = int((yield from _receiver(session)).linked)
+    return {"linked": linked, "valid": linked}
 
 
 def gps_place(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """Latitude and longitude."""
-    _require(session, "gps")
-    place: Place = yield GetSite()
+    """Latitude and longitude; before the first fix those of the site."""
+    place = (yield from _receiver(session)).place or (yield GetSite())
     return {"latitude": place.latitude, "longitude": place.longitude}
 
 
+def gps_time(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """Date, year and time by the satellites; before the first fix by the mount's clock."""
+    seen = yield from _receiver(session)
+    return _calendar(seen.unix if seen.linked else (yield GetClock()).unix)
+
+
 def universal_time(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """Date, year and time of the GPS unit or the clock: always UT."""
-    _require(session, command.name[:3])
-    moment: Moment = yield GetClock()
-    now = datetime.fromtimestamp(moment.unix, UTC)
+    """Date, year and time of the clock: always UT."""
+    _require(session, "rtc")
+    return _calendar((yield GetClock()).unix)
+
+
+def _calendar(unix: float) -> dict[str, int]:
+    now = datetime.fromtimestamp(unix, UTC)
     return {"month": now.month, "day": now.day, "year": now.year, "hour": now.hour, "minute": now.minute,
             "second": now.second}
 

@@ -8,6 +8,7 @@ from gateway.errors import Fault, Unsupported
 from gateway.operations import (
     Backlash,
     GetStatus,
+    GuideRate,
     Halt,
     MoveAxis,
     PeriodicError,
@@ -118,9 +119,13 @@ def set_guide_rate(session: Session, command: Command, values: dict[str, Any]) -
     yield Start(SetGuideRate(axis, values["rate"] / 256.0))
 
 
-def guide_rate(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
-    """AUX 0x47 - what was set; half sidereal at first."""
-    return {"rate": session.shared.get(f"guide rate {motor(values)}", 128)}
+def guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """AUX 0x47 - what the mount says; else what was set, half sidereal at first."""
+    axis = motor(values)
+    try:
+        return {"rate": min(255, round((yield GuideRate(axis)) * 256))}
+    except Fault:
+        return {"rate": session.shared.get(f"guide rate {axis}", 128)}
 
 
 def set_backlash(session: Session, command: Command, values: dict[str, Any]) -> Handling:

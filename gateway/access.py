@@ -1,0 +1,100 @@
+"""Who may come in on a surface, and who may only look.
+
+The protocols know no users and no passwords: all that tells one program from another is the host it comes from. What a
+client that only looks may do is decided here, by kind of operation and for every protocol at once: it may read and it
+may stop, because a stop is never refused. What all clients have in common it sees as it is and cannot change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from ipaddress import IPv4Network, IPv6Address, IPv6Network, ip_address, ip_network
+from typing import Any
+
+from msgspec import Struct
+
+from gateway.errors import ReadOnly, UserError
+from gateway.operations import CancelGoto, Focus, Halt, Operation, Read, Stop
+
+Networks = tuple[IPv4Network | IPv6Network, ...]
+
+#: Different hosts of which it is said once that they were turned away.
+MOST_HOSTS = 1000
+
+
+class TurnedAway(Exception):
+    """A connection that is not served: it is closed at once and told nothing."""
+
+
+def networks(texts: Sequence[str]) -> Networks:
+    """``192.168.1.0/24``, or a single address. Raises UserError that says what would be right."""
+    found = []
+    for text in texts:
+        try:
+            found.append(ip_network(text))
+        except ValueError:
+            try:
+                right = str(ip_network(text, strict=False))
+            except ValueError:
+                right = "a network such as 192.168.1.0/24, or an address"
+            raise UserError(f"{text!r}: write {right}") from None
+    return tuple(found)
+
+
+class Access(Struct, frozen=True):
+    """The rules of one surface: the networks that may connect (None: all), who only looks, how many at a time."""
+
+    allow: Networks | None = None
+    read_only: bool | Networks = False
+    most: int = 400
+
+    def admits(self, host: str) -> bool:
+        """Whether this host may connect."""
+        return self.allow is None or _within(host, self.allow)
+
+    def only_looks(self, host: str) -> bool:
+        """Whether a client from this host moves and sets nothing."""
+        return self.read_only if isinstance(self.read_only, bool) else _within(host, self.read_only)
+
+
+def _within(host: str, among: Networks) -> bool:
+    """Whether a host is one of these; what has no address, a serial line, never is."""
+    try:
+        address = ip_address(host)
+    except ValueError:
+        return False
+    if isinstance(address, IPv6Address) and address.ipv4_mapped is not None:
+        address = address.ipv4_mapped
+    return any(address in network for network in among)
+
+
+def harmless(operation: Operation) -> bool:
+    """Whether a client that only looks may ask for this: what reads, and what ends a motion."""
+    if isinstance(operation, Focus):
+        return operation.direction == 0
+    return isinstance(operation, Read | Stop | Halt | CancelGoto)
+
+
+class Sealed(Mapping[str, Any]):
+    """What all clients have in common, for one that may not change it. ``refused`` is called when it tries."""
+
+    def __init__(self, inner: Mapping[str, Any], refused: Callable[[], None]) -> None:
+        self._inner, self._refused = inner, refused
+
+    def __getitem__(self, name: str) -> Any:
+        value = self._inner[name]
+        return Sealed(value, self._refused) if isinstance(value, dict) else value
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._inner)
+
+    def __len__(self) -> int:
+        return len(self._inner)
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        self._refused()
+        raise ReadOnly
+
+    def setdefault(self, name: str, value: Any) -> Any:
+        """Raises ReadOnly even where there is such a name: whoever calls this is about to change it."""
+        self[name] = value

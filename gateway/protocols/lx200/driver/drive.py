@@ -1,0 +1,88 @@
+"""Tracking, drive rates, and what hangs on the mount: smart drive, backlash, focuser.
+
+A drive rate has no reply, so the frequency that the telescope shows is read back; a guide rate cannot be. Tracking goes
+off only where the telescope says what it does: elsewhere the letters that do it begin a new alignment.
+"""
+
+from __future__ import annotations
+
+from gateway.driver import Steps
+from gateway.errors import Refused, Unsupported
+from gateway.operations import Backlash, Focus, PeriodicError, SetTracking, Sleep, Tracking, TrackRate, Wake
+from gateway.protocols.lx200.driver.identify import own_mode
+from gateway.protocols.lx200.driver.state import Meade, ask
+
+SIDEREAL_HERTZ = 60.16427
+_DRIVES = {"sidereal": "TQ", "solar": "TS", "lunar": "TL"}
+#: What counts as sidereal, and below what a telescope is taken to show the lunar rate, hertz.
+_SIDEREAL, _LUNAR_BELOW = (60.1, 60.2), 59.0
+#: Focuser speeds from here on are the fast one of a classic, which has two.
+_FAST_FOCUS = 3
+
+
+def set_tracking(mount: Meade, operation: SetTracking) -> Steps:
+    """:AL and back, only on models that report :GW - elsewhere these letters destroy the alignment."""
+    wanted = own_mode(mount) if operation.on else Tracking.OFF
+    if wanted is mount.tracking and not (operation.on and mount.parked):
+        return
+    if not mount.tells_status:
+        raise Unsupported("The mount keeps tracking: switching it off would destroy its alignment.")
+    yield from ask(mount, "AL" if not operation.on else {"A": "AA", "P": "AP", "G": "AP"}[mount.home_letter])
+    mount.tracking = wanted
+
+
+def rest(mount: Meade, _: Sleep) -> Steps:
+    """A telescope that cannot sleep: tracking off."""
+    yield from set_tracking(mount, SetTracking(on=False))
+
+
+def rise(mount: Meade, _: Wake) -> Steps:
+    """A telescope that cannot sleep: tracking on."""
+    yield from set_tracking(mount, SetTracking(on=True))
+
+
+def track_rate(mount: Meade, operation: TrackRate) -> Steps:
+    """:TQ :TS :TL, any other one in hertz: 60.1 to 60.2 is sidereal, and a classic has the nearest in its range."""
+    hertz = round((operation.factor or 1.0) * SIDEREAL_HERTZ, 1)
+    if operation.name is not None or _SIDEREAL[0] <= hertz <= _SIDEREAL[1]:
+        yield from _named(mount, operation.name or "sidereal")
+        return
+    low, high = mount.facts["hertz"]
+    yield from ask(mount, "TM")
+    yield from ask(mount, "ST", hertz=max(low, min(high, hertz)))
+
+
+def _named(mount: Meade, name: str) -> Steps:
+    """Sent again once when the telescope does not show it: sidereal and solar look alike there, lunar does not."""
+    for _ in range(2):
+        yield from ask(mount, _DRIVES[name])
+        shown = (yield from ask(mount, "GT"))["hertz"]
+        if (shown < _LUNAR_BELOW) == (name == "lunar"):
+            return
+    raise Refused(f"The mount shows {shown} hertz instead of the {name} rate.")
+
+
+def backlash(mount: Meade, operation: Backlash) -> Steps:
+    """:$BA :$BZ on an LX200GPS."""
+    yield from ask(mount, "$BZ" if operation.axis == 1 else "$BA", value=operation.value)
+
+
+def periodic_error(mount: Meade, operation: PeriodicError) -> Steps:
+    """:$QZ :$QA on an LX200GPS. A classic has one toggle for both axes, so what it does is remembered from power-on."""
+    wanted = not mount.corrects if operation.on is None else operation.on
+    if mount.knows("$QZ+"):
+        for axis, letter in ((1, "Z"), (2, "A")):
+            if operation.axis in (None, axis):
+                yield from ask(mount, f"$Q{letter}{'+' if wanted else '-'}")
+    elif wanted is not mount.corrects:
+        yield from ask(mount, "$Q")
+    mount.corrects = wanted
+
+
+def focus(mount: Meade, operation: Focus) -> Steps:
+    """:F, one of two speeds on a classic."""
+    if operation.direction and mount.knows("F"):
+        yield from ask(mount, "F", speed=operation.speed)
+    elif operation.direction:
+        yield from ask(mount, "FF" if operation.speed >= _FAST_FOCUS else "FS")
+    yield from ask(mount, {1: "F+", -1: "F-", 0: "FQ"}[operation.direction])

@@ -1,0 +1,90 @@
+"""Home, park and sleep.
+
+While it seeks its home a Meade hears :Q# and :h?# alone, so nothing else is sent until it has found it (``ask`` sees to
+that). What a model has no command for, the rows refuse.
+"""
+
+from __future__ import annotations
+
+import contextlib
+
+from gateway.driver import Later, Pause, Steps
+from gateway.errors import Busy, Fault, NoAnswer, Unsupported
+from gateway.operations import Home, HomeState, Operation, Park, SetHome, SetTracking, Sleep, Tracking, Unpark, Wake
+from gateway.protocols.lx200.driver.drive import set_tracking
+from gateway.protocols.lx200.driver.identify import read_status
+from gateway.protocols.lx200.driver.pointing import begin, clear_the_way, still_seeking
+from gateway.protocols.lx200.driver.state import Meade, ask
+
+SETTLE, SEEK_EVERY = 0.5, 2.0
+
+
+class SeekOn(Operation, frozen=True):
+    """Internal: look whether home was found."""
+
+
+def park(mount: Meade, _: Park) -> Steps:
+    """:hP - the telescope switches its drives off when it is there."""
+    yield from clear_the_way(mount)
+    yield from begin(mount, "hP", then="park")
+
+
+def home(mount: Meade, _: Home) -> Steps:
+    """:hF"""
+    yield from _seek(mount, "hF")
+
+
+def set_home(mount: Meade, _: SetHome) -> Steps:
+    """:hS - the telescope seeks its switches and stores where they are."""
+    yield from _seek(mount, "hS")
+
+
+def _seek(mount: Meade, command: str) -> Steps:
+    yield from clear_the_way(mount)
+    mount.seeking = True  # from here on nothing is asked; what waits for the line already is answered first
+    yield Pause(SETTLE)
+    try:
+        yield from ask(mount, command)
+    except Fault:
+        mount.seeking = False
+        raise
+    mount.seeking = True
+    yield Later(SEEK_EVERY, SeekOn())
+
+
+def seek_on(mount: Meade, _: SeekOn) -> Steps:
+    """Look again and again, for nobody else may be asking."""
+    if not mount.seeking:
+        return
+    with contextlib.suppress(Busy):
+        if not (yield from still_seeking(mount)):
+            return
+    yield Later(SEEK_EVERY, SeekOn())
+
+
+def home_state(mount: Meade, _: HomeState) -> Steps:
+    """:h? -> 0 failed, 1 found, 2 searching."""
+    return int((yield from ask(mount, "h?"))["state"])
+
+
+def unpark(mount: Meade, _: Unpark) -> Steps:
+    """A parked LX200GPS wakes by :I; the state is read anew, and tracking goes on where it can. Raises Unsupported."""
+    if mount.parked and mount.knows("I"):
+        with contextlib.suppress(NoAnswer):
+            yield from ask(mount, "I")
+    elif mount.parked and not mount.tells_status:
+        raise Unsupported("This telescope comes back into service with the next goto.")
+    mount.parked = False
+    yield from read_status(mount)
+    if mount.tells_status and mount.tracking is Tracking.OFF:
+        yield from set_tracking(mount, SetTracking(on=True))
+
+
+def sleep(mount: Meade, _: Sleep) -> Steps:
+    """:hN"""
+    yield from ask(mount, "hN")
+
+
+def wake(mount: Meade, _: Wake) -> Steps:
+    """:hW"""
+    yield from ask(mount, "hW")
