@@ -296,12 +296,13 @@ class Client:
         steps = self.surface.specials[special](self.session, None, {})  # type: ignore[arg-type]
         try:
             wanted = self._through(steps, None, self.hub.stops, False)
+            await self._finish(steps, wanted, self.hub.stops, False)
         except StopIteration:
             return
-        try:
-            await self._finish(steps, wanted, self.hub.stops, False)
         except Fault as fault:
             self.transcript.note(self.name, f"{special}: {fault}")
+        except Exception as error:
+            self._defect(special.encode(), error)
 
     def _inward(self, operation: Operation) -> Operation:
         return operation if self.equinox is None else self.equinox.inward(operation)

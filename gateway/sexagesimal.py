@@ -178,13 +178,18 @@ def date(value: datetime.date) -> str:
 
 
 def parse_date(raw: bytes) -> datetime.date:
-    """``MM/DD/YY`` with any separator; years up to 50 belong to this century; four digits as they stand."""
+    """``MM/DD/YY`` with any separator; years up to 50 belong to this century, and so 1951 to 2050 are all there are.
+
+    Four digits are taken as well. Raises ValueError, also for a year that two digits could not tell.
+    """
     found = re.fullmatch(rb" ?(\d{1,2})[/:. -](\d{1,2})[/:. -](\d{2}|\d{4}) ?", raw)
     if found is None:
         raise ValueError(f"{raw!r} is no date MM/DD/YY")
     month, day, year = (int(group) for group in found.groups())
-    if year < 100:
+    if len(found[3]) == 2:
         year += 2000 if year <= 50 else 1900
+    if not 1951 <= year <= 2050:
+        raise ValueError(f"{raw!r} is in no year that MM/DD/YY can tell")
     return datetime.date(year, month, day)
 
 

@@ -184,7 +184,7 @@ class Hub:
 
     def begin_stop(self) -> None:
         """End every motion, before everything else; from now on it counts as stopped."""
-        self.motions.begin_stop().add_done_callback(lambda task: task.cancelled() or task.exception())
+        self.motions.begin_stop()
 
     async def stop(self) -> None:
         """The same, and wait until the mount has acknowledged it. Raises Fault."""
@@ -232,7 +232,7 @@ class Hub:
         value = self.peek(operation)
         if value is not MISSING:
             return value
-        first = type(operation) not in self.snapshot.seen
+        first = type(operation) not in self.snapshot.seen or not self.identified.is_set()
         try:
             async with asyncio.timeout(FIRST_ANSWER if first else None):
                 return await asyncio.shield(self.shared(operation))

@@ -98,6 +98,7 @@ class Guard:
             return
         if before is not None and before.altitude is None:  # the site may have become known since
             before = self._measured(before.at, before.seen)
+            self._farthest = list(before.suns)
         self._before = after = self._measured(now, seen)
         if before is None or now < self._coasts_until or len(before.suns) != len(after.suns):
             self._farthest = list(after.suns)

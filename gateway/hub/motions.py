@@ -89,6 +89,8 @@ class Motions:
             self._later.pop(operation).cancel()
         if self._stopping is None or self._stopping.done():  # else it is being done: nothing can have begun since
             self._stopping = self._hub.spawn(self._stop(ended))
+            # owed, whoever waits for it
+            self._stopping.add_done_callback(lambda done: done.cancelled() or done.exception())
         return self._stopping
 
     async def stop(self) -> None:

@@ -1,7 +1,7 @@
 """Arrows, their rates, and guiding.
 
-Motor sense is kept, that of the German mount which a polar telescope is presented as: positive is west on the first axis
-(east in the south) and north on the second, which is what programs mean by it in both hemispheres.
+Motor sense is kept, that of the German mount which a polar telescope is presented as: positive is west on the first
+axis (east in the south) and north on the second, which is what programs mean by it in both hemispheres.
 """
 
 from __future__ import annotations

@@ -15,6 +15,9 @@ from gateway.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Mom
 from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.spherical import wrap180
 
+#: Hours that no local time is away from UTC.
+FARTHEST = 15.0
+
 
 def get_site(mount: NexStar, _: GetSite) -> Steps:
     """``w``; else the GPS unit; else the site of the settings. -> Place."""
@@ -99,6 +102,8 @@ def clock_from_gps(mount: NexStar, _: ClockFromGps) -> Steps:
 
 def _moment(fields: dict[str, int], zone: float, century: int = 2000) -> Moment:
     offset = zone + fields.get("dst", 0)
+    if fields.get("dst", 0) > 1 or not -FARTHEST < offset < FARTHEST:
+        raise Unsupported(f"The hand control's zone is impossible: {zone:g} hours, daylight saving {fields['dst']}.")
     try:
         local = unix_of(century + fields["year"], fields["month"], fields["day"],
                         fields["hour"], fields["minute"], fields["second"])
