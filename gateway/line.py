@@ -25,7 +25,7 @@ PROOFS = 3
 #: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the hub.
 AGED = {POSITION: 0.25, READ: 0.6}
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
-#: Turns of the loop that what follows from an answer may take until it is in the queue.
+#: Turns of the loop that a halt may take from the end of what ran before it until it is in the queue.
 TURNS = 5
 #: A long piece of work of the mount may take that many seconds before what waits behind it is refused.
 BUSY_AFTER = 1.0
@@ -58,6 +58,8 @@ class Line:
         self.wire, self.dialogue, self.transcript = wire, dialogue, transcript
         self.state = "opening"
         self.on_up: Callable[[], None] = lambda: None
+        #: Whether something that ranks as a stop waits for its turn and is not in the queue yet.
+        self.halts: Callable[[], bool] = lambda: False
         self.reason = ""
         self.typical = 0.02
         self.answers = 0
@@ -151,9 +153,11 @@ class Line:
         self._down(f"{self.wire.name} was lost")
 
     async def _what_follows(self) -> None:
-        """Let the second half of a position, or the halt whose turn it is now, come before reads of a lower rank."""
+        """Let the second half of a position come before reads of a lower rank, and a halt that is coming before all."""
+        if self._queue:
+            await asyncio.sleep(0)
         for _ in range(TURNS):
-            if not self._queue or self._queue[0][0] == STOP:
+            if not self._queue or self._queue[0][0] == STOP or not self.halts():
                 return
             await asyncio.sleep(0)
 

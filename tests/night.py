@@ -181,6 +181,7 @@ async def night(plan: Plan, seconds: float, goto_every: float, seed: int,
         truth, client = Truth(bridge, plan), bridge.client()
         program = Lx200(client) if plan.presented == "lx200" else NexStar(client)
         await program.begin(bridge.clock())
+        await asyncio.sleep(20.0)  # a classic works out its planets
         began = bridge.clock()
         due_goto, due_pulse, due_hour = began + 20.0, began, began + 3600.0
         slewing, target = False, (0.0, 0.0)

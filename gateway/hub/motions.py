@@ -58,8 +58,9 @@ class Motions:
         self._at_turn: asyncio.Task[Any] | None = None
         self._stopping: asyncio.Task[None] | None = None
         self._interruptible: asyncio.Task[Any] | None = None
-        #: Halts that wait for their turn: the same one asked for again is that one.
-        self._waiting: dict[op.Operation, asyncio.Task[Any]] = {}
+        #: Halts that are not done: the same one asked for again is that one.
+        self._halts: dict[op.Operation, asyncio.Task[Any]] = {}
+        hub.line.halts = lambda: bool(self._halts)
         self._jobs: dict[asyncio.Task[Any], op.Operation] = {}
         self._later: dict[op.Operation, asyncio.TimerHandle] = {}
         self._checks = Checks(hub)
@@ -118,12 +119,12 @@ class Motions:
         """Put a motion in line behind those before it; from now on it counts as asked for, by ``life``."""
         self._make_way(operation)
         overtakes = self._overtakes(operation)
-        same = self._waiting.get(operation)
+        same = self._halts.get(operation)
         if overtakes and same is not None and not same.cancelling():
             return same
         task = self._hub.loop.create_task(self._run(operation, self.stops if stops is None else stops, life))
         if overtakes:
-            self._waiting[operation] = task
+            self._halts[operation] = task
         self._jobs[task] = operation
         self.gotos += isinstance(operation, GOTOS)
         self._hub.snapshot.version += 1  # a goto that was asked for changes what "slewing" answers
@@ -160,12 +161,10 @@ class Motions:
         return isinstance(operation, ENDS) and not any(
             isinstance(job, GOTOS) and not task.cancelling() for task, job in self._jobs.items())
 
-    def _no_longer_waits(self, task: asyncio.Task[Any], operation: op.Operation) -> None:
-        if self._waiting.get(operation) is task:
-            del self._waiting[operation]
-
     def _ended(self, task: asyncio.Task[Any]) -> None:
-        self._no_longer_waits(task, self._jobs.pop(task))
+        operation = self._jobs.pop(task)
+        if self._halts.get(operation) is task:
+            del self._halts[operation]
         self._hub.snapshot.version += 1
         if not task.cancelled():
             task.exception()  # whoever still waits gets it; nobody waiting is no error
@@ -173,10 +172,9 @@ class Motions:
     async def _run(self, operation: op.Operation, stops: int, life: Life | None) -> Any:
         task = asyncio.current_task()
         assert task is not None
-        rank = FIRST if self._waiting.get(operation) is task else IN_ORDER
+        rank = FIRST if self._halts.get(operation) is task else IN_ORDER
         while True:
             async with self._turn.taken(rank):
-                self._no_longer_waits(task, operation)
                 self._at_turn = task
                 await self._stopped()
                 if stops != self.stops and not (isinstance(operation, op.Halt) or operation.outlives_stop):
