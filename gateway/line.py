@@ -25,6 +25,8 @@ PROOFS = 3
 #: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the hub.
 AGED = {POSITION: 0.25, READ: 0.6}
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
+#: Turns of the loop that a halt may take from the end of what ran before it until it is in the queue.
+TURNS = 5
 #: A long piece of work of the mount may take that many seconds before what waits behind it is refused.
 BUSY_AFTER = 1.0
 
@@ -56,6 +58,8 @@ class Line:
         self.wire, self.dialogue, self.transcript = wire, dialogue, transcript
         self.state = "opening"
         self.on_up: Callable[[], None] = lambda: None
+        #: Whether something that ranks as a stop waits for its turn and is not in the queue yet.
+        self.halts: Callable[[], bool] = lambda: False
         self.reason = ""
         self.typical = 0.02
         self.answers = 0
@@ -67,6 +71,7 @@ class Line:
         self._lost = False
         self._long = False
         self._urgent: list[float] = []
+        self._hurried = False
         self._task: asyncio.Task[None] | None = None
 
     def start(self) -> None:
@@ -128,14 +133,16 @@ class Line:
             job = await self._next()
             if job is None:
                 continue
-            outcome = await self._exchange(job.ask)
+            hurried, self._hurried = self._hurried, False
+            outcome = await self._exchange(job.ask, firm=hurried)
+            if hurried and self.dialogue.pace(job.ask):
+                outcome = await self._exchange(job.ask)  # a scope that needs its pause may have missed it
             if not job.future.done():
                 if isinstance(outcome, Fault):
                     job.future.set_exception(outcome)
                 else:
                     job.future.set_result(outcome)
-                if self._queue:
-                    await asyncio.sleep(0)  # so that the second half of a position comes before reads of a lower rank
+                await self._what_follows()
             if isinstance(outcome, NoAnswer) and not self._lost and not await self._prove():
                 self._down("the mount does not answer")
                 while not self._lost and not await self._prove():
@@ -144,6 +151,15 @@ class Line:
                     self.state = "up"
                     self.on_up()
         self._down(f"{self.wire.name} was lost")
+
+    async def _what_follows(self) -> None:
+        """Let the second half of a position come before reads of a lower rank, and a halt that is coming before all."""
+        if self._queue:
+            await asyncio.sleep(0)
+        for _ in range(TURNS):
+            if not self._queue or self._queue[0][0] == STOP or not self.halts():
+                return
+            await asyncio.sleep(0)
 
     async def _next(self) -> Job | None:
         """The next job in order of rank; a read waits where it would delay something urgent."""
@@ -169,8 +185,8 @@ class Line:
             return None
         return heapq.heappop(self._queue)[2]
 
-    async def _exchange(self, ask: Ask) -> dict[str, Any] | Fault:
-        """One request and its reply, or the Fault that came instead."""
+    async def _exchange(self, ask: Ask, firm: bool = False) -> dict[str, Any] | Fault:
+        """One request and its reply, or the Fault that came instead. A ``firm`` pause after it is kept to its end."""
         try:
             request = self.dialogue.encode(ask)
         except Fault as fault:
@@ -195,10 +211,22 @@ class Line:
         if not ask.long:
             self.typical += 0.2 * (loop.time() - began - self.typical)
         pace = self.dialogue.pace(ask)
-        if pace:
-            await asyncio.sleep(pace)
+        if pace and await self._pause(pace, firm):
             outcome = self._objection(ask) or outcome
         return outcome
+
+    async def _pause(self, seconds: float, firm: bool) -> bool:
+        """Give a scope time after a command without a reply. A stop cuts it short, unless ``firm``: then False."""
+        until = asyncio.get_running_loop().time() + seconds
+        while not self._lost and (left := until - asyncio.get_running_loop().time()) > 0:
+            if not firm and self._queue and self._queue[0][0] == STOP:
+                self._hurried = True
+                return False
+            self._wake.clear()
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(left):
+                    await self._wake.wait()
+        return True
 
     async def _reply(self, ask: Ask, began: float) -> tuple[dict[str, Any] | Fault, int] | Fault:
         """Wait for the reply -> it and its length, or the Fault that it did not come."""

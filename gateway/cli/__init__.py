@@ -1,6 +1,7 @@
 """The command line. One line per open endpoint on stdout; a mistake is one line on stderr and exit code 2.
 
-Every command is a module here: ``add`` puts it into the parser, and the rest of the file carries it out.
+Every command is a module here: ``add`` puts it into the parser, and the rest of the file carries it out. Only the one
+that is asked for is loaded: a gateway should be there soon after power-on.
 """
 
 from __future__ import annotations
@@ -8,19 +9,20 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+from importlib import import_module
 from typing import NoReturn
 
 from gateway import __version__
-from gateway.cli import config, decode, demo, detect, explain, replay, run, sim, stop, tables
 from gateway.errors import UserError
 
-COMMANDS = (demo, detect, run, stop, config, sim, tables, explain, replay, decode)
+COMMANDS = ("demo", "detect", "run", "stop", "config", "sim", "tables", "explain", "replay", "decode")
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run a command -> its exit code: 0 done, 1 not (nothing found, a mount that could not be stopped), 2 bad input."""
     try:
-        arguments = parser().parse_args(_bound(sys.argv[1:] if argv is None else argv))
+        words = _bound(sys.argv[1:] if argv is None else argv)
+        arguments = parser(words[:1]).parse_args(words)
         return int(arguments.run(arguments) or 0)
     except UserError as error:
         print(f"mount-gateway: {error}", file=sys.stderr)
@@ -50,8 +52,8 @@ class _Parser(argparse.ArgumentParser):
         raise UserError(f"{message} ({self.prog} --help tells more)")
 
 
-def parser() -> argparse.ArgumentParser:
-    """The whole command line."""
+def parser(asked: list[str]) -> argparse.ArgumentParser:
+    """The whole command line, or only the command that is asked for."""
     whole = _Parser(
         prog="mount-gateway",
         description="Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.",
@@ -59,6 +61,6 @@ def parser() -> argparse.ArgumentParser:
     )
     whole.add_argument("--version", action="version", version=f"mount-gateway {__version__}")
     commands = whole.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for command in COMMANDS:
-        command.add(commands)
+    for name in [name for name in COMMANDS if name in asked] or COMMANDS:
+        import_module(f"gateway.cli.{name}").add(commands)
     return whole

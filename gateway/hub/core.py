@@ -232,7 +232,7 @@ class Hub:
         value = self.peek(operation)
         if value is not MISSING:
             return value
-        first = type(operation) not in self.snapshot.seen and not self.identified.is_set()
+        first = not self.identified.is_set()
         try:
             async with asyncio.timeout(FIRST_ANSWER if first else None):
                 return await asyncio.shield(self.shared(operation))
