@@ -10,7 +10,7 @@ import re
 import sys
 from typing import NoReturn
 
-from gateway import __version__
+from gateway import __version__, journal
 from gateway.cli import config, decode, demo, detect, explain, replay, run, sim, stop, tables
 from gateway.errors import UserError
 
@@ -23,7 +23,7 @@ def main(argv: list[str] | None = None) -> int:
         arguments = parser().parse_args(_bound(sys.argv[1:] if argv is None else argv))
         return int(arguments.run(arguments) or 0)
     except UserError as error:
-        print(f"mount-gateway: {error}", file=sys.stderr)
+        print(journal.message(str(error), journal.ERROR, sys.stderr), file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 0

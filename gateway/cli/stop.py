@@ -10,6 +10,8 @@ import asyncio
 import sys
 from typing import Any
 
+from gateway import journal
+
 
 def add(commands: Any) -> None:
     """Put the command into the parser."""
@@ -27,7 +29,8 @@ def _stop(arguments: argparse.Namespace) -> int:
     for mount, answer in outcomes:
         good = answer == STOPPED
         words = STOPPED if good else f"not stopped: {answer.removeprefix('failed ')}"
-        print(f"{mount or 'a mount that is not known any more'}: {words}", file=sys.stdout if good else sys.stderr)
+        stream, level = (sys.stdout, journal.INFO) if good else (sys.stderr, journal.ERROR)
+        print(f"{journal.level(level, stream)}{mount or 'a mount that is not known any more'}: {words}", file=stream)
     if not outcomes:
         only = f" for {arguments.mount}" if arguments.mount else ""
         print(f"nothing to stop: no gateway runs{only}, and none ended in motion")
