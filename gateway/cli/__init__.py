@@ -5,16 +5,27 @@ Every command is a module here: ``add`` puts it into the parser, and the rest of
 
 from __future__ import annotations
 
-import argparse
 import re
 import sys
-from typing import NoReturn
 
 from gateway import __version__, journal
-from gateway.cli import config, decode, demo, detect, explain, replay, run, sim, stop, tables
+from gateway.cli import completion, config, decode, demo, detect, explain, replay, run, service, sim, stop, tables
+from gateway.cli.helping import EXIT_CODES, Parser, endpoints
 from gateway.errors import UserError
 
-COMMANDS = (demo, detect, run, stop, config, sim, tables, explain, replay, decode)
+COMMANDS = (demo, detect, run, stop, config, service, sim, tables, explain, replay, decode, completion)
+
+FIRST = """\
+Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.
+
+What one does first:
+  mount-gateway demo      without a mount: plays one, and says where your program can connect
+  mount-gateway detect    with a mount: says which port it is on, and the line that starts the gateway
+  mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@tcp://127.0.0.1:4030
+                          that line: your program connects to port 4030 as if to a Meade
+
+mount-gateway COMMAND --help tells more, with examples.
+"""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -43,20 +54,9 @@ def _bound(argv: list[str]) -> list[str]:
     return bound
 
 
-class _Parser(argparse.ArgumentParser):
-    """One line for a mistake, as everywhere."""
-
-    def error(self, message: str) -> NoReturn:
-        raise UserError(f"{message} ({self.prog} --help tells more)")
-
-
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """The whole command line."""
-    whole = _Parser(
-        prog="mount-gateway",
-        description="Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.",
-        epilog="An endpoint is PROTOCOL[:MODEL[/VERSION]]@WHERE, for example nexstar@/dev/ttyUSB0 or lx200@tcp://:4030.",
-    )
+    whole = Parser(prog="mount-gateway", description=FIRST, epilog=lambda: f"{endpoints()}\n\n{EXIT_CODES}")
     whole.add_argument("--version", action="version", version=f"mount-gateway {__version__}")
     commands = whole.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for command in COMMANDS:

@@ -8,7 +8,9 @@ from typing import Any
 
 def add(commands: Any) -> None:
     """Put the command into the parser."""
-    explain = commands.add_parser("explain", help="what happens to one command, in words and bytes")
+    explain = commands.add_parser("explain", help="what happens to one command, in words and bytes",
+                                  epilog="Examples:\n  mount-gateway explain lx200 nexstar :MS#\n"
+                                  "  mount-gateway explain nexstar lx200 e")
     explain.add_argument("client", choices=("lx200", "nexstar"), help="the protocol the command is written in")
     explain.add_argument("mount", choices=("lx200", "nexstar"), help="the protocol of the mount")
     explain.add_argument("command", help="for example ':Sr05:34:32#'; \\x06 and the like are understood")

@@ -15,7 +15,13 @@ from gateway import journal
 
 def add(commands: Any) -> None:
     """Put the command into the parser."""
-    stop = commands.add_parser("stop", help="stop the mount: of every running gateway, and of one that was killed")
+    stop = commands.add_parser(
+        "stop", help="stop the mount: of every running gateway, and of one that was killed",
+        description="Ends every motion of every mount here. Exit code 0: none moves any more, 1: one could not be "
+                    "stopped.",
+        epilog="Examples:\n  mount-gateway stop\n"
+               "  mount-gateway stop --state /var/lib/mount-gateway    of the gateway that systemd runs",
+    )  # fmt: skip
     stop.add_argument("--mount", metavar="NAME", help="only this one: its endpoint, or the part behind @")
     stop.add_argument("--state", metavar="PATH", help="the directory that the gateway was told to keep its state in")
     stop.set_defaults(run=_stop)
