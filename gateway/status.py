@@ -75,7 +75,7 @@ def _parts(look: Look) -> list[str]:
 
 def _where(look: Look) -> str:
     if look.position is None:
-        return look.state
+        return "no position yet"
     degrees, minutes, seconds = signed(look.position.dec).replace("*", ":").split(":")
     old = f" {look.age:.0f} s ago" if look.age > OLD else ""
     return f"{hours(look.position.ra)} {degrees}°{minutes}'{seconds}\"{old}"

@@ -135,7 +135,8 @@ def test_a_port_in_use_is_named(started: list[Running]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["run", "--mount", "nexstar@/dev/does-not-exist", "--surface", "lx200@tcp://:0"], "no such port; mount-gateway detect"),
+        (["run", "--mount", "nexstar@/dev/does-not-exist", "--surface", "lx200@tcp://:0"],
+         "no such port; mount-gateway detect"),
         (["run", "--mount", "nexstar:gpe@sim", "--surface", "lx200@tcp://:0"], "did you mean"),
         (["run", "--mount", "nexstr@sim", "--surface", "lx200@tcp://:0"], "no protocol"),
         (["run", "--mount", "nexstar:cge/new@sim", "--surface", "lx200@tcp://:0"], "no version"),

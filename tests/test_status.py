@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from gateway.cli.live import look
+from gateway.cli.live import Onlooker, look
 from gateway.errors import NoAnswer
-from gateway.operations import Equatorial, Status, Tracking
+from gateway.operations import Equatorial, Position, Status, Tracking
 from gateway.status import Look, Rate, status
 from tests.bridge import Bridge
 from tests.virtual import run
@@ -39,7 +39,7 @@ def seen(**others: Any) -> Look:
         (seen(status=None, programs=0), "cpc  05:34:32 +22°00'52\"  no programs  4.1/s"),
         (seen(age=41.2), "cpc  05:34:32 +22°00'52\" 41 s ago  tracking  2 programs  4.1/s"),
         (seen(state="busy"), "cpc  05:34:32 +22°00'52\"  busy  2 programs  4.1/s"),
-        (seen(position=None, status=None), "cpc  up  2 programs  4.1/s"),
+        (seen(position=None, status=None), "cpc  no position yet  2 programs  4.1/s"),
         (seen(state="opening", position=None, rate=0), "cpc  opening  2 programs  0.0/s"),
         (seen(state="down", reason="the mount does not answer", slewing=True, rate=0),
          "cpc  down: the mount does not answer  2 programs  0.0/s"),
@@ -135,6 +135,17 @@ def test_programs_are_counted_as_they_come_and_go() -> None:
             line.close()
             await asyncio.sleep(11)
             assert reception.programs() == 0
+
+    run(program())
+
+
+def test_a_position_that_no_mount_should_tell_is_survived() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            bridge.hub.snapshot.put(Position, Equatorial(0.0, 95.0), bridge.hub.now())
+            onlooker = Onlooker([gateway(bridge)])
+            assert "beyond 90 degrees" in onlooker.line()
+            assert onlooker.line(12) == "an altitude,"
 
     run(program())
 

@@ -94,7 +94,10 @@ class Onlooker:
 
     def line(self, columns: int | None = None) -> str:
         """How they all are, on one line."""
-        return status([look(gateway, rate) for gateway, rate in self._gateways], columns)
+        try:
+            return status([look(gateway, rate) for gateway, rate in self._gateways], columns)
+        except ValueError as error:  # a mount may say anything; the watchdog is fed all the same
+            return str(error)[:columns]
 
     @property
     def served(self) -> bool:
