@@ -6,16 +6,29 @@ that is asked for is loaded: a gateway should be there soon after power-on.
 
 from __future__ import annotations
 
-import argparse
 import re
 import sys
+from collections.abc import Sequence
 from importlib import import_module
-from typing import NoReturn
 
-from gateway import __version__
+from gateway import __version__, journal
+from gateway.cli.helping import EXIT_CODES, Parser, endpoints
 from gateway.errors import UserError
 
-COMMANDS = ("demo", "detect", "run", "stop", "config", "sim", "tables", "explain", "replay", "decode")
+COMMANDS = ("demo", "detect", "run", "stop", "config", "service", "sim", "tables", "explain", "replay", "decode",
+            "completion")
+
+FIRST = """\
+Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.
+
+What one does first:
+  mount-gateway demo      without a mount: plays one, and says where your program can connect
+  mount-gateway detect    with a mount: says which port it is on, and the line that starts the gateway
+  mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@tcp://127.0.0.1:4030
+                          that line: your program connects to port 4030 as if to a Meade
+
+mount-gateway COMMAND --help tells more, with examples.
+"""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -25,7 +38,7 @@ def main(argv: list[str] | None = None) -> int:
         arguments = parser(words[:1]).parse_args(words)
         return int(arguments.run(arguments) or 0)
     except UserError as error:
-        print(f"mount-gateway: {error}", file=sys.stderr)
+        print(journal.message(str(error), journal.ERROR, sys.stderr), file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 0
@@ -45,20 +58,9 @@ def _bound(argv: list[str]) -> list[str]:
     return bound
 
 
-class _Parser(argparse.ArgumentParser):
-    """One line for a mistake, as everywhere."""
-
-    def error(self, message: str) -> NoReturn:
-        raise UserError(f"{message} ({self.prog} --help tells more)")
-
-
-def parser(asked: list[str]) -> argparse.ArgumentParser:
+def parser(asked: Sequence[str] = ()) -> Parser:
     """The whole command line, or only the command that is asked for."""
-    whole = _Parser(
-        prog="mount-gateway",
-        description="Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.",
-        epilog="An endpoint is PROTOCOL[:MODEL[/VERSION]]@WHERE, for example nexstar@/dev/ttyUSB0 or lx200@tcp://:4030.",
-    )
+    whole = Parser(prog="mount-gateway", description=FIRST, epilog=lambda: f"{endpoints()}\n\n{EXIT_CODES}")
     whole.add_argument("--version", action="version", version=f"mount-gateway {__version__}")
     commands = whole.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for name in [name for name in COMMANDS if name in asked] or COMMANDS:
