@@ -111,8 +111,8 @@ def test_a_stop_that_is_no_longer_wanted_repeats_nothing() -> None:
     async def program() -> None:
         async with Bridge("lx200", driven="lx200", latency=LATENCY) as bridge:
             client, other = bridge.client(), bridge.client()
-            other.tell(b":TQ#")
-            while b":TQ#" not in bridge.sent():
+            other.tell(b":RC#:Me#")
+            while b":Me#" not in bridge.sent():
                 await asyncio.sleep(0.001)
             dead = asyncio.ensure_future(bridge.hub.line.exchange(Ask("Qn"), STOP))
             await asyncio.sleep(0)
