@@ -135,7 +135,7 @@ class Line:
                 continue
             hurried, self._hurried = self._hurried, False
             outcome = await self._exchange(job.ask, firm=hurried)
-            if hurried and self.dialogue.pace(job.ask):
+            if hurried and job.rank == STOP and self.dialogue.pace(job.ask):
                 outcome = await self._exchange(job.ask)  # a scope that needs its pause may have missed it
             if not job.future.done():
                 if isinstance(outcome, Fault):
@@ -157,9 +157,13 @@ class Line:
         if self._queue:
             await asyncio.sleep(0)
         for _ in range(TURNS):
-            if not self._queue or self._queue[0][0] == STOP or not self.halts():
+            if not self._queue or self._stop_waits() or not self.halts():
                 return
             await asyncio.sleep(0)
+
+    def _stop_waits(self) -> bool:
+        """Whether a stop is in the queue that is still wanted."""
+        return any(rank == STOP and not job.future.done() for rank, _, job in self._queue)
 
     async def _next(self) -> Job | None:
         """The next job in order of rank; a read waits where it would delay something urgent."""
@@ -219,7 +223,7 @@ class Line:
         """Give a scope time after a command without a reply. A stop cuts it short, unless ``firm``: then False."""
         until = asyncio.get_running_loop().time() + seconds
         while not self._lost and (left := until - asyncio.get_running_loop().time()) > 0:
-            if not firm and self._queue and self._queue[0][0] == STOP:
+            if not firm and self._stop_waits():
                 self._hurried = True
                 return False
             self._wake.clear()

@@ -6,7 +6,9 @@ import asyncio
 
 import pytest
 
+from gateway.driver import Ask
 from gateway.hub.turn import FIRST, Turn
+from gateway.line import STOP
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -99,6 +101,26 @@ def test_a_stop_cuts_the_pause_of_an_old_scope_short_and_is_said_again_after_it(
             await asyncio.sleep(0.5)
             stops = [entry.time - asked for entry in bridge.entries if entry.data == b":Q#" and entry.side == "mount"]
             assert stops == pytest.approx([0.0, 0.05], abs=0.002)
+
+    run(program())
+
+
+def test_a_stop_that_is_no_longer_wanted_repeats_nothing() -> None:
+    """A halt that died in the queue because a stop came must not have the next arrow pressed twice."""
+
+    async def program() -> None:
+        async with Bridge("lx200", driven="lx200", latency=LATENCY) as bridge:
+            client, other = bridge.client(), bridge.client()
+            other.tell(b":RC#:Me#")
+            while b":Me#" not in bridge.sent():
+                await asyncio.sleep(0.001)
+            dead = asyncio.ensure_future(bridge.hub.line.exchange(Ask("Qn"), STOP))
+            await asyncio.sleep(0)
+            dead.cancel()
+            client.tell(b":RM#:Mn#")
+            await asyncio.sleep(1.0)
+            assert bridge.sent().count(b":Mn#") == 1
+            assert bridge.sent().count(b":RM#") == 1
 
     run(program())
 
