@@ -24,7 +24,7 @@ from gateway.errors import Fault, UserError
 from gateway.guests import Face, Manner, Reception
 from gateway.hub import Hub, Policy
 from gateway.keeping import Keeping, Past, recall, selected_site
-from gateway.line import Dialogue, Line
+from gateway.line import Line
 from gateway.observatory import Observatory
 from gateway.ports import Port, open_port
 from gateway.ports.tcp import exposed
@@ -32,6 +32,7 @@ from gateway.safety import Limits
 from gateway.sky import Sky
 from gateway.state import FORMAT, Kept, Marked, to_shared
 from gateway.tables import load
+from gateway.talk import Dialogue
 from gateway.transcript import Transcript
 from gateway.wires import SerialWire, Wire
 
@@ -173,6 +174,7 @@ class Gateway:
         """Put everything together; nothing is opened yet."""
         config, loop = self.config, asyncio.get_running_loop()
         driver, follow_ups, dialogue = DRIVERS[self.mount.protocol](self.mount, config, loop.time)
+        driver.hurry = config.speed
         shared = to_shared(self.past.kept) if self.keeping is None else self.keeping.shared
         site = op.Place(*config.site) if config.site else selected_site(shared)
         observatory = Observatory(loop.time, self.clock, site)

@@ -14,9 +14,9 @@ from gateway.captures import Chunk
 from gateway.clients import Framing
 from gateway.driver import Ask
 from gateway.errors import Fault, Refused
-from gateway.line import Dialogue
 from gateway.logline import show
 from gateway.tables import load
+from gateway.talk import Dialogue
 
 _WORDS = {"+": "connected", "-": "gone", "^": "port opened", "v": "port lost"}
 

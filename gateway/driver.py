@@ -19,8 +19,8 @@ from gateway.tables import Command, Protocol, Version, Way
 class Ask(NamedTuple):
     """Send a command with these field values; answered with the reply's fields, or a Fault is thrown in.
 
-    With ``patience`` (seconds) silence is an answer, too: ``Silence`` is thrown in and the line is not doubted. A
-    ``long`` one is work that takes the mount up to that many seconds: a stop that needs no answer goes out meanwhile,
+    With ``patience`` (seconds) silence is an answer, too: ``Silence`` is thrown in and the line is not said to be down.
+    A ``long`` one is work that takes the mount up to that many seconds: a stop that needs no answer goes out meanwhile,
     everything else is refused as busy, and silence at the end is a fault of the line.
     """
 
@@ -59,6 +59,8 @@ class Driver:
 
     #: Whether an aligned mount may be told site and time without losing its alignment.
     takes_site_aligned = False
+    #: How many times faster than a real one the mount slews: simulated ones may.
+    hurry = 1.0
     loses_alignment = False
     #: Whether the mount has a GPS receiver of its own.
     gps = False

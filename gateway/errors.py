@@ -98,6 +98,12 @@ class NoAnswer(Fault):
     words = "No answer from mount."
 
 
+class Garbled(NoAnswer):
+    """Bytes came that are no answer to what was asked."""
+
+    words = "Garbled answer from the mount."
+
+
 class Silence(Fault):
     """A question that a mount of this kind may leave unanswered."""
 

@@ -171,8 +171,11 @@ class _StandIn:
     def _answer(self, ask: Ask) -> dict[str, Any]:
         """Something plausible for every field of the reply."""
         command = self.driver.protocol.commands[ask.command]
-        fields = command.replies[0][1].fields if command.replies else {}
-        return {name: _plausible(name, field) for name, field in fields.items()}
+        if not command.replies:
+            return {}
+        picture = command.replies[0][1]
+        fields = {name: _plausible(name, field) for name, field in picture.fields.items()}
+        return {**fields, "length": len(picture.encode(fields))}
 
 
 _KNOWN: dict[str, Any] = {

@@ -1,8 +1,8 @@
 """The line to the mount: one exchange at a time, in order of rank.
 
 Stop goes first, then motion, then settings, then reads. A mount that is busy with itself for long is left alone, but
-for a stop. After a silence the line is drained and proven to be in step before anything else is sent, or every later
-answer would belong to an earlier question. A lost port is opened again with growing pauses, for ever.
+for a stop. After a silence, or an answer of the wrong form, nothing is sent before the line has been proven to be in
+step. A lost port is opened again with growing pauses, for ever; one that stays mute is closed and opened anew.
 """
 
 from __future__ import annotations
@@ -10,36 +10,28 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import heapq
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import count
-from typing import Any, Protocol
+from typing import Any
 
 from gateway.driver import Ask
-from gateway.errors import Busy, Fault, NoAnswer, Refused, Silence
+from gateway.errors import Busy, Fault, NoAnswer, Silence
+from gateway.talk import QUIET, Dialogue, Talk
 from gateway.transcript import Transcript
 from gateway.wires import Wire
 
 STOP, MOTION, WAITED, SETTING, POSITION, READ = range(6)
-QUIET = 0.15
-PROOFS = 3
+#: How often the line is proven before it counts as down; after a proof that failed, so many times more quiet is wanted.
+PROOFS, QUIETER = 3, 3.0
+#: After half a command nothing is sent for this long: a hand control would take it for the other half.
+HALF_COMMAND = 3.5
+#: A port that nobody has answered on for this long is opened anew.
+MUTE = 20.0
 #: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the hub.
 AGED = {POSITION: 0.25, READ: 0.6}
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 #: Turns of the loop that a halt may take from the end of what ran before it until it is in the queue.
 TURNS = 5
-#: A long piece of work of the mount may take that many seconds before what waits behind it is refused.
-BUSY_AFTER = 1.0
-
-
-class Dialogue(Protocol):
-    """How a protocol's requests and replies look on the wire."""
-
-    def timeout(self, ask: Ask) -> float: ...
-    def pace(self, ask: Ask) -> float: ...
-    def encode(self, ask: Ask) -> bytes: ...
-    def take(self, ask: Ask, buffer: bytes) -> tuple[dict[str, Any] | Fault, int] | None: ...
-    def proof(self, attempt: int) -> Iterator[Ask]: ...
-    def proven(self, ask: Ask, values: dict[str, Any]) -> bool: ...
 
 
 class Job:
@@ -52,24 +44,21 @@ class Job:
 
 
 class Line:
-    """Owns the wire. ``state`` is ``opening``, ``up``, ``busy`` or ``down``; ``on_up`` is called when it is opened."""
+    """Owns the wire. ``state`` is ``opening``, ``up``, ``busy`` or ``down``; ``on_up`` is called when it comes up."""
 
     def __init__(self, wire: Wire, dialogue: Dialogue, transcript: Transcript) -> None:
         self.wire, self.dialogue, self.transcript = wire, dialogue, transcript
+        self.talk = Talk(lambda data: self.wire.write(data), self._meanwhile, self._pause, dialogue, transcript)
         self.state = "opening"
         self.on_up: Callable[[], None] = lambda: None
         #: Whether something that ranks as a stop waits for its turn and is not in the queue yet.
         self.halts: Callable[[], bool] = lambda: False
         self.reason = ""
-        self.typical = 0.02
-        self.answers = 0
+        self._now = asyncio.get_running_loop().time
         self._order = count()
         self._queue: list[tuple[int, int, Job]] = []
         self._wake = asyncio.Event()
-        self._buffer = b""
-        self._arrived = asyncio.Event()
-        self._lost = False
-        self._long = False
+        self._opened = 0
         self._urgent: list[float] = []
         self._hurried = False
         self._task: asyncio.Task[None] | None = None
@@ -82,6 +71,16 @@ class Line:
     def served(self) -> bool:
         """Whether exchanges are carried out at all: not before the start, nor once the worker has ended."""
         return self._task is not None and not self._task.done()
+
+    @property
+    def typical(self) -> float:
+        """How long an answer takes, seconds."""
+        return self.talk.typical
+
+    @property
+    def answers(self) -> int:
+        """How many the mount has given."""
+        return self.talk.answers
 
     async def close(self) -> None:
         """End the worker and close the wire."""
@@ -103,17 +102,27 @@ class Line:
         future: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
         heapq.heappush(self._queue, (rank, next(self._order), Job(ask, rank, future)))
         self._wake.set()
-        if self._long:
-            self._arrived.set()
+        self.talk.nudge(rank == STOP)
         return await future
+
+    def doubt(self, ask: Ask) -> int:
+        """How many answers to older questions may still come that could be taken for the answer to this one."""
+        return self.talk.doubt.count(ask, self._now())
+
+    async def clear_of_doubt(self, ask: Ask) -> None:
+        """Wait until there is none."""
+        while (left := self.talk.doubt.until(ask, self._now()) - self._now()) > 0:
+            await asyncio.sleep(left)
 
     # --- the worker -----------------------------------------------------------------------------------------------
 
     async def _run(self) -> None:
         failures = 0
         while True:
+            self._opened += 1
+            self.talk.lost = False
             try:
-                await self.wire.open(self._on_data, self._on_lost)
+                await self.wire.open(*self._callbacks(self._opened))
             except Exception as error:  # pyserial has more kinds of failure than OSError
                 reason = str(getattr(error, "strerror", None) or error)
                 self.transcript.put("mount", "v", note=reason)
@@ -121,35 +130,57 @@ class Line:
                 await asyncio.sleep(BACK_OFF[min(failures, len(BACK_OFF) - 1)])
                 failures += 1
                 continue
+            failures = 0
             self.transcript.put("mount", "^")
-            failures, self._lost, self._buffer, self.state, self.reason = 0, False, b"", "up", ""
-            self.on_up()
+            self.talk.drop("came before the line was lost")
+            if self.talk.wrote > 0:  # something was said on this line before: it may still be answered
+                await self._reopened()
+            else:
+                self._up()
             await self._serve()
             await self.wire.close()
 
+    def _callbacks(self, opening: int) -> tuple[Callable[[bytes], None], Callable[[str], None]]:
+        """What a wire calls; a reader that outlived its opening is not listened to."""
+
+        def on_data(data: bytes) -> None:
+            if opening == self._opened:
+                self.talk.hear(data)
+
+        def on_lost(reason: str) -> None:
+            if opening == self._opened:
+                self.talk.lose(reason)
+                self._wake.set()
+
+        return on_data, on_lost
+
+    async def _reopened(self) -> None:
+        """The wire is back: nothing is taken for granted of what is on it."""
+        if self.talk.half:
+            self.talk.half = False
+            await asyncio.sleep(max(0.0, self.talk.wrote + HALF_COMMAND - self._now()))
+        await self._recover()
+
     async def _serve(self) -> None:
         """Serve jobs until the wire is lost."""
-        while not self._lost:
+        while not self.talk.lost:
             job = await self._next()
             if job is None:
                 continue
             hurried, self._hurried = self._hurried, False
-            outcome = await self._exchange(job.ask, firm=hurried)
+            outcome = await self.talk.exchange(job.ask, firm=hurried)
             if hurried and job.rank == STOP and self.dialogue.pace(job.ask):
-                outcome = await self._exchange(job.ask)  # a scope that needs its pause may have missed it
+                outcome = await self.talk.exchange(job.ask)  # a scope that needs its pause may have missed it
+            if self.state == "busy":
+                self.state = "up"
             if not job.future.done():
                 if isinstance(outcome, Fault):
                     job.future.set_exception(outcome)
                 else:
                     job.future.set_result(outcome)
                 await self._what_follows()
-            if isinstance(outcome, NoAnswer) and not self._lost and not await self._prove():
-                self._down("the mount does not answer")
-                while not self._lost and not await self._prove():
-                    await asyncio.sleep(1.0)
-                if not self._lost:
-                    self.state = "up"
-                    self.on_up()
+            if isinstance(outcome, NoAnswer | Silence):
+                await self._recover()
         self._down(f"{self.wire.name} was lost")
 
     async def _what_follows(self) -> None:
@@ -165,6 +196,44 @@ class Line:
         """Whether a stop is in the queue that is still wanted."""
         return any(rank == STOP and not job.future.done() for rank, _, job in self._queue)
 
+    async def _pause(self, seconds: float, firm: bool) -> bool:
+        """Give a scope time after a command without a reply. A stop cuts it short, unless ``firm``: then False."""
+        until = self._now() + seconds
+        while not self.talk.lost and (left := until - self._now()) > 0:
+            if not firm and self._stop_waits():
+                self._hurried = True
+                return False
+            self._wake.clear()
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(left):
+                    await self._wake.wait()
+        return True
+
+    async def _recover(self) -> None:
+        """Bring the line into step again, however long that takes, unless the wire is lost meanwhile."""
+        began = self._now()
+        while not self.talk.lost:
+            if await self._prove():
+                self._up()
+                return
+            self._down("the mount does not answer")
+            if self._now() - began > MUTE:
+                self.talk.lose("mute")
+            else:
+                await asyncio.sleep(1.0)
+
+    async def _prove(self) -> bool:
+        """Drain, then exchange proofs until the line is in step again -> whether it is."""
+        for attempt in range(PROOFS):
+            await self.talk.drain(QUIET * QUIETER**attempt)
+            if not self.talk.lost and await self.talk.in_step():
+                return True
+            if self.talk.lost:
+                return False
+            if self.state == "up":
+                self._down("the mount does not answer")
+        return False
+
     async def _next(self) -> Job | None:
         """The next job in order of rank; a read waits where it would delay something urgent."""
         while self._queue and self._queue[0][2].future.done():
@@ -173,7 +242,7 @@ class Line:
             self._wake.clear()
             await self._wake.wait()
             return None
-        now = asyncio.get_running_loop().time()
+        now = self._now()
         while self._urgent and self._urgent[0] < now - 0.05:
             heapq.heappop(self._urgent)
         if any(now - job.asked > AGED.get(rank, 1e9) for rank, _, job in self._queue):
@@ -187,90 +256,14 @@ class Line:
             except TimeoutError:
                 heapq.heappop(self._urgent)
             return None
-        return heapq.heappop(self._queue)[2]
-
-    async def _exchange(self, ask: Ask, firm: bool = False) -> dict[str, Any] | Fault:
-        """One request and its reply, or the Fault that came instead. A ``firm`` pause after it is kept to its end."""
-        try:
-            request = self.dialogue.encode(ask)
-        except Fault as fault:
-            return fault
-        if self._buffer:
-            self.transcript.put("mount", "<", self._buffer, "dropped: nobody asked")
-            self._buffer = b""
-        self._arrived.clear()
-        loop = asyncio.get_running_loop()
-        began = loop.time()
-        if not self._send(request):
-            return NoAnswer()
-        self._long = ask.long
-        taken = await self._reply(ask, began)
-        self._free()
-        if isinstance(taken, Fault):
-            return taken
-        outcome, length = taken
-        self.transcript.put("mount", "<", self._buffer[:length])
-        self._buffer = self._buffer[length:]
-        self.answers += 1
-        if not ask.long:
-            self.typical += 0.2 * (loop.time() - began - self.typical)
-        pace = self.dialogue.pace(ask)
-        if pace and await self._pause(pace, firm):
-            outcome = self._objection(ask) or outcome
-        return outcome
-
-    async def _pause(self, seconds: float, firm: bool) -> bool:
-        """Give a scope time after a command without a reply. A stop cuts it short, unless ``firm``: then False."""
-        until = asyncio.get_running_loop().time() + seconds
-        while not self._lost and (left := until - asyncio.get_running_loop().time()) > 0:
-            if not firm and self._stop_waits():
-                self._hurried = True
-                return False
+        rank, _, job = self._queue[0]
+        gap = 0.0 if rank == STOP else self.talk.gap(job.ask)
+        if gap > 0:
             self._wake.clear()
             with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(left):
-                    await self._wake.wait()
-        return True
-
-    async def _reply(self, ask: Ask, began: float) -> tuple[dict[str, Any] | Fault, int] | Fault:
-        """Wait for the reply -> it and its length, or the Fault that it did not come."""
-        loop = asyncio.get_running_loop()
-        deadline, busy_at, stops = began + (ask.patience or self.dialogue.timeout(ask)), began + BUSY_AFTER, 0
-        while True:
-            now = loop.time()
-            if ask.long:
-                stops += self._meanwhile(now >= busy_at)
-            taken = self._take(ask)
-            if taken is not None and not (stops and isinstance(taken[0], Busy)):
-                return taken
-            if taken is not None:  # said to a stop, while nothing moves anyway
-                self._buffer, stops = self._buffer[taken[1] :], stops - 1
-                self.transcript.note("mount", "busy: the stop was not heard")
-                continue
-            if now >= deadline or self._lost:
-                self.transcript.put("mount", "<", self._buffer, "no complete answer")
-                quiet = not self._buffer and not self._lost
-                return Silence() if ask.patience is not None and not ask.long and quiet else NoAnswer()
-            self._arrived.clear()
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout_at(busy_at if ask.long and now < busy_at else deadline):
-                    await self._arrived.wait()
-
-    def _send(self, request: bytes) -> bool:
-        """Write to the wire -> whether it was there."""
-        self.transcript.put("mount", ">", request)
-        try:
-            self.wire.write(request)
-        except OSError as error:
-            self._on_lost(str(error))
-            return False
-        return True
-
-    def _free(self) -> None:
-        """The long work of the mount is over."""
-        self._long = False
-        if self.state == "busy":
-            self.state = "up"
+                await asyncio.wait_for(self._wake.wait(), gap)
+            return None
+        return heapq.heappop(self._queue)[2]
 
     def _meanwhile(self, busy: bool) -> int:
         """While the mount works: send the stops that need no answer; refuse all else once it is busy -> stops sent."""
@@ -282,7 +275,7 @@ class Line:
             if job.future.done():
                 continue
             if rank == STOP and self.dialogue.take(job.ask, b"") is not None:
-                sent += self._send(self.dialogue.encode(job.ask))
+                sent += self.talk.send(self.dialogue.encode(job.ask))
                 job.future.set_result({})
             elif self.state == "busy":
                 job.future.set_exception(Busy())
@@ -290,67 +283,18 @@ class Line:
                 heapq.heappush(self._queue, (rank, order, job))
         return sent
 
-    def _objection(self, ask: Ask) -> Fault | None:
-        """What a command without a reply was answered with all the same: that the mount is busy."""
-        taken = self._take(ask) if self._buffer and self.dialogue.take(ask, b"") is not None else None
-        if taken is None or not isinstance(taken[0], Fault):
-            return None
-        self.transcript.put("mount", "<", self._buffer[: taken[1]])
-        self._buffer = self._buffer[taken[1] :]
-        return taken[0]
-
-    def _take(self, ask: Ask) -> tuple[dict[str, Any] | Fault, int] | None:
-        """The reply, when it is complete; one that cannot be read at all is garbled, never the end of the line."""
-        try:
-            return self.dialogue.take(ask, self._buffer)
-        except Exception as error:  # whatever it is, the line goes on
-            return Refused(f"Garbled answer from the mount: {error}"), len(self._buffer)
-
-    async def _prove(self) -> bool:
-        """Drain, then exchange echoes until the line is in step again."""
-        for attempt in range(PROOFS):
-            await self._drain()
-            proven = True
-            for ask in self.dialogue.proof(attempt):
-                outcome = await self._exchange(ask)
-                if isinstance(outcome, Fault) or not self.dialogue.proven(ask, outcome):
-                    proven = False
-                    break
-            if proven:
-                return True
-            if self._lost:
-                return False
-            if self.state == "up":
-                self._down("the mount does not answer")
-        return False
-
-    async def _drain(self) -> None:
-        """Wait until the wire has been quiet for a moment, and forget what came."""
-        while True:
-            self._arrived.clear()
-            try:
-                async with asyncio.timeout(QUIET):
-                    await self._arrived.wait()
-            except TimeoutError:
-                break
-        self._buffer = b""
+    def _up(self) -> None:
+        """The line is in step; when it was not so before, whoever waits for it is told."""
+        if self.state != "up":
+            self.state, self.reason = "up", ""
+            self.on_up()
 
     def _down(self, reason: str) -> None:
         """Fail everything that waits; from now on every exchange fails at once."""
+        if (self.state, self.reason) != ("down", reason):
+            self.transcript.note("mount", reason)
         self.state, self.reason = "down", reason
-        self.transcript.note("mount", reason)
-        for _, _, job in self._queue:
+        for _, _, job in sorted(self._queue, key=lambda item: (item[2].rank, item[1])):
             if not job.future.done():
                 job.future.set_exception(NoAnswer())
         self._queue.clear()
-
-    def _on_data(self, data: bytes) -> None:
-        self.transcript.put("mount", "raw", data)
-        self._buffer = (self._buffer + data)[-4096:]
-        self._arrived.set()
-
-    def _on_lost(self, reason: str) -> None:
-        self.transcript.put("mount", "v", note=reason)
-        self._lost = True
-        self._arrived.set()
-        self._wake.set()

@@ -11,8 +11,9 @@ from typing import Any
 
 from gateway.driver import Ask
 from gateway.errors import Fault
-from gateway.line import Dialogue, Job, Line
+from gateway.line import Job, Line
 from gateway.recording import MOUNT, Event
+from gateway.talk import Dialogue
 from gateway.transcript import Transcript
 from gateway.virtual import VirtualLoop
 from gateway.wires import OnData, OnLost
@@ -27,18 +28,19 @@ class RecordedLoop(VirtualLoop):
     """Virtual time in which deadlines are as late as they were.
 
     A busy computer wakes late, and what a client says meanwhile comes first. A deadline shortly before something left
-    the gateway was what made it leave, then. Shorter waits lead to requests, which are held back until their moment.
+    the gateway, or was noted, was what brought it about. Shorter waits lead to requests, which are held back till then.
     """
 
     def __init__(self, events: list[Event]) -> None:
         super().__init__()
         self.began = self.time()
-        self._left = [self.began + event.at for event in events if event.arrow == (">" if event.side == MOUNT else "<")]
+        said = {MOUNT: ">!"}
+        self._left = [self.began + event.at for event in events if event.arrow in said.get(event.side, "<!")]
 
     def call_at(  # type: ignore[override]  # the library's own signature needs a newer Python to be written down
         self, when: float, callback: Callable[..., object], *args: Any, context: Any = None
     ) -> Any:
-        number = bisect_left(self._left, when)
+        number = bisect_left(self._left, when - ROUNDED)
         deadline = when - self.time() >= DEADLINE and isinstance(getattr(callback, "__self__", None), asyncio.Timeout)
         late = deadline and number < len(self._left) and self._left[number] - when <= LATE
         return super().call_at(self._left[number] if late else when, callback, *args, context=context)
@@ -104,6 +106,9 @@ class RecordedWire:
             asyncio.get_running_loop().call_soon(self._release)
 
     async def close(self) -> None:
+        """Closed by the gateway itself, which is recorded as a loss."""
+        if self._on_data is not None and self._port and self._port[0].arrow == "v":
+            self._port.popleft()
         self._on_data = None
 
 

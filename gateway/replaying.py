@@ -18,10 +18,11 @@ from gateway.assembly import Gateway
 from gateway.config import MountConfig, SurfaceConfig
 from gateway.errors import UserError
 from gateway.keeping import Past
-from gateway.line import Dialogue, Line
+from gateway.line import Line
 from gateway.ports import Guest
 from gateway.recorded import ROUNDED, RecordedLine, RecordedLoop, RecordedWire
 from gateway.recording import MOUNT, Event, Recording
+from gateway.talk import Dialogue
 from gateway.transcript import SKY_READY, Entry, Transcript
 from gateway.virtual import run
 from gateway.wires import SimulatorWire

@@ -64,8 +64,7 @@ class SerialWire:
                         data += self._rest(port)
                     finally:  # a byte and the end of the connection: the byte counts
                         loop.call_soon_threadsafe(on_data, bytes(data))
-        except (OSError, TypeError, ValueError, AttributeError) as error:
-            # pyserial raises the last three when a port is closed under a pending read
+        except Exception as error:  # pyserial has many kinds of failure, and a reader that dies must say so
             if self._port is port and not loop.is_closed():
                 loop.call_soon_threadsafe(on_lost, str(error))
 
@@ -82,7 +81,9 @@ class SerialWire:
     def write(self, data: bytes) -> None:
         if self._port is None:
             raise OSError(errno.ENODEV, "port is closed")
-        self._port.write(data)
+        written = self._port.write(data)
+        if written is not None and written != len(data):
+            raise OSError(errno.EIO, f"only {written} of {len(data)} bytes could be written")
 
     def set_baud(self, baud: int) -> None:
         """Change the rate of the open port, and nothing else. Raises OSError for a rate that it does not have."""

@@ -58,6 +58,7 @@ class Bridge:
         self.transcript.sinks.append(self.entries.append)
         driver, follow_ups, dialogue = DRIVERS[driven](Endpoint(driven, "sim"), self.settings, loop.time)
         self.driver: Any = driver
+        driver.hurry = speed
         line = Line(SimulatorWire("sim", self.sim.connection, latency), dialogue, self.transcript)
         given = self.settings.site
         self.observatory = Observatory(loop.time, self.host, op.Place(*given) if given else None)

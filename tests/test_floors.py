@@ -28,6 +28,8 @@ FLOORS = {
     "library": 3,
     "surface": 3,
     "driver": 3,
+    "doubt": 4,
+    "talk": 5,
     "observatory": 3,
     "logline": 3,
     "journal": 1,

@@ -34,10 +34,6 @@ def test_bytes_into_a_surface(case: str, kind: str) -> None:
     assert not judge.first
 
 
-UP_AGAIN = pytest.mark.xfail(strict=False, reason="a line that is in step again at a second proof stays down for good")
-
-
-@UP_AGAIN
 @pytest.mark.parametrize(("mount", "seed"), [("lx200:lx200gps", 6), ("nexstar:cpc", 8)])
 def test_spoilt_replies_into_a_driver(mount: str, seed: int) -> None:
     findings = Findings()
@@ -83,7 +79,6 @@ def test_a_read_from_a_mount_that_never_said_who_it_is_ends_also_after_a_stop() 
     run(program())
 
 
-@UP_AGAIN
 def test_a_line_that_is_in_step_again_at_the_second_proof_is_up() -> None:
     async def program() -> None:
         async with Bridge() as bridge:

@@ -221,7 +221,7 @@ def test_the_last_position_is_told_for_a_while_when_the_line_is_down() -> None:
                 client.tell(b":GR#")
                 await asyncio.sleep(0.5)
             assert told
-            assert (await client.ask(b":MS#", 5)).startswith(b"1No answer from mount.")
+            assert (await client.ask(b":MS#", 5, until=b"mount.#")).endswith(b"1No answer from mount.#")
             await asyncio.sleep(12)
             assert await client.ask(b":GR#", 3) == b""
             with pytest.raises(NoAnswer):

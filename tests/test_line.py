@@ -196,7 +196,9 @@ def test_silence_can_be_an_answer() -> None:
         with pytest.raises(Silence):
             await line.exchange(Ask("v", patience=1.0))
         assert (await line.exchange(Ask("t")))["mode"] == 2
-        assert wire.sent == [b"v", b"t"]  # the line is not doubted
+        assert wire.sent[0] == b"v"
+        assert [sent[:1] for sent in wire.sent[1:]] == [b"K", b"K", b"t"]  # a late answer must not be taken for t's
+        assert line.state == "up"
         await line.close()
 
     run(program())

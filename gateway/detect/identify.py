@@ -23,7 +23,7 @@ from gateway.transcript import Transcript
 LONGEST = 20.0
 #: How long a question that may stay unanswered is waited for: so many times the longest answer so far, but at least…
 #: A telescope that has answered in 30 ms will not take the second and a half that a stranger is given.
-TIMES, AT_LEAST = 4.0, 0.75
+TIMES, AT_LEAST = 4.0, 0.6
 POSITIONS = 2
 
 
@@ -76,11 +76,9 @@ class _Talk:
     async def _exchange(self, ask: Ask) -> dict[str, Any]:
         if ask.patience is not None and self.took:
             ask = ask._replace(patience=min(ask.patience, max(AT_LEAST, TIMES * max(self.took))))
-        now = asyncio.get_running_loop().time
-        began = now()
         answer = await self.line.exchange(ask)
         if self.driver.protocol.commands[ask.command].replies:
-            self.took.append(now() - began)
+            self.took.append(self.line.talk.took)
         return answer
 
 

@@ -17,6 +17,7 @@ from msgspec import Struct
 from gateway import operations as op
 from gateway.driver import Ask, Driver, Pause, Steps
 from gateway.errors import Fault, NoAnswer, Refused
+from gateway.hub.belief import Belief
 from gateway.hub.dead_man import DeadMan, Life
 from gateway.hub.derived import Derived
 from gateway.hub.ending import end_motion
@@ -64,6 +65,7 @@ class Hub:
         self.now = self.loop.time
         self.derived = Derived(sky, observatory, policy.equinox)
         self.snapshot = Snapshot()
+        self.belief = Belief(line, self.now, driver.hurry)
         #: The mount has said who it is; it has said where and when it is, as far as it can.
         self.identified, self.settled = asyncio.Event(), asyncio.Event()
         self.suns = Suns(self.derived, transcript, policy.limits.sun, self.settled.is_set)
@@ -307,9 +309,9 @@ class Hub:
                 step = steps.send(answer) if fault is None else steps.throw(fault)
                 answer, fault = None, None
                 if isinstance(step, Ask):
-                    exchanges += 1
                     try:
-                        answer = await self.line.exchange(step, rank)
+                        answer, times = await self.belief.exchange(step, rank)
+                        exchanges += times
                     except Fault as error:
                         fault = error
                 elif isinstance(step, Pause):

@@ -1,1 +1,1 @@
-"""Long proofs: run by hand, not by the suite."""
+"""Proofs that run longer than a test may: see README.md."""

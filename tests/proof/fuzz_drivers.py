@@ -277,7 +277,8 @@ def _weigh(bridge: Bridge, findings: Findings, driven: str) -> None:
     hub, driver = bridge.hub, bridge.driver
     held = sum(len(value) for value in vars(driver).values() if isinstance(value, dict | list | set | str | bytes))
     for what, size, most in (
-        ("buffer", len(hub.line._buffer), 4096), ("queue", len(hub.line._queue), 200), ("tasks", len(hub._tasks), 200),
+        ("buffer", len(hub.line.talk._buffer), 4096), ("queue", len(hub.line._queue), 200),
+        ("tasks", len(hub._tasks), 200),
         ("jobs", len(hub.motions._jobs), 200), ("driver", held - len(driver.specials), 200),
         ("urgent", len(hub.line._urgent), 200),
     ):  # fmt: skip

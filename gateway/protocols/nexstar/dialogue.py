@@ -1,7 +1,8 @@
 """Talking to a hand control: requests out, replies in, framed by length.
 
 A reply is as long as its picture; ``#`` is a legal data byte. A pass-through command whose device did not answer comes
-back with one extra byte before the ``#`` (NexStar protocol, Pass-through Commands with No Response).
+back with one extra byte before the ``#`` (NexStar protocol, Pass-through Commands with No Response). What can be told
+from one reply alone is told here; whether it is likely, the hub judges.
 """
 
 from __future__ import annotations
@@ -10,11 +11,22 @@ from collections.abc import Iterator
 from typing import Any
 
 from gateway.driver import Ask
-from gateway.errors import Fault, NoDevice, Refused
+from gateway.errors import Fault, Garbled, NoDevice, Refused
 from gateway.tables import Protocol, load
 
-#: How many bytes more than its picture a reply may have: StarSense answers ``t`` with more than one.
-EXTRA = 4
+#: StarSense answers ``t`` with more than one byte: how many more at most.
+EXTRA = {"t": 4}
+#: The questions, by what their answers may do from one to the next: move, run as a clock does, or stay the same.
+KINDS = {
+    **dict.fromkeys(("e", "E", "z", "Z", "gps_latitude", "gps_longitude"), "place"),
+    **dict.fromkeys(("h", "i", "gps_time", "rtc_time"), "clock"),
+    **dict.fromkeys(
+        ("J", "t", "V", "v", "m", "w", "L", "p", "device_version", "guide_rate", "gps_linked", "gps_date", "gps_year",
+         "level_done",
+         "rtc_date", "rtc_year"), "same"),
+}  # fmt: skip
+#: Printable bytes that an echo is asked for; none is ``#``, and a proof shares none with the ones before it.
+ECHOES = range(0x40, 0x7E)
 
 
 class NexStarDialogue:
@@ -30,6 +42,30 @@ class NexStarDialogue:
         """Every command is answered, so none need be waited for beyond its answer."""
         return 0.0
 
+    def kind(self, ask: Ask) -> str | None:
+        """What a question's answer may do from one to the next; None for a command that is no question."""
+        return KINDS.get(ask.command)
+
+    def bare(self, ask: Ask) -> bool:
+        """Whether the reply is ``#`` alone."""
+        return self._width(ask) == 1
+
+    def alike(self, one: Ask, other: Ask) -> bool:
+        """Whether the reply to the one could be taken for a reply to the other: by its length, that is all there is."""
+        return not set(self._lengths(one)).isdisjoint(self._lengths(other))
+
+    def _width(self, ask: Ask) -> int:
+        width = self.protocol.commands[ask.command].replies[0][1].width
+        assert width is not None
+        return width
+
+    def _lengths(self, ask: Ask) -> range:
+        width = self._width(ask)
+        return range(width, width + 1 + (1 if self._passed_through(ask) else EXTRA.get(ask.command, 0)))
+
+    def _passed_through(self, ask: Ask) -> bool:
+        return self.protocol.commands[ask.command].request.literal.startswith(b"P")
+
     def encode(self, ask: Ask) -> bytes:
         """The request bytes. Raises Fault for a value that has no form on the wire."""
         try:
@@ -38,25 +74,28 @@ class NexStarDialogue:
             raise Refused(str(error)) from None
 
     def take(self, ask: Ask, buffer: bytes) -> tuple[dict[str, Any] | Fault, int] | None:
-        """The reply at the start of the buffer and its length; None while it is incomplete."""
+        """The reply at the start of the buffer and its length; None while it is incomplete.
+
+        Raises ValueError for a field that cannot be read.
+        """
         picture = self.protocol.commands[ask.command].replies[0][1]
-        width = picture.width
-        assert width is not None
+        width = self._width(ask)
         if len(buffer) < width:
             return None
         if buffer[width - 1 : width] == b"#":
             return picture.decode(buffer[:width]), width
-        if self.protocol.commands[ask.command].request.literal.startswith(b"P"):
-            return None if len(buffer) <= width else (NoDevice(), width + 1)
-        end = buffer.find(b"#", width)
+        longest = self._lengths(ask)[-1]
+        end = buffer.find(b"#", width, longest)
         if end < 0:
-            return None if len(buffer) < width + EXTRA else (Refused("Garbled answer from the mount."), len(buffer))
+            return None if len(buffer) < longest else (Garbled(), len(buffer))
+        if self._passed_through(ask):
+            return NoDevice(), end + 1
         return picture.decode(buffer[: width - 1] + b"#"), end + 1
 
-    def proof(self, attempt: int) -> Iterator[Ask]:
-        """Exchanges that show the line to be in step again: two echoes of different bytes."""
-        for byte in (0x78, 0x59 - attempt % 8):
-            yield Ask("K", {"echo": byte})
+    def proof(self, number: int) -> Iterator[Ask]:
+        """Exchanges that show the line to be in step again: two echoes of bytes that were not used lately."""
+        for step in (2 * number, 2 * number + 1):
+            yield Ask("K", {"echo": ECHOES[step % len(ECHOES)]})
 
     def proven(self, ask: Ask, values: dict[str, Any]) -> bool:
         """Whether a proof came back as it should."""

@@ -8,6 +8,8 @@ from gateway.operations import GetStatus, Identity, Operation, Status, Tracking
 from gateway.protocols.lx200.driver.state import Meade, ask
 
 PROBE = 1.5
+#: The length of a right ascension in high precision.
+HIGH = len("HH:MM:SS#")
 
 
 def identity(mount: Meade, _: Operation) -> Steps:
@@ -24,7 +26,7 @@ def identity(mount: Meade, _: Operation) -> Steps:
         firmware = yield from _probe("GVN")
         mount.firmware = firmware["firmware"] if firmware else ""
         mount.tells_status = (yield from _probe("GW")) is not None
-    yield from _high_precision(mount)
+    yield from high_precision(mount)
     yield from read_status(mount)
     return Identity(product=mount.product or "LX200", version=mount.firmware or "?", model=mount.model or "autostar")
 
@@ -50,16 +52,16 @@ def _model(product: str) -> Steps:
     return "lx200-16" if (yield from _probe("h?")) is not None else "lx200"
 
 
-def _high_precision(mount: Meade) -> Steps:
+def high_precision(mount: Meade) -> Steps:
     """Make sure once: read, toggle if the answer is short, read again."""
     for _ in range(2):
         answer = yield from ask(mount, "GR")
-        mount.low = answer["length"] < len("HH:MM:SS#")
+        mount.low = answer["length"] < HIGH
         if not mount.low:
             return
         yield from ask(mount, "U")
     answer = yield from ask(mount, "GR")
-    mount.low = answer["length"] < len("HH:MM:SS#")
+    mount.low = answer["length"] < HIGH
 
 
 def _learn_letter(mount: Meade, letter: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gateway.driver import Steps
-from gateway.errors import Fault, Refused
+from gateway.errors import Fault, NoAnswer, Refused
 from gateway.operations import (
     CancelGoto,
     Equatorial,
@@ -15,26 +15,40 @@ from gateway.operations import (
     Slewing,
     Sync,
 )
+from gateway.protocols.lx200.driver.identify import HIGH, high_precision
 from gateway.protocols.lx200.driver.state import GotoState, Meade, ask
 from gateway.spherical import fold_declination
 
 #: A goto counts as under way this long at least, and until the bars were empty twice.
 START_GRACE = 0.8
 QUIET = 2
+#: Seconds between the halves of a position, and how often both are asked until they are no further apart.
+INSTANT, PAIR_TRIES = 0.5, 5
 
 
 def position(mount: Meade, _: Position) -> Steps:
-    """:GR and :GD -> Equatorial."""
-    ra = (yield from ask(mount, "GR"))["ra"]
-    dec = (yield from ask(mount, "GD"))["dec"]
-    return Equatorial(*fold_declination(ra, dec))
+    """:GR and :GD -> Equatorial. A telescope that was switched off and on answers short: it is made precise again."""
+    first, second = yield from _pair(mount, "GR", "GD")
+    if not mount.low and first["length"] < HIGH:
+        yield from high_precision(mount)
+    return Equatorial(*fold_declination(first["ra"], second["dec"]))
 
 
 def horizontal_position(mount: Meade, _: HorizontalPosition) -> Steps:
     """:GZ and :GA -> Horizontal."""
-    az = (yield from ask(mount, "GZ"))["az"]
-    alt = (yield from ask(mount, "GA"))["alt"]
-    return Horizontal(az, alt)
+    first, second = yield from _pair(mount, "GZ", "GA")
+    return Horizontal(first["az"], second["alt"])
+
+
+def _pair(mount: Meade, first: str, second: str) -> Steps:
+    """Two answers of about one instant: what comes between them on the line may take long."""
+    for attempt in range(PAIR_TRIES):
+        one = yield from ask(mount, first)
+        since = mount.now()
+        other = yield from ask(mount, second)
+        if mount.now() - since <= INSTANT or attempt == PAIR_TRIES - 1:
+            break
+    return one, other
 
 
 def slewing(mount: Meade, _: Slewing) -> Steps:
@@ -85,6 +99,8 @@ def begin(mount: Meade, command: str, then: str | None = None) -> Steps:
     mount.parked, mount.goto = False, GotoState(since=mount.now(), then=then)
     try:
         yield from ask(mount, command)
+    except NoAnswer:
+        raise  # it may have heard all the same: the bars will tell
     except Fault:
         mount.goto = None
         raise

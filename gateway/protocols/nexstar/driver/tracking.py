@@ -34,6 +34,8 @@ def code_of(mount: NexStar, mode: Tracking) -> int:
 def read_status(mount: NexStar) -> Steps:
     """Ask ``J`` and, where the version has it, ``t``."""
     answer = yield Ask("J")
+    if mount.aligned and not answer["aligned"]:
+        _forget(mount)
     mount.aligned = bool(answer["aligned"])
     if mount.aligned:
         mount.offset = (0.0, 0.0) if mount.knows("s") else mount.offset
@@ -45,6 +47,16 @@ def read_status(mount: NexStar) -> Steps:
     elif mount.tracking is None and mount.settings.mode is not None:
         _learn(mount, Tracking(mount.settings.mode))
     return None
+
+
+def _forget(mount: NexStar) -> None:
+    """A hand control that lost its alignment was switched off: what it was doing is over, how it tracked unknown."""
+    mount.goto = mount.remembered = mount.own_mode = None
+    mount.recalled = False
+    mount.moving.clear()
+    mount.steps.clear()
+    mount.pulsing.clear()
+    mount.restores = 0
 
 
 def _learn(mount: NexStar, mode: Tracking) -> None:

@@ -1,0 +1,250 @@
+"""Talk on an open wire: a request, its reply, and whether that reply can be its own.
+
+A reply counts in its exact form, and only when nothing follows it: of two, one belongs to somebody else. A command that
+has no reply may be objected to all the same. After a disturbance the wire is drained, and proofs are exchanged until
+the line is in step again, or every later answer would belong to an earlier question.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Iterator
+from typing import Any, Protocol
+
+from gateway.doubt import LATEST, Doubt
+from gateway.driver import Ask
+from gateway.errors import Busy, Fault, Garbled, NoAnswer, Silence
+from gateway.transcript import Transcript
+
+#: Seconds of quiet that end a disturbance.
+QUIET = 0.15
+#: No disturbance is waited out for longer than that at a time.
+DRAIN = 5.0
+#: A second copy of a reply follows the first within this; what might be mistaken for it is not asked before, where it
+#: is an acknowledgement and no more, or where bytes that answer nothing have come within the last minutes.
+GAP, UNRULY = 0.05, 300.0
+#: A reply that is an acknowledgement and no more counts when nothing has followed it for this long.
+SETTLE = 0.02
+#: A long piece of work of the mount may take that many seconds before what waits behind it is refused.
+BUSY_AFTER = 1.0
+
+
+class Dialogue(Protocol):
+    """How a protocol's requests and replies look on the wire."""
+
+    def timeout(self, ask: Ask) -> float: ...
+    def pace(self, ask: Ask) -> float: ...
+    def bare(self, ask: Ask) -> bool: ...
+    def alike(self, one: Ask, other: Ask) -> bool: ...
+    def kind(self, ask: Ask) -> str | None: ...
+    def encode(self, ask: Ask) -> bytes: ...
+    def take(self, ask: Ask, buffer: bytes) -> tuple[dict[str, Any] | Fault, int] | None: ...
+    def proof(self, number: int) -> Iterator[Ask]: ...
+    def proven(self, ask: Ask, values: dict[str, Any]) -> bool: ...
+
+
+class Talk:
+    """Exchanges over ``write``, until the wire is ``lost``.
+
+    ``meanwhile`` is called while the mount is at a long piece of work, with whether it counts as busy by now; it sends
+    what may be sent all the same and returns how many requests that were. ``pause`` waits after a command without a
+    reply; it returns False when a stop has cut that short.
+    """
+
+    def __init__(self, write: Callable[[bytes], None], meanwhile: Callable[[bool], int],
+                 pause: Callable[[float, bool], Awaitable[bool]], dialogue: Dialogue, transcript: Transcript) -> None:
+        self._write, self._meanwhile, self._pause = write, meanwhile, pause
+        self.dialogue, self.transcript = dialogue, transcript
+        self.lost = False
+        #: The line was lost in the middle of an exchange: perhaps with half a command on the other side.
+        self.half = False
+        #: At a long piece of work.
+        self.long = False
+        #: When something was written last, seconds of the loop's clock; never yet is long ago.
+        self.wrote = -1e9
+        #: How long an answer takes, and the last one took on the wire, in seconds; how many there were.
+        self.typical, self.took, self.answers = 0.02, 0.0, 0
+        self.doubt = Doubt(dialogue.alike)
+        self._now = asyncio.get_running_loop().time
+        self._buffer = b""
+        self._arrived = asyncio.Event()
+        self._heard = self._stray = -1e9
+        self._last: Ask | None = None
+        self._proofs = 0
+        self._stops = 0
+        self._settling = False
+
+    def hear(self, data: bytes) -> None:
+        """Bytes have come."""
+        self.transcript.put("mount", "raw", data)
+        self._buffer = (self._buffer + data)[-4096:]
+        self._heard = self._now()
+        self._arrived.set()
+
+    def lose(self, reason: str) -> None:
+        """The wire is gone, whoever noticed it first."""
+        if not self.lost:
+            self.transcript.put("mount", "v", note=reason)
+        self.lost = True
+        self._arrived.set()
+
+    def nudge(self, stop: bool) -> None:
+        """Something waits that may have to be sent before the reply comes, or as soon as it has come."""
+        if self.long or (stop and self._settling):
+            self._arrived.set()
+
+    def send(self, request: bytes) -> bool:
+        """Write to the wire -> whether it was there."""
+        self.transcript.put("mount", ">", request)
+        try:
+            self._write(request)
+        except Exception as error:  # the port went away in the middle of it, whatever its driver calls that
+            self.lose(str(error))
+            return False
+        return True
+
+    # --- one exchange -----------------------------------------------------------------------------------------------
+
+    def gap(self, ask: Ask) -> float:
+        """Seconds of quiet still wanted before a question, lest the rest of the last answer be taken for its own."""
+        if not self._buffer:
+            if self._last is None or not self.dialogue.alike(self._last, ask):
+                return 0.0
+            if self._now() > self._stray + UNRULY and not self.dialogue.bare(ask):
+                return 0.0
+        left = self._heard + GAP - self._now()
+        return left if left > 1e-6 else 0.0
+
+    async def exchange(self, ask: Ask, firm: bool = False) -> dict[str, Any] | Fault:
+        """One request and its reply, or the Fault that came instead. A ``firm`` pause after it is kept to its end."""
+        try:
+            request = self.dialogue.encode(ask)
+        except Fault as fault:
+            return fault
+        settle = GAP if self.gap(ask) else SETTLE  # a stop does not wait before, so it must look longer after
+        self.drop("nobody asked")
+        self._arrived.clear()
+        self._last = ask
+        began = self.wrote = self._now()
+        self.long, self._stops = ask.long, 0
+        taken = await self._reply(ask, began, settle) if self.send(request) else None
+        self.long = False
+        if taken is None:
+            return self._unanswered(ask, began)
+        outcome, length = taken
+        if len(self._buffer) > length + self._stops:  # a stop that was sent meanwhile may be refused by one byte
+            outcome = Garbled()
+        if isinstance(outcome, Garbled):
+            self._distrust(ask, began)
+            self.drop("garbled")
+            return outcome
+        self._cut(length)
+        self.took = self._heard - began
+        self.answers += 1
+        if not ask.long:
+            self.typical += 0.2 * (min(self._now() - began, 3.0 * self.typical + 0.01) - self.typical)
+        pace = self.dialogue.pace(ask)
+        if pace and await self._pause(pace, firm):
+            outcome = self._objection(ask) or outcome
+        return outcome
+
+    async def _reply(self, ask: Ask, began: float, settle: float) -> tuple[dict[str, Any] | Fault, int] | None:
+        """The reply and its length, once it is complete; None when it is not in time, or the wire was lost."""
+        deadline, busy_at = began + (ask.patience or self.dialogue.timeout(ask)), began + BUSY_AFTER
+        while not self.lost:
+            now = self._now()
+            self._arrived.clear()
+            if ask.long:
+                self._stops += self._meanwhile(now >= busy_at)
+            taken = self._take(ask)
+            if taken is not None and self._stops and isinstance(taken[0], Busy):
+                self._stops -= 1  # said to a stop, while nothing moves anyway
+                self._cut(taken[1], "busy: the stop was not heard")
+                self._arrived.set()
+            elif taken is not None:
+                if taken[1] and self.dialogue.bare(ask):
+                    self._settling = True
+                    if await self._something_within(settle):
+                        taken = self._take(ask) or taken
+                    self._settling = False
+                return taken
+            elif now >= deadline:
+                return None
+            await self._something_within((busy_at if ask.long and now < busy_at else deadline) - now)
+        return None
+
+    def _unanswered(self, ask: Ask, began: float) -> Fault:
+        """What it means that no reply came."""
+        self.took = self._now() - began
+        if self.lost:
+            self.half = True
+        elif ask.patience is not None and not ask.long and not self._buffer:
+            return Silence()
+        self._distrust(ask, began)
+        self.drop("no complete answer")
+        return NoAnswer()
+
+    def _distrust(self, ask: Ask, began: float) -> None:
+        """The answer may still come."""
+        self.doubt.add(ask, began + max(self.dialogue.timeout(ask), ask.patience or 0.0) + LATEST)
+
+    def _objection(self, ask: Ask) -> Fault | None:
+        """What a command without a reply was answered with all the same: that the mount is busy."""
+        taken = self._take(ask) if self._buffer else None
+        if taken is None or not isinstance(taken[0], Fault):
+            return None
+        self._cut(taken[1])
+        return taken[0]
+
+    def _take(self, ask: Ask) -> tuple[dict[str, Any] | Fault, int] | None:
+        """The reply, when it is complete; one that cannot be read at all is garbled, never the end of the line."""
+        try:
+            return self.dialogue.take(ask, self._buffer)
+        except Exception:  # whatever it is, the line goes on
+            return Garbled(), len(self._buffer)
+
+    def _cut(self, length: int, note: str = "") -> None:
+        """The bytes of an answer leave the buffer."""
+        self.transcript.put("mount", "<", self._buffer[:length], note)
+        self._buffer = self._buffer[length:]
+
+    def drop(self, why: str) -> None:
+        """Forget bytes that answer nothing."""
+        if self._buffer:
+            self._stray = self._now()
+            self._cut(len(self._buffer), f"dropped: {why}")
+
+    # --- in step again ----------------------------------------------------------------------------------------------
+
+    async def in_step(self) -> bool:
+        """Whether every proof is answered as it should be, and nothing follows."""
+        self._proofs += 1
+        for ask in self.dialogue.proof(self._proofs):
+            await asyncio.sleep(self.gap(ask))
+            outcome = await self.exchange(ask)
+            if isinstance(outcome, Busy):
+                continue  # that is an answer, too
+            if isinstance(outcome, Fault) or not self.dialogue.proven(ask, outcome):
+                return False
+        return not await self.drain(QUIET)
+
+    async def drain(self, quiet: float) -> bool:
+        """Wait until the wire has been quiet for so long, and forget what came -> whether anything did."""
+        give_up = self._now() + DRAIN
+        while not self.lost and self._now() < give_up:
+            left = max(self._heard, self.wrote) + quiet - self._now()
+            self._arrived.clear()
+            if left <= 1e-6 or not await self._something_within(left):
+                break
+        anything = bool(self._buffer)
+        self.drop("drained")
+        return anything
+
+    async def _something_within(self, seconds: float) -> bool:
+        """Wait for bytes -> whether any came in time (or the wire was lost)."""
+        try:
+            async with asyncio.timeout(seconds):
+                await self._arrived.wait()
+        except TimeoutError:
+            return False
+        return True
