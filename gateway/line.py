@@ -137,7 +137,12 @@ class Line:
                 await self._reopened()
             else:
                 self._up()
-            await self._serve()
+            try:
+                await self._serve()
+            except Exception as error:  # a defect here must not leave the mount without a line for ever
+                self.transcript.note("mount", f"internal error, please report it: {error!r}")
+                self._down("internal error")
+                await asyncio.sleep(BACK_OFF[0])
             await self.wire.close()
 
     def _callbacks(self, opening: int) -> tuple[Callable[[bytes], None], Callable[[str], None]]:
