@@ -29,9 +29,10 @@ HALF_COMMAND = 3.5
 MUTE = 20.0
 #: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the hub.
 AGED = {POSITION: 0.25, READ: 0.6}
+#: Turns of the event loop in which whoever had an answer may ask on: the second half of a position, a motion that waited
+#: for one, and a halt that is coming go before reads of a lower rank.
+TURNS = 8
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
-#: Turns of the loop that a halt may take from the end of what ran before it until it is in the queue.
-TURNS = 5
 
 
 class Job:
@@ -51,8 +52,6 @@ class Line:
         self.talk = Talk(lambda data: self.wire.write(data), self._meanwhile, self._pause, dialogue, transcript)
         self.state = "opening"
         self.on_up: Callable[[], None] = lambda: None
-        #: Whether something that ranks as a stop waits for its turn and is not in the queue yet.
-        self.halts: Callable[[], bool] = lambda: False
         self.reason = ""
         self._now = asyncio.get_running_loop().time
         self._order = count()
@@ -189,11 +188,9 @@ class Line:
         self._down(f"{self.wire.name} was lost")
 
     async def _what_follows(self) -> None:
-        """Let the second half of a position come before reads of a lower rank, and a halt that is coming before all."""
-        if self._queue:
-            await asyncio.sleep(0)
+        """Give whoever had an answer its turns, unless nothing or a stop waits."""
         for _ in range(TURNS):
-            if not self._queue or self._stop_waits() or not self.halts():
+            if not self._queue or self._stop_waits():
                 return
             await asyncio.sleep(0)
 
@@ -250,10 +247,7 @@ class Line:
         now = self._now()
         while self._urgent and self._urgent[0] < now - 0.05:
             heapq.heappop(self._urgent)
-        if any(now - job.asked > AGED.get(rank, 1e9) for rank, _, job in self._queue):
-            self._queue = [(WAITED if now - job.asked > AGED.get(rank, 1e9) else rank, order, job)
-                           for rank, order, job in self._queue]
-            heapq.heapify(self._queue)
+        self._age()
         if self._urgent and self._queue[0][2].rank >= POSITION and self._urgent[0] - now < 1.5 * self.typical:
             self._wake.clear()
             try:
@@ -269,6 +263,14 @@ class Line:
                 await asyncio.wait_for(self._wake.wait(), gap)
             return None
         return heapq.heappop(self._queue)[2]
+
+    def _age(self) -> None:
+        """Reads that have waited long rise in rank."""
+        now = self._now()
+        if any(now - job.asked > AGED.get(rank, 1e9) for rank, _, job in self._queue):
+            self._queue = [(WAITED if now - job.asked > AGED.get(rank, 1e9) else rank, order, job)
+                           for rank, order, job in self._queue]
+            heapq.heapify(self._queue)
 
     def _meanwhile(self, busy: bool) -> int:
         """While the mount works: send the stops that need no answer; refuse all else once it is busy -> stops sent."""

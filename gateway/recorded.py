@@ -126,6 +126,7 @@ class RecordedLine(Line):
 
     async def _next(self) -> Job | None:
         if self._recorded.granted > self._recorded.written and self._recorded.script:
+            self._age()  # of two that ask the same the one goes first that did then
             for item in sorted(self._queue):
                 if not item[2].future.done() and self._bytes(item[2].ask) == self._recorded.script[0]:
                     self._queue.remove(item)

@@ -66,7 +66,6 @@ class Motions:
         self._interruptible: asyncio.Task[Any] | None = None
         #: Halts that are not done: the same one asked for again is that one.
         self._halts: dict[op.Operation, asyncio.Task[Any]] = {}
-        hub.line.halts = lambda: bool(self._halts)
         self._jobs: dict[asyncio.Task[Any], op.Operation] = {}
         self._later: dict[op.Operation, asyncio.TimerHandle] = {}
         self._checks = Checks(hub)

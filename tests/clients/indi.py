@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import select
 import socket
+import tempfile
 import time
 import uuid
 from collections.abc import Callable, Collection
+from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
@@ -45,13 +47,16 @@ class IndiServer:
         home = workshop.folder / f"home-{uuid.uuid4().hex}"
         home.mkdir()
         self.port = free_port()
-        argv = ["indiserver", "-p", str(self.port), "-u", str(home / "socket"), "-r", "0", driver]
+        self.short = tempfile.TemporaryDirectory(prefix="indi-")  # the path of a Unix socket has 107 bytes at most
+        socket_path = Path(self.short.name) / "socket"
+        argv = ["indiserver", "-p", str(self.port), "-u", str(socket_path), "-r", "0", driver]
         self.process: Process = workshop.start(argv, {"HOME": str(home)})
         wait_until(f"{self.process} listens", lambda: accepts(self.port))
 
     def end(self) -> None:
         """End the server; its driver ends with it."""
         self.process.end()
+        self.short.cleanup()
 
 
 class IndiClient:
