@@ -29,8 +29,8 @@ HALF_COMMAND = 3.5
 MUTE = 20.0
 #: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the hub.
 AGED = {POSITION: 0.25, READ: 0.6}
-#: Turns of the event loop in which whoever had an answer may ask on: the second half of a position, a motion that waited
-#: for one, and a halt that is coming go before reads of a lower rank.
+#: Turns of the event loop in which whoever had an answer may ask on: the second half of a position, a motion that
+#: waited for one, and a halt that is coming go before reads of a lower rank.
 TURNS = 8
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 

@@ -8,6 +8,7 @@ INDI protocol 1.7: XML elements without a root, `def…Vector`, `set…Vector`, 
 from __future__ import annotations
 
 import select
+import shutil
 import socket
 import tempfile
 import time
@@ -47,16 +48,15 @@ class IndiServer:
         home = workshop.folder / f"home-{uuid.uuid4().hex}"
         home.mkdir()
         self.port = free_port()
-        self.short = tempfile.TemporaryDirectory(prefix="indi-")  # the path of a Unix socket has 107 bytes at most
-        socket_path = Path(self.short.name) / "socket"
-        argv = ["indiserver", "-p", str(self.port), "-u", str(socket_path), "-r", "0", driver]
+        short = Path(tempfile.mkdtemp(prefix="indi-"))  # the path of a Unix socket has 107 bytes at most
+        workshop.keep(lambda: shutil.rmtree(short, ignore_errors=True))
+        argv = ["indiserver", "-p", str(self.port), "-u", str(short / "socket"), "-r", "0", driver]
         self.process: Process = workshop.start(argv, {"HOME": str(home)})
         wait_until(f"{self.process} listens", lambda: accepts(self.port))
 
     def end(self) -> None:
         """End the server; its driver ends with it."""
         self.process.end()
-        self.short.cleanup()
 
 
 class IndiClient:
