@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import time
 from datetime import date
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gateway import operations as op
 from gateway.codecs import Codec
@@ -18,19 +18,30 @@ from gateway.hub.derived import Derived
 from gateway.hub.places import PLACES
 from gateway.logline import meaning, show
 from gateway.observatory import Observatory
-from gateway.pairs import outcome, surface_rows
+from gateway.pairs import effective, outcome, surface_rows, taken
 from gateway.sky import Sky
 from gateway.surface import Again, Defer, Session, Speed, Start, Surface
 from gateway.tables import load
+
+if TYPE_CHECKING:
+    from gateway.config import Endpoint
 
 _SITE = op.Place(45.0, 10.0)
 _PLACE = op.Equatorial(83.633, 22.0145)
 
 
-def explain(client: str, mount: str, typed: str) -> str:
-    """Lines of text. Raises UserError for a command that the protocol does not have."""
+def explain(surface: str, scope: str, typed: str) -> str:
+    """Lines of text. ``surface`` and ``scope`` are ``PROTOCOL[:MODEL[/VERSION]]``.
+
+    Raises UserError for one of them that does not exist, and for a command that the protocol does not have.
+    """
+    from gateway.config import parse_device
+
+    face, at = parse_device(surface), parse_device(scope)
+    client, mount = face.protocol, at.protocol
     frame = unescape(typed)
     protocol, driven = load(client), load(mount)
+    version = effective(driven, at.model, at.version) if at.model and at.version else None
     found = protocol.find(frame)
     if found is None:
         raise UserError(f"{client} has no command {typed!r}{_hint(client, frame)}")
@@ -39,6 +50,9 @@ def explain(client: str, mount: str, typed: str) -> str:
     lines = [f"{show(frame)}  {command.help}"]
     if command.models is not None:
         lines.append(f"  by the manual only on {', '.join(sorted(command.models))}")
+    if face.version and not command.known_to(None, effective(protocol, face.model or "", face.version)):
+        lines.append(f"  a hand control of version {face.version} does not know it and drops its first byte")
+        return "\n".join(lines)
     if command.beyond:
         lines.append(f"  beyond the manual: {command.beyond}")
     try:
@@ -46,11 +60,14 @@ def explain(client: str, mount: str, typed: str) -> str:
         lines += [f"  {name} = {value}" for name, value in values.items()]
     except ValueError as error:
         lines.append(f"  not valid: {error}")
-    lines.append(f"outcome on a {mount} mount: {outcome(row, driven)}")
+    name = f"{at.model or mount}{f'/{at.version}' if at.version else ''}"
+    lines.append(f"outcome on a {name} mount: {outcome(row, driven, at.model, version)}")
     if row is not None and row.why:
         lines.append(f"  {row.why}")
+    if at.model:
+        lines += [f"  {way.why}" for way in taken(row, driven, at.model, version) if way.why]
     if row is not None:
-        lines += _run(client, mount, frame)
+        lines += _run(face, at, frame)
     return "\n".join(lines)
 
 
@@ -70,16 +87,14 @@ def unescape(typed: str) -> bytes:
     return re.sub(rb"\\x([0-9A-Fa-f]{2})", lambda hit: bytes((int(hit.group(1), 16),)), raw)
 
 
-def _run(client: str, mount: str, frame: bytes) -> list[str]:
+def _run(surface_at: Endpoint, mount_at: Endpoint, frame: bytes) -> list[str]:
     """The command carried out on a mount that only answers."""
     from gateway.assembly import DRIVERS, FACES
-    from gateway.config import Endpoint, MountConfig, SurfaceConfig
+    from gateway.config import MountConfig, SurfaceConfig
     from gateway.safety import Limits
 
-    if client not in FACES or mount not in DRIVERS:
-        return [f"  a {client} client on a {mount} mount is not carried out yet"]
-    face = FACES[client](Endpoint(client, "-"), SurfaceConfig(at="-"), Limits())
-    driver, _, dialogue = DRIVERS[mount](Endpoint(mount, "-"), MountConfig(at="-"), time.monotonic)
+    face = FACES[surface_at.protocol](surface_at, SurfaceConfig(at="-"), Limits())
+    driver, _, dialogue = DRIVERS[mount_at.protocol](mount_at, MountConfig(at="-"), time.monotonic)
     surface: Surface = face.surface
     session = Session(face.model, face.settings, time.time, {"sites": {}})
     session.kept.update(ra=_PLACE.ra, dec=_PLACE.dec, az=180.0, alt=45.0)
@@ -134,7 +149,10 @@ class _StandIn:
                                    operation.longitude if operation.longitude is not None else _SITE.longitude)
         if isinstance(operation, op.GotoHorizontal):
             operation = op.GotoAxes(operation.az, operation.alt)
-        return self._drive(self.driver.perform(operation))
+        answer = self._drive(self.driver.perform(operation))
+        if isinstance(operation, op.HorizontalPosition) and answer is None:  # the axes of an equatorial mount are none
+            return self.derived.horizon(_PLACE)
+        return answer
 
     def _drive(self, steps: Steps) -> Any:
         answer: Any = None

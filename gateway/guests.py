@@ -22,6 +22,8 @@ from gateway.ports.baud import Trial
 from gateway.surface import Session, Surface
 
 INHERIT_FOR = 60.0
+#: A program on a serial line, or one that opens a connection for every command, is here so long after it was heard.
+HERE = 10.0
 
 
 class Manner(Struct, frozen=True):
@@ -61,6 +63,7 @@ class Reception:
         self._clients: set[Client] = set()
         self._turned: set[str] = set()
         self._left: dict[str, tuple[float, dict[str, Any]]] = {}
+        self._visits: set[_Visit] = set()
 
     def arrive(self, name: str, host: str, write: Callable[[bytes], Any]) -> Guest:
         """A new connection. Raises TurnedAway."""
@@ -78,7 +81,10 @@ class Reception:
             client.read_only = True
             session.shared = Sealed(self.shared, lambda: client.refuse("a setting"))
         self.hub.transcript.put(name, "+", note=f"surface {self.number}, host {host}")
-        return _Visit(client, face.manners, lambda: self._leave(name, host, session, client.life))
+        lasting = host.removeprefix("pty:") == name
+        visit = _Visit(client, face.manners, lambda: self._leave(name, host, session, client.life, visit), lasting)
+        self._visits.add(visit)
+        return visit
 
     def _admit(self, name: str, host: str) -> None:
         """See whether a connection may be, and say once of a host why not. Raises TurnedAway."""
@@ -94,7 +100,15 @@ class Reception:
             self.hub.transcript.note(name, f"{host} was turned away from surface {self.number}: {why}")
         raise TurnedAway
 
-    def _leave(self, name: str, host: str, session: Session, life: Life) -> None:
+    def programs(self) -> int:
+        """How many programs seem to be here: on a serial line, or between two connections, by what was heard lately."""
+        now = self.hub.now()
+        connected = {visit.host for visit in self._visits}
+        between = sum(host not in connected and now - at <= HERE for host, (at, _) in self._left.items())
+        return between + sum(not visit.lasting or now - visit.heard <= HERE for visit in self._visits)
+
+    def _leave(self, name: str, host: str, session: Session, life: Life, visit: _Visit) -> None:
+        self._visits.discard(visit)
         self.hub.transcript.put(name, "-")
         self.hub.dead_man.leave(life)
         self._left[host] = (self.hub.now(), dict(session.kept))
@@ -103,24 +117,33 @@ class Reception:
 
 
 class _Visit:
-    """A client together with who it may turn out to be, and what is to be done when it leaves."""
+    """A client together with who it may turn out to be, and what is to be done when it leaves.
 
-    def __init__(self, client: Client, manners: tuple[Manner, ...], left: Callable[[], None]) -> None:
-        self._client, self._manners, self._left = client, manners, left
-        self._heard = b""
-        self.feed = self._listen if manners else client.feed
+    ``lasting``: it is a serial line, where nobody is seen to come or go; ``heard`` is the loop time of its last bytes.
+    """
+
+    def __init__(self, client: Client, manners: tuple[Manner, ...], left: Callable[[], None], lasting: bool) -> None:
+        self._client, self._manners, self._left, self.lasting = client, manners, left, lasting
+        self.host, self.heard = client.life.who, -1e9
+        self._begin = b""
+        self.feed = self._on_line if lasting else self._listen if manners else client.feed
+
+    def _on_line(self, data: bytes) -> None:
+        """Feed the client, and remember that somebody is there."""
+        self.heard = self._client.hub.now()
+        self._client.feed(data)
 
     def _listen(self, data: bytes) -> None:
         """Feed the client, and look at what it says as long as it may be one that is known."""
         if self._manners:
-            self._heard += data
+            self._begin += data
             self._manners = tuple(manner for manner in self._manners if self._may_be(manner))
         self._client.feed(data)
 
     def _may_be(self, manner: Manner) -> bool:
         """Whether more must be heard; when enough was heard the client is treated so from here on."""
-        if not self._heard.startswith(manner.first):
-            return manner.first.startswith(self._heard)
+        if not self._begin.startswith(manner.first):
+            return manner.first.startswith(self._begin)
         client, session = self._client, self._client.session
         client.equinox = manner.equinox or client.equinox
         session.settings = {**session.settings, **manner.settings}

@@ -29,10 +29,10 @@ HALF_COMMAND = 3.5
 MUTE = 20.0
 #: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the hub.
 AGED = {POSITION: 0.25, READ: 0.6}
-#: After so many exchanges for motions in a row one such read goes first: no flood of arrows may hide where the mount is.
+#: After so many exchanges for motions in a row one such read goes first: no flood of arrows may hide the mount.
 IN_A_ROW = 1
-#: Turns of the event loop in which whoever had an answer may ask on: the second half of a position, and a motion that
-#: waited for one, come before reads of a lower rank.
+#: Turns of the event loop in which whoever had an answer may ask on: the second half of a position, a motion that
+#: waited for one, and a halt that is coming go before reads of a lower rank.
 TURNS = 8
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 
@@ -51,7 +51,7 @@ class Line:
 
     def __init__(self, wire: Wire, dialogue: Dialogue, transcript: Transcript) -> None:
         self.wire, self.dialogue, self.transcript = wire, dialogue, transcript
-        self.talk = Talk(lambda data: self.wire.write(data), self._meanwhile, dialogue, transcript)
+        self.talk = Talk(lambda data: self.wire.write(data), self._meanwhile, self._pause, dialogue, transcript)
         self.state = "opening"
         self.on_up: Callable[[], None] = lambda: None
         self.reason = ""
@@ -61,6 +61,7 @@ class Line:
         self._wake = asyncio.Event()
         self._opened = self._motions = 0
         self._urgent: list[float] = []
+        self._hurried = False
         self._task: asyncio.Task[None] | None = None
 
     def start(self) -> None:
@@ -102,7 +103,7 @@ class Line:
         future: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
         self._queue.append((rank, next(self._order), Job(ask, rank, future)))
         self._wake.set()
-        self.talk.nudge()
+        self.talk.nudge(rank == STOP)
         return await future
 
     def doubt(self, ask: Ask) -> int:
@@ -137,7 +138,12 @@ class Line:
                 await self._reopened()
             else:
                 self._up()
-            await self._serve()
+            try:
+                await self._serve()
+            except Exception as error:  # a defect here must not leave the mount without a line for ever
+                self.transcript.note("mount", f"internal error, please report it: {error!r}")
+                self._down("internal error")
+                await asyncio.sleep(BACK_OFF[0])
             await self.wire.close()
 
     def _callbacks(self, opening: int) -> tuple[Callable[[bytes], None], Callable[[str], None]]:
@@ -167,8 +173,11 @@ class Line:
             job = await self._next()
             if job is None:
                 continue
+            hurried, self._hurried = self._hurried, False
             self._motions = self._motions + 1 if job.rank == MOTION else 0
-            outcome = await self.talk.exchange(job.ask)
+            outcome = await self.talk.exchange(job.ask, firm=hurried)
+            if hurried and job.rank == STOP and self.dialogue.pace(job.ask):
+                outcome = await self.talk.exchange(job.ask)  # a scope that needs its pause may have missed it
             if self.state == "busy":
                 self.state = "up"
             if not job.future.done():
@@ -176,11 +185,34 @@ class Line:
                     job.future.set_exception(outcome)
                 else:
                     job.future.set_result(outcome)
-                for _ in range(TURNS if self._queue else 0):
-                    await asyncio.sleep(0)
+                await self._what_follows()
             if isinstance(outcome, NoAnswer | Silence):
                 await self._recover()
         self._down(f"{self.wire.name} was lost")
+
+    async def _what_follows(self) -> None:
+        """Give whoever had an answer its turns, unless nothing or a stop waits."""
+        for _ in range(TURNS):
+            if not self._queue or self._stop_waits():
+                return
+            await asyncio.sleep(0)
+
+    def _stop_waits(self) -> bool:
+        """Whether a stop is in the queue that is still wanted."""
+        return any(rank == STOP and not job.future.done() for rank, _, job in self._queue)
+
+    async def _pause(self, seconds: float, firm: bool) -> bool:
+        """Give a scope time after a command without a reply. A stop cuts it short, unless ``firm``: then False."""
+        until = self._now() + seconds
+        while not self.talk.lost and (left := until - self._now()) > 0:
+            if not firm and self._stop_waits():
+                self._hurried = True
+                return False
+            self._wake.clear()
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(left):
+                    await self._wake.wait()
+        return True
 
     async def _recover(self) -> None:
         """Bring the line into step again, however long that takes, unless the wire is lost meanwhile."""

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import TextIO
 
+from gateway import journal
 from gateway.tables import load
 from gateway.transcript import Entry
 
@@ -28,20 +29,28 @@ def meaning(protocol: str, data: bytes) -> str:
 def line(entry: Entry, mount_protocol: str, name: str | None = None) -> str:
     """One entry as one line, without the line's end; ``name`` is the mount's, where there are several."""
     clock = datetime.fromtimestamp(entry.time, UTC).strftime("%H:%M:%S.%f")[:-3]
+    return f"{clock} {untimed(entry, mount_protocol, name)}"
+
+
+def untimed(entry: Entry, mount_protocol: str, name: str | None = None) -> str:
+    """The same without the time, for whoever has a clock of his own."""
     words = entry.note or _EVENTS.get(entry.arrow, "")
     if not words and entry.arrow == ">":
         client = "lx200" if entry.data[:1] in (b":", b"\x06", b"$") else "nexstar"
         words = meaning(mount_protocol if entry.side == "mount" else client, entry.data)
     called = f"{name:<8} " if name else ""
-    return f"{clock} {called}{entry.side:<21} {entry.arrow} {show(entry.data):<24} {words}".rstrip()
+    return f"{called}{entry.side:<21} {entry.arrow} {show(entry.data):<24} {words}".rstrip()
 
 
 def printer(mount_protocol: str, stream: TextIO, name: str | None = None) -> Callable[[Entry], None]:
-    """A sink that writes one line per entry."""
+    """A sink that writes one line per entry; in systemd's journal a note has a higher level than what was said."""
+    notice, info = (journal.level(number, stream) for number in (journal.NOTICE, journal.INFO))
 
     def put(entry: Entry) -> None:
         if entry.arrow not in SILENT:
-            stream.write(line(entry, mount_protocol, name) + "\n")
+            level = notice if entry.arrow == "!" else info
+            show_entry = untimed if level else line
+            stream.write(f"{level}{show_entry(entry, mount_protocol, name)}\n")
             stream.flush()
 
     return put

@@ -8,6 +8,7 @@ The rows of ``surface.toml`` say what is done; those with ``call`` are functions
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping
+from functools import cache
 from typing import Any, NamedTuple
 
 import msgspec
@@ -159,12 +160,12 @@ class Surface:
         kind = operations.named(name)
         assert kind is not None
         fields: dict[str, Any] = {}
-        for field in msgspec.structs.fields(kind):
-            value = values.get(field.name, session.kept.get(field.name))
-            if value is None and field.required:
+        for field, required in _needs(kind):
+            value = values.get(field, session.kept.get(field))
+            if value is None and required:
                 raise NoTarget
             if value is not None:
-                fields[field.name] = value
+                fields[field] = value
         return kind(**fields)
 
     def reply(self, session: Session, command: Command, answer: Any) -> bytes:
@@ -184,6 +185,12 @@ class Surface:
         if chosen is None:
             return b""
         return chosen[1].encode(dict.fromkeys(chosen[1].fields, str(fault)))
+
+
+@cache
+def _needs(kind: type[Operation]) -> tuple[tuple[str, bool], ...]:
+    """The fields of an operation, and whether each must be given; looking them up costs more than all of a reply."""
+    return tuple((field.name, field.required) for field in msgspec.structs.fields(kind))
 
 
 def _fields(answer: Any, names: Mapping[str, Any]) -> Mapping[str, Any]:

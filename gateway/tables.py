@@ -85,13 +85,15 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Way(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One way of carrying out an operation: the commands it sends, or a Python special, what it needs and what it uses.
 
-    A way whose ``send`` or ``needs`` the mount lacks is passed over; the others it uses where there are some.
+    A way whose ``send`` or ``needs`` the mount lacks is passed over; the others it uses where there are some. ``part``
+    names what a model must have for it (``has`` in ``models.toml``); the tables count by it.
     """
 
     send: list[str] = []
     call: str | None = None
     needs: list[str] = []
     uses: list[str] = []
+    part: str | None = None
     outcome: str = "translated"
     why: str | None = None
 

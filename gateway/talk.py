@@ -8,7 +8,7 @@ the line is in step again, or every later answer would belong to an earlier ques
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from typing import Any, Protocol
 
 from gateway.doubt import LATEST, Doubt
@@ -47,12 +47,13 @@ class Talk:
     """Exchanges over ``write``, until the wire is ``lost``.
 
     ``meanwhile`` is called while the mount is at a long piece of work, with whether it counts as busy by now; it sends
-    what may be sent all the same and returns how many requests that were.
+    what may be sent all the same and returns how many requests that were. ``pause`` waits after a command without a
+    reply; it returns False when a stop has cut that short.
     """
 
-    def __init__(self, write: Callable[[bytes], None], meanwhile: Callable[[bool], int], dialogue: Dialogue,
-                 transcript: Transcript) -> None:
-        self._write, self._meanwhile = write, meanwhile
+    def __init__(self, write: Callable[[bytes], None], meanwhile: Callable[[bool], int],
+                 pause: Callable[[float, bool], Awaitable[bool]], dialogue: Dialogue, transcript: Transcript) -> None:
+        self._write, self._meanwhile, self._pause = write, meanwhile, pause
         self.dialogue, self.transcript = dialogue, transcript
         self.lost = False
         #: The line was lost in the middle of an exchange: perhaps with half a command on the other side.
@@ -71,6 +72,7 @@ class Talk:
         self._last: Ask | None = None
         self._proofs = 0
         self._stops = 0
+        self._settling = False
 
     def hear(self, data: bytes) -> None:
         """Bytes have come."""
@@ -86,9 +88,9 @@ class Talk:
         self.lost = True
         self._arrived.set()
 
-    def nudge(self) -> None:
-        """Something waits that may have to be sent before the reply comes."""
-        if self.long:
+    def nudge(self, stop: bool) -> None:
+        """Something waits that may have to be sent before the reply comes, or as soon as it has come."""
+        if self.long or (stop and self._settling):
             self._arrived.set()
 
     def send(self, request: bytes) -> bool:
@@ -113,8 +115,8 @@ class Talk:
         left = self._heard + GAP - self._now()
         return left if left > 1e-6 else 0.0
 
-    async def exchange(self, ask: Ask) -> dict[str, Any] | Fault:
-        """One request and its reply, or the Fault that came instead."""
+    async def exchange(self, ask: Ask, firm: bool = False) -> dict[str, Any] | Fault:
+        """One request and its reply, or the Fault that came instead. A ``firm`` pause after it is kept to its end."""
         try:
             request = self.dialogue.encode(ask)
         except Fault as fault:
@@ -142,8 +144,7 @@ class Talk:
         if not ask.long:
             self.typical += 0.2 * (min(self._now() - began, 3.0 * self.typical + 0.01) - self.typical)
         pace = self.dialogue.pace(ask)
-        if pace:
-            await asyncio.sleep(pace)
+        if pace and await self._pause(pace, firm):
             outcome = self._objection(ask) or outcome
         return outcome
 
@@ -161,8 +162,11 @@ class Talk:
                 self._cut(taken[1], "busy: the stop was not heard")
                 self._arrived.set()
             elif taken is not None:
-                if taken[1] and self.dialogue.bare(ask) and await self._something_within(settle):
-                    taken = self._take(ask) or taken
+                if taken[1] and self.dialogue.bare(ask):
+                    self._settling = True
+                    if await self._something_within(settle):
+                        taken = self._take(ask) or taken
+                    self._settling = False
                 return taken
             elif now >= deadline:
                 return None

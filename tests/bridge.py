@@ -42,8 +42,9 @@ class Bridge:
     def __init__(self, mount: str = "6-8se", version: str | None = None, *, site: tuple[float, float] = (45.0, 10.0),
                  latency: float = 0.05, aligned: bool = True, speed: float = 1.0, surface: str | None = "autostar",
                  config: dict[str, Any] | None = None, driven: str = "nexstar", presented: str = "lx200",
-                 start: float = EVENING, host_ahead: float = 0.0, state: Path | None = None, on: Bridge | None = None,
-                 in_thread: InThread | None = None, access: Access = Access()) -> None:
+                 surface_version: str | None = None, start: float = EVENING, host_ahead: float = 0.0,
+                 state: Path | None = None, on: Bridge | None = None, in_thread: InThread | None = None,
+                 access: Access = Access()) -> None:
         """With ``state`` a directory for what is kept; ``on`` the same mount as another gateway's, which has ended."""
         loop = asyncio.get_running_loop()
         self._began = loop.time() if on is None else on._began
@@ -63,7 +64,8 @@ class Bridge:
         self.observatory = Observatory(loop.time, self.host, op.Place(*given) if given else None)
         self.hub = Hub(driver, follow_ups, line, Sky(), self.observatory, self.transcript,
                        policy(self.settings))
-        face = FACES[presented](Endpoint(presented, "-", surface), SurfaceConfig(at="-"), self.settings.limits)
+        shown = Endpoint(presented, "-", surface, surface_version)
+        face = FACES[presented](shown, SurfaceConfig(at="-"), self.settings.limits)
         face.surface.verbatim = presented == driven
         self.warned: list[str] = []
         self.keeping: Keeping | None = None

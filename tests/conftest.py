@@ -1,14 +1,26 @@
-"""No test writes where the person who runs it keeps real state, and none finds what another one has kept."""
+"""No test writes where the person who runs it keeps real state, and none finds what another one has kept.
+
+Where the tests are spread over processes, each is as strict about bytes and text as the one that was started.
+"""
 
 from __future__ import annotations
 
 import itertools
+import shlex
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 _COUNT = itertools.count()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Workers of pytest-xdist get ``-bb`` as well; by itself it starts them without."""
+    if sys.flags.bytes_warning and getattr(config.option, "tx", None):
+        strict = f"popen//python={shlex.quote(sys.executable)} -{'b' * sys.flags.bytes_warning}"
+        config.option.tx = [strict if spec == "popen" else spec for spec in config.option.tx]
 
 
 @pytest.fixture(scope="session", autouse=True)

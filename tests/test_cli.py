@@ -144,7 +144,8 @@ def test_a_port_in_use_is_named(started: list[Running]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["run", "--mount", "nexstar@/dev/does-not-exist", "--surface", "lx200@tcp://:0"], "no such port"),
+        (["run", "--mount", "nexstar@/dev/does-not-exist", "--surface", "lx200@tcp://:0"],
+         "no such port; mount-gateway detect"),
         (["run", "--mount", "nexstar:gpe@sim", "--surface", "lx200@tcp://:0"], "did you mean"),
         (["run", "--mount", "nexstr@sim", "--surface", "lx200@tcp://:0"], "no protocol"),
         (["run", "--mount", "nexstar:cge/new@sim", "--surface", "lx200@tcp://:0"], "no version"),
@@ -259,6 +260,7 @@ def strangers() -> Iterator[dict[str, Stranger]]:
 def test_a_silent_line_is_said_to_be_one(strangers: dict[str, Stranger]) -> None:
     line = strangers["silent"].verdict()
     assert "no mount answers" in line
+    assert f"mount-gateway detect {strangers['silent'].mount.partition('@')[2]} looks closer" in line
     assert "--wait" in line
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import shutil
 from datetime import date
 from itertools import combinations
@@ -12,11 +13,13 @@ import pytest
 
 from gateway import pairs
 from gateway.codecs import Codec
-from gateway.errors import MappingError
+from gateway.errors import MappingError, UserError
 from gateway.explain import explain
 from gateway.protocols.lx200.surface import SPECIALS as LX200_SPECIALS
 from gateway.protocols.nexstar.driver import SPECIALS as NEXSTAR_SPECIALS
 from gateway.tables import Protocol, load, mappings_folder
+from tests.bridge import Bridge
+from tests.virtual import run
 
 PROTOCOLS = [load("lx200"), load("nexstar")]
 SAMPLES = {"ra": 83.6, "dec": -22.5, "latitude": -33.5, "longitude": 118.25, "date": date(2026, 3, 20)}
@@ -114,3 +117,82 @@ def test_every_row_is_explained(client: str, mount: str) -> None:
         assert command.help in told, name
         assert f"outcome on a {mount} mount: missing" not in told, name
         assert "\nreply: " in told, name
+
+
+#: A program's protocol and the mounts that have the least, the oddest and the most.
+MOUNTS = [("lx200", f"nexstar:{model}") for model in ("nexstar-gps/1.2", "gt/101.0", "i-series/1.6", "cge/3.02",
+                                                      "cpc/4.21")]
+MOUNTS += [("nexstar", f"lx200:{model}") for model in ("autostar", "lx200", "lx200-16", "lx200gps")]
+SURFACES = [(f"lx200:{model}", "nexstar:6-8se") for model in ("autostar", "lx200", "lx200-16", "lx200gps")]
+SURFACES += [(f"nexstar:{model}", "lx200") for model in ("cge/3.02", "nexstar-gps/1.2", "gt/104.0")]
+
+
+@pytest.mark.parametrize(("surface", "scope"), MOUNTS + SURFACES)
+def test_every_row_is_explained_for_models_and_versions(surface: str, scope: str) -> None:
+    for name, command in load(surface.partition(":")[0]).commands.items():
+        fields = command.request.fields
+        frame = command.request.encode({field: _sample(field, codec) for field, codec in fields.items()})
+        told = explain(surface, scope, "".join(f"\\x{byte:02x}" for byte in frame))
+        assert command.help in told, name
+        assert ": missing" not in told, name
+        assert "\nreply: " in told or "drops its first byte" in told, name
+
+
+def test_an_explanation_is_of_the_model_that_was_named() -> None:
+    assert "outcome on a cpc/4.21 mount: translated" in explain("lx200:lx200gps", "nexstar:cpc/4.21", ":gT#")
+    assert "outcome on a cge/3.02 mount: refused" in explain("lx200:lx200gps", "nexstar:cge/3.02", ":gT#")
+    assert "reply: 3.34#" in explain("lx200:lx200", "nexstar", ":GVN#")
+    assert "reply: \\x03\\x02#" in explain("nexstar:cge/3.02", "lx200", "V")
+    assert "version 1.2 does not know it" in explain("nexstar:nexstar-gps/1.2", "lx200", "e")
+    assert "the gateway keeps it as an offset" in explain("lx200", "nexstar:i-series/1.6", ":CM#")
+    with pytest.raises(UserError, match="no model 'cgx9'"):
+        explain("lx200", "nexstar:cgx9", ":CM#")
+
+
+def test_the_table_of_one_mount() -> None:
+    told = pairs.one("gt/101.0")
+    assert told.startswith("# LX200 commands on gt/101.0\n")
+    assert "| `:CM#` | sync to the target | kept |" in told
+    assert "missing" not in told
+    assert pairs.one("nexstar:cpc/4.21") == pairs.one("cpc/4.21") == pairs.one("cpc")
+    assert "# NexStar commands on lx200\n" in pairs.one("lx200")
+    for wrong in ("cpx", "lx200:cpc", "cpc/new"):
+        with pytest.raises(UserError, match=r"MODEL or MODEL/VERSION|no version"):
+            pairs.one(wrong)
+
+
+def test_a_row_that_one_old_version_lacks_fails_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = {name: ways[:1] if name == "Sync" else ways for name, ways in load("nexstar").driver.items()}
+    monkeypatch.setattr(load("nexstar"), "_driver", kept)
+    assert pairs.missing("lx200", "nexstar") == ["CM"]
+
+
+@pytest.mark.parametrize(
+    ("said", "outcome"),
+    [
+        (b":AL#", "kept"), (b":AP#", "kept"), (b":Sr05:00:00#:Sd+45*00:00#:CM#", "kept"), (b":Ga#", "kept"),
+        (b":GC#", "kept"), (b":GG#", "kept"), (b":Gg#", "kept"), (b":GL#", "kept"), (b":Gt#", "kept"),
+        (b":hN#", "silent"), (b":hW#", "silent"), (b":I#", "kept"), (b":Mgn0500#", "refused"),
+        (b":RS#:Mn#", "translated"),
+    ],
+)
+@pytest.mark.parametrize(("model", "version"), [("nexstar-gps", "1.2"), ("gt", "101.0")])
+def test_the_outcomes_on_the_oldest_hand_controls_are_what_happens(
+    model: str, version: str, said: bytes, outcome: str
+) -> None:
+    """What is kept there sends nothing but questions; what is translated moves the mount."""
+
+    async def program() -> list[bytes]:
+        config = {"site": (45.0, 10.0), "mode": "alt-az"}
+        async with Bridge(model, version, config=config) as bridge:
+            before = len(bridge.sent())
+            await bridge.client().ask(said, 1.0)
+            await asyncio.sleep(1.0)
+            return [sent for sent in bridge.sent()[before:] if sent[:1] not in b"EZJL"]
+
+    name = load("lx200").find(b":" + said.rpartition(b":")[2])
+    assert name is not None
+    mount = load("nexstar")
+    row = load("lx200").surface[name[0].name]
+    assert pairs.outcome(row, mount, model, pairs.effective(mount, model, version)) == outcome
+    assert bool(run(program())) == (outcome == "translated")

@@ -1,29 +1,44 @@
 """The command line. One line per open endpoint on stdout; a mistake is one line on stderr and exit code 2.
 
-Every command is a module here: ``add`` puts it into the parser, and the rest of the file carries it out.
+Every command is a module here: ``add`` puts it into the parser, and the rest of the file carries it out. Only the one
+that is asked for is loaded: a gateway should be there soon after power-on.
 """
 
 from __future__ import annotations
 
-import argparse
 import re
 import sys
-from typing import NoReturn
+from collections.abc import Sequence
+from importlib import import_module
 
-from gateway import __version__
-from gateway.cli import config, decode, demo, detect, explain, replay, run, sim, stop, tables
+from gateway import __version__, journal
+from gateway.cli.helping import EXIT_CODES, Parser, endpoints
 from gateway.errors import UserError
 
-COMMANDS = (demo, detect, run, stop, config, sim, tables, explain, replay, decode)
+COMMANDS = ("demo", "detect", "run", "stop", "config", "service", "sim", "tables", "explain", "replay", "decode",
+            "completion")
+
+FIRST = """\
+Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.
+
+What one does first:
+  mount-gateway demo      without a mount: plays one, and says where your program can connect
+  mount-gateway detect    with a mount: says which port it is on, and the line that starts the gateway
+  mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@tcp://127.0.0.1:4030
+                          that line: your program connects to port 4030 as if to a Meade
+
+mount-gateway COMMAND --help tells more, with examples.
+"""
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run a command -> its exit code: 0 done, 1 not (nothing found, a mount that could not be stopped), 2 bad input."""
     try:
-        arguments = parser().parse_args(_bound(sys.argv[1:] if argv is None else argv))
+        words = _bound(sys.argv[1:] if argv is None else argv)
+        arguments = parser(words[:1]).parse_args(words)
         return int(arguments.run(arguments) or 0)
     except UserError as error:
-        print(f"mount-gateway: {error}", file=sys.stderr)
+        print(journal.message(str(error), journal.ERROR, sys.stderr), file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 0
@@ -43,22 +58,11 @@ def _bound(argv: list[str]) -> list[str]:
     return bound
 
 
-class _Parser(argparse.ArgumentParser):
-    """One line for a mistake, as everywhere."""
-
-    def error(self, message: str) -> NoReturn:
-        raise UserError(f"{message} ({self.prog} --help tells more)")
-
-
-def parser() -> argparse.ArgumentParser:
-    """The whole command line."""
-    whole = _Parser(
-        prog="mount-gateway",
-        description="Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.",
-        epilog="An endpoint is PROTOCOL[:MODEL[/VERSION]]@WHERE, for example nexstar@/dev/ttyUSB0 or lx200@tcp://:4030.",
-    )
+def parser(asked: Sequence[str] = ()) -> Parser:
+    """The whole command line, or only the command that is asked for."""
+    whole = Parser(prog="mount-gateway", description=FIRST, epilog=lambda: f"{endpoints()}\n\n{EXIT_CODES}")
     whole.add_argument("--version", action="version", version=f"mount-gateway {__version__}")
     commands = whole.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for command in COMMANDS:
-        command.add(commands)
+    for name in [name for name in COMMANDS if name in asked] or COMMANDS:
+        import_module(f"gateway.cli.{name}").add(commands)
     return whole

@@ -10,7 +10,12 @@ from gateway.cli.settings import add_settings, settings
 
 def add(commands: Any) -> None:
     """Put the command into the parser."""
-    config = commands.add_parser("config", help="the configuration in effect, or an example of gateway.toml")
+    config = commands.add_parser(
+        "config", help="the configuration in effect, or an example of gateway.toml",
+        description="Prints what run would go by, and where each value comes from.",
+        epilog="Examples:\n  mount-gateway config --example > gateway.toml\n"
+               "  mount-gateway config --config gateway.toml",
+    )  # fmt: skip
     group = config.add_mutually_exclusive_group()
     group.add_argument("--example", action="store_true", help="a complete gateway.toml with every key explained")
     group.add_argument("--table", action="store_true", help="every key as a Markdown table")

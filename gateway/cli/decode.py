@@ -14,7 +14,8 @@ def add(commands: Any) -> None:
     """Put the command into the parser."""
     decode = commands.add_parser("decode", help="a recording or a capture of a serial line, in words",
                                  description="Understands recordings of run --record, pyserial's spy://, socat -x, "
-                                 "and the bare bytes that a client sent.")
+                                 "and the bare bytes that a client sent.",
+                                 epilog="Example:\n  mount-gateway decode night.rec | less")
     decode.add_argument("file", type=Path, metavar="FILE")
     decode.add_argument("--protocol", choices=("lx200", "nexstar"), help="of a capture; without it, it is guessed")
     decode.set_defaults(run=_decode)

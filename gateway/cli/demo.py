@@ -15,7 +15,11 @@ DEMO_PORT = 4030
 
 def add(commands: Any) -> None:
     """Put the command into the parser."""
-    demo = commands.add_parser("demo", help="a simulated mount to play with, on TCP 4030 and a virtual serial port")
+    demo = commands.add_parser(
+        "demo", help="a simulated mount to play with, on TCP 4030 and a virtual serial port",
+        description="Plays a mount and a gateway before it, so that a program can be tried out without either.",
+        epilog="Talk to it by hand:\n  nc 127.0.0.1 4030\n  :GR#    where is it? it answers with the right ascension",
+    )  # fmt: skip
     demo.add_argument("--port", type=int, default=DEMO_PORT, help="TCP port (default 4030; 0 takes any free one)")
     demo.add_argument("--pty", metavar="PATH", help="virtual serial port (default /tmp/lx200, reversed /tmp/nexstar)")
     demo.add_argument("--reverse", action="store_true", help="the other way: NexStar programs on a simulated Meade")

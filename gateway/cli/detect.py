@@ -27,6 +27,8 @@ def add(commands: Any) -> None:
         description="Looks for a mount on all serial ports, or on those given. A port is asked two harmless "
                     "questions (Kx, then ACK), first at 9600 baud; nothing moves. Exit code 0: a mount was found, "
                     "1: none.",
+        epilog="Examples:\n  mount-gateway detect\n  mount-gateway detect /dev/ttyUSB0 --write gateway.toml\n"
+               "  mount-gateway detect socket://192.168.1.50:4030",
     )  # fmt: skip
     detect.add_argument("port", nargs="*", metavar="PORT",
                         help="a device, a pyserial URL (socket://HOST:PORT, rfc2217://HOST:PORT), or with its protocol "

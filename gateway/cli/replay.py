@@ -11,7 +11,9 @@ def add(commands: Any) -> None:
     """Put the command into the parser."""
     replay = commands.add_parser("replay", help="play a recording of run --record again and compare",
                                  description="The recorded times are the clock, the recorded mount is the mount: every "
-                                 "client must receive the bytes that it received then. Exit code 1 when not.")
+                                 "client must receive the bytes that it received then. Exit code 1 when not.",
+                                 epilog="Example:\n  mount-gateway run --config gateway.toml --record night.rec\n"
+                                 "  mount-gateway replay night.rec")
     replay.add_argument("file", type=Path, metavar="FILE")
     replay.add_argument("--sim", action="store_true", help="ask a simulated mount instead, and show the conversation")
     replay.set_defaults(run=_replay)

@@ -5,13 +5,31 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from gateway.cli.helping import EXIT_CODES, endpoints
 from gateway.cli.serving import serve_mounts, with_loop
 from gateway.cli.settings import add_settings, settings
+
+EXAMPLES = """\
+Examples:
+  mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@tcp://127.0.0.1:4030
+      LX200 programs on this computer drive the Celestron that is plugged in
+  mount-gateway run --mount lx200@/dev/ttyUSB0 --surface nexstar@tcp://0.0.0.0:4030 --log
+      NexStar programs, on other computers too, drive a Meade; every word of it is shown
+  mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@pty:/tmp/lx200 --lowest 15
+      a program that wants a serial port gets /tmp/lx200; nothing is pointed lower than 15 degrees
+  mount-gateway run --config gateway.toml
+      all that from a file: mount-gateway config --example prints one
+"""
 
 
 def add(commands: Any) -> None:
     """Put the command into the parser."""
-    run = commands.add_parser("run", help="connect clients to a mount, or to several")
+    run = commands.add_parser(
+        "run", help="connect programs to a mount, or to several",
+        description="Connects programs to a mount. Prints a line that begins with \"ready\" for every place where they "
+                    "can connect, and serves until Ctrl-C, which stops the mount first.",
+        epilog=lambda: f"{EXAMPLES}\n{endpoints()}\n\n{EXIT_CODES}",
+    )  # fmt: skip
     add_settings(run)
     run.add_argument("--loop", choices=("fast", "asyncio"), default="fast", help="event loop: uvloop where it exists")
     run.set_defaults(run=_run)

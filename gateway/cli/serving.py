@@ -18,8 +18,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from gateway import __version__
+from gateway.cli.live import Screen, find_terminal, look_on
 from gateway.config import Config, parse_endpoint
 from gateway.errors import UserError
+from gateway.notify import notify
 from gateway.transcript import SKY_READY
 
 if TYPE_CHECKING:
@@ -85,8 +87,11 @@ async def serve_mounts(config: Config, banner: str = "") -> int:
     from gateway.transcript import Transcript
 
     done, sky = until_signal(), Sky()
+    # beside the conversation of --log a line that is rewritten would only be in the way
+    screen = Screen(find_terminal() if config.status and not config.log else None)
     gateways: list[Gateway] = []
-    announcement = Announcement(warn, lambda text: gateways[0].transcript.note("mount", text))
+    onlookers: list[asyncio.Task[None]] = []
+    announcement = Announcement(screen.warn, lambda text: gateways[0].transcript.note("mount", text))
 
     def offers() -> list[Offer]:
         names = [name for gateway in gateways for name in gateway.names()] if config.discovery else []
@@ -98,7 +103,7 @@ async def serve_mounts(config: Config, banner: str = "") -> int:
             from gateway.logline import printer
 
             transcript.sinks.append(printer(parse_endpoint(mount.at).protocol, sys.stderr, mount.name))
-        gateways.append(Gateway(mount, config.of(mount), transcript, sky, warn=warn))
+        gateways.append(Gateway(mount, config.of(mount), transcript, sky, warn=screen.warn))
         gateways[-1].remember()
         if mount.record:
             transcript.sinks.append(_recorder(mount.record, gateways[-1]).put)
@@ -107,7 +112,8 @@ async def serve_mounts(config: Config, banner: str = "") -> int:
             await gateway.open()
         await announcement.answer(offers())
         if banner:
-            print(banner, flush=True)
+            screen.say(banner)
+        onlookers = look_on(gateways, screen)
         patient = config.wait or len(gateways) > 1
 
         def sky_ready() -> None:
@@ -116,10 +122,24 @@ async def serve_mounts(config: Config, banner: str = "") -> int:
 
         # once, when the first mount is found or not waited for
         start_sky = cache(lambda: sky.start(_from_the_thread(sky_ready)))
-        await _unless(done, asyncio.gather(*(_serve(gateway, patient, start_sky) for gateway in gateways)))
+        to_be_ready = list(gateways)
+
+        def ready(gateway: Gateway) -> None:
+            for name in gateway.names():
+                screen.say(f"ready {name}")
+            to_be_ready.remove(gateway)
+            if not to_be_ready:
+                notify("READY=1")
+
+        await _unless(done, asyncio.gather(*(_serve(gateway, patient, start_sky, ready, screen.warn)
+                                             for gateway in gateways)))
         announcement.publish(offers())  # by now it is known which model fits the mount
         await done.wait()
     finally:
+        notify("STOPPING=1")
+        for task in onlookers:
+            task.cancel()
+        screen.clear()
         await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
     return 0
 
@@ -145,12 +165,6 @@ def _from_the_thread(work: Callable[[], object]) -> Callable[[], None]:
     return call
 
 
-def warn(text: str) -> None:
-    """A line on stderr, where there still is one: a terminal that was closed must not keep a mount moving."""
-    with contextlib.suppress(OSError, ValueError):
-        print(f"mount-gateway: {text}", file=sys.stderr, flush=True)
-
-
 async def _unless(done: asyncio.Event, work: asyncio.Future[Any]) -> None:
     """Wait for some work, or for the end of it all. Raises what the work raises."""
     end = asyncio.ensure_future(done.wait())
@@ -162,14 +176,14 @@ async def _unless(done: asyncio.Event, work: asyncio.Future[Any]) -> None:
         await work
 
 
-async def _serve(gateway: Gateway, patient: bool, start_sky: Callable[[], None]) -> None:
+async def _serve(gateway: Gateway, patient: bool, start_sky: Callable[[], None], ready: Callable[[Gateway], None],
+                 warn: Callable[[str], None]) -> None:
     """Find one mount and say that it is ready. Raises UserError for one that is not there, unless there is patience."""
     if not patient:
         await _find(gateway)
     start_sky()
     found = not patient or await gateway.found(QUICK)
-    for name in gateway.names():
-        print(f"ready {name}", flush=True)
+    ready(gateway)
     if not found and not await _found(gateway):
         assert gateway.hub is not None
         reason = gateway.hub.line.reason or "no answer"
@@ -196,12 +210,14 @@ async def _find(gateway: Gateway) -> None:
     assert gateway.hub is not None
     line = gateway.hub.line
     if line.reason.startswith("cannot open"):
-        raise UserError(f"{gateway.title}: {line.reason}")
+        raise UserError(f"{gateway.title}: {line.reason}; mount-gateway detect shows which ports there are")
     await line.close()
     from gateway.detect import who_answers
 
     found = await who_answers(gateway.mount.where, gateway.config.baud)
     if found and found != gateway.mount.protocol:
         raise UserError(f"{gateway.title}: the mount speaks {found}; write {found}@{gateway.mount.where}")
+    where = gateway.mount.where
+    look = f"mount-gateway detect {where} looks closer" if "://" in where else "mount-gateway detect tries every port"
     raise UserError(f"{gateway.title}: no mount answers (is it switched on, and the cable in the hand control?); "
-                    "--wait keeps trying")
+                    f"{look}, --wait keeps trying")

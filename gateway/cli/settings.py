@@ -13,18 +13,30 @@ from gateway.config.describing import Key, keys
 from gateway.config.endpoints import parse_site
 from gateway.errors import UserError
 
+#: The flags of ``--help`` by what they are about; a key that is in none of them is about the mount.
+GROUPS = {
+    "safety": ("lowest", "highest", "sun", "hour-angle-limit", "sync-limit", "dead-man", "dead-man-closed"),
+    "how it runs": ("wait", "log", "status", "record", "state"),
+    "simulated mounts": ("latency", "speed"),
+}
+MOUNT = "about the mount"
+
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Give a command the flags for everything that can be configured."""
-    parser.add_argument("--config", type=Path, metavar="FILE", help="read gateway.toml; what is given here wins")
-    parser.add_argument("--mount", metavar="ENDPOINT", help="for example nexstar@/dev/ttyUSB0, or nexstar@sim")
-    parser.add_argument("--surface", metavar="ENDPOINT", action="append", default=[],
-                        help="for example lx200@tcp://127.0.0.1:4030 or lx200:autostar@pty:/tmp/lx200; may be repeated")
+    ends = parser.add_argument_group("what is connected: these, or the same in a file")
+    ends.add_argument("--mount", metavar="ENDPOINT", help="for example nexstar@/dev/ttyUSB0, or nexstar@sim")
+    ends.add_argument("--surface", metavar="ENDPOINT", action="append", default=[],
+                      help="where programs connect: lx200@tcp://127.0.0.1:4030, lx200@pty:/tmp/lx200; may be repeated")
+    ends.add_argument("--config", type=Path, metavar="FILE", help="read gateway.toml; what is given here wins")
+    groups = {title: parser.add_argument_group(title) for title in (MOUNT, *GROUPS)}
     for key in (*keys("mount"), *keys("")):
+        group = groups[next((title for title, names in GROUPS.items() if key.name in names), MOUNT)]
         if isinstance(key.default, bool):
-            parser.add_argument(f"--{key.name}", action=argparse.BooleanOptionalAction, default=None, help=key.help)
+            words = f"{key.words} (default: yes)" if key.default else key.words
+            group.add_argument(f"--{key.name}", action=argparse.BooleanOptionalAction, default=None, help=words)
         elif key.flag:
-            parser.add_argument(f"--{key.name}", metavar=key.shown.replace("|", ","), help=key.help)
+            group.add_argument(f"--{key.name}", metavar=key.shown.replace("|", ","), help=key.help)
 
 
 def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:

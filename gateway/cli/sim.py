@@ -14,9 +14,7 @@ from gateway.tables import load
 
 def add(commands: Any) -> None:
     """Put the command into the parser."""
-    sim = commands.add_parser("sim", help="a simulated mount for other programs", add_help=False,
-                              formatter_class=argparse.RawDescriptionHelpFormatter)
-    sim.add_argument("-h", "--help", action=_Help, nargs=0, help="show this, and every model there is")
+    sim = commands.add_parser("sim", help="a simulated mount for other programs", epilog=_epilog)
     sim.add_argument("device", metavar="PROTOCOL[:MODEL[/VERSION]]", help="for example nexstar:cpc/4.21")
     sim.add_argument("--at", action="append", metavar="WHERE", help="tcp://HOST:PORT or pty:PATH; may be repeated")
     sim.add_argument("--latency", type=float, default=0.0, metavar="S", help="seconds to answer (a real one: 0.1-0.3)")
@@ -28,13 +26,8 @@ def add(commands: Any) -> None:
     sim.set_defaults(run=_sim)
 
 
-class _Help(argparse.Action):
-    """Help with the models under it: they are only read when somebody asks."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        parser.epilog = models()
-        parser.print_help()
-        parser.exit()
+def _epilog() -> str:
+    return f"Example:\n  mount-gateway sim nexstar:cpc --at tcp://127.0.0.1:5000 --latency 0.2\n\n{models()}"
 
 
 def models() -> str:

@@ -10,10 +10,18 @@ import asyncio
 import sys
 from typing import Any
 
+from gateway import journal
+
 
 def add(commands: Any) -> None:
     """Put the command into the parser."""
-    stop = commands.add_parser("stop", help="stop the mount: of every running gateway, and of one that was killed")
+    stop = commands.add_parser(
+        "stop", help="stop the mount: of every running gateway, and of one that was killed",
+        description="Ends every motion of every mount here. Exit code 0: none moves any more, 1: one could not be "
+                    "stopped.",
+        epilog="Examples:\n  mount-gateway stop\n"
+               "  mount-gateway stop --state /var/lib/mount-gateway    of the gateway that systemd runs",
+    )  # fmt: skip
     stop.add_argument("--mount", metavar="NAME", help="only this one: its endpoint, or the part behind @")
     stop.add_argument("--state", metavar="PATH", help="the directory that the gateway was told to keep its state in")
     stop.set_defaults(run=_stop)
@@ -27,7 +35,8 @@ def _stop(arguments: argparse.Namespace) -> int:
     for mount, answer in outcomes:
         good = answer == STOPPED
         words = STOPPED if good else f"not stopped: {answer.removeprefix('failed ')}"
-        print(f"{mount or 'a mount that is not known any more'}: {words}", file=sys.stdout if good else sys.stderr)
+        stream, level = (sys.stdout, journal.INFO) if good else (sys.stderr, journal.ERROR)
+        print(f"{journal.level(level, stream)}{mount or 'a mount that is not known any more'}: {words}", file=stream)
     if not outcomes:
         only = f" for {arguments.mount}" if arguments.mount else ""
         print(f"nothing to stop: no gateway runs{only}, and none ended in motion")

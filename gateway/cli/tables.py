@@ -12,6 +12,7 @@ def add(commands: Any) -> None:
     group = tables.add_mutually_exclusive_group()
     group.add_argument("--write", action="store_true", help="write mappings/README.md")
     group.add_argument("--check", action="store_true", help="fail when mappings/README.md is stale or a row is wrong")
+    group.add_argument("--model", metavar="MODEL[/VERSION]", help="only what becomes of them on one mount: cpc/4.21")
     tables.set_defaults(run=_tables)
 
 
@@ -23,5 +24,5 @@ def _tables(arguments: argparse.Namespace) -> int:
     if arguments.write:
         print(f"wrote {pairs.write()}")
         return 0
-    print(pairs.text())
+    print(pairs.one(arguments.model) if arguments.model else pairs.text())
     return 0

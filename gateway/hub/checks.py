@@ -34,7 +34,7 @@ class Checks:
         """An operation that the limits allow, in the form that this mount can carry out. Raises Fault."""
         hub = self._hub
         if isinstance(operation, op.Move | op.MoveAxis):
-            self._check_by_hand(operation)
+            await self._check_by_hand(operation)
         elif isinstance(operation, op.Park | op.Home):
             there = hub.driver.destination(operation)
             own = isinstance(operation, op.Park) and hub.policy.own_park
@@ -169,18 +169,20 @@ class Checks:
 
     # --- by hand ----------------------------------------------------------------------------------------------------
 
-    def _check_by_hand(self, operation: op.Move | op.MoveAxis) -> None:
+    async def _check_by_hand(self, operation: op.Move | op.MoveAxis) -> None:
         """Raises BelowHorizon, TooHigh or NearSun when a limit would be crossed before the guard can act."""
         hub = self._hub
         seen, status = hub.snapshot.value(op.Position), hub.snapshot.value(op.GetStatus)
-        if seen is None or status is None or not status.aligned or hub.observatory.site() is None:
+        if seen is None or hub.observatory.site() is None:
+            return
+        if status is None:  # programs switch tracking off before a slew, and nothing is known of it after that
+            status = await hub.read(op.GetStatus())
+        if not status.aligned:
             return
         if hub.snapshot.age(op.Position, hub.now()) > OLD_POSITION:
             return
         degrees = hub.driver.speed(operation.rate) * (RENEW[op.Position] + 3.0 * hub.line.typical)
-        soon = self._soon(operation, seen, status, degrees)
-        if soon is None:
-            return
+        soon = await self._soon(operation, seen, status, degrees)
         limits, before = hub.policy.limits, hub.derived.horizon(seen).alt
         if isinstance(operation, op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
@@ -191,16 +193,16 @@ class Checks:
             if then < hub.suns.limit and then < now:
                 raise NearSun
 
-    def _soon(self, operation: op.Move | op.MoveAxis, seen: op.Equatorial, status: op.Status,
-              degrees: float) -> op.Equatorial | None:
-        """Where a motion by hand leads within so many degrees; None where its sense on the sky is not known."""
+    async def _soon(self, operation: op.Move | op.MoveAxis, seen: op.Equatorial, status: op.Status,
+                    degrees: float) -> op.Equatorial:
+        """Where a motion by hand leads within so many degrees."""
         if isinstance(operation, op.Move):
             sense = 1 if operation.direction in (op.Direction.NORTH, op.Direction.WEST) else -1
             axis = operation.direction.axis
         else:
             sense, axis = operation.sense, operation.axis
             if status.equatorial and (axis == 2 or self._hub.derived.place().latitude < 0):
-                return None
+                return await self._axis_soon(axis, sense * degrees)
         if status.equatorial:
             if axis == 1:
                 return op.Equatorial(wrap360(seen.ra - sense * degrees), seen.dec)
@@ -209,4 +211,11 @@ class Checks:
         there = op.GotoHorizontal(wrap360(here.az + sense * degrees * (axis == 1)),
                                   max(-90.0, min(90.0, here.alt + sense * degrees * (axis == 2))))
         goal = self._hub.derived.equatorial(there)
+        return op.Equatorial(goal.ra, goal.dec)
+
+    async def _axis_soon(self, axis: int, degrees: float) -> op.Equatorial:
+        """Where so many degrees of one motor of an equatorial mount lead, whatever side its tube is on."""
+        here: op.Horizontal = await self._hub.read(op.AxisPosition())
+        there = op.GotoAxes(here.az + degrees * (axis == 1), here.alt + degrees * (axis == 2))
+        goal = self._hub.derived.from_axes(there)
         return op.Equatorial(goal.ra, goal.dec)

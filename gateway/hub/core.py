@@ -234,7 +234,7 @@ class Hub:
         value = self.peek(operation)
         if value is not MISSING:
             return value
-        first = type(operation) not in self.snapshot.seen or not self.identified.is_set()
+        first = not self.identified.is_set()
         try:
             async with asyncio.timeout(FIRST_ANSWER if first else None):
                 return await asyncio.shield(self.shared(operation))
@@ -265,7 +265,12 @@ class Hub:
                 value = await self.read(op.HorizontalPosition())
         else:
             rank = POSITION if isinstance(operation, op.Position) else READ
-            value = await self.drive(self.driver.perform(operation), rank)
+            try:
+                value = await self.drive(self.driver.perform(operation), rank)
+            except Fault:
+                if isinstance(operation, op.Position):
+                    self.guard.unseen()
+                raise
             self.refresh.cost(type(operation), self.exchanges)
         if isinstance(operation, op.Slewing):
             if self.slewing and not value:

@@ -32,6 +32,8 @@ CLOSELY = 3.0
 OVERSHOOT, NEARER = 0.05, 0.05
 #: How long a mount may coast after it was told to end a motion: what it does meanwhile is not held against it.
 COASTING = 1.0
+#: How old the last position may be when a mount that moves by hand does not tell the next one, seconds.
+BLIND = 1.0
 #: How old the pier side may grow, and the word of the mount that it is not aligned.
 SIDE_AGE = STATUS_AGE = 5.0
 
@@ -55,7 +57,7 @@ class Guard:
         self._speed = 0.0
         self._limits = hub.policy.limits
         self._farthest: list[float] = []
-        self._restless_until = self._coasts_until = -1e9
+        self._restless_until = self._coasts_until = self._stopped_at = -1e9
         self._switching = False
         self._helpless = False
 
@@ -124,15 +126,28 @@ class Guard:
         if reason:
             self._act(reason)
 
+    def unseen(self) -> None:
+        """The mount did not tell where it is (an LX200GPS seeking home is busy): a motion by hand ends, seen or not."""
+        hub, now = self._hub, self._hub.now()
+        if hub.motions.axes and hub.snapshot.age(op.Position, now) > BLIND and now - self._stopped_at > BLIND:
+            hub.transcript.note("mount", "stopped: it moves and does not tell where it is")
+            self._stopped_at = now
+            hub.begin_stop()
+
     def _measured(self, now: float, seen: op.Equatorial) -> Look:
         derived = self._hub.derived
         altitude = derived.altitude(seen.ra, seen.dec)
         hour_angle = None if altitude is None else derived.sidereal_time() - seen.ra
         return Look(now, seen, altitude, hour_angle, self._hub.suns.distances(seen))
 
+    @property
+    def _going(self) -> bool:
+        """Whether it is a goto that moves the mount, and no hand that took over from it."""
+        return self._hub.slewing and not self._hub.motions.axes
+
     def _margin(self, change: float, elapsed: float) -> float:
         """How far a motion gets before the next look and a stop can end it, degrees; a goto knows where it ends."""
-        if self._hub.slewing:
+        if self._going:
             return 0.0
         rate = abs(change) / elapsed
         if rate > 0.2 * self._speed:
@@ -142,7 +157,7 @@ class Guard:
     def _altitude(self, before: Look, after: Look, elapsed: float) -> str:
         if before.altitude is None or after.altitude is None:
             return ""
-        margin = self._margin(after.altitude - before.altitude, elapsed) - OVERSHOOT * self._hub.slewing
+        margin = self._margin(after.altitude - before.altitude, elapsed) - OVERSHOOT * self._going
         if leaving(self._limits, before.altitude, after.altitude, margin):
             return f"the altitude limit ({after.altitude:.1f} degrees)"
         return ""

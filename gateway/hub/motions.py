@@ -1,7 +1,9 @@
 """Motions: one after the other, each admitted by the checks, and all of them ended by a stop.
 
 A motion that waits for its turn dies when a stop comes; one that runs is cancelled between two exchanges. The stop
-itself waits for the exchange on the wire and for nothing else.
+itself waits for the exchange on the wire and for nothing else: not for a setting that outlives it, which goes on when
+the stop is done. The halt of one axis goes before all that waits, except a goto that was asked for before it; a motion
+of the other axis that is only being prepared is begun anew behind it.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from gateway import operations as op
 from gateway.driver import Later
 from gateway.errors import Fault, Stopped
 from gateway.hub.checks import Checks
+from gateway.hub.turn import FIRST, IN_ORDER, RESUMED, Turn
 from gateway.line import MOTION, STOP
 
 if TYPE_CHECKING:
@@ -29,6 +32,9 @@ MOTIONS = (
 LATEST = (op.Move, op.MoveAxis, op.TrackRate)
 #: What can set the mount moving: a killed gateway leaves it so.
 MOVING = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
+#: What ends a motion before anything else is begun, and what then begins anew when it was half done.
+ENDS = (op.Halt, op.CancelGoto)
+BEGUN_ANEW = (op.Move, op.MoveAxis, op.SetTracking, op.TrackRate)
 #: How often a stop is sent again on a line that is up, when its answer was lost.
 STOP_TRIES = 3
 
@@ -40,6 +46,12 @@ def axis_moved(operation: op.Operation) -> int | None:
     return operation.axis if isinstance(operation, op.MoveAxis) else None
 
 
+def _heed(task: asyncio.Task[Any]) -> None:
+    """Whoever waits for a task gets its exception; that nobody waits is no error."""
+    if not task.cancelled():
+        task.exception()
+
+
 class Motions:
     """Everything that can move the mount. ``stops`` counts those so far, ``gotos`` what was asked for and begun."""
 
@@ -48,9 +60,12 @@ class Motions:
         self.stops = self.gotos = 0
         self.owed = False
         self.axes: set[int] = set()
-        self._turn = asyncio.Lock()
+        self._turn = Turn()
         self._at_turn: asyncio.Task[Any] | None = None
         self._stopping: asyncio.Task[None] | None = None
+        self._interruptible: asyncio.Task[Any] | None = None
+        #: Halts that are not done: the same one asked for again is that one.
+        self._halts: dict[op.Operation, asyncio.Task[Any]] = {}
         self._jobs: dict[asyncio.Task[Any], op.Operation] = {}
         self._later: dict[op.Operation, asyncio.TimerHandle] = {}
         self._checks = Checks(hub)
@@ -73,40 +88,31 @@ class Motions:
         """
         self.stops += 1
         self.owed = True
-        for task, job in list(self._jobs.items()):
-            if not job.outlives_stop:
-                task.cancel()
+        ended = [task for task, job in self._jobs.items() if not job.outlives_stop]
+        for task in ended:
+            task.cancel()
         for operation in [planned for planned in self._later if not planned.outlives_stop]:
             self._later.pop(operation).cancel()
         if self._stopping is None or self._stopping.done():  # else it is being done: nothing can have begun since
-            self._stopping = self._hub.spawn(self._stop())
-            # owed, whoever waits for it
-            self._stopping.add_done_callback(lambda done: done.cancelled() or done.exception())
+            self._stopping = self._hub.spawn(self._stop(ended))
+            self._stopping.add_done_callback(_heed)
         return self._stopping
 
     async def stop(self) -> None:
         """The same, and wait until the mount has acknowledged it. Raises Fault."""
         await asyncio.shield(self.begin_stop())
 
-    async def _take_turn(self) -> None:
-        """One after the other, but a stop goes before all that wait. Whoever has had its turn releases it."""
-        await self._turn.acquire()
-        while self._stopping is not None and not self._stopping.done():
-            self._turn.release()
-            await asyncio.sleep(0)
-            await self._turn.acquire()
-        self._at_turn = asyncio.current_task()
-
-    async def _stop(self) -> None:
-        async with self._turn:
-            for attempt in range(STOP_TRIES):
-                try:
-                    await self._hub.drive(self._hub.driver.perform(op.Stop()), STOP)
-                    break
-                except Fault as fault:
-                    self._hub.transcript.note("mount", f"stop: {fault}")
-                    if attempt == STOP_TRIES - 1 or self._hub.line.state == "down":
-                        raise
+    async def _stop(self, ended: list[asyncio.Task[Any]]) -> None:
+        if ended:
+            await asyncio.wait(ended)
+        for attempt in range(STOP_TRIES):
+            try:
+                await self._hub.drive(self._hub.driver.perform(op.Stop()), STOP)
+                break
+            except Fault as fault:
+                self._hub.transcript.note("mount", f"stop: {fault}")
+                if attempt == STOP_TRIES - 1 or self._hub.line.state == "down":
+                    raise
         self.owed = False
         self.axes.clear()
         self._hub.dead_man.stopped()
@@ -116,12 +122,23 @@ class Motions:
     def begin(self, operation: op.Operation, stops: int | None, life: Life | None) -> asyncio.Task[Any]:
         """Put a motion in line behind those before it; from now on it counts as asked for, by ``life``."""
         self._make_way(operation)
+        overtakes = self._overtakes(operation)
+        same = self._halts.get(operation)
+        if overtakes and same is not None and not same.cancelling():
+            return same
         task = self._hub.loop.create_task(self._run(operation, self.stops if stops is None else stops, life))
+        if overtakes:
+            self._halts[operation] = task
         self._jobs[task] = operation
         self.gotos += isinstance(operation, GOTOS)
         self._hub.snapshot.version += 1  # a goto that was asked for changes what "slewing" answers
         task.add_done_callback(self._ended)
         return task
+
+    async def _stopped(self) -> None:
+        """Wait for the stop that is under way, if there is one."""
+        while self._stopping is not None and not self._stopping.done():
+            await asyncio.wait({self._stopping})
 
     async def ended(self, task: asyncio.Task[Any]) -> Any:
         """Wait for a motion that was begun. Raises Fault, and Stopped when a stop came first."""
@@ -140,33 +157,57 @@ class Motions:
                 halted = (axis_moved(other), type(other)) == (axis_moved(operation), type(operation))
             if halted or (isinstance(operation, op.CancelGoto) and isinstance(other, GOTOS)):
                 task.cancel()
+        if self._overtakes(operation) and self._interruptible is not None:
+            self._interruptible.cancel()
+
+    def _overtakes(self, operation: op.Operation) -> bool:
+        """Whether it goes before all that waits; not before a goto, which it may have to end."""
+        return isinstance(operation, ENDS) and not any(
+            isinstance(job, GOTOS) and not task.cancelling() for task, job in self._jobs.items())
 
     def _ended(self, task: asyncio.Task[Any]) -> None:
-        self._jobs.pop(task, None)
+        operation = self._jobs.pop(task)
+        if self._halts.get(operation) is task:
+            del self._halts[operation]
         self._hub.snapshot.version += 1
-        if not task.cancelled():
-            task.exception()  # whoever still waits gets it; nobody waiting is no error
+        _heed(task)
 
     async def _run(self, operation: op.Operation, stops: int, life: Life | None) -> Any:
-        await self._take_turn()
-        try:
-            if stops != self.stops and not (isinstance(operation, op.Halt) or operation.outlives_stop):
-                raise Stopped
-            operation = await self._checks.admit(operation)
-            if isinstance(operation, MOVING):
-                await self._hub.before_motion()
-            ends = isinstance(operation, op.Halt | op.CancelGoto)
-            try:
-                value = await self._hub.drive(self._hub.driver.perform(operation), STOP if ends else MOTION)
-            except Fault:
-                if ends:  # whatever should have ended must end
-                    self.begin_stop()
-                raise
-        finally:
-            self._turn.release()
-        self._after(operation)
-        self._hub.dead_man.began(operation, life)
+        task = asyncio.current_task()
+        assert task is not None
+        rank = FIRST if self._halts.get(operation) is task else IN_ORDER
+        while True:
+            async with self._turn.taken(rank):
+                self._at_turn = task
+                await self._stopped()
+                if stops != self.stops and not (isinstance(operation, op.Halt) or operation.outlives_stop):
+                    raise Stopped
+                work = self._hub.loop.create_task(self._carry_out(operation))
+                self._interruptible = work if isinstance(operation, BEGUN_ANEW) else None
+                try:
+                    carried_out, value = await work
+                    break
+                except asyncio.CancelledError:
+                    if task.cancelling():
+                        raise
+                    rank = RESUMED
+                except Fault:
+                    if isinstance(operation, ENDS):  # whatever should have ended must end
+                        self.begin_stop()
+                    raise
+                finally:
+                    self._interruptible = None
+        self._after(carried_out)
+        self._hub.dead_man.began(carried_out, life)
         return value
+
+    async def _carry_out(self, operation: op.Operation) -> tuple[op.Operation, Any]:
+        """-> the operation as it was admitted, and its answer."""
+        operation = await self._checks.admit(operation)
+        if isinstance(operation, MOVING):
+            await self._hub.before_motion()
+        rank = STOP if isinstance(operation, ENDS) else MOTION
+        return operation, await self._hub.drive(self._hub.driver.perform(operation), rank)
 
     # --- what is known afterwards -----------------------------------------------------------------------------------
 
@@ -180,6 +221,7 @@ class Motions:
             self.gotos += 1
             self.axes.clear()
             snapshot.put(op.Slewing, True, self._hub.now())
+            snapshot.forget(op.PierSide)  # the tube may change sides on its way
         elif axis is not None:
             self.axes.add(axis)
             snapshot.changed(op.Position)  # it must be watched from now on
@@ -218,12 +260,11 @@ class Motions:
         special = self._follow_ups.get(type(operation))
         driver = self._hub.driver
         try:
-            await self._take_turn()
-            try:
+            async with self._turn.taken(FIRST if urgent else IN_ORDER):
+                self._at_turn = asyncio.current_task()
+                await self._stopped()
                 steps = special(driver, operation) if special else driver.perform(operation)
                 await self._hub.drive(steps, STOP if urgent else MOTION)
-            finally:
-                self._turn.release()
             self._hub.changed()
         except Fault as fault:
             self._hub.transcript.note("mount", f"{type(operation).__name__}: {fault}")

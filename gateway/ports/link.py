@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import tempfile
 import zlib
 
 from gateway.errors import UserError
@@ -71,6 +70,7 @@ def like_a_serial_port(device: str) -> None:
 def _lock_for(path: str) -> tuple[str, int]:
     """Hold a lock for a link's name, so that two gateways cannot share it. Raises UserError."""
     import fcntl
+    import tempfile
 
     name = os.path.join(tempfile.gettempdir(), f"mount-gateway-{zlib.crc32(path.encode()):08x}.lock")
     while True:

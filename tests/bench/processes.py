@@ -2,7 +2,7 @@
 
 Every one is started with the interpreter that runs the benchmark, listens on a free port of the loopback interface, and
 is ended by its own process id. Compiled bytecode goes to a temporary directory, so an installation and a checkout start
-alike and the checkout stays clean.
+alike and the checkout stays clean; a gateway's state goes there, too.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ PATIENCE = 20.0
 
 
 def environment(bytecode: str) -> dict[str, str]:
-    """This process's environment, with bytecode kept in the directory ``bytecode``."""
+    """This process's environment, with bytecode and a gateway's state kept in the directory ``bytecode``."""
     kept = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
-    return {**kept, "PYTHONPYCACHEPREFIX": bytecode}
+    return {**kept, "PYTHONPYCACHEPREFIX": bytecode, "STATE_DIRECTORY": bytecode}
 
 
 @contextmanager

@@ -8,10 +8,13 @@ INDI protocol 1.7: XML elements without a root, `def…Vector`, `set…Vector`, 
 from __future__ import annotations
 
 import select
+import shutil
 import socket
+import tempfile
 import time
 import uuid
 from collections.abc import Callable, Collection
+from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
@@ -45,7 +48,9 @@ class IndiServer:
         home = workshop.folder / f"home-{uuid.uuid4().hex}"
         home.mkdir()
         self.port = free_port()
-        argv = ["indiserver", "-p", str(self.port), "-u", str(home / "socket"), "-r", "0", driver]
+        short = Path(tempfile.mkdtemp(prefix="indi-"))  # the path of a Unix socket has 107 bytes at most
+        workshop.keep(lambda: shutil.rmtree(short, ignore_errors=True))
+        argv = ["indiserver", "-p", str(self.port), "-u", str(short / "socket"), "-r", "0", driver]
         self.process: Process = workshop.start(argv, {"HOME": str(home)})
         wait_until(f"{self.process} listens", lambda: accepts(self.port))
 

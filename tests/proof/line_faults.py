@@ -61,9 +61,9 @@ class Trial:
         self.acknowledged: list[tuple[Ask, bool]] = []
         in_step, exchange = line.talk.in_step, line.talk.exchange
 
-        async def exchanging(ask: Ask) -> Any:
+        async def exchanging(ask: Ask, firm: bool = False) -> Any:
             self.wire.strange, self.wire.of_another = None, False
-            outcome = await exchange(ask)
+            outcome = await exchange(ask, firm)
             if self.wire.strange is not None and not self.wire.proving and not isinstance(outcome, Fault):
                 self.strange.append(ask)
             if not isinstance(outcome, Fault):

@@ -21,7 +21,7 @@ from random import Random
 from typing import Any
 
 from gateway.assembly import Gateway
-from gateway.config import Config, Endpoint, MountConfig, SurfaceConfig
+from gateway.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.operations import Position
 from gateway.simulators import make_simulator
 
@@ -99,7 +99,7 @@ async def replug(cycles: int, seed: int, polls: float = 0.2) -> dict[str, Any]:
         plug = Plug(link, simulator.feed)
         plug.plug_in()
         surface = SurfaceConfig(at="lx200@tcp://127.0.0.1:0")
-        gateway = Gateway(Config(mount=MountConfig(at=f"nexstar@{link}"), surface=[surface]))
+        gateway = Gateway(MountConfig(at=f"nexstar@{link}"), [surface])
         await gateway.open()
         assert await gateway.found(20.0)
         assert gateway.hub is not None

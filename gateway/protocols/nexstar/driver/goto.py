@@ -34,11 +34,8 @@ MOTORS, FOUND = (16, 17), 255
 
 
 def goto(mount: NexStar, operation: Goto) -> Steps:
-    """``r`` or ``R``. A hand control without alignment would only say ``#`` and do nothing, so it is asked first."""
-    answer = yield Ask("J")
-    mount.aligned = bool(answer["aligned"])
-    if not mount.aligned:
-        raise NotAligned
+    """``r`` or ``R``."""
+    yield from need_alignment(mount)
     yield from clear_the_way(mount)
     if operation.track and mount.tracking is Tracking.OFF and tracking.own_mode(mount) and mount.knows("T"):
         yield from tracking.set_tracking(mount, SetTracking(on=True))
@@ -47,6 +44,14 @@ def goto(mount: NexStar, operation: Goto) -> Steps:
     mount.goto = GotoState(since=mount.now())  # before it is sent: a stop must know of it
     yield Ask("r" if mount.knows("r") else "R", {"ra": ra, "dec": dec})
     mount.goto.since = mount.now()
+
+
+def need_alignment(mount: NexStar) -> Steps:
+    """A hand control without alignment would only say ``#`` and do nothing, so it is asked first. Raises NotAligned."""
+    answer = yield Ask("J")
+    mount.aligned = bool(answer["aligned"])
+    if not mount.aligned:
+        raise NotAligned
 
 
 def goto_axes(mount: NexStar, operation: GotoAxes) -> Steps:

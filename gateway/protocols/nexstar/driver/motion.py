@@ -25,7 +25,7 @@ from gateway.operations import (
     Tracking,
 )
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.goto import clear_the_way
+from gateway.protocols.nexstar.driver.goto import clear_the_way, need_alignment
 from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.spherical import fold_declination
 
@@ -129,6 +129,7 @@ class StepOn(Operation, frozen=True):
 
 
 def _begin_steps(mount: NexStar, axis: int, sign: int, rate: Rate) -> Steps:
+    yield from need_alignment(mount)
     degrees = rate.degrees if rate.degrees is not None else mount.key_speed(mount.key_for(rate))
     mount.steps[axis] = sign * degrees * STEP_EVERY
     yield from step_on(mount, StepOn())

@@ -1,0 +1,76 @@
+"""``completion``: a script that lets a shell complete the commands and flags.
+
+It is made by shtab from the parser itself and is static: pressing TAB starts no Python, which on a small computer at
+the pier takes a second. Shells come and go with their syntax; that is shtab's business, not this project's.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from typing import Any
+
+from gateway.errors import UserError
+
+SHELLS = ("bash", "zsh", "fish")
+
+HOW = """\
+Once, for your own user:
+  bash  mkdir -p ~/.local/share/bash-completion/completions
+        mount-gateway completion bash > ~/.local/share/bash-completion/completions/mount-gateway
+  zsh   mkdir -p ~/.zfunc; mount-gateway completion zsh > ~/.zfunc/_mount-gateway
+        and in ~/.zshrc, before compinit: fpath=(~/.zfunc $fpath)
+  fish  mount-gateway completion fish > ~/.config/fish/completions/mount-gateway.fish
+"""
+
+
+def add(commands: Any) -> None:
+    """Put the command into the parser."""
+    completion = commands.add_parser("completion", help="a script that completes commands and flags in your shell",
+                                     description="Prints a completion script.", epilog=HOW)
+    completion.add_argument("shell", choices=SHELLS, help="the shell that it is for")
+    completion.set_defaults(run=_completion)
+
+
+def _completion(arguments: argparse.Namespace) -> int:
+    print(script(arguments.shell))
+    return 0
+
+
+def script(shell: str) -> str:
+    """The completion script of a shell. Raises UserError where shtab is not installed."""
+    try:
+        import shtab
+    except ImportError:
+        raise UserError("completion: the package shtab is missing; pip install shtab") from None
+    from gateway.cli import parser
+    from gateway.config.describing import keys
+
+    whole = parser()
+    _words(whole)
+    few = {f"--{key.name}": key.choices for key in keys("mount") if key.choices}
+    for action in _actions(whole):
+        if action.metavar == "FILE":
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
+        elif action.metavar == "PATH":
+            action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
+        elif choices := few.get(action.option_strings[0] if action.option_strings else ""):
+            action.choices = choices
+    return str(shtab.complete(whole, shell))
+
+
+def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    """Every flag and argument of every command."""
+    for action in parser._actions:
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                yield from _actions(command)
+
+
+def _words(parser: argparse.ArgumentParser) -> None:
+    """Let a menu show of each command the few words of the list of commands, not its whole description."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for shown in action._choices_actions:
+                action.choices[shown.dest].description = shown.help

@@ -1,0 +1,96 @@
+"""How the mounts are, on one line that fits: who, where it points, what it does, who is there, how busy its line is.
+
+Values in, text out; whoever gathers them asks the mount nothing. Where there is no room for all of it the last things
+go first, for every mount alike.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+from msgspec import Struct
+
+from gateway.operations import Equatorial, Status
+from gateway.sexagesimal import hours, signed
+
+#: A position older than this many seconds is told with its age.
+OLD = 10.0
+#: The name and the position stay, whatever the width.
+LEAST = 2
+
+
+class Look(Struct, frozen=True):
+    """One mount as it was seen last. ``state`` is the line's, ``age`` that of the position in seconds.
+
+    ``rate`` is in exchanges with the mount per second.
+    """
+
+    name: str
+    state: str
+    reason: str = ""
+    position: Equatorial | None = None
+    age: float = 0.0
+    slewing: bool = False
+    by_hand: bool = False
+    status: Status | None = None
+    programs: int = 0
+    rate: float = 0.0
+
+
+class Rate:
+    """How often something happens, from a count that is looked at now and then: over the last ``looks`` looks."""
+
+    def __init__(self, looks: int = 5) -> None:
+        self._seen: deque[tuple[float, int]] = deque(maxlen=looks + 1)
+
+    def per_second(self, now: float, count: int) -> float:
+        """The count has come to this at ``now`` (seconds) -> times per second; 0 at the first look."""
+        self._seen.append((now, count))
+        then, before = self._seen[0]
+        return (count - before) / (now - then) if now > then else 0.0
+
+
+def status(looks: Sequence[Look], columns: int | None = None) -> str:
+    """All mounts on one line, no longer than ``columns`` where that is given."""
+    parts = [_parts(look) for look in looks]
+    text = ""
+    for kept in range(len(parts[0]), LEAST - 1, -1):
+        text = "  |  ".join("  ".join(part for part in of_one[:kept] if part) for of_one in parts)
+        if columns is None or len(text) <= columns:
+            return text
+    assert columns is not None
+    return text[: columns - 1] + "…" if columns > 0 else ""
+
+
+def _parts(look: Look) -> list[str]:
+    """Name, position, activity, programs, rate; what is not known is empty."""
+    if look.state in ("opening", "down"):
+        where, does = f"{look.state}{': ' if look.reason else ''}{look.reason}", ""
+    else:
+        where, does = _where(look), _does(look)
+    programs = f"{look.programs or 'no'} program{'' if look.programs == 1 else 's'}"
+    return [look.name, where, does, programs, f"{look.rate:.1f}/s"]
+
+
+def _where(look: Look) -> str:
+    if look.position is None:
+        return "no position yet"
+    degrees, minutes, seconds = signed(look.position.dec).replace("*", ":").split(":")
+    old = f" {look.age:.0f} s ago" if look.age > OLD else ""
+    return f"{hours(look.position.ra)} {degrees}°{minutes}'{seconds}\"{old}"
+
+
+def _does(look: Look) -> str:
+    """One word or two, the most urgent ones: what it is busy with, else how it was left."""
+    if look.slewing:
+        return "slewing"
+    if look.by_hand:
+        return "moved by hand"
+    if look.state == "busy":
+        return "busy"
+    if look.status is None:
+        return ""
+    if not look.status.aligned:
+        return "not aligned"
+    return "not tracking" if look.status.tracking.value == "off" else "tracking"

@@ -1,0 +1,251 @@
+"""From a client's byte to the mount's byte: how long a stop waits beyond the exchange that is on the wire. Standalone.
+
+    python -m tests.proof.stop_latency [--seconds 60] [--copies 3] [--clients 200] [--seed 1]
+
+Real gateways, each with a mount of its own behind 9600 baud (``paced.py``); clients and mounts live in this process and
+share its clock. A motion is begun and ended again at a random moment: by ``:Q#`` or ``:Qn#``, by ``M`` or rate 0. What
+counts is the first stopping byte at the mount, less the later of the client's byte and the end of the exchange in
+flight: idle, among many that poll, and while another client floods the gateway. Told beside it is how late a bare echo
+in a process of its own was meanwhile, which is what the machine adds, and the gateway twice: on its way in and out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import itertools
+import os
+import random
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+from gateway.config import Endpoint
+from gateway.simulators import make_simulator
+from tests.bench import processes
+from tests.bench.figures import percentile
+from tests.proof.paced import Exchange, PacedMount
+from tests.test_cli import Running
+
+#: A request that comes to the mount this soon after the client's byte had been sent before it came to the gateway.
+RACE = 0.001
+LONGEST = 1.2
+GOAL = 0.002
+LOST = 4.0
+FLOOD_EVERY = 0.02
+
+
+class Ending(NamedTuple):
+    """What begins a motion, there and back, what ends it; what the mount hears first of its beginning and its end."""
+
+    name: str
+    begin: tuple[bytes, ...]
+    end: bytes
+    begins: Callable[[bytes], bool]
+    stops: Callable[[bytes], bool]
+
+
+class Way(NamedTuple):
+    """A surface, a mount, and what a client that knows no measure sends."""
+
+    name: str
+    mount: str
+    model: str
+    surface: str
+    endings: tuple[Ending, ...]
+    flood: tuple[bytes, ...]
+
+
+def _slew(axis: int, positive: bool, rate: int) -> bytes:
+    return bytes((ord("P"), 2, axis, 36 if positive else 37, rate, 0, 0, 0))
+
+
+def _nexstar_stops(request: bytes) -> bool:
+    return request == b"M" or (request[:1] == b"P" and request[3:5] in (b"\x24\0", b"\x25\0"))
+
+
+def _nexstar_moves(request: bytes) -> bool:
+    return request[:3] == b"P\2\x11" and request[3:4] in b"\x24\x25" and request[4] != 0
+
+
+WAYS = (
+    Way("LX200 on NexStar", "nexstar", "cge", "lx200",
+        (Ending(":Q#", (b":RM#:Mn#", b":RM#:Ms#"), b":Q#", _nexstar_moves, _nexstar_stops),
+         Ending(":Qn#", (b":RM#:Mn#", b":RM#:Ms#"), b":Qn#", _nexstar_moves,
+                lambda request: request[:5] == b"P\2\x11\x24\0")),
+        (b":GR#", b":GD#", b":GA#", b":GZ#", b":GS#", b":D#", b":GW#", b":Gt#", b":TQ#", b":TL#", b":TS#",
+         b":RC#:Me#", b":Qe#", b":Sr05:00:00#", b":Sd+80*00:00#", b":Mge0100#")),
+    Way("NexStar on LX200", "lx200", "lx200gps", "nexstar",
+        (Ending("M", (b"r20000000,20000000", b"r30000000,20000000"), b"M",
+                lambda request: request == b":MS#", lambda request: request == b":Q#"),
+         Ending("rate 0", (_slew(17, True, 7), _slew(17, False, 7)), _slew(17, True, 0),
+                lambda request: request in (b":Mn#", b":Ms#"), lambda request: request in (b":Qn#", b":Qs#"))),
+        (b"e", b"z", b"L", b"t", b"w", b"h", b"J", b"V", _slew(16, True, 5), _slew(16, True, 0),
+         b"P\3\x10\6\xff\xff\0\0", b"P\3\x10\6\xff\xfd\0\0", b"T\2")),
+)
+
+
+class Bench(NamedTuple):
+    """One gateway with its mount, and the port its clients use; ``both`` are its LX200 and its NexStar port."""
+
+    way: Way
+    mount: PacedMount
+    gateway: Running
+    port: int
+    both: tuple[int, int]
+
+
+async def _bench(way: Way, chance: random.Random, state: str, running: list[Running]) -> Bench:
+    """Start a gateway and wait for it."""
+    mount = PacedMount(make_simulator(Endpoint(way.mount, "sim", way.model), clock=time.time), chance)
+    gateway = Running("run", "--mount", f"{way.mount}@socket://127.0.0.1:{await mount.listen()}", "--sun", "0",
+                      "--state", state, "--lowest", "-90", "--dead-man", "600",
+                      *(word for name in ("lx200", "nexstar") for word in ("--surface", f"{name}@tcp://127.0.0.1:0")))
+    running.append(gateway)
+    ports = [int((await asyncio.to_thread(gateway.ready)).rpartition(":")[2]) for _ in range(2)]
+    return Bench(way, mount, gateway, ports[way.surface == "nexstar"], (ports[0], ports[1]))
+
+
+async def _drain(reader: asyncio.StreamReader) -> None:
+    while await reader.read(4096):
+        pass
+
+
+async def _measure(bench: Bench, until: float, chance: random.Random, found: dict[str, list[float]]) -> None:
+    """Motions, each ended at a random moment, one after the other."""
+    loop = asyncio.get_running_loop()
+    reader, writer = await asyncio.open_connection("127.0.0.1", bench.port)
+    drain = loop.create_task(_drain(reader))
+    for number in itertools.count():
+        if loop.time() > until:
+            break
+        ending = bench.way.endings[number // 2 % len(bench.way.endings)]
+        first = len(bench.mount.exchanges)
+        writer.write(ending.begin[number % 2])
+        await asyncio.sleep(chance.uniform(0.0, LONGEST))
+        before = len(bench.mount.exchanges)
+        sent = loop.time()
+        writer.write(ending.end)
+        added = await _added(bench.mount.exchanges, before, sent, ending)
+        if any(ending.begins(one.request) for one in bench.mount.exchanges[first:]):
+            found.setdefault(ending.name, []).append(added)  # else there was nothing yet to be ended
+        await asyncio.sleep(chance.uniform(0.3, 0.8))
+    drain.cancel()
+    writer.close()
+
+
+async def _added(exchanges: list[Exchange], before: int, sent: float, ending: Ending) -> float:
+    """Seconds that the stop has waited beyond what it had to; LOST when none came."""
+    loop = asyncio.get_running_loop()
+    while loop.time() < sent + LOST:
+        await asyncio.sleep(0.005)
+        stop = next((one for one in exchanges[before:] if ending.stops(one.request)), None)
+        if stop is not None:
+            place = exchanges.index(stop, before)
+            flying = [one for one in exchanges[max(0, before - 1) : place] if one.came <= sent + RACE]
+            due = max([sent, *(one.ended for one in flying if one.ended is not None)])
+            return max(0.0, stop.came - due)
+    return LOST
+
+
+async def _flood(bench: Bench, chance: random.Random) -> None:
+    """One client that sends whatever comes to its mind."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", bench.port)
+    drain = asyncio.get_running_loop().create_task(_drain(reader))
+    try:
+        while True:
+            writer.write(chance.choice(bench.way.flood))
+            await asyncio.sleep(FLOOD_EVERY)
+    finally:
+        drain.cancel()
+        writer.close()
+
+
+async def _echo(port: int, found: list[float]) -> None:
+    """How late a program is on this machine that only sends back what it gets."""
+    loop = asyncio.get_running_loop()
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    while True:
+        await asyncio.sleep(0.05)
+        began = loop.time()
+        writer.write(b":GR#")
+        await reader.readexactly(4)
+        found.append(loop.time() - began)
+
+
+async def _situation(name: str, arguments: argparse.Namespace, chance: random.Random, state: str,
+                     running: list[Running]) -> bool:
+    """Measure one situation, print its rows -> whether the goal was met."""
+    loop = asyncio.get_running_loop()
+    benches = [await _bench(way, chance, state, running) for way in WAYS for _ in range(arguments.copies)]
+    crowds = []
+    found: dict[str, dict[str, list[float]]] = {}
+    bare: list[float] = []
+    with processes.echo(state, "asyncio") as echo:
+        if name == "crowd":
+            for way in WAYS:
+                ports = next(bench.both for bench in benches if bench.way is way)
+                benches = [bench for bench in benches if bench.way is not way or bench.both == ports]
+                crowds.append(await asyncio.create_subprocess_exec(
+                    "nice", "-n", "5", sys.executable, "-m", "tests.proof.crowd", *map(str, ports),
+                    "--clients", str(arguments.clients)))
+        background = [loop.create_task(_echo(echo, bare))]
+        if name == "flood":
+            background += [loop.create_task(_flood(bench, chance)) for bench in benches]
+        await asyncio.sleep(2.0)
+        until = loop.time() + arguments.seconds * (arguments.copies if crowds else 1)
+        await asyncio.gather(*(_measure(bench, until, chance, found.setdefault(bench.way.name, {}))
+                               for bench in benches))
+        for task in background:
+            task.cancel()
+        await asyncio.gather(*background, return_exceptions=True)
+        for process in crowds:
+            process.send_signal(signal.SIGINT)
+            await process.wait()
+    for bench in benches:
+        await asyncio.to_thread(bench.gateway.end)
+    met = True
+    print(f"{name}: a bare echo took {percentile(bare, 50) * 1e3:.2f} ms, p99 {percentile(bare, 99) * 1e3:.2f} ms")
+    for way, endings in found.items():
+        for ending, added in endings.items():
+            last = percentile(added, 99)
+            met = met and last <= GOAL
+            print(f"  {way:<17} {ending:<7} {len(added):4} times: median {percentile(added, 50) * 1e3:8.2f} ms, "
+                  f"p99 {last * 1e3:8.2f} ms, longest {max(added) * 1e3:8.2f} ms", flush=True)
+    return met
+
+
+async def _all(arguments: argparse.Namespace, running: list[Running]) -> bool:
+    met = True
+    for name in arguments.situations:
+        with tempfile.TemporaryDirectory() as state:
+            met &= await _situation(name, arguments, random.Random(arguments.seed), state, running)
+    return met
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=60.0, help="of every situation")
+    parser.add_argument("--copies", type=int, default=3, help="gateways side by side (a crowd: one after the other)")
+    parser.add_argument("--clients", type=int, default=200, help="of a crowd")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--situations", nargs="+", default=["idle", "crowd", "flood"])
+    arguments = parser.parse_args()
+    running: list[Running] = []
+    try:
+        met = asyncio.run(_all(arguments, running))
+    finally:
+        for one in running:
+            if one.process.poll() is None:
+                one.process.kill()
+                one.process.wait()
+    print(f"seed {arguments.seed}: p99 {'within' if met else 'NOT within'} {GOAL * 1e3:g} ms")
+    print("load of the machine:", *(f"{one:.1f}" for one in os.getloadavg()))
+    return 0 if met else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,96 @@
+"""--help for somebody who has never used it, and completion scripts that shells accept."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from gateway.cli import COMMANDS, main, parser
+from gateway.cli.completion import SHELLS, script
+from gateway.cli.settings import GROUPS
+from gateway.config.describing import keys
+from gateway.tables import load
+
+
+def told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *words: str) -> str:
+    """The help of a command."""
+    monkeypatch.setenv("COLUMNS", "120")
+    with pytest.raises(SystemExit) as end:
+        main([*words, "--help"])
+    assert end.value.code == 0
+    return capsys.readouterr().out
+
+
+def test_the_first_page_says_what_to_do_first(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = told(capsys, monkeypatch)
+    first = page[: page.index("commands:")]
+    assert first.index("mount-gateway demo") < first.index("mount-gateway detect") < first.index("mount-gateway run")
+    for protocol in ("lx200", "nexstar"):
+        assert all(f" {model}" in page for model in load(protocol).models)
+    assert [line[:3] for line in page[page.index("Exit codes:") :].splitlines()[1:] if line[2:3] != " "] == [
+        "  0", "  1", "  2"]  # fmt: skip
+
+
+def test_run_has_every_key_in_its_group(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    page = told(capsys, monkeypatch, "run")
+    titles = ["what is connected", "about the mount:", *(f"{title}:" for title in GROUPS), "Examples:"]
+    places = [page.index(f"\n{title}") for title in titles]
+    assert places == sorted(places)
+    assert all(f"\n  --{key.name}" in page for key in (*keys("mount"), *keys("")) if key.flag)
+    named = {key.name for key in (*keys("mount"), *keys(""))}
+    assert all(set(names) <= named for names in GROUPS.values())
+    safety = page[page.index("\nsafety:") : page.index("\nhow it runs:")]
+    assert "--sun" in safety and "--baud" not in safety
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help_without_colours(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    page = told(capsys, monkeypatch, name)
+    assert f"usage: mount-gateway {name}" in page
+    assert "\x1b" not in page
+    assert all(len(line) <= 120 for line in page.splitlines())
+
+
+def test_an_example_of_the_help_is_one_that_works() -> None:
+    page = parser().format_help()
+    example = next(line for line in page.splitlines() if "run --mount" in line)
+    arguments = parser().parse_args(example.split()[1:])
+    assert (arguments.mount, arguments.surface) == ("nexstar@/dev/ttyUSB0", ["lx200@tcp://127.0.0.1:4030"])
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_shells_accept_their_script(shell: str, tmp_path: Path) -> None:
+    text = script(shell)
+    assert all(command in text for command in COMMANDS)
+    assert "hour-angle-limit" in text
+    if shutil.which(shell):
+        path = tmp_path / "script"
+        path.write_text(text)
+        subprocess.run([shell, "-n", str(path)], check=True, timeout=20)
+
+
+@pytest.mark.skipif(not shutil.which("bash"), reason="no bash here")
+def test_bash_completes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["completion", "bash"]) == 0
+    (tmp_path / "script").write_text(capsys.readouterr().out)
+    (tmp_path / "night.toml").touch()
+    asking = """
+        source ./script
+        ask() { COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); COMPREPLY=(); _shtab_mount_gateway; echo ${COMPREPLY[*]}; }
+        ask mount-gateway de
+        ask mount-gateway run --mod
+        ask mount-gateway run --mode ''
+        ask mount-gateway run --config n
+        ask mount-gateway completion f
+    """
+    done = subprocess.run(["bash", "-c", asking], cwd=tmp_path, capture_output=True, text=True, timeout=20, check=True)
+    commands, *others = done.stdout.splitlines()
+    assert sorted(commands.split()) == ["decode", "demo", "detect"]
+    assert others == ["--mode", "alt-az eq-north eq-south", "night.toml", "fish"]

@@ -1,0 +1,51 @@
+"""Lines for systemd's journal have a level and no time; a file and a terminal get what they always got."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from gateway import journal
+from gateway.cli import main
+from gateway.logline import printer
+from gateway.transcript import Entry
+
+ASKED = Entry(1768514400.0, "mount", ">", b"e")
+NOTED = Entry(1768514400.5, "mount", "!", b"", "the mount does not answer")
+
+
+def led_to(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = os.stat(path)
+    monkeypatch.setenv("JOURNAL_STREAM", f"{found.st_dev}:{found.st_ino}")
+
+
+def test_the_log_has_levels_in_the_journal_and_times_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "stream"
+    with path.open("w") as stream:
+        led_to(path, monkeypatch)
+        for entry in (ASKED, NOTED):
+            printer("nexstar", stream)(entry)
+        led_to(tmp_path, monkeypatch)  # the journal's, but another one's
+        for entry in (ASKED, NOTED):
+            printer("nexstar", stream)(entry)
+    in_journal, note, timed, timed_note = path.read_text().splitlines()
+    assert in_journal.startswith("<6>mount")
+    assert note.startswith("<5>mount") and note.endswith("the mount does not answer")
+    assert timed == f"22:00:00.000 {in_journal[3:]}"
+    assert timed_note == f"22:00:00.500 {note[3:]}"
+
+
+def test_a_message_names_the_program_only_where_the_journal_does_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "stream"
+    with path.open("w") as stream:
+        assert journal.message("no such port", journal.WARNING, stream) == "mount-gateway: no such port"
+        led_to(path, monkeypatch)
+        assert journal.message("no such port", journal.WARNING, stream) == "<4>no such port"
+        monkeypatch.setattr("sys.stderr", stream)
+        assert main(["run"]) == 2
+    assert not journal.in_journal(stream)  # a closed one
+    assert path.read_text().startswith("<3>command line: which mount?")

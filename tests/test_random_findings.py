@@ -1,0 +1,142 @@
+"""What random sequences brought to light, each as short as it can be told."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+from typing import Any
+
+import pytest
+
+from gateway import operations as op
+from tests.bridge import Bridge
+from tests.test_safety_altitude import altitude
+from tests.virtual import run
+
+
+def test_a_stop_that_nobody_waits_for_may_fail_in_peace() -> None:
+    """A sleeping hand control answers no stop: that is one line in the log and no traceback."""
+
+    async def program() -> list[Any]:
+        uncaught: list[Any] = []
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: uncaught.append(context))
+        async with Bridge("6-8se", surface="lx200gps") as bridge:
+            client = bridge.client()
+            client.tell(b":RS#:Mn#:hN#")
+            await asyncio.sleep(1)
+            client.tell(b":Qn#")
+            await asyncio.sleep(60)
+            gc.collect()
+            assert any(entry.note.startswith("stop: No answer") for entry in bridge.entries)
+        return uncaught
+
+    assert run(program()) == []
+
+
+@pytest.mark.parametrize("arrow", [b":Mn#", b":Mw#"])
+def test_small_gotos_need_an_alignment_too(arrow: bytes) -> None:
+    async def program() -> None:
+        config = {"site": (45.0, 10.0), "mode": "alt-az"}
+        async with Bridge("nexstar-gps", "1.2", aligned=False, config=config) as bridge:
+            bridge.client().tell(b":RS#" + arrow)
+            await asyncio.sleep(5)
+            assert not [sent for sent in bridge.sent() if sent.startswith(b"R")]
+            assert any(entry.note == "Move: Mount not aligned." for entry in bridge.entries)
+            assert not bridge.hub.moving
+
+    run(program())
+
+
+def test_the_first_question_of_a_kind_waits_for_a_busy_line() -> None:
+    """Two seconds are for a mount that has never answered; one that is being spoken to answers in its turn."""
+
+    async def program() -> None:
+        async with Bridge("cpc", driven="nexstar", presented="nexstar", surface="cge", latency=0.3) as bridge:
+            client = bridge.client()
+            client.tell(b"P\x02\x10\x24\x05\x00\x00\x00")
+            await asyncio.sleep(2)
+            client.tell(b"b20000000,10AA0000" + b"P\x02\x11\x24\x05\x00\x00\x00" + b"r80000000,10AA0000")
+            await asyncio.sleep(0.01)
+            reply = await client.ask(b"Z")
+            assert len(reply) == 10, reply
+
+    run(program())
+
+
+def test_tracking_that_was_just_switched_off_hides_no_sun() -> None:
+    """The manual's own order, T 0 and then the slew: the slew is looked at all the same."""
+
+    async def program() -> None:
+        june = 1782036000.0  # 2026-06-21 10:00 UTC: the Sun at azimuth 136, altitude 63
+        async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se", start=june) as bridge:
+            client = bridge.client()
+            await client.ask(b"b82D80000,2CCC0000")  # azimuth 184, altitude 63: 21 degrees before it
+            for _ in range(60):
+                await asyncio.sleep(0.5)
+                await client.ask(b"e")
+            assert await client.ask(b"T\x00") == b"#"
+            assert await client.ask(b"P\x02\x10\x25\x09\x00\x00\x00") == b"#"  # azimuth falls, 8 degrees a second
+            await asyncio.sleep(1)
+            assert b":Me#" not in bridge.sent()
+            assert any("Too close to the Sun" in entry.note for entry in bridge.entries)
+
+    run(program())
+
+
+@pytest.mark.parametrize(("driven", "model"), [("nexstar", "cge"), ("lx200", "lx200")])
+def test_a_motor_of_an_equatorial_mount_is_looked_at_before_it_turns(driven: str, model: str) -> None:
+    """A declination motor's sense on the sky depends on the pier side; its axis reading knows."""
+
+    async def program() -> None:
+        limits = {"lowest": 39.6}
+        async with Bridge(model, driven=driven, presented="nexstar", surface="cge", config=limits) as bridge:
+            client = bridge.client()
+            assert await client.ask(b"r28000000,05B00000") == b"#"  # 3h45m, +8: in the west, 40 degrees high
+            for _ in range(60):
+                await asyncio.sleep(0.5)
+                await client.ask(b"e")
+            for turn in range(8):  # one of the two senses leads down
+                await client.ask(bytes((80, 2, 17, 37 - turn % 2, 9, 0, 0, 0)))
+                for _ in range(40):
+                    await asyncio.sleep(0.1)
+                    low = altitude(bridge)
+                    assert low > 39.5, (turn, low)
+
+    run(program())
+
+
+def test_a_telescope_that_seeks_home_while_it_is_moved_is_stopped() -> None:
+    """It says NAK to every question meanwhile: nobody knows where it is."""
+
+    async def program() -> None:
+        async with Bridge("lx200gps", driven="lx200", presented="lx200", surface="lx200gps") as bridge:
+            client = bridge.client()
+            client.tell(b":RS#:Me#")
+            await asyncio.sleep(1)
+            client.tell(b":hS#")
+            await asyncio.sleep(3)
+            assert b":Q#" in bridge.sent()
+            assert not bridge.hub.moving
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", ["autostar", "lx200gps"])
+def test_a_hand_that_takes_over_from_a_goto_is_stopped_in_time(model: str) -> None:
+    """The goto counts as under way for some seconds more; the motion is none that knows where it ends."""
+
+    async def program() -> float:
+        limits = {"lowest": 30.0}
+        async with Bridge(model, driven="lx200", presented="nexstar", surface="6-8se", config=limits,
+                          latency=0.2) as bridge:
+            client = bridge.client()
+            await client.ask(b"e")
+            await client.ask(b"P\x02\x11\x25\x09\x00\x00\x00")
+            low = 90.0
+            for _ in range(60):
+                bridge.hub.snapshot.put(op.Slewing, True, bridge.hub.now())
+                await asyncio.sleep(0.1)
+                low = min(low, altitude(bridge))
+            return low
+
+    assert run(program()) > 29.9

@@ -1,0 +1,149 @@
+"""What ends a motion waits for the exchange on the wire and for nothing else, whatever another client asks for."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.driver import Ask
+from gateway.hub.turn import FIRST, Turn
+from gateway.line import STOP
+from tests.bridge import Bridge
+from tests.virtual import run
+
+NORTH_STOPS, EAST_STOPS = b"P\x02\x11\x24\0\0\0\0", b"P\x02\x10\x24\0\0\0\0"
+EAST_MOVES = b"P\x02\x10\x25"
+LATENCY = 0.1
+
+
+@pytest.mark.parametrize("flood", [b":TL#", b":TQ#", b":AP#", b":RC#:Me#", b":GR#:GZ#:GW#", b":Mge0500#", b":Qe#"])
+def test_a_stop_is_the_next_thing_the_mount_hears(flood: bytes) -> None:
+    """Whatever waits and whatever runs, and at whatever moment of it."""
+
+    async def program() -> None:
+        for moment in (0.01, 0.13, 0.26, 0.37, 0.52, 0.9):
+            async with Bridge("cge", latency=LATENCY) as bridge:
+                noisy, quiet = bridge.client(), bridge.client()
+                noisy.tell(b":RM#:Mn#")
+                await asyncio.sleep(2.0)
+                noisy.tell(flood * 20)
+                await asyncio.sleep(moment)
+                before = len(bridge.sent())
+                asked = bridge.clock()
+                quiet.tell(b":Q#")
+                await asyncio.sleep(0.6)
+                stop = [entry for entry in bridge.entries if entry.side == "mount" and entry.arrow == ">"][before]
+                assert stop.data in (NORTH_STOPS, EAST_STOPS, b"M"), (moment, bridge.sent()[before:])
+                assert stop.time - asked <= LATENCY + 0.001
+
+    run(program())
+
+
+@pytest.mark.parametrize("other", [b":RC#:Me#", b":TL#:TQ#:TL#"])
+def test_a_halt_goes_before_what_is_prepared_on_the_other_axis_which_is_done_after_it(other: bytes) -> None:
+    async def program() -> None:
+        for moment in (0.01, 0.06, 0.13, 0.17):
+            async with Bridge("cge", latency=LATENCY) as bridge:
+                first, second = bridge.client(), bridge.client()
+                first.tell(b":RM#:Mn#")
+                await asyncio.sleep(2.0)
+                second.tell(other)
+                await asyncio.sleep(moment)
+                before = len(bridge.sent())
+                first.tell(b":Qn#")
+                await asyncio.sleep(2.0)
+                sent = bridge.sent()[before:]
+                assert sent[0] == NORTH_STOPS, (moment, sent)
+                if b"Me" in other:
+                    assert bridge.hub.motions.axes == {1}
+                    assert any(request.startswith(EAST_MOVES) for request in bridge.sent())
+
+    run(program())
+
+
+def test_a_halt_does_not_go_before_a_goto_that_it_may_have_to_end() -> None:
+    async def program() -> None:
+        async with Bridge("cge", latency=LATENCY) as bridge:
+            client = bridge.client()
+            client.tell(b":Sr07:00:00#:Sd+30*00:00#:MS#")
+            await asyncio.sleep(0.02)
+            bridge.client().tell(b":Qe#")
+            await asyncio.sleep(2.0)
+            goto = next(number for number, request in enumerate(bridge.sent()) if request.startswith(b"r"))
+            assert EAST_STOPS not in bridge.sent()[:goto]
+            assert EAST_STOPS in bridge.sent()[goto:]
+
+    run(program())
+
+
+def test_the_same_halt_is_not_queued_twice() -> None:
+    async def program() -> None:
+        async with Bridge("cge", latency=LATENCY) as bridge:
+            before = len(bridge.sent())
+            bridge.client().tell(b":Qe#" * 50 + b":Qn#")
+            await asyncio.sleep(1.0)
+            halts = [request for request in bridge.sent()[before:] if request in (EAST_STOPS, NORTH_STOPS)]
+            assert halts == [EAST_STOPS, NORTH_STOPS]
+
+    run(program())
+
+
+def test_a_stop_cuts_the_pause_of_an_old_scope_short_and_is_said_again_after_it() -> None:
+    async def program() -> None:
+        async with Bridge("lx200", driven="lx200", latency=LATENCY) as bridge:
+            client = bridge.client()
+            client.tell(b":RM#:Mn#")
+            while b":Mn#" not in bridge.sent():
+                await asyncio.sleep(0.001)
+            asked = bridge.clock()
+            client.tell(b":Q#")
+            await asyncio.sleep(0.5)
+            stops = [entry.time - asked for entry in bridge.entries if entry.data == b":Q#" and entry.side == "mount"]
+            assert stops == pytest.approx([0.0, 0.05], abs=0.002)
+
+    run(program())
+
+
+def test_a_stop_that_is_no_longer_wanted_repeats_nothing() -> None:
+    """A halt that died in the queue because a stop came must not have the next arrow pressed twice."""
+
+    async def program() -> None:
+        async with Bridge("lx200", driven="lx200", latency=LATENCY) as bridge:
+            client, other = bridge.client(), bridge.client()
+            other.tell(b":RC#:Me#")
+            while b":Me#" not in bridge.sent():
+                await asyncio.sleep(0.001)
+            dead = asyncio.ensure_future(bridge.hub.line.exchange(Ask("Qn"), STOP))
+            await asyncio.sleep(0)
+            dead.cancel()
+            client.tell(b":RM#:Mn#")
+            await asyncio.sleep(1.0)
+            assert bridge.sent().count(b":Mn#") == 1
+            assert bridge.sent().count(b":RM#") == 1
+
+    run(program())
+
+
+def test_a_turn_goes_by_rank_and_survives_those_who_no_longer_want_it() -> None:
+    async def program() -> None:
+        turn, had = Turn(), list[str]()
+
+        async def want(name: str, rank: int) -> None:
+            async with turn.taken(rank):
+                had.append(name)
+                await asyncio.sleep(1.0)
+
+        loop = asyncio.get_running_loop()
+        tasks = []
+        for name, rank in (("runs", 2), ("second", 2), ("gone", FIRST), ("third", 2), ("first", FIRST)):
+            tasks.append(loop.create_task(want(name, rank)))
+            await asyncio.sleep(0)
+        tasks[2].cancel()
+        await asyncio.sleep(1.5)
+        tasks[4].cancel()  # while it has the turn
+        await asyncio.gather(*tasks, return_exceptions=True)
+        assert had == ["runs", "first", "second", "third"]
+        await asyncio.wait_for(want("again", 2), 2.0)
+
+    run(program())
