@@ -149,7 +149,9 @@ def _pulse(mount: Meade, axis: int, letter: str, ms: int, rate: float | None) ->
 
 
 def next_pulse(mount: Meade, operation: NextPulse) -> Steps:
-    """One piece of at most four digits, then the next."""
+    """One piece of at most four digits, then the next, unless a goto has begun."""
+    if mount.goto is not None:
+        return
     piece = min(operation.ms, LONGEST_PULSE)
     yield from ask(mount, "Mg", direction=operation.letter, ms=piece)
     if operation.ms > piece:

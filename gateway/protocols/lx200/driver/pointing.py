@@ -109,10 +109,11 @@ def begin(mount: Meade, command: str, then: str | None = None) -> Steps:
 
 def clear_the_way(mount: Meade) -> Steps:
     """The newer goto wins; arrows are let go."""
-    if mount.goto is not None or mount.moving or mount.seeking:
+    if mount.goto is not None or mount.moving or mount.pulsing or mount.seeking:
         yield from ask(mount, "Q")
         mount.goto, mount.seeking = None, False
         mount.moving.clear()
+        mount.pulsing.clear()
 
 
 def cancel_goto(mount: Meade, _: CancelGoto) -> Steps:
