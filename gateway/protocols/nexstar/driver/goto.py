@@ -67,7 +67,7 @@ def _to_axes(mount: NexStar, az: float, alt: float, then: str | None) -> Steps:
 
 
 def clear_the_way(mount: NexStar) -> Steps:
-    """End what moves now: the newer goto wins, as at the keypad. Hand motion and pulses by rate 0; ``M``, till ``L`` = 0.
+    """End what moves now: the newer goto wins, as at the keypad. Hand motion and pulses: rate 0; ``M`` until ``L`` = 0.
 
     The rest of a motor's own pulse is forgotten: a rate that came during the goto would end it on that axis.
     """
