@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.running import Running
+
 _COUNT = itertools.count()
 
 
@@ -35,3 +37,14 @@ def _states(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 @pytest.fixture(autouse=True)
 def _state(_states: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STATE_DIRECTORY", str(_states / str(next(_COUNT))))
+
+
+@pytest.fixture
+def started() -> Iterator[list[Running]]:
+    """Product processes that a test adds; they end with it."""
+    running: list[Running] = []
+    yield running
+    for one in running:
+        if one.process.poll() is None:
+            one.process.kill()
+        one.end()

@@ -9,7 +9,6 @@ import re
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -18,64 +17,7 @@ from pathlib import Path
 import pytest
 
 from gateway.cli import main
-
-GATEWAY = [sys.executable, "-bb", "-m", "gateway"]
-PATIENCE = 20.0
-
-
-class Running:
-    """A product process whose stdout is read line by line. ``said`` is its stderr, once it has ended."""
-
-    said = ""
-
-    def __init__(self, *arguments: str) -> None:
-        self.process = subprocess.Popen(
-            [*GATEWAY, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
-
-    def ready(self) -> str:
-        """The WHERE of the next ready line."""
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
-            if line.startswith("ready "):
-                return line.strip().partition("@")[2]
-        assert self.process.stderr is not None
-        raise AssertionError(f"ended early: {self.process.stderr.read()}")
-
-    def end(self, number: int = signal.SIGTERM) -> int:
-        if self.process.poll() is None:
-            self.process.send_signal(number)
-        code = self.process.wait(PATIENCE)
-        if self.process.stderr is not None and not self.process.stderr.closed:
-            self.said = self.process.stderr.read().strip()
-        for stream in (self.process.stdout, self.process.stderr):
-            assert stream is not None
-            stream.close()
-        return code
-
-
-@pytest.fixture
-def started() -> Iterator[list[Running]]:
-    running: list[Running] = []
-    yield running
-    for one in running:
-        if one.process.poll() is None:
-            one.process.kill()
-        one.end()
-
-
-def ask(where: str, data: bytes, until: bytes = b"#") -> bytes:
-    host, _, port = where.removeprefix("tcp://").rpartition(":")
-    with socket.create_connection((host, int(port)), PATIENCE) as link:
-        link.settimeout(PATIENCE)
-        link.sendall(data)
-        heard = b""
-        while not heard.endswith(until):
-            piece = link.recv(100)
-            if not piece:
-                break
-            heard += piece
-        return heard
+from tests.running import GATEWAY, PATIENCE, Running, ask
 
 
 def refused(*arguments: str) -> str:

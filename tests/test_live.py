@@ -22,7 +22,7 @@ import pytest
 from gateway.cli.live import Screen, find_terminal, look_on
 from gateway.notify import notify, watchdog
 from tests.bridge import Bridge
-from tests.test_cli import GATEWAY, PATIENCE
+from tests.running import GATEWAY, PATIENCE
 from tests.virtual import run
 
 IN_PLACE = re.compile(rb"\r(6-8se  \d\d:\d\d:\d\d [+-]\d\d\xc2\xb0\d\d'\d\d\"  tracking  no programs  \d+\.\d/s)")

@@ -8,12 +8,9 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
-from tests.test_cli import PATIENCE, Running, ask
+from tests.running import PATIENCE, Running, ask
 
 WAITING = "west: nexstar@/dev/does-not-exist: cannot open /dev/does-not-exist: no such port; trying on"
 
@@ -27,16 +24,6 @@ def ready(one: Running) -> tuple[str, str]:
     """Where the next surface is, and whose it is."""
     where, _, name = one.ready().partition(" ")
     return name, where
-
-
-@pytest.fixture
-def started() -> Iterator[list[Running]]:
-    running: list[Running] = []
-    yield running
-    for one in running:
-        if one.process.poll() is None:
-            one.process.kill()
-        one.end()
 
 
 def test_an_absent_mount_and_one_that_dies_leave_the_others_alone(tmp_path: Path, started: list[Running]) -> None:

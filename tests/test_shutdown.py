@@ -6,7 +6,7 @@ import asyncio
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from gateway.simulators import make_simulator
 from gateway.spherical import separation
 from gateway.wires import SimulatorWire
 from tests.bridge import Bridge
-from tests.test_cli import PATIENCE, Running, ask
+from tests.running import PATIENCE, Running, ask
 from tests.virtual import run
 
 GOTO = b":Sr07:00:00#:Sd+30*00:00#:MS#"
@@ -281,16 +281,6 @@ def test_a_gateway_under_nohup_outlives_its_terminal() -> None:
 
 
 # --- processes --------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def started() -> Iterator[list[Running]]:
-    running: list[Running] = []
-    yield running
-    for one in running:
-        if one.process.poll() is None:
-            one.process.kill()
-        one.end()
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from tests.test_cli import Running
+from tests.running import Running
 from tests.test_shutdown import Moving
 
 #: Seconds: an arrow at a fast rate is some exchanges, tracking off among them, before the motor turns.

@@ -30,7 +30,7 @@ from tests.bench import memory, processes
 from tests.bench.figures import percentile
 from tests.proof.crowd import Outcome, Told, crowd
 from tests.proof.paced import PacedMount
-from tests.test_cli import Running
+from tests.running import Running
 
 #: How old an answer may be, seconds: it is fresh for 0.5, and was under way before; what the wire of 24 bits rounds to.
 OLDEST, BINARY = 1.0, 180.0 / 2**24

@@ -28,7 +28,7 @@ from gateway.simulators import make_simulator
 from tests.bench import processes
 from tests.bench.figures import percentile
 from tests.proof.paced import Exchange, PacedMount
-from tests.test_cli import Running
+from tests.running import Running
 
 #: A request that comes to the mount this soon after the client's byte had been sent before it came to the gateway.
 RACE = 0.001
