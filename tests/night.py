@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from gateway.spherical import horizon_to_hour_angle, separation, sidereal_time, wrap180, wrap360
+from gateway.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation, sidereal_time, wrap180, wrap360
 from tests.bridge import Bridge, Visitor
 
 LATENCY = 0.05
@@ -221,6 +221,22 @@ async def night(plan: Plan, seconds: float, goto_every: float, seed: int,
 
 
 def _target(bridge: Bridge, chance: random.Random) -> tuple[float, float]:
-    """Somewhere well up."""
-    hour_angle, dec = horizon_to_hour_angle(chance.uniform(0.0, 360.0), chance.uniform(25.0, 75.0), 45.0)
-    return wrap360(sidereal_time(bridge.clock(), 10.0) - hour_angle), dec
+    """Somewhere well up, and so is the way there: a goto that dips below the horizon is stopped, as it should be."""
+    sidereal = sidereal_time(bridge.clock(), 10.0)
+    ra, dec = bridge.sim.truth()
+    here = wrap180(sidereal - ra), dec
+    while True:
+        hour_angle, up = horizon_to_hour_angle(chance.uniform(0.0, 360.0), chance.uniform(25.0, 75.0), 45.0)
+        if _stays_up(here, (wrap180(hour_angle), up)):
+            return wrap360(sidereal - hour_angle), up
+
+
+def _stays_up(here: tuple[float, float], there: tuple[float, float]) -> bool:
+    """Whether both equatorial axes at equal speed keep the tube above 5 degrees."""
+    turns = [end - start for start, end in zip(here, there, strict=True)]
+    longest = max(map(abs, turns))
+    for step in range(round(longest) + 1):
+        now = [start + max(-step, min(step, turn)) for start, turn in zip(here, turns, strict=True)]
+        if hour_angle_to_horizon(now[0], now[1], 45.0)[1] < 5.0:
+            return False
+    return True
