@@ -72,7 +72,7 @@ class Talk:
         self._last: Ask | None = None
         self._proofs = 0
         self._stops = 0
-        self._settling = False
+        self._settling = self._hurried = False
 
     def hear(self, data: bytes) -> None:
         """Bytes have come."""
@@ -90,6 +90,7 @@ class Talk:
 
     def nudge(self, stop: bool) -> None:
         """Something waits that may have to be sent before the reply comes, or as soon as it has come."""
+        self._hurried |= stop
         if self.long or (stop and self._settling):
             self._arrived.set()
 
@@ -126,7 +127,7 @@ class Talk:
         self._arrived.clear()
         self._last = ask
         began = self.wrote = self._now()
-        self.long, self._stops = ask.long, 0
+        self.long, self._stops, self._hurried = ask.long, 0, False
         taken = await self._reply(ask, began, settle) if self.send(request) else None
         self.long = False
         if taken is None:
@@ -162,7 +163,7 @@ class Talk:
                 self._cut(taken[1], "busy: the stop was not heard")
                 self._arrived.set()
             elif taken is not None:
-                if taken[1] and self.dialogue.bare(ask):
+                if taken[1] and self.dialogue.bare(ask) and not self._hurried:
                     self._settling = True
                     if await self._something_within(settle):
                         taken = self._take(ask) or taken

@@ -147,3 +147,23 @@ def test_a_turn_goes_by_rank_and_survives_those_who_no_longer_want_it() -> None:
         await asyncio.wait_for(want("again", 2), 2.0)
 
     run(program())
+
+
+def test_a_stop_does_not_wait_until_an_acknowledgement_counts() -> None:
+    """Whether more follows a bare ``#`` is waited for, but not while a stop waits."""
+
+    async def program() -> None:
+        for moment in range(1, 60, 4):
+            async with Bridge("cge", latency=LATENCY) as bridge:
+                noisy, quiet = bridge.client(), bridge.client()
+                noisy.tell(b":RM#:Mn#:Me#")
+                await asyncio.sleep(moment / 100.0)
+                before = len(bridge.sent())
+                asked = bridge.clock()
+                quiet.tell(b":Q#")
+                await asyncio.sleep(0.6)
+                stop = [entry for entry in bridge.entries if entry.side == "mount" and entry.arrow == ">"][before]
+                heard = [entry.time for entry in bridge.entries if entry.arrow == "raw" and entry.time <= stop.time]
+                assert stop.time - max(asked, heard[-1]) < 0.002, (moment, stop)
+
+    run(program())
