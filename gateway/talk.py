@@ -23,6 +23,8 @@ DRAIN = 5.0
 #: A second copy of a reply follows the first within this; what might be mistaken for it is not asked before, where it
 #: is an acknowledgement and no more, or where bytes that answer nothing have come within the last minutes.
 GAP, UNRULY = 0.05, 300.0
+#: Whoever talks on for so long after a question is not still answering it: quiet is waited for no longer.
+BABBLE = 3.0
 #: A reply that is an acknowledgement and no more counts when nothing has followed it for this long.
 SETTLE = 0.02
 #: A long piece of work of the mount may take that many seconds before what waits behind it is refused.
@@ -108,6 +110,8 @@ class Talk:
 
     def gap(self, ask: Ask) -> float:
         """Seconds of quiet still wanted before a question, lest the rest of the last answer be taken for its own."""
+        if self._now() > self.wrote + BABBLE:
+            return 0.0
         if not self._buffer:
             if self._last is None or not self.dialogue.alike(self._last, ask):
                 return 0.0

@@ -9,6 +9,7 @@ second answer says the same.
 
 from __future__ import annotations
 
+import asyncio
 import math
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -32,6 +33,8 @@ CLOCK = 1.6
 PROMPT, SLOW_TRIES = 0.5, 3
 #: How often something is asked, and how often when the answer was garbled.
 TRIES, GARBLED_TRIES = 9, 3
+#: An order waits so long, in seconds, until older ones like it can no longer be answered.
+DOUBTFUL = 12.0
 #: Answers to older questions that are reckoned with at a time: of one more that agree, one is no stranger.
 MOST_STRANGERS = 4
 DAY = 86400.0
@@ -93,7 +96,11 @@ class Belief:
         A stop never waits: it is sent until one of its acknowledgements must be its own.
         """
         if rank != STOP:
-            await self._line.clear_of_doubt(ask)
+            try:
+                async with asyncio.timeout(DOUBTFUL):
+                    await self._line.clear_of_doubt(ask)
+            except TimeoutError:  # others like it go on failing: nobody is kept waiting for the end of that
+                raise NoAnswer from None
             return await self._line.exchange(ask, rank)
         times = 0
         while True:

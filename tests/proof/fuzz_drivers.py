@@ -159,6 +159,7 @@ _RIGHT: dict[type[op.Operation], Callable[[Any], bool]] = {
     op.Slewing: lambda value: isinstance(value, bool),
     op.GetStatus: lambda value: isinstance(value, op.Status) and isinstance(value.tracking, op.Tracking),
     op.GetIdentity: lambda value: isinstance(value, op.Identity),
+    op.GetGps: lambda value: isinstance(value, op.Gps),
     op.GetSite: lambda value: isinstance(value, op.Place) and _between(value.latitude, -90, 90)
     and _between(value.longitude, -180, 180),
     op.GetClock: lambda value: isinstance(value, op.Moment) and _between(value.unix, -63e9, 253e9)

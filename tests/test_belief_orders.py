@@ -1,0 +1,28 @@
+"""An order does not wait for ever for older ones like it to be settled."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway import operations as op
+from gateway.errors import NoAnswer
+from gateway.line import Line
+from tests.bridge import Bridge
+from tests.virtual import run
+
+
+def test_an_order_that_is_never_clear_of_doubt_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def never(line: Line, ask: object) -> None:
+        await asyncio.sleep(1e6)
+
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            monkeypatch.setattr(Line, "clear_of_doubt", never)
+            began = bridge.hub.now()
+            with pytest.raises(NoAnswer):
+                await bridge.hub.perform(op.SetGuideRate(1, 0.5))
+            assert bridge.hub.now() - began < 20.0
+
+    run(program())
