@@ -22,7 +22,7 @@ def test_an_order_that_is_never_clear_of_doubt_ends(monkeypatch: pytest.MonkeyPa
             monkeypatch.setattr(Line, "clear_of_doubt", never)
             began = bridge.hub.now()
             with pytest.raises(NoAnswer):
-                await bridge.hub.perform(op.SetGuideRate(1, 0.5))
+                await bridge.hub.perform(op.Backlash(1, 5))
             assert bridge.hub.now() - began < 20.0
 
     run(program())
