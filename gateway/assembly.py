@@ -194,10 +194,10 @@ class Gateway:
             self.receptions.append(Reception(self.hub, face, shared, self.clock, changed, number, access(surface)))
             self.faces.append((endpoint.protocol, face))
 
-    def begin(self) -> None:
-        """Open the line and find out what is on it."""
+    def begin(self, refresh: bool = True) -> None:
+        """Open the line and find out what is on it; ``refresh``: keep what clients ask for fresh."""
         assert self.hub is not None
-        self.hub.start()
+        self.hub.start(refresh)
         self.hub.spawn(self._fit())
 
     async def _admit(self) -> None:

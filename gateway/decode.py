@@ -7,18 +7,15 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from datetime import UTC, datetime
 from typing import Any
 
 from gateway.captures import Chunk
 from gateway.clients import Framing
 from gateway.driver import Ask
 from gateway.errors import Fault, Refused
-from gateway.logline import show
+from gateway.logline import EVENTS, row, stamp
 from gateway.tables import load
 from gateway.talk import Dialogue
-
-_WORDS = {"+": "connected", "-": "gone", "^": "port opened", "v": "port lost"}
 
 
 class _Talk:
@@ -96,7 +93,7 @@ def decode(found: list[Chunk], talk: Callable[[str], tuple[str, Framing, Dialogu
             talks[chunk.side] = _Talk(*talk(chunk.side))
         if chunk.arrow not in "<>":
             text = chunk.data.decode("latin-1")
-            lines.append(_line(chunk, began, b"", ", ".join(filter(None, (_WORDS.get(chunk.arrow, ""), text)))))
+            lines.append(_line(chunk, began, b"", ", ".join(filter(None, (EVENTS.get(chunk.arrow, ""), text)))))
             continue
         side = talks[chunk.side]
         for data, words in side.commands(chunk.data) if chunk.arrow == ">" else side.replies(chunk.data):
@@ -105,11 +102,8 @@ def decode(found: list[Chunk], talk: Callable[[str], tuple[str, Framing, Dialogu
 
 
 def _line(chunk: Chunk, began: float | None, data: bytes, words: str) -> str:
-    clock = ""
-    if chunk.at is not None:
-        moment = datetime.fromtimestamp(chunk.at + (began or 0.0), UTC)
-        clock = moment.strftime("%H:%M:%S.%f")[:-3] + " "
-    return f"{clock}{chunk.side:<21} {chunk.arrow} {show(data):<24} {words}".rstrip()
+    clock = "" if chunk.at is None else stamp(chunk.at + (began or 0.0)) + " "
+    return clock + row(chunk.side, chunk.arrow, data, words)
 
 
 def guess(found: list[Chunk]) -> str | None:

@@ -59,9 +59,9 @@ class Driver:
 
     #: Whether an aligned mount may be told site and time without losing its alignment.
     takes_site_aligned = False
+    loses_alignment = False
     #: How many times faster than a real one the mount slews: simulated ones may.
     hurry = 1.0
-    loses_alignment = False
     #: Whether the mount has a GPS receiver of its own.
     gps = False
     #: Whether a sync is kept here that the mount's own axes know nothing of.
@@ -100,6 +100,7 @@ class Driver:
     def tube_side(self, told: str) -> str | None:
         """The side of the pier (E, W) that the tube really is on, by the answer to PierSide; None if there is none."""
         return None
+
     def memory(self, moving: bool) -> dict[str, Any]:
         """What must outlive the gateway; while the mount moves, also what it takes to stop it."""
         return {}

@@ -5,7 +5,6 @@ The mount is a stand-in that answers every question with something plausible and
 
 from __future__ import annotations
 
-import re
 import time
 from datetime import date
 from typing import TYPE_CHECKING, Any
@@ -19,6 +18,7 @@ from gateway.hub.places import PLACES
 from gateway.logline import meaning, show
 from gateway.observatory import Observatory
 from gateway.pairs import effective, outcome, surface_rows, taken
+from gateway.recording import unescape
 from gateway.sky import Sky
 from gateway.surface import Again, Defer, Session, Speed, Start, Surface
 from gateway.tables import load
@@ -79,12 +79,6 @@ def _hint(client: str, frame: bytes) -> str:
     if client == "lx200" and not frame.endswith(b"#"):
         return "; its # is missing"
     return ""
-
-
-def unescape(typed: str) -> bytes:
-    """``\\xHH`` in what was typed becomes that byte."""
-    raw = typed.encode("latin-1", "replace")
-    return re.sub(rb"\\x([0-9A-Fa-f]{2})", lambda hit: bytes((int(hit.group(1), 16),)), raw)
 
 
 def _run(surface_at: Endpoint, mount_at: Endpoint, frame: bytes) -> list[str]:

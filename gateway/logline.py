@@ -12,7 +12,8 @@ from gateway.transcript import Entry
 
 #: What a person need not see: bytes shown as commands, the hub's own decisions, a lost port that has a note besides.
 SILENT = ("raw", "r", "v")
-_EVENTS = {"+": "connected", "-": "gone", "^": "port opened", "v": "port lost"}
+#: What arrows mean that are no bytes.
+EVENTS = {"+": "connected", "-": "gone", "^": "port opened", "v": "port lost"}
 
 
 def show(data: bytes) -> str:
@@ -28,18 +29,27 @@ def meaning(protocol: str, data: bytes) -> str:
 
 def line(entry: Entry, mount_protocol: str, name: str | None = None) -> str:
     """One entry as one line, without the line's end; ``name`` is the mount's, where there are several."""
-    clock = datetime.fromtimestamp(entry.time, UTC).strftime("%H:%M:%S.%f")[:-3]
-    return f"{clock} {untimed(entry, mount_protocol, name)}"
+    return f"{stamp(entry.time)} {untimed(entry, mount_protocol, name)}"
 
 
 def untimed(entry: Entry, mount_protocol: str, name: str | None = None) -> str:
     """The same without the time, for whoever has a clock of his own."""
-    words = entry.note or _EVENTS.get(entry.arrow, "")
+    words = entry.note or EVENTS.get(entry.arrow, "")
     if not words and entry.arrow == ">":
         client = "lx200" if entry.data[:1] in (b":", b"\x06", b"$") else "nexstar"
         words = meaning(mount_protocol if entry.side == "mount" else client, entry.data)
     called = f"{name:<8} " if name else ""
-    return f"{called}{entry.side:<21} {entry.arrow} {show(entry.data):<24} {words}".rstrip()
+    return called + row(entry.side, entry.arrow, entry.data, words)
+
+
+def row(side: str, arrow: str, data: bytes, words: str) -> str:
+    """Who, direction, bytes and meaning in columns."""
+    return f"{side:<21} {arrow} {show(data):<24} {words}".rstrip()
+
+
+def stamp(unix: float) -> str:
+    """The time of the day, UTC, to the millisecond."""
+    return datetime.fromtimestamp(unix, UTC).strftime("%H:%M:%S.%f")[:-3]
 
 
 def printer(mount_protocol: str, stream: TextIO, name: str | None = None) -> Callable[[Entry], None]:

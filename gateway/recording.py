@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TextIO
 
 from gateway.errors import UserError
+from gateway.logline import show
 from gateway.transcript import Entry
 
 MARK = "# mount-gateway recording 1"
@@ -43,12 +44,13 @@ class Recording(NamedTuple):
 
 def escape(data: bytes) -> str:
     """Bytes as text: what is not printable, a backslash, and a blank, as ``\\xHH``."""
-    return "".join(chr(byte) if 32 < byte < 127 and byte != 92 else f"\\x{byte:02x}" for byte in data)
+    return show(data).replace(" ", "\\x20")
 
 
 def unescape(text: str) -> bytes:
-    """The reverse of ``escape``."""
-    return re.sub(rb"\\x([0-9a-fA-F]{2})", lambda hit: bytes((int(hit.group(1), 16),)), text.encode("latin-1"))
+    """The reverse: ``\\xHH`` becomes that byte."""
+    raw = text.encode("latin-1", "replace")
+    return re.sub(rb"\\x([0-9a-fA-F]{2})", lambda hit: bytes((int(hit.group(1), 16),)), raw)
 
 
 class Recorder:

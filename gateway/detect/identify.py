@@ -14,7 +14,8 @@ from gateway.assembly import DRIVERS
 from gateway.config import Endpoint, MountConfig
 from gateway.detect.ear import Ear
 from gateway.detect.ways import ways
-from gateway.driver import Ask, Driver, Pause, Steps
+from gateway.driver import Ask, Driver
+from gateway.driving import carry_out
 from gateway.errors import Fault, NoAnswer
 from gateway.line import Line
 from gateway.transcript import Transcript
@@ -54,24 +55,7 @@ class _Talk:
 
     async def perform(self, operation: op.Operation) -> Any:
         """The operation's answer. Raises Fault."""
-        steps: Steps = self.driver.perform(operation)
-        answer: Any = None
-        fault: Fault | None = None
-        try:
-            while True:
-                step = steps.send(answer) if fault is None else steps.throw(fault)
-                answer, fault = None, None
-                if isinstance(step, Ask):
-                    try:
-                        answer = await self._exchange(step)
-                    except Fault as error:
-                        fault = error
-                elif isinstance(step, Pause):
-                    await asyncio.sleep(step.seconds)
-        except StopIteration as end:
-            return end.value
-        finally:
-            steps.close()
+        return await carry_out(self.driver.perform(operation), self._exchange, lambda later: None)
 
     async def _exchange(self, ask: Ask) -> dict[str, Any]:
         if ask.patience is not None and self.took:

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from typing import Any
 
 from msgspec import Struct
 
 from gateway import operations as op
-from gateway.driver import Ask, Driver, Pause, Steps
+from gateway.driver import Ask, Driver, Steps
+from gateway.driving import carry_out
 from gateway.errors import Fault, NoAnswer, Refused
 from gateway.hub.belief import Belief
 from gateway.hub.dead_man import DeadMan, Life
@@ -86,10 +87,11 @@ class Hub:
 
     # --- life -----------------------------------------------------------------------------------------------------
 
-    def start(self) -> None:
-        """Open the line, find out what is on it, and keep the snapshot fresh."""
+    def start(self, refresh: bool = True) -> None:
+        """Open the line, find out what is on it, and keep the snapshot fresh, unless somebody else decides on that."""
         self.line.start()
-        self.refresh.start()
+        if refresh:
+            self.refresh.start()
 
     async def close(self) -> None:
         """End motion, put tracking back, forget what was planned, close the line."""
@@ -301,26 +303,18 @@ class Hub:
 
     async def drive(self, steps: Steps, rank: int) -> Any:
         """Carry out a driver's generator: exchanges, pauses, things to do later."""
-        answer: Any = None
-        fault: Fault | None = None
         self.exchanges = exchanges = 0
+
+        async def exchange(ask: Ask) -> Mapping[str, Any]:
+            nonlocal exchanges
+            answer, times = await self.belief.exchange(ask, rank)
+            exchanges += times
+            return answer
+
         try:
-            while True:
-                step = steps.send(answer) if fault is None else steps.throw(fault)
-                answer, fault = None, None
-                if isinstance(step, Ask):
-                    try:
-                        answer, times = await self.belief.exchange(step, rank)
-                        exchanges += times
-                    except Fault as error:
-                        fault = error
-                elif isinstance(step, Pause):
-                    await asyncio.sleep(step.seconds)
-                else:
-                    self.motions.plan(step)
-        except StopIteration as end:
+            value = await carry_out(steps, exchange, self.motions.plan)
             self.exchanges = exchanges
-            return end.value
+            return value
         except (Fault, asyncio.CancelledError):
             raise
         except Exception as error:  # a defect in a driver must cost one operation, never the gateway
@@ -328,5 +322,3 @@ class Hub:
             if rank != STOP and self.motions.busy:
                 self.begin_stop()  # nobody knows what moves now; a stop that fails is tried again by itself
             raise Refused(f"Internal error: {error!r}") from error
-        finally:
-            steps.close()

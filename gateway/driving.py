@@ -1,0 +1,34 @@
+"""Carrying out what a driver yields: its exchanges, its pauses, and what it wants done later."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Mapping
+from typing import Any
+
+from gateway.driver import Ask, Later, Pause, Steps
+from gateway.errors import Fault
+
+
+async def carry_out(steps: Steps, exchange: Callable[[Ask], Awaitable[Mapping[str, Any]]],
+                    plan: Callable[[Later], object]) -> Any:
+    """Run a driver's generator to its end -> its value. A Fault of an exchange is thrown into it. Raises Fault."""
+    answer: Mapping[str, Any] | None = None
+    fault: Fault | None = None
+    try:
+        while True:
+            step = steps.send(answer) if fault is None else steps.throw(fault)
+            answer, fault = None, None
+            if isinstance(step, Ask):
+                try:
+                    answer = await exchange(step)
+                except Fault as error:
+                    fault = error
+            elif isinstance(step, Pause):
+                await asyncio.sleep(step.seconds)
+            else:
+                plan(step)
+    except StopIteration as end:
+        return end.value
+    finally:
+        steps.close()
