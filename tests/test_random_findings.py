@@ -140,3 +140,29 @@ def test_a_hand_that_takes_over_from_a_goto_is_stopped_in_time(model: str) -> No
             return low
 
     assert run(program()) > 29.9
+
+
+@pytest.mark.parametrize("motion", [b"P\x02\x11\x24\x09\x00\x00\x00", b"r80000000,40000000"])
+def test_a_mount_in_motion_is_not_told_that_it_stands_otherwise(motion: bytes) -> None:
+    """Alt-az and equatorial are two frames: axes that were checked in one must not be sent to in the other."""
+
+    async def program() -> None:
+        async with Bridge("gt", "104.0", presented="nexstar", surface="advanced-gt",
+                          config={"lowest": -90.0}) as bridge:
+            client = bridge.client()
+            client.tell(b"T\x02")
+            await asyncio.sleep(5)
+            before = len(bridge.sent())
+            client.tell(motion)
+            await asyncio.sleep(1)
+            client.tell(b"T\x01")
+            await asyncio.sleep(1)
+            client.tell(b"M" + b"P\x02\x11\x24\x00\x00\x00\x00")
+            await asyncio.sleep(10)
+            assert b"T\x01" not in bridge.sent()[before:]
+            assert await client.ask(b"t") == b"\x02#"
+            client.tell(b"T\x01")  # at rest it is told
+            await asyncio.sleep(2)
+            assert b"T\x01" in bridge.sent()[before:]
+
+    run(program())

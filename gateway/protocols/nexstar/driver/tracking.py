@@ -7,7 +7,7 @@ axis moves and put back once after the last one has stopped (NexStar protocol, S
 from __future__ import annotations
 
 from gateway.driver import Ask, Later, Steps
-from gateway.errors import Fault, NoDevice, Unsupported
+from gateway.errors import Fault, NoDevice, Refused, Unsupported
 from gateway.operations import GetStatus, GuideRate, Operation, SetGuideRate, SetTracking, Status, Tracking, TrackRate
 from gateway.protocols.nexstar.driver.state import NexStar
 
@@ -102,16 +102,27 @@ def send_mode(mount: NexStar, mode: Tracking) -> Steps:
 
 
 def set_tracking(mount: NexStar, operation: SetTracking) -> Steps:
-    """On in the mount's own mode, or off. A fork is never put into an equatorial mode, nor the reverse."""
-    mount.parked = mount.parked and not operation.on
-    mode = (operation.mode or own_mode(mount)) if operation.on else Tracking.OFF
+    """On in the mount's own mode or in a mode asked for by name, or off.
+
+    Alt-az and equatorial are two frames for the axes: what was checked in one of them must not arrive in the other, so
+    a mount in motion keeps its own. Raises Refused.
+    """
+    own = own_mode(mount)
+    mode = (operation.mode or own) if operation.on else Tracking.OFF
     if mode is None:
         raise Unsupported("The tracking mode of this mount is not known.")
+    if operation.on and own is not None and mode.equatorial != own.equatorial and _in_motion(mount):
+        raise Refused("The mount moves: between alt-az and equatorial it changes only at rest.")
+    mount.parked = mount.parked and not operation.on
     mount.restores = 0
     if mount.remembered is not None:
         mount.remembered = mode
         return
     yield from send_mode(mount, mode)
+
+
+def _in_motion(mount: NexStar) -> bool:
+    return bool(mount.moving) or mount.goto is not None or mount.remembered is not None
 
 
 def put_off(mount: NexStar) -> Steps:
