@@ -105,7 +105,7 @@ class Way(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Command:
     """A command ready for use: its request forms, its reply forms, and who has it."""
 
-    __slots__ = ("beyond", "help", "models", "name", "replies", "requests", "since")
+    __slots__ = ("beyond", "help", "models", "name", "replies", "request", "requests", "since")
 
     def __init__(self, where: str, name: str, row: CommandRow) -> None:
         self.name, self.help, self.beyond = name, row.help, row.beyond
@@ -116,10 +116,7 @@ class Command:
             self.replies = [(reply, Picture(reply.wire)) for reply in _replies(row.reply)]
         except ValueError as error:
             raise MappingError(where, name, str(error)) from None
-
-    @property
-    def request(self) -> Picture:
-        return self.requests[0]
+        self.request = self.requests[0]
 
     def known_to(self, model: str | None, version: Version | None) -> bool:
         """Whether this model and version have the command, by the manual."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import calendar
 from datetime import datetime
+from functools import cache
 from typing import Any
 
 from gateway import operations as op
@@ -23,6 +24,7 @@ from gateway.sky import Sky
 from gateway.surface import Again, Defer, Session, Speed, Start
 
 
+@cache
 def unix(text: str) -> float:
     """``2026-03-21 04:15:30`` (UTC) -> Unix seconds."""
     return float(calendar.timegm(datetime.strptime(text, "%Y-%m-%d %H:%M:%S").timetuple()))

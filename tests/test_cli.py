@@ -11,12 +11,13 @@ import socket
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from gateway.cli import main
+from gateway.cli import main, serving
+from gateway.detect import looking
+from gateway.detect.probe import Patience
 from tests.running import GATEWAY, PATIENCE, Running, ask
 
 
@@ -149,10 +150,7 @@ def test_a_config_file_is_obeyed(tmp_path: Path, started: list[Running]) -> None
 
 
 class Stranger:
-    """Something on a line that is no hand control, and a gateway that takes it for one; both run while others test.
-
-    ``answers`` says what it answers to which byte.
-    """
+    """Something on a line that is no hand control. ``answers`` says what it answers to which byte."""
 
     def __init__(self, answers: dict[bytes, bytes]) -> None:
         self.answers, self.heard = answers, b""
@@ -160,10 +158,6 @@ class Stranger:
         self.socket.settimeout(PATIENCE)
         self.mount = f"nexstar@socket://127.0.0.1:{self.socket.getsockname()[1]}"
         threading.Thread(target=self._serve, daemon=True).start()
-        arguments = ["run", "--mount", self.mount, "--surface", "lx200@tcp://127.0.0.1:0"]
-        self.process = subprocess.Popen(
-            [*GATEWAY, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
 
     def _serve(self) -> None:
         with contextlib.suppress(OSError):
@@ -177,38 +171,33 @@ class Stranger:
                             link.sendall(answer)
                 link.close()
 
-    def verdict(self) -> str:
-        """The one line that it ends with."""
-        out, error = self.process.communicate(timeout=PATIENCE)
-        assert (self.process.returncode, out) == (2, "")
-        [line] = error.strip().splitlines()
-        return line
-
-    def close(self) -> None:
-        self.process.kill()
-        self.process.wait()
-        self.socket.close()
+    def taken_for_a_hand_control(self) -> str:
+        """The one line that a gateway ends with."""
+        with self.socket:
+            return refused("run", "--mount", self.mount, "--surface", "lx200@tcp://127.0.0.1:0")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def strangers() -> Iterator[dict[str, Stranger]]:
-    """They take several seconds to be judged: they are begun with the first test here."""
-    both = {"silent": Stranger({}), "meade": Stranger({b"\x06": b"P"})}
-    yield both
-    for stranger in both.values():
-        stranger.close()
+@pytest.fixture
+def _hasty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stranger is given a tenth of the time; how long it should be is the business of the tests of ``detect``."""
+    monkeypatch.setattr(serving, "FIRST_WORD", 0.3)
+    monkeypatch.setattr(looking, "AT_9600", Patience(quiet=0.1, restless=0.3, first=0.1, answer=0.4))
 
 
-def test_a_silent_line_is_said_to_be_one(strangers: dict[str, Stranger]) -> None:
-    line = strangers["silent"].verdict()
+@pytest.mark.usefixtures("_hasty")
+def test_a_silent_line_is_said_to_be_one() -> None:
+    silent = Stranger({})
+    line = silent.taken_for_a_hand_control()
     assert "no mount answers" in line
-    assert f"mount-gateway detect {strangers['silent'].mount.partition('@')[2]} looks closer" in line
+    assert f"mount-gateway detect {silent.mount.partition('@')[2]} looks closer" in line
     assert "--wait" in line
 
 
-def test_a_meade_behind_a_nexstar_endpoint_is_recognised(strangers: dict[str, Stranger]) -> None:
-    assert "speaks lx200" in strangers["meade"].verdict()
-    assert b":" not in strangers["meade"].heard
+@pytest.mark.usefixtures("_hasty")
+def test_a_meade_behind_a_nexstar_endpoint_is_recognised() -> None:
+    meade = Stranger({b"\x06": b"P"})
+    assert "speaks lx200" in meade.taken_for_a_hand_control()
+    assert b":" not in meade.heard
 
 
 def test_a_silent_line_is_waited_for(started: list[Running]) -> None:
@@ -243,11 +232,10 @@ def test_a_mount_that_comes_later_is_found(started: list[Running]) -> None:
     assert re.match(rb"\d\d:\d\d:\d\d#", heard)
 
 
-def test_tables_and_explain_print() -> None:
-    tables = subprocess.run([*GATEWAY, "tables"], capture_output=True, text=True, timeout=PATIENCE, check=True)
-    assert "LX200 on NexStar" in tables.stdout
-    assert "NexStar on LX200" in tables.stdout
-    words = subprocess.run(
-        [*GATEWAY, "explain", "lx200", "nexstar", ":MS#"], capture_output=True, text=True, timeout=PATIENCE, check=True
-    )
-    assert "r3B78EC00,0FA79E00" in words.stdout
+def test_tables_and_explain_print(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["tables"]) == 0
+    tables = capsys.readouterr().out
+    assert "LX200 on NexStar" in tables
+    assert "NexStar on LX200" in tables
+    assert main(["explain", "lx200", "nexstar", ":MS#"]) == 0
+    assert "r3B78EC00,0FA79E00" in capsys.readouterr().out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import gateway
@@ -72,6 +73,7 @@ def _modules() -> list[tuple[str, Path]]:
     return [(path.relative_to(ROOT).with_suffix("").parts[0], path) for path in sorted(ROOT.rglob("*.py"))]
 
 
+@cache
 def _imports(path: Path) -> set[str]:
     """Every module imported anywhere in a file, ``gateway.x`` as written."""
     names = set()

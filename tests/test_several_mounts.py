@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import re
 import signal
 import socket
-import subprocess
-import sys
 from pathlib import Path
 
+import pytest
+
+from gateway.cli import main
 from tests.running import PATIENCE, Running, ask
 
 WAITING = "west: nexstar@/dev/does-not-exist: cannot open /dev/does-not-exist: no such port; trying on"
@@ -61,14 +61,16 @@ def test_an_absent_mount_and_one_that_dies_leave_the_others_alone(tmp_path: Path
     assert both.end() == 0
 
 
-def test_one_port_that_is_taken_ends_the_program_before_it_is_ready(tmp_path: Path) -> None:
+def test_one_port_that_is_taken_ends_the_program_before_it_is_ready(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         path = tmp_path / "gateway.toml"
         path.write_text((table("a", "nexstar@sim", "lx200") + table("b", "nexstar@sim", "lx200")).replace(
             "127.0.0.1:0", f"127.0.0.1:{port}", 2).replace(f":{port}", ":0", 1))
-        done = subprocess.run([sys.executable, "-bb", "-m", "gateway", "run", "--config", str(path)],
-                              capture_output=True, text=True, timeout=PATIENCE, env=os.environ, check=False)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert f":{port}: the port is in use" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+        assert main(["run", "--config", str(path)]) == 2
+    out, error = capsys.readouterr()
+    assert out == ""
+    assert f":{port}: the port is in use" in error
+    assert len(error.splitlines()) == 1

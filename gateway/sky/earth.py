@@ -8,6 +8,7 @@ whole. Fixed records: MJD in columns 8-15, UT1-UTC in columns 59-68. Never fetch
 from __future__ import annotations
 
 from array import array
+from functools import cache
 from pathlib import Path
 
 import astropy_iers_data  # type: ignore[import-untyped]
@@ -32,8 +33,9 @@ class EarthRotation:
             self._values.append(float(line[_UT1_UTC]))
 
     @classmethod
+    @cache
     def installed(cls) -> EarthRotation:
-        """The table that came with astropy."""
+        """The table that came with astropy, read once: nothing changes it while the gateway runs."""
         return cls(Path(astropy_iers_data.IERS_A_FILE).read_bytes())
 
     def ut1_utc(self, unix: float) -> float:

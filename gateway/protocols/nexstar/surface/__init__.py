@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 from gateway.protocols.nexstar.framing import Framer, lengths
@@ -39,11 +40,15 @@ def counts_as(version: Version) -> Version:
     return GT_NEW if version >= GT_SECOND else GT_OLD
 
 
+@cache
+def _lengths(version: Version) -> dict[int, int]:
+    """First byte -> length of the requests that a hand control of that version knows."""
+    return lengths([c for c in load("nexstar").commands.values() if c.name == ALWAYS or c.known_to(None, version)])
+
+
 def framing(model: dict[str, Any]) -> Callable[[Callable[[], float]], Callable[[bytes], list[bytes]]]:
     """How requests to a hand control of that version are cut out: opcodes it does not know are dropped bytes."""
-    commands = load("nexstar").commands.values()
-    version = counts_as(model["version"])
-    known = lengths([c for c in commands if c.name == ALWAYS or c.known_to(None, version)])
+    known = _lengths(counts_as(model["version"]))
 
     def make(now: Callable[[], float]) -> Callable[[bytes], list[bytes]]:
         framer = Framer(known)
