@@ -17,7 +17,7 @@ from gateway.hub.derived import Derived
 from gateway.hub.places import PLACES
 from gateway.logline import meaning, show
 from gateway.observatory import Observatory
-from gateway.pairs import effective, outcome, surface_rows, taken
+from gateway.pairs import effective, outcome, taken
 from gateway.recording import unescape
 from gateway.sky import Sky
 from gateway.surface import Again, Defer, Session, Speed, Start, Surface
@@ -46,7 +46,7 @@ def explain(surface: str, scope: str, typed: str) -> str:
     if found is None:
         raise UserError(f"{client} has no command {typed!r}{_hint(client, frame)}")
     command, picture = found
-    row = surface_rows(protocol).get(command.name)
+    row = protocol.surface.get(command.name)
     lines = [f"{show(frame)}  {command.help}"]
     if command.models is not None:
         lines.append(f"  by the manual only on {', '.join(sorted(command.models))}")

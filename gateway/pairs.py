@@ -49,16 +49,6 @@ dropped.
 }
 
 
-def surface_rows(protocol: Protocol) -> dict[str, SurfaceRow]:
-    """The surface rows of a protocol; empty where none were written yet."""
-    return protocol.surface if (protocol.folder / "surface.toml").exists() else {}
-
-
-def driver_rows(protocol: Protocol) -> dict[str, list[Any]]:
-    """The driver rows of a protocol; empty where none were written yet."""
-    return protocol.driver if (protocol.folder / "driver.toml").exists() else {}
-
-
 def effective(mount: Protocol, model: str, text: str) -> Version:
     """The version whose commands a mount has: a GT counts from 100, and 104.0 stands for 4.03, before it 1.2."""
     version = parse_version(text)
@@ -82,7 +72,7 @@ def taken(row: SurfaceRow | None, mount: Protocol, model: str | None = None,
     """The ways by which a mount carries out the operations of a row: of each the first whose commands it has."""
     found = []
     for name in [] if row is None else row.operations:
-        for way in driver_rows(mount).get(name, ()):
+        for way in mount.driver.get(name, ()):
             if way.part and model and way.part not in mount.models[model].get("has", ()):
                 continue
             needed = [mount.commands[command].known_to(model, version) for command in way.send + way.needs]
@@ -111,14 +101,14 @@ def wire(source: Source) -> str:
 def counts(client: str, mount: str, model: str | None = None, version: Version | None = None) -> Counter[str]:
     """Outcome -> number of commands, beyond-the-manual ones included."""
     protocol, driven = load(client), load(mount)
-    rows = surface_rows(protocol)
+    rows = protocol.surface
     return Counter(outcome(rows.get(name), driven, model, version) for name in protocol.commands)
 
 
 def presented_counts(client: str, mount: str, model: str, version: Version | None = None) -> Counter[str]:
     """Outcome -> number of commands that a presented model has by its manual; ``beyond`` are all others."""
     protocol, driven = load(client), load(mount)
-    rows = surface_rows(protocol)
+    rows = protocol.surface
     return Counter(
         outcome(rows.get(name), driven) if command.known_to(model, version) and not command.beyond else BEYOND
         for name, command in protocol.commands.items()
@@ -128,7 +118,7 @@ def presented_counts(client: str, mount: str, model: str, version: Version | Non
 def missing(client: str, mount: str) -> list[str]:
     """The commands that have no outcome, on the newest mount or on one of the models and versions."""
     protocol, driven = load(client), load(mount)
-    rows = surface_rows(protocol)
+    rows = protocol.surface
     kinds = [(None, None), *((model, version) for model, _, version in versions(driven))]
     return [name for name in protocol.commands
             if any(outcome(rows.get(name), driven, *kind) == MISSING for kind in kinds)]
@@ -204,7 +194,7 @@ def _line(model: str, version: str, numbers: list[int]) -> str:
 def _rows(client: str, mount: str, model: str | None = None, version: Version | None = None) -> list[str]:
     """The table of all commands, on any mount or on one model and version."""
     protocol, driven = load(client), load(mount)
-    rows = surface_rows(protocol)
+    rows = protocol.surface
     lines = ["| command | meaning | outcome | on the mount | remarks |", "|---|---|---|---|---|"]
     for name, command in protocol.commands.items():
         row = rows.get(name)

@@ -5,7 +5,9 @@ Where the tests are spread over processes, each is as strict about bytes and tex
 
 from __future__ import annotations
 
+import gc
 import itertools
+import os
 import shlex
 import sys
 from collections.abc import Iterator
@@ -19,10 +21,23 @@ _COUNT = itertools.count()
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Workers of pytest-xdist get ``-bb`` as well; by itself it starts them without."""
+    """Workers of pytest-xdist get ``-bb`` as well; by itself it starts them without.
+
+    What is compiled is kept, by workers and by product processes, also where an image says otherwise: compiling the
+    tests takes each worker four seconds, compiling the product takes each process as long as all else of its start.
+    """
+    sys.dont_write_bytecode = False
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     if sys.flags.bytes_warning and getattr(config.option, "tx", None):
         strict = f"popen//python={shlex.quote(sys.executable)} -{'b' * sys.flags.bytes_warning}"
         config.option.tx = [strict if spec == "popen" else spec for spec in config.option.tx]
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_finish() -> None:
+    """Thousands of tests live as long as their process: the garbage collector need not look through them each time."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -152,7 +152,7 @@ def test_every_row_is_answered_and_well_formed(model: str, version: str) -> None
     for name in NEXSTAR.surface:
         command = NEXSTAR.commands[name]
         for frame in frames_of(name):
-            if talk_to(model, version=version).framing(frame) != [frame]:
+            if talk.face.framing(lambda: talk.now)(frame) != [frame]:
                 assert command.since is not None and command.since > (1, 2), "what every version has is read"
                 continue
             reply = talk.send(frame)
