@@ -14,6 +14,7 @@ import pytest
 
 from gateway.assembly import Gateway
 from gateway.clients import BEGUN
+from gateway.ports import tcp
 from gateway.ports.tcp import BREATH, SHARE
 from tests.bridge import Bridge, Visitor
 from tests.chain import equatorial
@@ -252,8 +253,11 @@ def test_a_burst_is_answered_to_the_last() -> None:
     serve(program, "lx200@tcp://127.0.0.1:0")
 
 
-def test_who_does_not_read_is_let_go_without_a_word(caplog: pytest.LogCaptureFixture) -> None:
+def test_who_does_not_read_is_let_go_without_a_word(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The replies that still come for it are dropped; the event loop would warn of every one of them."""
+    monkeypatch.setattr(tcp, "BREATH", 0.001)  # else it takes two seconds to say enough
 
     async def program(gateway: Gateway) -> None:
         deaf = socket.create_connection(address(gateway))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -81,7 +83,14 @@ def session(where: str) -> tuple[bytes, list[Any]]:
         return heard, [*lines, port.read(3)]
 
 
+@pytest.fixture
+def _brisk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """pyserial's client looks for the answer to every setting once in 0.05 s, and rests here and there."""
+    monkeypatch.setattr("serial.rfc2217.time", SimpleNamespace(sleep=lambda seconds: time.sleep(seconds / 50)))
+
+
 @PYSERIAL
+@pytest.mark.usefixtures("_brisk")
 def test_pyserials_own_client_sets_what_it_likes_and_hears_every_byte() -> None:
     async def main() -> None:
         port: Port = await open_port("rfc2217://127.0.0.1:0", lambda name, host, write: Echo(write))
@@ -98,6 +107,7 @@ def test_pyserials_own_client_sets_what_it_likes_and_hears_every_byte() -> None:
 
 
 @PYSERIAL
+@pytest.mark.usefixtures("_brisk")
 def test_a_hand_control_and_a_plain_program_on_one_port() -> None:
     """A binary 0xFF in both directions: the time zone of ``H`` an hour west of Greenwich, read back by ``h``."""
     clock = b"H\x0c\x00\x00\x03\x14\x1a\xff\x00"

@@ -14,6 +14,7 @@ from gateway.assembly import Gateway
 from gateway.config import MountConfig, SurfaceConfig
 from gateway.errors import UserError
 from gateway.ports import open_port
+from gateway.ports import serial as serial_port
 from gateway.ports.pty import speed
 from gateway.wires import SerialWire
 from tests.test_ports import PATIENCE, serve
@@ -67,16 +68,17 @@ def test_the_rate_is_the_surface_s_own() -> None:
     os.close(gateway_side)
 
 
-def test_a_socket_that_is_lost_is_opened_again() -> None:
+def test_a_socket_that_is_lost_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """A program that listens, and has the gateway come to it."""
     listening = socket.create_server(("127.0.0.1", 0))
     listening.setblocking(False)
 
     async def program(gateway: Gateway) -> None:
         loop = asyncio.get_running_loop()
-        for _ in range(2):
+        for again in (0.05, 60.0):  # and not a third time, to somebody who is gone
             async with asyncio.timeout(PATIENCE):
                 link, _ = await loop.sock_accept(listening)
+                monkeypatch.setattr(serial_port, "AGAIN", again)
                 with link:
                     link.setblocking(False)
                     heard = b""

@@ -9,6 +9,9 @@ from gateway.errors import UserError
 from gateway.ports.guest import Arrive, Guest
 from gateway.wires import SerialWire
 
+#: Seconds between two tries to open a lost port again.
+AGAIN = 1.0
+
 
 class SerialPort:
     """A real serial port, or any pyserial URL, with one client behind it."""
@@ -50,7 +53,7 @@ class SerialPort:
         assert self._guest is not None
         while True:
             await self._wire.close()
-            await asyncio.sleep(1.0)
+            await asyncio.sleep(AGAIN)
             try:
                 await self._wire.open(self._guest.feed, self._lost)
             except OSError:
