@@ -11,6 +11,7 @@ import calendar
 import random
 import zoneinfo
 from datetime import UTC, datetime, timedelta
+from functools import cache
 
 import pytest
 
@@ -25,6 +26,7 @@ RA_HALF, DEC_HALF = 7.5 * ARCSECOND + 3e-5, 0.5 * ARCSECOND + 3e-5
 INSTANTS = ["2026-01-15 22:00:00", "2026-07-15 22:00:00", "2026-12-31 23:59:40", "2027-01-01 00:00:20"]
 
 
+@cache
 def offsets() -> list[float]:
     """Every UTC offset in use today, in hours, both daylight-saving states."""
     moments = [datetime(2026, month, 15, tzinfo=UTC) for month in (1, 7)]

@@ -56,7 +56,8 @@ def _exact(source: str) -> re.Pattern[bytes]:
     return re.compile(pattern + re.escape(source[at:].encode("latin-1")), re.DOTALL)
 
 
-def _shapes(sources: list[str]) -> set[str]:
+@cache
+def _shapes(sources: tuple[str, ...]) -> frozenset[str]:
     """What replies look like when one does not know what was asked."""
     shapes = set()
     for source in sources:
@@ -66,7 +67,7 @@ def _shapes(sources: list[str]) -> set[str]:
             shapes.add(_FIELD.sub(lambda field: field[1].upper(), source))
         else:
             shapes.add("bare")
-    return shapes
+    return frozenset(shapes)
 
 
 class MeadeDialogue:
@@ -94,8 +95,8 @@ class MeadeDialogue:
         either = first | second
         return bool(first & second) or ("text" in either and bool(first - {"bare"}) and bool(second - {"bare"}))
 
-    def _sources(self, ask: Ask) -> list[str]:
-        return [str(picture.source) for _, picture in self.protocol.commands[ask.command].replies]
+    def _sources(self, ask: Ask) -> tuple[str, ...]:
+        return tuple([str(picture.source) for _, picture in self.protocol.commands[ask.command].replies])
 
     def encode(self, ask: Ask) -> bytes:
         """The request bytes; with ``low`` among the values in the low-precision form."""
