@@ -81,7 +81,7 @@ async def _play(seed: int, steps: int, mount: tuple[str, str, str | None], prese
         synced = _can_sync(driven, version)
         unsettles = random_commands.SITE_AND_CLOCK if synced else random_commands.SITE_CLOCK_AND_SYNC
         player = _Player(bridge, random, driven, presented, face, wild,
-                         Judge(bridge, driven, lowest, highest, 20.0, unsettles), synced)
+                         Judge(bridge, driven, lowest, highest, 20.0, unsettles, latency), synced)
         asyncio.get_running_loop().set_exception_handler(
             lambda _, context: player.judge.complain(f"nobody caught {context}"))
         ends = time.monotonic() + WALL
@@ -155,6 +155,7 @@ class _Player:
         while not _whole(visitor, step) and self.bridge.clock() < ends:
             await asyncio.sleep(0.02 if self.bridge.clock() < now + 0.5 else STEP)
             self.judge.look()
+            silent = silent or self._may_be_silent()
         if _whole(visitor, step):
             return
         if silent or self._may_be_silent():  # what it says is late, if it comes at all
