@@ -209,8 +209,10 @@ class Checks:
             self._check_soon(limits, seen, self._soon(seen, status, turns))
 
     def _turn(self, operation: op.Move | op.MoveAxis) -> float:
-        """How far an axis turns before the guard has looked and stopped it, degrees."""
-        return sense_of(operation) * self._hub.driver.speed(operation.rate) * self._hub.guard.reaction
+        """How far an axis turns from the last position until the guard has looked and stopped it, degrees."""
+        hub = self._hub
+        seconds = hub.guard.reaction + hub.snapshot.age(op.Position, hub.now()) * bool(hub.motions.by_hand)
+        return sense_of(operation) * hub.driver.speed(operation.rate) * seconds
 
     def _check_soon(self, limits: Limits, seen: op.Equatorial, soon: op.Equatorial) -> None:
         """Raises BelowHorizon, TooHigh or NearSun when a way from here to there leads beyond a limit."""

@@ -167,7 +167,8 @@ class Guard:
             rose = after.seen.dec - before.seen.dec
         else:
             rose = (after.altitude or 0.0) - (before.altitude or 0.0)
-        if abs(rose) > RISEN:
+        expected = self._hub.driver.speed(after.lifting.rate) * (after.at - before.at)
+        if abs(rose) > RISEN and 0.4 < abs(rose) / expected < 2.0:  # else it is something else that moved it
             self.upright = rose * sense_of(after.lifting) > 0
 
     @property
