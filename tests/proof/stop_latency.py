@@ -229,7 +229,7 @@ async def _all(arguments: argparse.Namespace, running: list[Running]) -> bool:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=60.0, help="of every situation")
-    parser.add_argument("--copies", type=int, default=3, help="gateways side by side; under a load so many times as long")
+    parser.add_argument("--copies", type=int, default=3, help="gateways side by side; under a load, longer")
     parser.add_argument("--clients", type=int, default=200, help="of a crowd")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--situations", nargs="+", default=["idle", "crowd", "flood"])
