@@ -60,6 +60,8 @@ class Driver:
     #: Whether an aligned mount may be told site and time without losing its alignment.
     takes_site_aligned = False
     loses_alignment = False
+    #: How many questions it takes to learn where the mount points.
+    position_reads = 1
     #: How many times faster than a real one the mount slews: simulated ones may.
     hurry = 1.0
     #: Whether the mount has a GPS receiver of its own.

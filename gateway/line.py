@@ -20,7 +20,7 @@ from gateway.talk import QUIET, Dialogue, Talk
 from gateway.transcript import Transcript
 from gateway.wires import Wire
 
-STOP, MOTION, WAITED, SETTING, POSITION, READ = range(6)
+STOP, MOTION, POSITION, WAITED, SETTING, READ = range(6)
 #: How often the line is proven before it counts as down; after a proof that failed, so many times more quiet is wanted.
 PROOFS, QUIETER = 3, 3.0
 #: After half a command nothing is sent for this long: a hand control would take it for the other half.
@@ -28,6 +28,7 @@ HALF_COMMAND = 3.5
 #: A port that nobody has answered on for this long is opened anew.
 MUTE = 20.0
 #: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the hub.
+#: The position always does, and before other reads: its halves must be of one instant.
 AGED = {POSITION: 0.25, READ: 0.6}
 #: After so many exchanges for motions in a row one such read goes first: no flood of arrows may hide the mount.
 IN_A_ROW = 1
@@ -250,7 +251,7 @@ class Line:
         while self._urgent and self._urgent[0] < now - 0.05:
             heapq.heappop(self._urgent)
         first = self._waiting()[0]
-        if self._urgent and first[2].rank >= POSITION and self._urgent[0] - now < 1.5 * self.typical:
+        if self._urgent and first[2].rank in AGED and self._urgent[0] - now < 1.5 * self.typical:
             self._wake.clear()
             try:
                 await asyncio.wait_for(self._wake.wait(), max(0.0, self._urgent[0] - now) + 0.05)
@@ -271,9 +272,9 @@ class Line:
         """Whatever waits, in the order in which its turn comes; reads that have waited long rise in rank."""
         now, waited = self._now(), STOP + 0.5 if self._motions >= IN_A_ROW else WAITED
 
-        def turn(item: tuple[int, int, Job]) -> tuple[float, int]:
+        def turn(item: tuple[int, int, Job]) -> tuple[float, int, int]:
             rank, order, job = item
-            return (waited if now - job.asked > AGED.get(rank, 1e9) else rank), order
+            return min(rank, waited) if now - job.asked > AGED.get(rank, 1e9) else rank, rank, order
 
         return sorted(self._queue, key=turn)
 

@@ -61,11 +61,11 @@ class Judge:
     """``complaints`` is what was wrong, with the virtual second; ``worst`` the farthest beyond each limit."""
 
     def __init__(self, bridge: Any, protocol: str, lowest: float, highest: float, circle: float,
-                 unsettles: re.Pattern[bytes]) -> None:
+                 unsettles: re.Pattern[bytes], latency: float) -> None:
         #: Until a client says something that makes the gateway's sky another one than the mount's: no limit after that.
         self.strict, self._unsettles = True, unsettles
         self.bridge, self.sim, self.protocol = bridge, bridge.sim, protocol
-        self.lowest, self.highest, self.circle = lowest, highest, circle
+        self.lowest, self.highest, self.circle, self.latency = lowest, highest, circle, latency
         self.complaints: list[str] = []
         self.worst = {"low": 0.0, "high": 0.0, "sun": 0.0}
         self.looks = 0
@@ -126,7 +126,7 @@ class Judge:
                   "sun": self.circle - self.from_sun(*here)}
         slewing = mechanics.slewing(now)
         self._moves = slewing or speed > MOTION
-        self._slewed = slewing or (self._slewed and speed > MOTION)
+        self._slewed = self._slewed or slewing
         for limit, amount in beyond.items():
             if amount <= 0.0:
                 self._entered[limit] = 0.0
@@ -139,16 +139,16 @@ class Judge:
                     self._entered[limit] = amount
                     self.complain(f"{limit} limit crossed by {amount:.2f} at {speed:.2f} deg/s "
                                   f"({'goto' if self._slewed else 'by hand'})")
-        if speed < MOTION and self.lenient:
-            self.lenient = ""
+        if speed < MOTION:
+            self.lenient, self._slewed = "", slewing
         return speed
 
     def tolerance(self) -> float:
-        """By hand nothing but jitter; on the way of a goto what it goes between two looks and a stop."""
+        """By hand nothing but jitter; on the way of a goto what it goes between two looks and a stop on its line."""
         if self.bridge.clock() < getattr(self.sim, "busy_until", 0.0):
             return 2.5 * float(self.sim.mechanics.fastest)  # an LX200GPS that is busy tells nothing, and moves on
         if self._slewed or self._sideless():
-            return float(self.sim.mechanics.fastest) * 1.5
+            return float(self.sim.mechanics.fastest) * (1.3 + 4.0 * self.latency)
         return 0.1
 
     def _sideless(self) -> bool:
@@ -184,6 +184,7 @@ class Judge:
 
     def _to_hand_control(self, data: bytes) -> None:
         opcode = chr(data[0])
+        self._slewed = self._slewed or opcode in "RrBb"  # it may be over before the next look
         if len(data) != LENGTHS.get(opcode):
             self.complain(f"to the hand control: {data!r} is no whole command")
         elif opcode in "RrSsBb":
@@ -209,6 +210,7 @@ class Judge:
 
     def _to_meade(self, data: bytes) -> None:
         kept = self.sim.kept
+        self._slewed = self._slewed or data in (b":MS#", b":MA#")
         if data != b"\x06" and not re.fullmatch(rb"(:|\$Q)[^:#]*#|:[^#]*#", data):
             self.complain(f"to the telescope: {data!r} is no whole command")
         elif data in (b":MS#", b":MA#", b":CM#"):
@@ -219,5 +221,5 @@ class Judge:
             self._target(repr(data), *(self.at(kept["az"], kept["alt"]) if data == b":MA#" else place))
         elif data in (b":AL#", b":AA#", b":AP#") and self.sim.classic:
             self.complain(f"{data!r} destroys the alignment of a classic")
-        elif data == b":hP#":
-            self.lenient = "park"
+        elif data in (b":hP#", b":hS#", b":hF#"):
+            self.lenient = "park or home"  # its own places; and one that seeks its home tells nothing on the way

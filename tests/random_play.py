@@ -12,21 +12,22 @@ from typing import Any
 
 from msgspec import Struct
 
+from gateway.tables import load
 from tests import random_commands
 from tests.bridge import Bridge, Visitor
 from tests.manual_files import fits
 from tests.random_judge import MOTION, Judge
 from tests.virtual import run
 
-#: Mounts that are driven: protocol, model, version, and what is presented over them.
-NEXSTAR = [("nexstar-gps", "1.2"), ("nexstar-gps", "1.6"), ("nexstar-gps", "2.2"), ("nexstar-gps-sa", "1.6"),
-           ("i-series", "1.6"), ("i-series-se", "2.2"), ("i-series-se", "2.3"), ("cge", "2.3"), ("cge", "3.01"),
-           ("cge", "4.21"), ("advanced-gt", "3.04"), ("advanced-gt", "4.10"), ("slt", "4.03"), ("cpc", "4.21"),
-           ("gt", "101.0"), ("gt", "104.0"), ("4-5se", "4.10"), ("6-8se", "4.21"), ("evolution", "5.31")]
-MEADE = [(model, None) for model in ("autostar", "lx200", "lx200-16", "lx200gps")]
-MOUNTS = [("nexstar", *mount) for mount in NEXSTAR] + [("lx200", *mount) for mount in MEADE]
-PRESENTED = {"lx200": ["autostar", "lx200", "lx200-16", "lx200gps"],
-             "nexstar": ["nexstar-gps", "cge", "advanced-gt", "cpc", "6-8se", "i-series"]}
+#: Mounts that are driven: protocol, model, version, all that there are; and what is presented over them.
+STARSENSE = ("cgx", "evolution", "6-8se")
+NEXSTAR = load("nexstar").models
+MOUNTS: list[tuple[str, str, str | None]] = [
+    *(("nexstar", model, version) for model, row in NEXSTAR.items() for version in row["versions"]),
+    *(("nexstar", model, "starsense-1.20") for model in STARSENSE),
+    *(("lx200", model, None) for model in load("lx200").models),
+]
+PRESENTED = {protocol: list(load(protocol).models) for protocol in ("lx200", "nexstar")}
 #: 2026-06-21 10:00 UTC: day at 45 N 10 E; 2026-01-15 22:00 UTC: night.
 DAY, NIGHT = 1782036000.0, 1768514400.0
 #: How long a reply may take; how long the noise of a program spoils what it says next; how long a play may take.
@@ -67,7 +68,7 @@ async def _play(seed: int, steps: int, mount: tuple[str, str, str | None], prese
     site = (-35.0, 150.0) if south else (45.0, 10.0)
     lowest, highest = random.choice((0.0, 10.0, 15.0)), random.choice((75.0, 80.0, 90.0))
     config: dict[str, Any] = {"lowest": lowest, "highest": highest, "site": site}
-    german = model in ("cge", "advanced-gt")
+    german = driven == "nexstar" and NEXSTAR[model]["mount"] == "german"
     config["mode"] = ("eq-south" if south else "eq-north") if german else "alt-az"
     start = (DAY + (14 * 3600.0 if south else 0.0)) if day else NIGHT
     latency = random.choice((0.02, 0.05, 0.2))
@@ -78,10 +79,10 @@ async def _play(seed: int, steps: int, mount: tuple[str, str, str | None], prese
             f"{', wild' if wild else ''}{'' if aligned else ', not aligned'}")
     async with Bridge(model, version, site=site, latency=latency, aligned=aligned, surface=face, config=config,
                       driven=driven, presented=presented, start=start) as bridge:
-        synced = _can_sync(driven, version)
+        synced = driven == "lx200" or bridge.driver.knows("s")  # else what is synced is what the gateway believes
         unsettles = random_commands.SITE_AND_CLOCK if synced else random_commands.SITE_CLOCK_AND_SYNC
         player = _Player(bridge, random, driven, presented, face, wild,
-                         Judge(bridge, driven, lowest, highest, 20.0, unsettles), synced)
+                         Judge(bridge, driven, lowest, highest, 20.0, unsettles, latency), synced)
         asyncio.get_running_loop().set_exception_handler(
             lambda _, context: player.judge.complain(f"nobody caught {context}"))
         ends = time.monotonic() + WALL
@@ -95,11 +96,6 @@ async def _play(seed: int, steps: int, mount: tuple[str, str, str | None], prese
         judge = player.judge
         return Play(f"seed {seed}: {name}", done, judge.looks, len(bridge.sent()), judge.complaints, judge.worst,
                     player.said)
-
-
-def _can_sync(driven: str, version: str | None) -> bool:
-    """Where the gateway itself keeps the sync, the mount's belief says nothing about it."""
-    return driven == "lx200" or ((version or "")[:2] in ("4.", "5.") and version not in ("4.03", "4.0"))
 
 
 class _Player:
@@ -155,6 +151,7 @@ class _Player:
         while not _whole(visitor, step) and self.bridge.clock() < ends:
             await asyncio.sleep(0.02 if self.bridge.clock() < now + 0.5 else STEP)
             self.judge.look()
+            silent = silent or self._may_be_silent()
         if _whole(visitor, step):
             return
         if silent or self._may_be_silent():  # what it says is late, if it comes at all

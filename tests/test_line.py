@@ -10,7 +10,7 @@ import pytest
 
 from gateway.driver import Ask
 from gateway.errors import NoAnswer, NoDevice, Silence
-from gateway.line import MOTION, READ, STOP, Line
+from gateway.line import MOTION, POSITION, READ, SETTING, STOP, Line
 from gateway.protocols.nexstar.dialogue import NexStarDialogue
 from gateway.transcript import Transcript
 from gateway.wires import OnData, OnLost
@@ -77,6 +77,23 @@ def test_one_exchange_at_a_time_and_stop_before_everything_that_waits() -> None:
         stop = asyncio.ensure_future(line.exchange(Ask("M"), STOP))
         await asyncio.gather(*reads, motion, stop)
         assert wire.sent == [b"J", b"M", b"V", b"J", b"J"]
+        await line.close()
+
+    run(program())
+
+
+def test_a_position_goes_before_other_reads_and_settings_however_long_these_have_waited() -> None:
+    """Its halves must be of one instant, and settings without end must not blind the hub."""
+
+    async def program() -> None:
+        line, wire = await opened(lambda data: [(0.2, hand_control(data)[0][1])])
+        others = [asyncio.ensure_future(line.exchange(Ask(name), rank)) for name, rank in
+                  [("J", READ), ("J", READ), ("t", SETTING), ("t", SETTING), ("t", SETTING), ("t", SETTING)]]
+        await asyncio.sleep(0.7)
+        await line.exchange(Ask("V"), POSITION)
+        await line.exchange(Ask("V"), POSITION)
+        await asyncio.gather(*others)
+        assert wire.sent == [b"t", b"t", b"t", b"J", b"V", b"V", b"J", b"t"]
         await line.close()
 
     run(program())

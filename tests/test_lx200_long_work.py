@@ -87,7 +87,7 @@ def test_a_telescope_that_seeks_home_is_asked_nothing_else() -> None:
             assert await client.ask(b":h?#") == b"2"
             assert bridge.hub.line.state == "up"
             with pytest.raises(Busy):
-                await bridge.hub.perform(op.Sync(10.0, 10.0))
+                await bridge.hub.perform(op.TrackRate(name="lunar"))
             client.tell(b":Q#")
             await asyncio.sleep(0.3)
             assert await client.ask(b":h?#") == b"0"

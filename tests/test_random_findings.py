@@ -166,3 +166,36 @@ def test_a_mount_in_motion_is_not_told_that_it_stands_otherwise(motion: bytes) -
             assert b"T\x01" in bridge.sent()[before:]
 
     run(program())
+
+
+@pytest.mark.parametrize("aligned", [True, False])
+def test_an_aligned_hand_control_keeps_its_clock_when_the_gps_is_asked_for_it(aligned: bool) -> None:
+    async def program() -> None:
+        async with Bridge("cpc", surface="lx200gps", aligned=aligned) as bridge:
+            assert await bridge.client().ask(b":gT#") == b"1"
+            await asyncio.sleep(1)
+            assert any(sent.startswith(b"H") for sent in bridge.sent()) is not aligned
+
+    run(program())
+
+
+def test_a_telescope_without_a_way_home_says_that_it_never_found_it() -> None:
+    async def program() -> None:
+        async with Bridge("lx200", driven="lx200") as bridge:
+            assert await bridge.client().ask(b":h?#") == b"0"
+
+    run(program())
+
+
+@pytest.mark.parametrize(("axis", "first"), [(16, b"P\x02\x10\x24\0\0\0\0"), (17, b"P\x02\x11\x24\0\0\0\0")])
+def test_of_two_motors_the_one_that_turns_is_stopped_first(axis: int, first: bytes) -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            await bridge.hub.perform(op.MoveAxis(axis - 15, 1, op.Rate(key=5)))
+            before = len(bridge.sent())
+            await bridge.hub.perform(op.Stop())
+            stops = [sent for sent in bridge.sent()[before:] if sent.startswith(b"P\x02") and sent[4] == 0]
+            assert stops[0] == first
+            assert len(stops) == 2
+
+    run(program())

@@ -7,21 +7,33 @@ motion by hand, and how far a sync moves the sky. What happens afterwards is the
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 from typing import TYPE_CHECKING
 
 from gateway import operations as op
-from gateway.errors import NearSun, Unsupported
-from gateway.hub.snapshot import RENEW
+from gateway.errors import Fault, NearSun, Refused, Unsupported
 from gateway.mount_geometry import Build, Geometry, Pair
 from gateway.paths import clear
 from gateway.safety import Limits, check_altitude, check_hour_angle, check_sync, leaving
-from gateway.spherical import separation, wrap180, wrap360
+from gateway.spherical import fold_declination, separation, wrap180
 
 if TYPE_CHECKING:
     from gateway.hub.core import Hub
 
 #: A position older than that says nothing about where a motion begins.
 OLD_POSITION = 6.0
+
+
+def axis_of(operation: op.Move | op.MoveAxis) -> int:
+    """The axis that an operation sets moving by hand."""
+    return operation.direction.axis if isinstance(operation, op.Move) else operation.axis
+
+
+def sense_of(operation: op.Move | op.MoveAxis) -> int:
+    """+1 for what is positive on an axis: west, or azimuth rising; north, or up."""
+    if isinstance(operation, op.Move):
+        return 1 if operation.direction in (op.Direction.NORTH, op.Direction.WEST) else -1
+    return operation.sense
 
 
 class Checks:
@@ -55,6 +67,8 @@ class Checks:
             await self._check_sun(op.Equatorial(operation.ra, operation.dec))
             return hub.derived.to_mount(operation)
         elif isinstance(operation, op.Sync):
+            if hub.moving:
+                raise Refused("The mount moves: nothing is centred, sync when it rests.")
             if (await hub.read(op.GetStatus())).aligned:
                 here = await hub.read(op.Position())
                 check_sync(hub.policy.limits, here, op.Equatorial(operation.ra, operation.dec))
@@ -172,50 +186,60 @@ class Checks:
     async def _check_by_hand(self, operation: op.Move | op.MoveAxis) -> None:
         """Raises BelowHorizon, TooHigh or NearSun when a limit would be crossed before the guard can act."""
         hub = self._hub
-        seen, status = hub.snapshot.value(op.Position), hub.snapshot.value(op.GetStatus)
-        if seen is None or hub.observatory.site() is None:
+        if hub.observatory.site() is None:
             return
-        if status is None:  # programs switch tracking off before a slew, and nothing is known of it after that
-            status = await hub.read(op.GetStatus())
+        # Programs switch tracking off before a slew, and nothing is known of it after that.
+        status = hub.snapshot.value(op.GetStatus) or await hub.read(op.GetStatus())
         if not status.aligned:
             return
-        if hub.snapshot.age(op.Position, hub.now()) > OLD_POSITION:
-            return
-        degrees = hub.driver.speed(operation.rate) * (RENEW[op.Position] + 3.0 * hub.line.typical)
-        soon = await self._soon(operation, seen, status, degrees)
-        limits, before = hub.policy.limits, hub.derived.horizon(seen).alt
+        seen = hub.snapshot.value(op.Position)
+        if seen is None or hub.snapshot.age(op.Position, hub.now()) > OLD_POSITION:
+            seen = await hub.read(op.Position())
+        limits = hub.policy.limits
         if isinstance(operation, op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
-        after = hub.derived.horizon(soon).alt
+        by_hand = {**hub.motions.by_hand, axis_of(operation): operation}
+        turns = {axis: self._turn(moving) for axis, moving in by_hand.items()}
+        try:
+            for way in product(*({degrees, -degrees} for degrees in turns.values())):
+                self._check_soon(limits, seen, self._soon(seen, status, dict(zip(turns, way, strict=True))))
+        except Fault:  # where one way is forbidden it counts which way the motors really turn the tube
+            for axis in turns:
+                turns[axis] *= await self._sense(operation, status, axis)
+            self._check_soon(limits, seen, self._soon(seen, status, turns))
+
+    def _turn(self, operation: op.Move | op.MoveAxis) -> float:
+        """How far an axis turns from the last position until the guard has looked and stopped it, degrees."""
+        hub = self._hub
+        seconds = hub.guard.reaction + hub.snapshot.age(op.Position, hub.now()) * bool(hub.motions.by_hand)
+        return sense_of(operation) * hub.driver.speed(operation.rate) * seconds
+
+    def _check_soon(self, limits: Limits, seen: op.Equatorial, soon: op.Equatorial) -> None:
+        """Raises BelowHorizon, TooHigh or NearSun when a way from here to there leads beyond a limit."""
+        before, after = self._hub.derived.horizon(seen).alt, self._hub.derived.horizon(soon).alt
         if leaving(limits, before, after, 0.0):
             check_altitude(limits, after)
-        for now, then in zip(hub.suns.distances(seen), hub.suns.distances(soon), strict=True):
-            if then < hub.suns.limit and then < now:
+        for now, then in zip(self._hub.suns.distances(seen), self._hub.suns.distances(soon), strict=True):
+            if then < self._hub.suns.limit and then < now:
                 raise NearSun
 
-    async def _soon(self, operation: op.Move | op.MoveAxis, seen: op.Equatorial, status: op.Status,
-                    degrees: float) -> op.Equatorial:
-        """Where a motion by hand leads within so many degrees."""
-        if isinstance(operation, op.Move):
-            sense = 1 if operation.direction in (op.Direction.NORTH, op.Direction.WEST) else -1
-            axis = operation.direction.axis
-        else:
-            sense, axis = operation.sense, operation.axis
-            if status.equatorial and (axis == 2 or self._hub.derived.place().latitude < 0):
-                return await self._axis_soon(axis, sense * degrees)
+    def _soon(self, seen: op.Equatorial, status: op.Status, turns: dict[int, float]) -> op.Equatorial:
+        """Where so many degrees of the axes lead."""
+        first, second = turns.get(1, 0.0), turns.get(2, 0.0)
         if status.equatorial:
-            if axis == 1:
-                return op.Equatorial(wrap360(seen.ra - sense * degrees), seen.dec)
-            return op.Equatorial(seen.ra, max(-90.0, min(90.0, seen.dec + sense * degrees)))
+            return op.Equatorial(*fold_declination(seen.ra - first, seen.dec + second))
         here = self._hub.derived.horizon(seen)
-        there = op.GotoHorizontal(wrap360(here.az + sense * degrees * (axis == 1)),
-                                  max(-90.0, min(90.0, here.alt + sense * degrees * (axis == 2))))
-        goal = self._hub.derived.equatorial(there)
+        goal = self._hub.derived.equatorial(op.GotoHorizontal(*fold_declination(here.az + first, here.alt + second)))
         return op.Equatorial(goal.ra, goal.dec)
 
-    async def _axis_soon(self, axis: int, degrees: float) -> op.Equatorial:
-        """Where so many degrees of one motor of an equatorial mount lead, whatever side its tube is on."""
-        here: op.Horizontal = await self._hub.read(op.AxisPosition())
-        there = op.GotoAxes(here.az + degrees * (axis == 1), here.alt + degrees * (axis == 2))
-        goal = self._hub.derived.from_axes(there)
-        return op.Equatorial(goal.ra, goal.dec)
+    async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status, axis: int) -> int:
+        """-1 where what is positive for a motor is not so on the sky: in the south, beyond the pole or the zenith."""
+        hub = self._hub
+        by_motor = isinstance(operation, op.MoveAxis) or not status.equatorial
+        pole = -1 if status.equatorial and by_motor and hub.derived.place().latitude < 0 else 1
+        if axis == 1 or not by_motor:
+            return pole
+        if not hub.driver.way(op.AxisPosition):
+            return 1 if hub.guard.upright else -1  # a Meade is told directions
+        here: op.Horizontal = await hub.read(op.AxisPosition())
+        return -pole if abs(wrap180(here.alt)) > 90.0 else pole

@@ -265,6 +265,8 @@ class Hub:
                 value: Any = self.derived.axes(await self.read(op.Position()))
             else:  # the axes of a fork are azimuth and altitude
                 value = await self.read(op.HorizontalPosition())
+        elif isinstance(operation, op.HorizontalPosition) and self.moving and self.driver.position_reads > 1:
+            value = None  # the line has no room for two positions in halves while the mount moves
         else:
             rank = POSITION if isinstance(operation, op.Position) else READ
             try:
@@ -289,6 +291,7 @@ class Hub:
 
     async def _settled(self) -> None:
         """A goto has just ended: nobody is told so before the position is known where it ended."""
+        self.guard.upright = True
         self.snapshot.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
         await self.read(op.Position())
 

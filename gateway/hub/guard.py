@@ -14,6 +14,8 @@ from msgspec.structs import replace
 
 from gateway import operations as op
 from gateway.errors import Fault, Unsupported
+from gateway.hub.checks import sense_of
+from gateway.hub.snapshot import RENEW
 from gateway.safety import leaving, past_meridian
 from gateway.spherical import separation
 
@@ -26,6 +28,8 @@ SHORTEST = 0.15
 EXCHANGES = 3
 #: Degrees a second that no tracking reaches, though one digit of a coarse position may: somebody moves the mount.
 RESTLESS = 0.1
+#: Degrees between two looks that tell which way a motor turns the tube.
+RISEN = 0.2
 #: How long it is watched closely after that.
 CLOSELY = 3.0
 #: A goto that ends at a limit may overshoot by so much; so much nearer to the Sun is no jitter.
@@ -39,13 +43,17 @@ SIDE_AGE = STATUS_AGE = 5.0
 
 
 class Look(Struct, frozen=True):
-    """What one position means: altitude and hour angle (None without a site), distances from the Suns, degrees."""
+    """What one position means: altitude and hour angle (None without a site), distances from the Suns, degrees.
+
+    ``lifting`` is what moved the second axis by hand at that time.
+    """
 
     at: float
     seen: op.Equatorial
     altitude: float | None
     hour_angle: float | None
     suns: list[float]
+    lifting: op.Move | op.MoveAxis | None = None
 
 
 class Guard:
@@ -60,6 +68,15 @@ class Guard:
         self._restless_until = self._coasts_until = self._stopped_at = -1e9
         self._switching = False
         self._helpless = False
+        #: False from when the tube was seen to sink when it was lifted (it is beyond the pole or the zenith) to the end
+        #: of the next goto.
+        self.upright = True
+
+    @property
+    def reaction(self) -> float:
+        """Seconds from one look to the effect of the next: where it moves, each read of a position is told twice."""
+        typical, reads = self._hub.line.typical, self._hub.driver.position_reads
+        return max(RENEW[op.Position], 2.0 * reads * typical) + (EXCHANGES + reads - 1) * typical
 
     @property
     def restless(self) -> bool:
@@ -115,6 +132,7 @@ class Guard:
         moved = separation(before.seen.ra, before.seen.dec, seen.ra, seen.dec)
         if moved / elapsed > RESTLESS and not hub.moving:
             self._restless_until = now + CLOSELY
+        self._learn(before, after, status)
         if not hub.moving and self._limits.lowest > -90.0:
             self._limits = hub.policy.limits
         reason = (
@@ -138,7 +156,20 @@ class Guard:
         derived = self._hub.derived
         altitude = derived.altitude(seen.ra, seen.dec)
         hour_angle = None if altitude is None else derived.sidereal_time() - seen.ra
-        return Look(now, seen, altitude, hour_angle, self._hub.suns.distances(seen))
+        lifting = self._hub.motions.by_hand.get(2)
+        return Look(now, seen, altitude, hour_angle, self._hub.suns.distances(seen), lifting)
+
+    def _learn(self, before: Look, after: Look, status: op.Status | None) -> None:
+        """Whether the second motor lifts the tube as it should; what tells no axis may be over the pole or zenith."""
+        if after.lifting is None or after.lifting is not before.lifting or status is None:
+            return
+        if status.equatorial:
+            rose = after.seen.dec - before.seen.dec
+        else:
+            rose = (after.altitude or 0.0) - (before.altitude or 0.0)
+        expected = self._hub.driver.speed(after.lifting.rate) * (after.at - before.at)
+        if abs(rose) > RISEN and 0.4 < abs(rose) / expected < 2.0:  # else it is something else that moved it
+            self.upright = rose * sense_of(after.lifting) > 0
 
     @property
     def _going(self) -> bool:
@@ -152,7 +183,7 @@ class Guard:
         rate = abs(change) / elapsed
         if rate > 0.2 * self._speed:
             rate = max(rate, self._speed)
-        return rate * (elapsed + EXCHANGES * self._hub.line.typical)
+        return rate * max(self.reaction, elapsed + EXCHANGES * self._hub.line.typical)
 
     def _altitude(self, before: Look, after: Look, elapsed: float) -> str:
         if before.altitude is None or after.altitude is None:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from gateway import operations as op
 from gateway.driver import Later
 from gateway.errors import Fault, Stopped
-from gateway.hub.checks import Checks
+from gateway.hub.checks import Checks, axis_of
 from gateway.hub.turn import FIRST, IN_ORDER, RESUMED, Turn
 from gateway.line import MOTION, STOP
 
@@ -41,9 +41,7 @@ STOP_TRIES = 3
 
 def axis_moved(operation: op.Operation) -> int | None:
     """The axis that an operation sets moving by hand, or None."""
-    if isinstance(operation, op.Move):
-        return operation.direction.axis
-    return operation.axis if isinstance(operation, op.MoveAxis) else None
+    return axis_of(operation) if isinstance(operation, op.Move | op.MoveAxis) else None
 
 
 def _heed(task: asyncio.Task[Any]) -> None:
@@ -59,7 +57,8 @@ class Motions:
         self._hub, self._follow_ups = hub, follow_ups
         self.stops = self.gotos = 0
         self.owed = False
-        self.axes: set[int] = set()
+        #: What moves by hand, axis by axis.
+        self.by_hand: dict[int, op.Move | op.MoveAxis] = {}
         self._turn = Turn()
         self._at_turn: asyncio.Task[Any] | None = None
         self._stopping: asyncio.Task[None] | None = None
@@ -69,6 +68,11 @@ class Motions:
         self._jobs: dict[asyncio.Task[Any], op.Operation] = {}
         self._later: dict[op.Operation, asyncio.TimerHandle] = {}
         self._checks = Checks(hub)
+
+    @property
+    def axes(self) -> set[int]:
+        """The axes that move by hand."""
+        return set(self.by_hand)
 
     @property
     def goto_waits(self) -> bool:
@@ -114,7 +118,7 @@ class Motions:
                 if attempt == STOP_TRIES - 1 or self._hub.line.state == "down":
                     raise
         self.owed = False
-        self.axes.clear()
+        self.by_hand.clear()
         self._hub.dead_man.stopped()
         self._hub.guard.ended()
         self._hub.snapshot.put(op.Slewing, False, self._hub.now())
@@ -214,20 +218,19 @@ class Motions:
     def _after(self, operation: op.Operation) -> None:
         """What is known without asking, once an operation has been carried out."""
         snapshot = self._hub.snapshot
-        axis = axis_moved(operation)
-        if isinstance(operation, GOTOS) or axis is not None or isinstance(operation, op.Sync):
+        if isinstance(operation, (*GOTOS, op.Move, op.MoveAxis, op.Sync)):
             self._hub.guard.began(operation)
         if isinstance(operation, GOTOS):
             self.gotos += 1
-            self.axes.clear()
+            self.by_hand.clear()
             snapshot.put(op.Slewing, True, self._hub.now())
             snapshot.forget(op.PierSide)  # the tube may change sides on its way
-        elif axis is not None:
-            self.axes.add(axis)
+        elif isinstance(operation, op.Move | op.MoveAxis):
+            self.by_hand[axis_of(operation)] = operation
             snapshot.changed(op.Position)  # it must be watched from now on
         elif isinstance(operation, op.Halt):
-            self.axes.discard(operation.axis)
-            if not self.axes:
+            self.by_hand.pop(operation.axis, None)
+            if not self.by_hand:
                 self._hub.guard.ended()
         elif isinstance(operation, op.CancelGoto):
             snapshot.put(op.Slewing, False, self._hub.now())

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from msgspec.structs import replace
 
 from gateway import operations as op
-from gateway.errors import Fault, NoAnswer
+from gateway.errors import Fault, NoAnswer, NoDevice
 from gateway.line import READ, SETTING
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ class SiteAndClock:
             op.SetSite: self._set_site,
             op.SetClock: self._set_clock,
             op.GetGps: self._get_gps,
+            op.ClockFromGps: self._clock_from_gps,
         }
         self._gps: tuple[op.Gps, float] | None = None
         self._looking = asyncio.Lock()
@@ -135,6 +136,19 @@ class SiteAndClock:
             self._observatory.keep_clock(operation)
         self._hub.snapshot.version += 1
         self._hub.spawn(self._hand_on_clock(operation, at, same))
+
+    async def _clock_from_gps(self, operation: op.ClockFromGps) -> None:
+        """Where the mount's clock must not be set, the gateway's is. Raises NoDevice."""
+        if await self._to_be_told(False, "clock"):
+            await self._hub.drive(self._hub.driver.perform(operation), SETTING)
+            await self.renew_clock()
+            return
+        seen = await self._get_gps(op.GetGps())
+        if not seen.linked or seen.unix is None:
+            raise NoDevice("The GPS is not linked.")
+        present = self._observatory.clock()
+        self._observatory.keep_clock(op.SetClock(seen.unix, present.offset if present else 0.0))
+        self._hub.snapshot.version += 1
 
     async def _hand_on_clock(self, operation: op.SetClock, at: float, same: bool) -> None:
         if not await self._to_be_told(same, "clock"):

@@ -23,32 +23,32 @@ from gateway.spherical import fold_declination
 START_GRACE = 0.8
 QUIET = 2
 #: Seconds between the halves of a position, and how often both are asked until they are no further apart.
-INSTANT, PAIR_TRIES = 0.5, 5
+INSTANT, PAIR_TRIES, HORIZONTAL_TRIES = 0.5, 5, 2
 
 
 def position(mount: Meade, _: Position) -> Steps:
     """:GR and :GD -> Equatorial. A telescope that was switched off and on answers short: it is made precise again."""
-    first, second = yield from _pair(mount, "GR", "GD")
+    first, second, _ = yield from _pair(mount, "GR", "GD", PAIR_TRIES)
     if not mount.low and first["length"] < HIGH:
         yield from high_precision(mount)
     return Equatorial(*fold_declination(first["ra"], second["dec"]))
 
 
 def horizontal_position(mount: Meade, _: HorizontalPosition) -> Steps:
-    """:GZ and :GA -> Horizontal."""
-    first, second = yield from _pair(mount, "GZ", "GA")
-    return Horizontal(first["az"], second["alt"])
+    """:GZ and :GA -> Horizontal; None where the line is too busy for both at once (the hub derives it then)."""
+    first, second, together = yield from _pair(mount, "GZ", "GA", HORIZONTAL_TRIES)
+    return Horizontal(first["az"], second["alt"]) if together else None
 
 
-def _pair(mount: Meade, first: str, second: str) -> Steps:
-    """Two answers of about one instant: what comes between them on the line may take long."""
-    for attempt in range(PAIR_TRIES):
+def _pair(mount: Meade, first: str, second: str, tries: int) -> Steps:
+    """Two answers, and whether they are of about one instant: what comes between them on the line may take long."""
+    for _ in range(tries):
         one = yield from ask(mount, first)
         since = mount.now()
         other = yield from ask(mount, second)
-        if mount.now() - since <= INSTANT or attempt == PAIR_TRIES - 1:
-            break
-    return one, other
+        if mount.now() - since <= INSTANT:
+            return one, other, True
+    return one, other, False
 
 
 def slewing(mount: Meade, _: Slewing) -> Steps:

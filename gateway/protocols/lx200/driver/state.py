@@ -38,6 +38,7 @@ class Meade(Driver):
 
     protocol = load("lx200")
     takes_site_aligned = True
+    position_reads = 2
 
     def __init__(self, now: Callable[[], float], model: str | None = None) -> None:
         from gateway.protocols.lx200.driver import SPECIALS  # the specials know this class

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from gateway.errors import Unsupported
 from gateway.operations import Backlash, Focus, HomeState, PeriodicError, Unpark
 from gateway.surface import Handling, Session, Speed, Start
 from gateway.tables import Command
@@ -38,8 +39,11 @@ def restart(session: Session, command: Command, values: dict[str, Any]) -> Handl
 
 
 def home_state(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """:h?"""
-    return {"state": str((yield HomeState()))}
+    """:h? - 0 of a telescope that has no way home: it was not found."""
+    try:
+        return {"state": str((yield HomeState()))}
+    except Unsupported:
+        return {"state": "0"}
 
 
 def focus(session: Session, command: Command, values: dict[str, Any]) -> Handling:

@@ -62,10 +62,13 @@ def _flipped(mount: NexStar, direction: Direction) -> Steps:
 
 
 def move(mount: NexStar, operation: Move) -> Steps:
-    """A sky direction: corrected for the side of the pier, where the mount tells it."""
+    """A sky direction: corrected for the side of the pier, where the mount tells it, and beyond the pole."""
     sign = sense(mount, operation.direction)
-    if mount.knows("slew_azm_pos") and (yield from _flipped(mount, operation.direction)):
-        sign = -sign
+    if mount.knows("slew_azm_pos"):
+        if (yield from _flipped(mount, operation.direction)):
+            sign = -sign
+        if operation.direction.axis == 2 and mount.beyond_pole:
+            sign = -sign
     yield from move_axis(mount, MoveAxis(operation.direction.axis, sign, operation.rate))
 
 
@@ -104,7 +107,10 @@ def halt(mount: NexStar, operation: Halt) -> Steps:
 
 
 def stop(mount: NexStar, _: Stop) -> Steps:
-    """Rate 0 on both axes and ``M``: the one ends hand motion, the other a goto; tracking stays as it was."""
+    """Rate 0 on both axes and ``M``: the one ends hand motion, the other a goto; tracking stays as it was.
+
+    What moves comes first.
+    """
     mount.steps.clear()
     mount.pulsing.clear()
     going = mount.goto
@@ -113,7 +119,7 @@ def stop(mount: NexStar, _: Stop) -> Steps:
         yield Ask("M")
         mount.goto = None
     if mount.knows("slew_azm_pos"):
-        for axis in (1, 2):
+        for axis in sorted(_AXIS, key=lambda axis: axis not in mount.moving):
             yield Ask(f"slew_{_AXIS[axis]}_pos", {"rate": 0})
     mount.moving.clear()
     if going is None:

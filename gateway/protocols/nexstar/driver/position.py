@@ -12,6 +12,7 @@ from gateway.spherical import fold_declination, wrap180, wrap360
 def position(mount: NexStar, _: Position) -> Steps:
     """``e`` or ``E``, folded past the pole, with the offset of a sync that the hand control could not take."""
     answer = yield Ask("e" if mount.knows("e") else "E")
+    mount.beyond_pole = abs(wrap180(answer["dec"])) > 90.0
     ra, dec = fold_declination(answer["ra"], answer["dec"])
     ra, dec = fold_declination(ra + mount.offset[0], dec + mount.offset[1])
     mount.last = Equatorial(ra, dec)

@@ -89,6 +89,8 @@ class NexStar(Driver):
         self.pulsing: dict[int, tuple[float, int]] = {}
         # position
         self.last: Equatorial | None = None
+        #: Whether its declination was beyond 90 degrees when it was told last.
+        self.beyond_pole = False
         self.offset: tuple[float, float] = (0.0, 0.0)
         self.parked = False
         self.home: Horizontal | None = None
