@@ -204,8 +204,8 @@ class Checks:
             for way in product(*({degrees, -degrees} for degrees in turns.values())):
                 self._check_soon(limits, seen, self._soon(seen, status, dict(zip(turns, way, strict=True))))
         except Fault:  # where one way is forbidden it counts which way the motors really turn the tube
-            for axis in turns:
-                turns[axis] *= await self._sense(operation, status, axis)
+            for axis, moving in by_hand.items():
+                turns[axis] *= await self._sense(moving, status)
             self._check_soon(limits, seen, self._soon(seen, status, turns))
 
     def _turn(self, operation: op.Move | op.MoveAxis) -> float:
@@ -232,14 +232,15 @@ class Checks:
         goal = self._hub.derived.equatorial(op.GotoHorizontal(*fold_declination(here.az + first, here.alt + second)))
         return op.Equatorial(goal.ra, goal.dec)
 
-    async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status, axis: int) -> int:
+    async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
         """-1 where what is positive for a motor is not so on the sky: in the south, beyond the pole or the zenith."""
-        hub = self._hub
-        by_motor = isinstance(operation, op.MoveAxis) or not status.equatorial
-        pole = -1 if status.equatorial and by_motor and hub.derived.place().latitude < 0 else 1
-        if axis == 1 or not by_motor:
-            return pole
+        hub, by_motor = self._hub, isinstance(operation, op.MoveAxis)
+        pole = -1 if status.equatorial and hub.derived.place().latitude < 0 else 1
+        if axis_of(operation) == 1:
+            return pole if by_motor else 1
         if not hub.driver.way(op.AxisPosition):
             return 1 if hub.guard.upright else -1  # a Meade is told directions
+        if status.equatorial and not by_motor:
+            return 1  # the driver sees to it
         here: op.Horizontal = await hub.read(op.AxisPosition())
         return -pole if abs(wrap180(here.alt)) > 90.0 else pole
