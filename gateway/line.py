@@ -246,6 +246,7 @@ class Line:
         if not self._queue:
             self._wake.clear()
             await self._wake.wait()
+            await self._what_follows()  # what woke a read may have brought a stop as well
             return None
         now = self._now()
         while self._urgent and self._urgent[0] < now - 0.05:

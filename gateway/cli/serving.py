@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import os
 import signal
 import sys
@@ -117,6 +118,7 @@ async def serve_mounts(config: Config, banner: str = "") -> int:
         patient = config.wait or len(gateways) > 1
 
         def sky_ready() -> None:
+            gc.freeze()
             for gateway in gateways:
                 gateway.transcript.note("mount", SKY_READY)
 
@@ -133,6 +135,7 @@ async def serve_mounts(config: Config, banner: str = "") -> int:
 
         await _unless(done, asyncio.gather(*(_serve(gateway, patient, start_sky, ready, screen.warn)
                                              for gateway in gateways)))
+        gc.freeze()  # what was made so far lives on: looking through it for garbage would hold up a stop
         announcement.publish(offers())  # by now it is known which model fits the mount
         await done.wait()
     finally:

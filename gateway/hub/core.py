@@ -29,6 +29,7 @@ from gateway.hub.refresh import ASK_AGAIN, Refresh
 from gateway.hub.settings import FIRST_ANSWER, SiteAndClock
 from gateway.hub.snapshot import FRESH, MISSING, Kind, Snapshot
 from gateway.hub.sun import Suns
+from gateway.hub.turnstile import Turnstile
 from gateway.line import POSITION, READ, SETTING, STOP, Line
 from gateway.observatory import Observatory
 from gateway.safety import Limits
@@ -82,6 +83,7 @@ class Hub:
         self.before_motion: Callable[[], Awaitable[None]] = _at_once
         self._identifying: asyncio.Task[Any] | None = None
         self._sharing: dict[Kind, asyncio.Task[Any]] = {}
+        self._turnstile = Turnstile(lambda: self.motions.ending)
         self._tasks: set[asyncio.Task[Any]] = set()
         line.on_up = self._on_up
 
@@ -239,7 +241,7 @@ class Hub:
         first = not self.identified.is_set()
         try:
             async with asyncio.timeout(FIRST_ANSWER if first else None):
-                return await asyncio.shield(self.shared(operation))
+                return await self._turnstile.outcome(self.shared(operation))
         except TimeoutError:
             raise NoAnswer from None
 

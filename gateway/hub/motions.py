@@ -75,6 +75,11 @@ class Motions:
         return set(self.by_hand)
 
     @property
+    def ending(self) -> bool:
+        """Whether a stop or a halt is not done yet."""
+        return self.owed or bool(self._halts)
+
+    @property
     def goto_waits(self) -> bool:
         """Whether a goto was asked for that the mount has not acknowledged yet."""
         return any(isinstance(job, GOTOS) for job in self._jobs.values())

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import gc
 import itertools
 import os
 import random
@@ -195,6 +196,7 @@ async def _situation(name: str, ways: Sequence[Way], arguments: argparse.Namespa
         if name == "flood":
             background += [loop.create_task(_flood(bench, chance)) for bench in benches]
         await asyncio.sleep(2.0)
+        gc.freeze()  # this process must not be what is late
         until = loop.time() + arguments.seconds * arguments.copies / copies
         await asyncio.gather(*(_measure(bench, until, chance, found.setdefault(bench.way.name, {}))
                                for bench in benches))
