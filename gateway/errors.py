@@ -27,6 +27,8 @@ class Fault(GatewayError):
     """An operation that was not carried out; ``str(fault)`` is the words for the client's user."""
 
     words = "Not possible."
+    #: Seconds that the mount took to say so, where it was the mount.
+    took = 0.0
 
     def __init__(self, words: str | None = None) -> None:
         super().__init__(words or self.words)

@@ -43,7 +43,7 @@ class Job:
 
     __slots__ = ("ask", "asked", "future", "rank")
 
-    def __init__(self, ask: Ask, rank: int, future: asyncio.Future[dict[str, Any]]) -> None:
+    def __init__(self, ask: Ask, rank: int, future: asyncio.Future[tuple[dict[str, Any], float]]) -> None:
         self.ask, self.rank, self.future, self.asked = ask, rank, future, future.get_loop().time()
 
 
@@ -97,11 +97,15 @@ class Line:
 
     async def exchange(self, ask: Ask, rank: int = READ) -> dict[str, Any]:
         """Send a command when its turn comes and return the reply's fields. Raises Fault."""
+        return (await self.timed(ask, rank))[0]
+
+    async def timed(self, ask: Ask, rank: int) -> tuple[dict[str, Any], float]:
+        """The same, and the seconds the reply took. Raises Fault, which knows them, too."""
         if self.state == "down":
             raise NoAnswer
         if self.state == "busy" and rank != STOP:
             raise Busy
-        future: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
+        future: asyncio.Future[tuple[dict[str, Any], float]] = asyncio.get_running_loop().create_future()
         self._queue.append((rank, next(self._order), Job(ask, rank, future)))
         self._wake.set()
         self.talk.nudge(rank == STOP)
@@ -183,9 +187,10 @@ class Line:
                 self.state = "up"
             if not job.future.done():
                 if isinstance(outcome, Fault):
+                    outcome.took = self.talk.took
                     job.future.set_exception(outcome)
                 else:
-                    job.future.set_result(outcome)
+                    job.future.set_result((outcome, self.talk.took))
                 await self._what_follows()
             if isinstance(outcome, NoAnswer | Silence):
                 await self._recover()
@@ -290,7 +295,7 @@ class Line:
                 continue
             if rank == STOP and self.dialogue.take(job.ask, b"") is not None:
                 sent += self.talk.send(self.dialogue.encode(job.ask))
-                job.future.set_result({})
+                job.future.set_result(({}, 0.0))
             elif self.state == "busy":
                 job.future.set_exception(Busy())
             else:

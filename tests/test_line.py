@@ -11,6 +11,7 @@ import pytest
 from gateway.driver import Ask
 from gateway.errors import NoAnswer, NoDevice, Silence
 from gateway.line import MOTION, POSITION, READ, SETTING, STOP, Line
+from gateway.protocols.lx200.dialogue import MeadeDialogue
 from gateway.protocols.nexstar.dialogue import NexStarDialogue
 from gateway.transcript import Transcript
 from gateway.wires import OnData, OnLost
@@ -94,6 +95,26 @@ def test_a_position_goes_before_other_reads_and_settings_however_long_these_have
         await line.exchange(Ask("V"), POSITION)
         await asyncio.gather(*others)
         assert wire.sent == [b"t", b"t", b"t", b"J", b"V", b"V", b"J", b"t"]
+        await line.close()
+
+    run(program())
+
+
+def test_an_answer_knows_how_long_it_took_though_a_stop_follows_at_once() -> None:
+    """A stop of a Meade has no reply: it is over before whoever asked before it has read its answer."""
+
+    async def program() -> None:
+        wire = Wire(lambda data: [(1.0, b"12:00:00#")] if data == b":GR#" else [])
+        line = Line(wire, MeadeDialogue(), Transcript(lambda: 0.0))
+        line.start()
+        await asyncio.sleep(0.01)
+        slow = asyncio.ensure_future(line.timed(Ask("GR"), POSITION))
+        await asyncio.sleep(0.5)
+        stop = asyncio.ensure_future(line.exchange(Ask("Q"), STOP))
+        values, took = await slow
+        assert values["ra"] == 180.0
+        assert took == pytest.approx(1.0, abs=0.01)
+        await stop
         await line.close()
 
     run(program())

@@ -116,7 +116,7 @@ class Belief:
             values: Mapping[str, Any] = {}
             fault: Fault | None = None
             try:
-                values = await self._line.exchange(ask, rank)
+                values, took = await self._line.timed(ask, rank)
             except Garbled:
                 if attempt == GARBLED_TRIES - 1:
                     raise
@@ -124,9 +124,9 @@ class Belief:
             except (NoAnswer, Busy):  # neither says anything about the mount
                 raise
             except Fault as said:
-                fault = said
+                fault, took = said, said.took
             came = self._now()
-            return Heard(values, fault, came - self._line.talk.took, came)
+            return Heard(values, fault, came - took, came)
         raise NoAnswer
 
     def _wanted(self, kind: str, known: Heard | None, heard: Heard, strangers: int) -> int:
