@@ -2,7 +2,7 @@
 
 Hundreds of programs that poll a moving mount wait for one position. Were they all to go on at once, a stop that comes
 meanwhile would be heard after them; so between a few and the next few the event loop looks at what has come in, and
-while a stop makes its way to the line nobody goes on.
+while a stop makes its way to the line nobody of a crowd goes on.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class Turnstile:
         return task.result()
 
     def _let_through(self, task: asyncio.Task[Any]) -> None:
-        self._held = self._held + 1 if self._stopping() else 0
         waiting = self._waiting[task]
+        self._held = self._held + 1 if len(waiting) > FEW and self._stopping() else 0
         for _ in range(0 if 0 < self._held <= WAY else min(FEW, len(waiting))):
             place = waiting.popleft()
             if not place.done():
