@@ -188,10 +188,13 @@ def test_a_telescope_without_a_way_home_says_that_it_never_found_it() -> None:
 
 
 @pytest.mark.parametrize(("axis", "first"), [(16, b"P\x02\x10\x24\0\0\0\0"), (17, b"P\x02\x11\x24\0\0\0\0")])
-def test_of_two_motors_the_one_that_turns_is_stopped_first(axis: int, first: bytes) -> None:
+@pytest.mark.parametrize("other", [0, 3])
+def test_of_two_motors_the_one_that_turns_faster_is_stopped_first(axis: int, first: bytes, other: int) -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             await bridge.hub.perform(op.MoveAxis(axis - 15, 1, op.Rate(key=5)))
+            if other:
+                await bridge.hub.perform(op.MoveAxis(3 - (axis - 15), 1, op.Rate(key=other)))
             before = len(bridge.sent())
             await bridge.hub.perform(op.Stop())
             stops = [sent for sent in bridge.sent()[before:] if sent.startswith(b"P\x02") and sent[4] == 0]

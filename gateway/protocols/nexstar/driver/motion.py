@@ -87,12 +87,13 @@ def move_axis(mount: NexStar, operation: MoveAxis) -> Steps:
     mount.parked = False
     if not (gentle and equatorial and mount.remembered is None):
         yield from tracking.put_off(mount)
-    mount.moving[axis] = operation.sense
+    mount.moving[axis] = max(mount.speed(rate), mount.moving.get(axis, 0.0))  # until it has taken the new rate
     if free and rate.degrees is not None:
         arcseconds = min(rate.degrees, mount.rates["fastest"]) * 3600.0
         yield Ask(f"rate_{_AXIS[axis]}_{side}", {"rate": tracking.rate_code(arcseconds)})
     else:
         yield Ask(f"slew_{_AXIS[axis]}_{side}", {"rate": mount.key_for(rate)})
+    mount.moving[axis] = mount.speed(rate)
 
 
 def halt(mount: NexStar, operation: Halt) -> Steps:
@@ -109,7 +110,7 @@ def halt(mount: NexStar, operation: Halt) -> Steps:
 def stop(mount: NexStar, _: Stop) -> Steps:
     """Rate 0 on both axes and ``M``: the one ends hand motion, the other a goto; tracking stays as it was.
 
-    What moves comes first.
+    What moves fastest comes first.
     """
     mount.steps.clear()
     mount.pulsing.clear()
@@ -119,7 +120,7 @@ def stop(mount: NexStar, _: Stop) -> Steps:
         yield Ask("M")
         mount.goto = None
     if mount.knows("slew_azm_pos"):
-        for axis in sorted(_AXIS, key=lambda axis: axis not in mount.moving):
+        for axis in sorted(_AXIS, key=lambda axis: -mount.moving.get(axis, 0.0)):
             yield Ask(f"slew_{_AXIS[axis]}_pos", {"rate": 0})
     mount.moving.clear()
     if going is None:

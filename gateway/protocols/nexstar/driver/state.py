@@ -80,6 +80,7 @@ class NexStar(Driver):
         self.aligned = False
         # motion
         self.goto: GotoState | None = None
+        #: The axes that move by hand, and how fast, degrees a second.
         self.moving: dict[int, float] = {}
         self.remembered: Tracking | None = None
         self.recalled = False  # that was remembered by an earlier run
