@@ -33,6 +33,11 @@ class Direction(Enum):
         """1 = right ascension / azimuth, 2 = declination / altitude."""
         return 2 if self in (Direction.NORTH, Direction.SOUTH) else 1
 
+    @property
+    def sense(self) -> int:
+        """+1 = west or north, -1 = east or south."""
+        return 1 if self in (Direction.NORTH, Direction.WEST) else -1
+
 
 class Tracking(Enum):
     """What the mount does when nobody moves it."""
@@ -265,6 +270,16 @@ class Move(Operation, frozen=True):
     rate: Rate
     lowest: float | None = None
     highest: float | None = None
+
+    @property
+    def axis(self) -> int:
+        """That of its direction."""
+        return self.direction.axis
+
+    @property
+    def sense(self) -> int:
+        """That of its direction."""
+        return self.direction.sense
 
 
 class MoveAxis(Operation, frozen=True):

@@ -24,18 +24,6 @@ if TYPE_CHECKING:
 OLD_POSITION = 6.0
 
 
-def axis_of(operation: op.Move | op.MoveAxis) -> int:
-    """The axis that an operation sets moving by hand."""
-    return operation.direction.axis if isinstance(operation, op.Move) else operation.axis
-
-
-def sense_of(operation: op.Move | op.MoveAxis) -> int:
-    """+1 for what is positive on an axis: west, or azimuth rising; north, or up."""
-    if isinstance(operation, op.Move):
-        return 1 if operation.direction in (op.Direction.NORTH, op.Direction.WEST) else -1
-    return operation.sense
-
-
 class Checks:
     """``admit`` is asked for every motion, in its turn."""
 
@@ -198,7 +186,7 @@ class Checks:
         limits = hub.policy.limits
         if isinstance(operation, op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
-        by_hand = {**hub.motions.by_hand, axis_of(operation): operation}
+        by_hand = {**hub.motions.by_hand, operation.axis: operation}
         turns = {axis: self._turn(moving) for axis, moving in by_hand.items()}
         try:
             for way in product(*({degrees, -degrees} for degrees in turns.values())):
@@ -212,7 +200,7 @@ class Checks:
         """How far an axis turns from the last position until the guard has looked and stopped it, degrees."""
         hub = self._hub
         seconds = hub.guard.reaction + hub.snapshot.age(op.Position, hub.now()) * bool(hub.motions.by_hand)
-        return sense_of(operation) * hub.driver.speed(operation.rate) * seconds
+        return operation.sense * hub.driver.speed(operation.rate) * seconds
 
     def _check_soon(self, limits: Limits, seen: op.Equatorial, soon: op.Equatorial) -> None:
         """Raises BelowHorizon, TooHigh or NearSun when a way from here to there leads beyond a limit."""
@@ -236,7 +224,7 @@ class Checks:
         """-1 where what is positive for a motor is not so on the sky: in the south, beyond the pole or the zenith."""
         hub, by_motor = self._hub, isinstance(operation, op.MoveAxis)
         pole = -1 if status.equatorial and hub.derived.place().latitude < 0 else 1
-        if axis_of(operation) == 1:
+        if operation.axis == 1:
             return pole if by_motor else 1
         if not hub.driver.way(op.AxisPosition):
             return 1 if hub.guard.upright else -1  # a Meade is told directions

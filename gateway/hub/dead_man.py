@@ -77,7 +77,7 @@ class DeadMan:
         """A motion was carried out: it may need somebody, or end what did."""
         match operation:
             case op.Move() | op.MoveAxis():
-                axis = operation.direction.axis if isinstance(operation, op.Move) else operation.axis
+                axis = operation.axis
                 self._hold(axis, life, self._hub.driver.speed(operation.rate) > TRACKING)
             case op.Focus():
                 self._hold(FOCUSER, life, operation.direction != 0)

@@ -14,7 +14,6 @@ from msgspec.structs import replace
 
 from gateway import operations as op
 from gateway.errors import Fault, Unsupported
-from gateway.hub.checks import sense_of
 from gateway.hub.snapshot import RENEW
 from gateway.safety import leaving, past_meridian
 from gateway.spherical import separation
@@ -28,10 +27,10 @@ SHORTEST = 0.15
 EXCHANGES = 3
 #: Degrees a second that no tracking reaches, though one digit of a coarse position may: somebody moves the mount.
 RESTLESS = 0.1
-#: Degrees between two looks that tell which way a motor turns the tube.
-RISEN = 0.2
 #: How long it is watched closely after that.
 CLOSELY = 3.0
+#: Degrees between two looks that tell which way a motor turns the tube.
+RISEN = 0.2
 #: A goto that ends at a limit may overshoot by so much; so much nearer to the Sun is no jitter.
 OVERSHOOT, NEARER = 0.05, 0.05
 #: How long a mount may coast after it was told to end a motion: what it does meanwhile is not held against it.
@@ -169,7 +168,7 @@ class Guard:
             rose = (after.altitude or 0.0) - (before.altitude or 0.0)
         expected = self._hub.driver.speed(after.lifting.rate) * (after.at - before.at)
         if abs(rose) > RISEN and 0.4 < abs(rose) / expected < 2.0:  # else it is something else that moved it
-            self.upright = rose * sense_of(after.lifting) > 0
+            self.upright = rose * after.lifting.sense > 0
 
     @property
     def _going(self) -> bool:

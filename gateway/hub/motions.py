@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from gateway import operations as op
 from gateway.driver import Later
 from gateway.errors import Fault, Stopped
-from gateway.hub.checks import Checks, axis_of
+from gateway.hub.checks import Checks
 from gateway.hub.turn import FIRST, IN_ORDER, RESUMED, Turn
 from gateway.line import MOTION, STOP
 
@@ -41,7 +41,7 @@ STOP_TRIES = 3
 
 def axis_moved(operation: op.Operation) -> int | None:
     """The axis that an operation sets moving by hand, or None."""
-    return axis_of(operation) if isinstance(operation, op.Move | op.MoveAxis) else None
+    return operation.axis if isinstance(operation, op.Move | op.MoveAxis) else None
 
 
 def _heed(task: asyncio.Task[Any]) -> None:
@@ -231,7 +231,7 @@ class Motions:
             snapshot.put(op.Slewing, True, self._hub.now())
             snapshot.forget(op.PierSide)  # the tube may change sides on its way
         elif isinstance(operation, op.Move | op.MoveAxis):
-            self.by_hand[axis_of(operation)] = operation
+            self.by_hand[operation.axis] = operation
             snapshot.changed(op.Position)  # it must be watched from now on
         elif isinstance(operation, op.Halt):
             self.by_hand.pop(operation.axis, None)

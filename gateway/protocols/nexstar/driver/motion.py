@@ -43,11 +43,10 @@ def sense(mount: NexStar, direction: Direction) -> int:
     Positive on axis 2 lifts the tube of a fork towards the pole that its base is tilted to: south in EQ south. Of a
     German mount the side of the pier decides (``_flipped``), whose letters are counted from the north.
     """
-    positive = direction in (Direction.NORTH, Direction.WEST)
     southern = tracking.own_mode(mount) is Tracking.EQ_SOUTH
     if southern and (direction.axis == 1 or not mount.german):
-        positive = not positive
-    return 1 if positive else -1
+        return -direction.sense
+    return direction.sense
 
 
 def _flipped(mount: NexStar, direction: Direction) -> Steps:
