@@ -146,7 +146,7 @@ class Talk:
         self._cut(length)
         self.took = self._heard - began
         self.answers += 1
-        if not ask.long:
+        if length and not ask.long:  # what is not answered takes no time
             self.typical += 0.2 * (min(self._now() - began, 3.0 * self.typical + 0.01) - self.typical)
         pace = self.dialogue.pace(ask)
         if pace and await self._pause(pace, firm):

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import product
+from math import ceil
 from typing import TYPE_CHECKING
 
 from gateway import operations as op
 from gateway.errors import Fault, NearSun, Refused, Unsupported
+from gateway.hub.guard import SHORTEST
 from gateway.mount_geometry import Build, Geometry, Pair
 from gateway.paths import clear
 from gateway.safety import Limits, check_altitude, check_hour_angle, check_sync, leaving
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
 
 #: A position older than that says nothing about where a motion begins.
 OLD_POSITION = 6.0
+#: Degrees of an axis between the places of a way that are looked at.
+STRIDE = 2.0
 
 
 class Checks:
@@ -190,20 +194,29 @@ class Checks:
         turns = {axis: self._turn(moving) for axis, moving in by_hand.items()}
         try:
             for way in product(*({degrees, -degrees} for degrees in turns.values())):
-                self._check_soon(limits, seen, self._soon(seen, status, dict(zip(turns, way, strict=True))))
+                self._check_way(limits, seen, status, dict(zip(turns, way, strict=True)))
         except Fault:  # where one way is forbidden it counts which way the motors really turn the tube
             for axis, moving in by_hand.items():
                 turns[axis] *= await self._sense(moving, status)
-            self._check_soon(limits, seen, self._soon(seen, status, turns))
+            self._check_way(limits, seen, status, turns)
 
     def _turn(self, operation: op.Move | op.MoveAxis) -> float:
         """How far an axis turns from the last position until the guard has looked and stopped it, degrees."""
         hub = self._hub
-        seconds = hub.guard.reaction + hub.snapshot.age(op.Position, hub.now()) * bool(hub.motions.by_hand)
+        seconds = hub.guard.reaction + SHORTEST + hub.snapshot.age(op.Position, hub.now()) * bool(hub.motions.by_hand)
         return operation.sense * hub.driver.speed(operation.rate) * seconds
 
+    def _check_way(self, limits: Limits, seen: op.Equatorial, status: op.Status, turns: dict[int, float]) -> None:
+        """The whole way of so many degrees: over the zenith or past the Sun its end may be allowed again."""
+        steps = max(1, ceil(max(abs(degrees) for degrees in turns.values()) / STRIDE))
+        here = seen
+        for step in range(1, steps + 1):
+            soon = self._soon(seen, status, {axis: degrees * step / steps for axis, degrees in turns.items()})
+            self._check_soon(limits, here, soon)
+            here = soon
+
     def _check_soon(self, limits: Limits, seen: op.Equatorial, soon: op.Equatorial) -> None:
-        """Raises BelowHorizon, TooHigh or NearSun when a way from here to there leads beyond a limit."""
+        """Raises BelowHorizon, TooHigh or NearSun when a step from here to there leads beyond a limit."""
         before, after = self._hub.derived.horizon(seen).alt, self._hub.derived.horizon(soon).alt
         if leaving(limits, before, after, 0.0):
             check_altitude(limits, after)

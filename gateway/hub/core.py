@@ -293,7 +293,7 @@ class Hub:
 
     async def _settled(self) -> None:
         """A goto has just ended: nobody is told so before the position is known where it ended."""
-        self.guard.upright = True
+        self.guard.arrived()
         self.snapshot.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
         await self.read(op.Position())
 

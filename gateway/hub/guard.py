@@ -16,7 +16,7 @@ from gateway import operations as op
 from gateway.errors import Fault, Unsupported
 from gateway.hub.snapshot import RENEW
 from gateway.safety import leaving, past_meridian
-from gateway.spherical import separation
+from gateway.spherical import separation, wrap180
 
 if TYPE_CHECKING:
     from gateway.hub.core import Hub
@@ -33,6 +33,8 @@ CLOSELY = 3.0
 RISEN = 0.2
 #: A goto that ends at a limit may overshoot by so much; so much nearer to the Sun is no jitter.
 OVERSHOOT, NEARER = 0.05, 0.05
+#: Degrees of right ascension between two looks that no motor turns: a sync, or the pole was passed.
+JUMP = 30.0
 #: How long a mount may coast after it was told to end a motion: what it does meanwhile is not held against it.
 COASTING = 1.0
 #: How old the last position may be when a mount that moves by hand does not tell the next one, seconds.
@@ -83,7 +85,7 @@ class Guard:
         return self._hub.now() < self._restless_until
 
     def began(self, operation: op.Operation) -> None:
-        """A motion has begun; what was seen last is where it began."""
+        """A motion has begun; what was seen last is where it began, unless the mount moved already."""
         limits = self._hub.policy.limits
         if isinstance(operation, op.Goto | op.GotoHorizontal | op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
@@ -95,8 +97,13 @@ class Guard:
             self._speed = self._hub.driver.speed(operation.rate)
         if isinstance(operation, op.Sync) or self.restless or self._before is None:
             self._before, self._farthest = None, []
-        else:
+        elif not self._hub.moving:
             self._before = replace(self._before, at=self._hub.now())
+
+    def arrived(self) -> None:
+        """A goto is over. One that was stopped on its way has not brought the tube upright."""
+        if not (self._hub.motions.ending or self._hub.motions.axes):
+            self.upright = True
 
     def ended(self) -> None:
         """A motion by hand was ended, or all were."""
@@ -117,7 +124,7 @@ class Guard:
         if before is not None and before.altitude is None:  # the site may have become known since
             before = self._measured(before.at, before.seen)
             self._farthest = list(before.suns)
-        self._before = after = self._measured(now, seen)
+        self._before = after = self._measured(now, seen, before)
         if before is None or now < self._coasts_until or len(before.suns) != len(after.suns):
             self._farthest = list(after.suns)
             return
@@ -151,12 +158,21 @@ class Guard:
             self._stopped_at = now
             hub.begin_stop()
 
-    def _measured(self, now: float, seen: op.Equatorial) -> Look:
+    def _measured(self, now: float, seen: op.Equatorial, before: Look | None = None) -> Look:
         derived = self._hub.derived
-        altitude = derived.altitude(seen.ra, seen.dec)
-        hour_angle = None if altitude is None else derived.sidereal_time() - seen.ra
+        here = seen if before is None else self._at_once(now, seen, before)
+        altitude = derived.altitude(here.ra, here.dec)
+        hour_angle = None if altitude is None else derived.sidereal_time() - here.ra
         lifting = self._hub.motions.by_hand.get(2)
-        return Look(now, seen, altitude, hour_angle, self._hub.suns.distances(seen), lifting)
+        return Look(now, seen, altitude, hour_angle, self._hub.suns.distances(here), lifting)
+
+    def _at_once(self, now: float, seen: op.Equatorial, before: Look) -> op.Equatorial:
+        """Where the mount is when the second half of its position is told: the first has gone on meanwhile."""
+        halves = self._hub.driver.position_reads - 1
+        turned = wrap180(seen.ra - before.seen.ra)
+        if not halves or abs(turned) > JUMP:
+            return seen
+        return replace(seen, ra=(seen.ra + turned / (now - before.at) * 2.0 * halves * self._hub.line.typical) % 360.0)
 
     def _learn(self, before: Look, after: Look, status: op.Status | None) -> None:
         """Whether the second motor lifts the tube as it should; what tells no axis may be over the pole or zenith."""

@@ -37,6 +37,7 @@ class Refresh:
         self._exchanges: dict[Kind, int] = {}
         self._news: dict[Kind, asyncio.Event] = {kind: asyncio.Event() for kind in RENEW}
         hub.snapshot.changed = self._changed
+        self._reading_clock: asyncio.Task[None] | None = None
 
     def cost(self, kind: Kind, exchanges: int) -> None:
         """So many exchanges an answer of this kind has taken; the next one is asked for so much earlier."""
@@ -87,19 +88,26 @@ class Refresh:
             return
 
     async def _now_and_then(self, now: float) -> None:
-        """The heartbeat; the mount's clock while somebody is there."""
+        """The heartbeat; the mount's clock while somebody is there and nothing moves."""
         hub = self._hub
         if hub.snapshot.age(op.Position, now) >= HEARTBEAT:
             await self.renew(op.Position)
         clock = hub.observatory.mount_clock
-        if clock is not None and now - clock[1] > CLOCK_AGE and self._wanted(op.Position, now):
-            await self.renew(op.GetClock)
+        if clock is None or now - clock[1] <= CLOCK_AGE or self._watched or not self._wanted(op.Position, now):
+            return
+        if self._reading_clock is None or self._reading_clock.done():  # not here: the position must not wait for it
+            self._reading_clock = hub.spawn(self.renew(op.GetClock))
 
     def _wanted(self, kind: Kind, now: float) -> bool:
         """Whether somebody polls this, or the hub itself must watch it."""
-        hub = self._hub
-        watched = kind is op.Position and (hub.moving or hub.guard.restless)
-        return watched or (kind is op.Slewing and hub.slewing) or hub.snapshot.polled(kind, now)
+        if kind is op.Position and self._watched:
+            return True
+        return (kind is op.Slewing and self._hub.slewing) or self._hub.snapshot.polled(kind, now)
+
+    @property
+    def _watched(self) -> bool:
+        """Whether the mount moves, by whomever: the line has better to do than to tell the time."""
+        return self._hub.moving or self._hub.guard.restless
 
     def _pause(self, kind: Kind, now: float) -> float:
         """Seconds until this kind must be asked again, so that its answer comes when the last one grows old."""

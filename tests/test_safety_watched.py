@@ -1,0 +1,177 @@
+"""What moves is looked at without a break: no command said again and no other read may hide it."""
+
+from __future__ import annotations
+
+import asyncio
+from itertools import pairwise
+
+import pytest
+
+from gateway import operations as op
+from gateway.hub.refresh import CLOCK_AGE
+from tests.bridge import Bridge
+from tests.test_safety_altitude import altitude, extremes, notes
+from tests.test_safety_by_hand import UP, ready
+from tests.virtual import run
+
+
+def test_an_arrow_that_is_said_again_does_not_make_the_next_look_a_first_one() -> None:
+    """What was seen before it still counts, and from when it was seen."""
+
+    async def program() -> None:
+        async with Bridge("cge", config={"lowest": 30.0}, latency=0.02) as bridge:
+            client = bridge.client()
+            await ready(bridge, client, b":GR#")
+            client.tell(b":RS#:Ms#")
+            await asyncio.sleep(1.0)
+            while bridge.hub.snapshot.age(op.Position, bridge.hub.now()) < 0.2:
+                await asyncio.sleep(0.01)
+            bridge.hub.guard.began(bridge.hub.motions.by_hand[2])
+            ra, dec = bridge.sim.mechanics.truth(bridge.clock())
+            await asyncio.sleep(0.02)
+            bridge.hub.guard.look(op.Equatorial(ra, dec - 20.0))
+            assert any("stopped at the altitude limit" in note for note in notes(bridge))
+
+    run(program())
+
+
+@pytest.mark.parametrize(("latency", "arrows", "height"), [
+    (0.02, b":Ms#", 3.9), (0.02, b":Ms#", 4.1), (0.02, b":Mw#:Ms#", 2.6), (0.05, b":Ms#", 4.8), (0.2, b":Ms#", 6.0),
+])  # fmt: skip
+@pytest.mark.parametrize("model", ["lx200", "lx200gps"])
+def test_the_first_look_comes_in_time_wherever_a_motion_begins(
+    latency: float, arrows: bytes, height: float, model: str
+) -> None:
+    """The first position after the beginning is too early to tell a rate."""
+
+    async def program(lowest: float) -> None:
+        async with Bridge(model, driven="lx200", config={"lowest": lowest}, latency=latency) as bridge:
+            client = bridge.client()
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            await bridge.hub.perform(op.Goto((sidereal - 45.0) % 360.0, 20.0))
+            await ready(bridge, client, b":GR#")
+            client.tell(b":RS#" + arrows)
+            low, _ = await extremes(bridge, 3.0)
+            assert low >= lowest - 0.01
+            assert notes(bridge)
+
+    for step in range(8):
+        run(program(45.4 - height + 0.05 * step))
+
+
+@pytest.mark.parametrize("early", [0.2, 0.8, 1.5])
+def test_the_clock_is_not_read_while_the_mount_moves(early: float) -> None:
+    """Three questions more on a slow line would be most of a second without a position."""
+
+    async def program() -> None:
+        async with Bridge("lx200gps", driven="lx200", latency=0.2) as bridge:
+            client = bridge.client()
+            said = bridge.observatory.mount_clock
+            assert said is not None
+            while bridge.hub.now() < said[1] + CLOCK_AGE - early - 0.5:
+                client.tell(b":GR#")
+                await asyncio.sleep(0.5)
+            await asyncio.sleep(said[1] + CLOCK_AGE - early - bridge.hub.now())
+            began = bridge.clock()
+            client.tell(b":RS#:Mn#")
+            for _ in range(10):
+                client.tell(b":GR#")
+                await asyncio.sleep(0.5)
+            seen = [entry.time for entry in bridge.entries
+                    if entry.side == "mount" and entry.data.startswith(b":GD") and entry.time > began]
+            gaps = [second - first for first, second in pairwise([began, *seen])]
+            assert max(gaps) < 1.1, gaps
+            client.tell(b":Q#")
+            await asyncio.sleep(5.0)
+            assert bridge.hub.now() - bridge.observatory.mount_clock[1] < 10.0  # but it is read when it rests
+
+    run(program())
+
+
+def test_a_goto_that_is_stopped_on_its_way_does_not_bring_the_tube_back_over_the_pole() -> None:
+    """A Meade does not tell on which side its tube is: it stays where it was last seen to be."""
+
+    async def program() -> None:
+        async with Bridge("lx200", driven="lx200", config={"lowest": -90.0}) as bridge:
+            client = bridge.client()
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            await bridge.hub.perform(op.Goto((sidereal - 45.0) % 360.0, 80.0))
+            await ready(bridge, client, b":GR#")
+            client.tell(b":RS#:Mn#")
+            for _ in range(16):
+                await asyncio.sleep(0.5)
+                client.tell(b":GR#")
+            client.tell(b":Qn#")
+            await asyncio.sleep(2.0)
+            assert not bridge.hub.guard.upright
+            await bridge.hub.perform(op.Goto((sidereal - 60.0) % 360.0, -20.0))
+            await asyncio.sleep(0.9)
+            while bridge.hub._sharing:
+                await asyncio.sleep(0.001)
+            bridge.hub.begin_stop()
+            while bridge.driver.goto is not None:
+                await asyncio.sleep(0.001)
+            assert bridge.hub.slewing
+            await bridge.hub.shared(op.Slewing())  # the end of the goto is seen while the stop is on its way
+            await asyncio.sleep(2.0)
+            assert not bridge.hub.guard.upright
+            await bridge.hub.perform(op.Goto((sidereal - 60.0) % 360.0, 0.0))
+            await ready(bridge, client, b":GR#")
+            assert bridge.hub.guard.upright
+
+    run(program())
+
+
+def test_commands_without_an_answer_do_not_make_a_slow_line_look_quick() -> None:
+    """How long a stop takes to come is reckoned from how long answers take."""
+
+    async def program() -> None:
+        async with Bridge("lx200gps", driven="lx200", latency=0.2) as bridge:
+            for _ in range(20):
+                await bridge.hub.shared(op.Position())
+            for _ in range(8):
+                await bridge.hub.perform(op.Halt(2))
+            assert bridge.hub.line.typical > 0.19
+
+    run(program())
+
+
+@pytest.mark.parametrize(("driven", "model"), [("lx200", "lx200gps"), ("nexstar", "cpc")])
+def test_a_way_over_the_zenith_is_looked_at_all_along(driven: str, model: str) -> None:
+    """Where it would end, on the other side, it is low enough again."""
+
+    async def program() -> None:
+        async with Bridge(model, driven=driven, presented="nexstar", surface="6-8se", config={"highest": 88.0},
+                          latency=0.2) as bridge:
+            client = bridge.client()
+            await bridge.hub.perform(op.GotoHorizontal(180.0, 87.0))
+            await ready(bridge, client, b"e")
+            assert altitude(bridge) == pytest.approx(87.0, abs=0.2)
+            client.tell(UP)
+            _, high = await extremes(bridge, 3.0)
+            assert high <= 88.0
+            assert any("Object Above" in note for note in notes(bridge))
+
+    run(program())
+
+
+@pytest.mark.parametrize("arrow", [b":Me#", b":Mw#"])
+def test_a_position_in_halves_is_watched_as_the_place_where_the_mount_is_when_the_second_comes(arrow: bytes) -> None:
+    """Round the horizon at full speed, slowly sinking: right ascension is old when declination is told."""
+
+    async def program() -> None:
+        async with Bridge("autostar", driven="lx200", config={"lowest": 30.0}, latency=0.1) as bridge:
+            client = bridge.client()
+            await bridge.hub.perform(op.GotoHorizontal(90.0, 30.6))
+            await ready(bridge, client, b":GR#")
+            client.tell(b":RC#:Ms#")
+            await asyncio.sleep(0.3)
+            client.tell(b":RS#" + arrow)
+            low = 90.0
+            for _ in range(40):
+                client.tell(b":GR#")
+                low = min(low, (await extremes(bridge, 0.5))[0])
+            assert low >= 29.99
+            assert notes(bridge)
+
+    run(program())
