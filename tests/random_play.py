@@ -33,6 +33,8 @@ DAY, NIGHT = 1782036000.0, 1768514400.0
 #: How long a reply may take; how long the noise of a program spoils what it says next; how long a play may take.
 PATIENCE, SPOILT, WALL = 20.0, 5.0, 60.0
 STEP = 0.1
+#: Degrees from the Sun that the gateway keeps by default.
+CIRCLE = 20.0
 
 
 class Play(Struct):
@@ -59,14 +61,24 @@ def play(seed: int, steps: int, mount: tuple[str, str, str | None], presented: s
     return run(_play(seed, steps, mount, presented))  # type: ignore[no-any-return]
 
 
-async def _play(seed: int, steps: int, mount: tuple[str, str, str | None], presented: str) -> Play:
-    random = Random(seed)
+class Scene(Struct):
+    """Where a play takes place: what the bridge is built of, and the limits that hold."""
+
+    name: str
+    bridge: dict[str, Any]
+    lowest: float
+    highest: float
+    latency: float
+    face: str
+
+
+def scene(random: Random, mount: tuple[str, str, str | None], presented: str, aligned: bool, highest: float) -> Scene:
+    """A mount somewhere, by day or by night, on a quick line or a slow one."""
     driven, model, version = mount
-    wild, aligned = random.random() < 0.2, random.random() < 0.9
     day, south = random.random() < 0.6, random.random() < 0.25
     face = random.choice(PRESENTED[presented])
     site = (-35.0, 150.0) if south else (45.0, 10.0)
-    lowest, highest = random.choice((0.0, 10.0, 15.0)), random.choice((75.0, 80.0, 90.0))
+    lowest = random.choice((0.0, 10.0, 15.0))
     config: dict[str, Any] = {"lowest": lowest, "highest": highest, "site": site}
     german = driven == "nexstar" and NEXSTAR[model]["mount"] == "german"
     config["mode"] = ("eq-south" if south else "eq-north") if german else "alt-az"
@@ -75,14 +87,23 @@ async def _play(seed: int, steps: int, mount: tuple[str, str, str | None], prese
     if version in ("1.2", "101.0"):
         latency = min(latency, 0.1)  # small gotos and looks fill a slower line, and reads wait long
     name = (f"{driven}:{model}{f'/{version}' if version else ''} as {presented}:{face}, "
-            f"{'day' if day else 'night'}, {site}, {lowest}..{highest}, latency {latency}"
-            f"{', wild' if wild else ''}{'' if aligned else ', not aligned'}")
-    async with Bridge(model, version, site=site, latency=latency, aligned=aligned, surface=face, config=config,
-                      driven=driven, presented=presented, start=start) as bridge:
+            f"{'day' if day else 'night'}, {site}, {lowest}..{highest}, latency {latency}")
+    bridge = {"mount": model, "version": version, "site": site, "latency": latency, "aligned": aligned, "surface": face,
+              "config": config, "driven": driven, "presented": presented, "start": start}
+    return Scene(name, bridge, lowest, highest, latency, face)
+
+
+async def _play(seed: int, steps: int, mount: tuple[str, str, str | None], presented: str) -> Play:
+    random = Random(seed)
+    wild, aligned = random.random() < 0.2, random.random() < 0.9
+    here = scene(random, mount, presented, aligned, random.choice((75.0, 80.0, 90.0)))
+    name = f"{here.name}{', wild' if wild else ''}{'' if aligned else ', not aligned'}"
+    driven = mount[0]
+    async with Bridge(**here.bridge) as bridge:
         synced = driven == "lx200" or bridge.driver.knows("s")  # else what is synced is what the gateway believes
         unsettles = random_commands.SITE_AND_CLOCK if synced else random_commands.SITE_CLOCK_AND_SYNC
-        player = _Player(bridge, random, driven, presented, face, wild,
-                         Judge(bridge, driven, lowest, highest, 20.0, unsettles, latency), synced)
+        judge = Judge(bridge, driven, here.lowest, here.highest, CIRCLE, unsettles, here.latency)
+        player = _Player(bridge, random, driven, presented, here.face, wild, judge, synced)
         asyncio.get_running_loop().set_exception_handler(
             lambda _, context: player.judge.complain(f"nobody caught {context}"))
         ends = time.monotonic() + WALL
@@ -93,7 +114,6 @@ async def _play(seed: int, steps: int, mount: tuple[str, str, str | None], prese
                 player.judge.complain(f"{done} steps took more than {WALL:.0f} s")
                 break
         await player.end()
-        judge = player.judge
         return Play(f"seed {seed}: {name}", done, judge.looks, len(bridge.sent()), judge.complaints, judge.worst,
                     player.said)
 

@@ -11,6 +11,7 @@ import random
 
 import pytest
 
+from tests import random_by_hand
 from tests.random_play import MOUNTS, Play, cast, play
 
 #: The same in every run, so that a green suite stays green; RANDOM_SEQUENCES=any plays others.
@@ -31,3 +32,10 @@ def test_whatever_is_said_nothing_breaks_and_no_limit_is_crossed(seed: int) -> N
     assert not done.complaints, (done.name, done.complaints, done.said)
     assert done.steps >= STEPS
     assert done.looks > 50
+
+
+@pytest.mark.parametrize("seed", range(FIRST, FIRST + 10))
+def test_no_arrow_crosses_a_limit_that_is_near(seed: int) -> None:
+    done = random_by_hand.play(seed)
+    assert not done.complaints, (done.name, done.complaints, done.said)
+    assert done.looks > 500

@@ -175,3 +175,23 @@ def test_a_position_in_halves_is_watched_as_the_place_where_the_mount_is_when_th
             assert notes(bridge)
 
     run(program())
+
+
+@pytest.mark.parametrize(("height", "stopped"), [(21.5, True), (26.0, False)])
+def test_of_two_axes_the_one_that_is_ended_last_must_not_lead_beyond_it_alone(height: float, stopped: bool) -> None:
+    """Together they keep the altitude nearly; a stop ends them one after the other."""
+
+    async def program() -> None:
+        async with Bridge("cge", config={"lowest": 20.0}, latency=0.2) as bridge:
+            await bridge.hub.perform(op.MoveAxis(1, 1, op.Rate(key=9)))
+            await bridge.hub.perform(op.MoveAxis(2, 1, op.Rate(key=9)))
+            look = bridge.hub.guard.look
+            bridge.hub.guard.look = lambda seen: None  # only what is told here is looked at
+            bridge.hub.guard._before = None
+            for step in range(3):
+                seen = bridge.hub.derived.equatorial(op.GotoHorizontal(200.0 + 3.0 * step, height - 0.05 * step))
+                look(op.Equatorial(seen.ra, seen.dec))
+                await asyncio.sleep(0.5)
+            assert any("stopped at the altitude limit" in note for note in notes(bridge)) is stopped
+
+    run(program())

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 SHORTEST = 0.15
 #: Exchanges that pass before a stop has effect: the one that told the position, one on the wire, the first of the stop.
 EXCHANGES = 3
+#: Exchanges from the end of one axis to the end of the other, which alone may lead where both together do not.
+BETWEEN = 2.0
 #: Degrees a second that no tracking reaches, though one digit of a coarse position may: somebody moves the mount.
 RESTLESS = 0.1
 #: How long it is watched closely after that.
@@ -63,7 +65,7 @@ class Guard:
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
         self._before: Look | None = None
-        self._speed = 0.0
+        self._speed = self._across = 0.0
         self._limits = hub.policy.limits
         self._farthest: list[float] = []
         self._restless_until = self._coasts_until = self._stopped_at = -1e9
@@ -135,8 +137,8 @@ class Guard:
                 hub.shared(op.GetStatus())
             return
         elapsed = now - before.at
-        moved = separation(before.seen.ra, before.seen.dec, seen.ra, seen.dec)
-        if moved / elapsed > RESTLESS and not hub.moving:
+        self._across = separation(before.seen.ra, before.seen.dec, seen.ra, seen.dec) / elapsed
+        if self._across > RESTLESS and not hub.moving:
             self._restless_until = now + CLOSELY
         self._learn(before, after, status)
         if not hub.moving and self._limits.lowest > -90.0:
@@ -198,7 +200,9 @@ class Guard:
         rate = abs(change) / elapsed
         if rate > 0.2 * self._speed:
             rate = max(rate, self._speed)
-        return rate * max(self.reaction, elapsed + EXCHANGES * self._hub.line.typical)
+        typical = self._hub.line.typical
+        alone = self._across * BETWEEN * typical if len(self._hub.motions.axes) > 1 else 0.0
+        return rate * max(self.reaction, elapsed + EXCHANGES * typical) + alone
 
     def _altitude(self, before: Look, after: Look, elapsed: float) -> str:
         if before.altitude is None or after.altitude is None:

@@ -2,6 +2,7 @@
 
 Every play has a seed, which says everything: mount, version, presented model, place, hour, and every byte that is said.
 A play with complaints is printed with its seed; the same seed plays it again, and ``--said`` shows what was said.
+With ``--by-hand`` the plays are motions by hand near a limit.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import logging
 import time
 from collections import Counter
 
+from tests import random_by_hand
 from tests.random_play import cast, play
 
 
@@ -21,6 +23,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, help="the first one")
     parser.add_argument("--plays", type=int, default=10**9, help="stop after so many")
     parser.add_argument("--steps", type=int, default=80, help="in each play")
+    parser.add_argument("--by-hand", action="store_true", help="arrows and motors near a limit, and nothing else")
     parser.add_argument("--said", action="store_true", help="print what was said")
     arguments = parser.parse_args()
     logging.disable()
@@ -30,7 +33,7 @@ def main() -> int:
     for seed in range(arguments.seed, arguments.seed + arguments.plays):
         if time.monotonic() > ends:
             break
-        done = play(seed, arguments.steps, *cast(seed))
+        done = random_by_hand.play(seed) if arguments.by_hand else play(seed, arguments.steps, *cast(seed))
         total.update(plays=1, steps=done.steps, looks=done.looks, commanded=done.commanded, bad=bool(done.complaints))
         for limit, degrees in done.worst.items():
             worst[limit] = max(worst[limit], degrees)  # type: ignore[assignment]
