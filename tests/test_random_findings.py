@@ -202,3 +202,19 @@ def test_of_two_motors_the_one_that_turns_faster_is_stopped_first(axis: int, fir
             assert len(stops) == 2
 
     run(program())
+
+
+@pytest.mark.parametrize(("driven", "model"), [("lx200", "autostar"), ("nexstar", "6-8se")])
+def test_the_first_sync_aligns_a_mount_and_the_second_is_held_to_the_limit(driven: str, model: str) -> None:
+    async def program() -> None:
+        async with Bridge(model, driven=driven, presented="nexstar", surface="6-8se", aligned=False) as bridge:
+            client = bridge.client()
+            assert await client.ask(b"SFC12,2163") == b"#"
+            syncs = [sent for sent in bridge.sent() if sent.startswith((b"s", b"S", b":CM"))]
+            await client.ask(b"S3A6F,1B8D", 2.0)
+            again = [sent for sent in bridge.sent() if sent.startswith((b"s", b"S", b":CM"))]
+            if bridge.sim.aligned:
+                assert again == syncs
+                assert any("Sync refused" in entry.note for entry in bridge.entries)
+
+    run(program())

@@ -6,9 +6,11 @@ import asyncio
 from itertools import pairwise
 
 import pytest
+from msgspec.structs import replace
 
 from gateway import operations as op
 from gateway.hub.refresh import CLOCK_AGE
+from gateway.safety import Limits
 from tests.bridge import Bridge
 from tests.test_safety_altitude import altitude, extremes, notes
 from tests.test_safety_by_hand import UP, ready
@@ -193,5 +195,56 @@ def test_of_two_axes_the_one_that_is_ended_last_must_not_lead_beyond_it_alone(he
                 look(op.Equatorial(seen.ra, seen.dec))
                 await asyncio.sleep(0.5)
             assert any("stopped at the altitude limit" in note for note in notes(bridge)) is stopped
+
+    run(program())
+
+
+def test_a_motion_that_was_begun_twice_and_refused_the_second_time_is_stopped() -> None:
+    """The halt of the other axis came between: the mount had been told to move already."""
+
+    async def program() -> None:
+        south = (-35.0, 150.0)
+        async with Bridge("lx200-16", driven="lx200", site=south, latency=0.02,
+                          config={"site": south}) as bridge:
+            client = bridge.client()
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            await bridge.hub.perform(op.Goto((sidereal - 10.3) % 360.0, -23.6))
+            await ready(bridge, client, b":GR#")
+            client.tell(b":RM#:Mn#")
+            await asyncio.sleep(0.3)
+            client.tell(b":Me#")
+            while b":Me#" not in bridge.sent():
+                await asyncio.sleep(0.001)
+            bridge.hub.policy = replace(bridge.hub.policy, limits=Limits(highest=altitude(bridge) + 0.1))
+            client.tell(b":Qn#")
+            await asyncio.sleep(0.3)
+            assert any("Object Above" in note for note in notes(bridge))
+            before = bridge.sim.mechanics.axes(bridge.clock())
+            await asyncio.sleep(1.0)
+            assert bridge.sim.mechanics.axes(bridge.clock()) == pytest.approx(before, abs=0.01)
+            assert not bridge.hub.moving
+
+    run(program())
+
+
+@pytest.mark.parametrize(("driven", "model"), [("nexstar", "cge"), ("lx200", "lx200")])
+def test_when_one_axis_is_ended_the_other_one_may_lead_beyond_a_limit_alone(driven: str, model: str) -> None:
+    """North lifts the tube there as fast as west lowers it."""
+
+    async def program() -> None:
+        async with Bridge(model, driven=driven, config={"lowest": 20.0}, latency=0.05) as bridge:
+            client = bridge.client()
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            await bridge.hub.perform(op.Goto((sidereal - 80.0) % 360.0, 20.0))
+            await ready(bridge, client, b":GR#")
+            client.tell(b":RS#:Mn#:Mw#")
+            lows = []
+            for _ in range(8):
+                lows.append((await extremes(bridge, 0.05))[0])
+            bridge.hub.policy = replace(bridge.hub.policy, limits=Limits(lowest=lows[-1] - 0.4))
+            client.tell(b":Qn#")
+            low, _ = await extremes(bridge, 3.0)
+            assert low >= lows[-1] - 0.4
+            assert not bridge.hub.moving
 
     run(program())

@@ -67,6 +67,11 @@ class Checks:
             return hub.derived.to_mount(operation)
         return operation
 
+    async def still_allowed(self) -> None:
+        """Whether what moves by hand may go on. Raises BelowHorizon, TooHigh or NearSun."""
+        for operation in list(self._hub.motions.by_hand.values())[:1]:
+            await self._check_by_hand(operation)
+
     # --- gotos ------------------------------------------------------------------------------------------------------
 
     def _check_goto(self, operation: op.Goto) -> None:

@@ -201,7 +201,8 @@ class Motions:
                         raise
                     rank = RESUMED
                 except Fault:
-                    if isinstance(operation, ENDS):  # whatever should have ended must end
+                    half_begun = rank is RESUMED and isinstance(operation, MOVING)
+                    if isinstance(operation, ENDS) or half_begun:  # whatever should have ended, or may move, must end
                         self.begin_stop()
                     raise
                 finally:
@@ -217,6 +218,14 @@ class Motions:
             await self._hub.before_motion()
         rank = STOP if isinstance(operation, ENDS) else MOTION
         return operation, await self._hub.drive(self._hub.driver.perform(operation), rank)
+
+    async def _go_on(self) -> None:
+        """One axis was ended: what still moves must be allowed without it."""
+        try:
+            await self._checks.still_allowed()
+        except Fault as fault:
+            self._hub.transcript.note("mount", f"stopped: {fault}")
+            self.begin_stop()
 
     # --- what is known afterwards -----------------------------------------------------------------------------------
 
@@ -235,12 +244,16 @@ class Motions:
             snapshot.changed(op.Position)  # it must be watched from now on
         elif isinstance(operation, op.Halt):
             self.by_hand.pop(operation.axis, None)
-            if not self.by_hand:
+            if self.by_hand:
+                self._hub.spawn(self._go_on())
+            else:
                 self._hub.guard.ended()
         elif isinstance(operation, op.CancelGoto):
             snapshot.put(op.Slewing, False, self._hub.now())
         elif isinstance(operation, op.Sync):
-            snapshot.forget(op.Position, op.HorizontalPosition, op.AxisPosition)
+            status = snapshot.value(op.GetStatus)
+            aligns = (op.GetStatus,) if status is not None and not status.aligned else ()
+            snapshot.forget(op.Position, op.HorizontalPosition, op.AxisPosition, *aligns)
         elif isinstance(operation, op.SetTracking | op.Unpark | op.Sleep | op.Wake):
             snapshot.forget(op.GetStatus)
         self._hub.changed()
