@@ -94,6 +94,15 @@ class Judge:
         hour_angle, dec = turned(sky.latitude, az, alt)
         return (sidereal(self.unix(), sky.longitude) - hour_angle) % 360.0, dec
 
+    def of_axes(self, first: float, second: float) -> tuple[float, float]:
+        """Where axis readings point: azimuth and altitude, or from the meridian (a wedge in the north: from north)."""
+        build, sky = self.sim.mechanics.build.name, self.sim.mechanics.sky
+        if build == "ALTAZ":
+            return self.at(first, second)
+        pole = 1.0 if sky.latitude >= 0.0 else -1.0
+        hour_angle = pole * (first - (180.0 if build == "WEDGE" and pole > 0.0 else 0.0))
+        return folded(sidereal(self.unix(), sky.longitude) - hour_angle, pole * second)
+
     def from_sun(self, ra: float, dec: float) -> float:
         """Degrees from the Sun while it is up, else 180."""
         here = sun(self.unix())
@@ -198,8 +207,8 @@ class Judge:
                     self._target(repr(data), *folded(first, second))
             elif opcode in "Ss":
                 self._sync(repr(data), *folded(first, second))
-            elif self.sim.aligned and self.sim.mechanics.build.name == "ALTAZ":
-                self._target(repr(data), *self.at(first, second))
+            elif self.sim.aligned:
+                self._target(repr(data), *self.of_axes(first, second))
         elif opcode == "P":
             device, number = data[2], data[3]
             upload = number in FIRMWARE and not (device == RTC and number in (RTC_DATE, RTC_YEAR))

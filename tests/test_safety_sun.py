@@ -12,6 +12,8 @@ from typing import Any
 
 import pytest
 
+from gateway import operations as op
+from gateway.errors import NearSun
 from gateway.sky import Sky
 from gateway.spherical import separation
 from tests.bridge import EVENING, Bridge
@@ -241,5 +243,37 @@ def test_without_a_date_the_log_warns_once() -> None:
             for _ in range(2):
                 assert (await client.ask(TO_IT, until=b"Sun.#")).endswith(NO)
             assert notes(bridge).count("WARNING: nobody has told a date") == 1
+
+    run(program())
+
+
+@pytest.mark.parametrize(("driven", "model"), [("nexstar", "evolution"), ("lx200", "lx200gps")])
+def test_the_way_to_the_zenith_is_the_way_of_the_axes(driven: str, model: str) -> None:
+    """The azimuth that was asked for counts, though every azimuth is the same place there."""
+
+    async def program() -> None:
+        async with Bridge(model, driven=driven, presented="nexstar", surface="6-8se", start=JUNE) as bridge:
+            await bridge.client().ask(b"b6D82D800,40000000")  # azimuth 154, the zenith
+            await asyncio.sleep(1.0)
+            assert "The way there passes too close to the Sun" in notes(bridge)
+            assert await nearest(bridge, 12.0) > 25.0
+
+    run(program())
+
+
+def test_a_german_mount_on_its_way_to_the_other_side_does_not_count_as_being_there() -> None:
+    """Its hand control tells the side by the goal; a newer goto begins where the tube is."""
+
+    async def program() -> None:
+        config = {"mode": "eq-north"}
+        async with Bridge("avx", "4.21", start=JUNE, config=config, latency=0.2) as bridge:
+            hub = bridge.hub
+            await hub.perform(op.Goto(355.2, 64.0))
+            while hub.slewing:
+                await asyncio.sleep(0.5)
+            await hub.perform(op.Goto(143.9, 14.0))
+            await asyncio.sleep(5.0)
+            with pytest.raises(NearSun):
+                await hub.perform(op.Goto(96.5, -41.3))
 
     run(program())

@@ -40,6 +40,8 @@ class Checks:
         if isinstance(operation, op.Move | op.MoveAxis):
             await self._check_by_hand(operation)
         elif isinstance(operation, op.Park | op.Home):
+            if isinstance(operation, op.Park):
+                await hub.read(op.GetStatus())  # how the mount stands decides where it is parked
             there = hub.driver.destination(operation)
             own = isinstance(operation, op.Park) and hub.policy.own_park
             if there is not None:
@@ -97,10 +99,10 @@ class Checks:
             check_altitude(limits, wanted.alt)
             if hub.observatory.site() is not None:
                 goal = hub.derived.equatorial(op.GotoHorizontal(wanted.az, wanted.alt))
-                await self._check_sun(op.Equatorial(goal.ra, goal.dec))
+                await self._check_sun(op.Equatorial(goal.ra, goal.dec), (wanted.az, wanted.alt))
             return
         try:
-            goal = hub.derived.from_axes(wanted)
+            goal = hub.derived.from_axes(wanted, wedge=not hub.driver.german)
         except Unsupported:
             hub.transcript.note_once("mount", "site unknown: axis gotos are not checked")
             return
@@ -108,7 +110,7 @@ class Checks:
         await self._check_sun(op.Equatorial(goal.ra, goal.dec), (wanted.az, wanted.alt))
 
     async def _check_sun(self, goal: op.Equatorial, axes: Pair | None = None) -> None:
-        """Raises NearSun. ``axes`` are the readings that a German mount goes to, where they are given.
+        """Raises NearSun. ``axes`` are the readings that a fork or a German mount goes to, where they are given.
 
         A way out of the circle is clear as long as it comes no nearer than it begins. Before the alignment nobody knows
         where the tube is, so only the target counts.
@@ -124,9 +126,11 @@ class Checks:
             return
         here = await hub.read(op.Position())
         if status.equatorial:
-            ways = list(self._polar_ways(here, goal, axes, await hub.tube_side()))
+            under_way = hub.slewing and await hub.shared(op.Slewing())  # then it tells the side of its goal
+            side = None if under_way else await hub.tube_side()
+            ways = list(self._polar_ways(here, goal, axes, side))
         else:
-            ways = [self._fork_way(here, goal)]
+            ways = [self._fork_way(here, goal, axes)]
         for sun in suns:
             allowed = min(limit, separation(here.ra, here.dec, sun.ra, sun.dec) - 0.01)
             place = self._sun_reading(sun, status.equatorial)
@@ -141,12 +145,16 @@ class Checks:
         seen = derived.horizon(sun) if self._hub.observatory.site() is not None else op.Horizontal(sun.ra, sun.dec)
         return seen.az, seen.alt
 
-    def _fork_way(self, here: op.Equatorial, goal: op.Equatorial) -> tuple[Pair, Pair]:
-        """Where the axes of an alt-az fork begin and how far they turn; without a site, as if on a wedge."""
+    def _fork_way(self, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None) -> tuple[Pair, Pair]:
+        """Where the axes of an alt-az fork begin and how far they turn; without a site, as if on a wedge.
+
+        At the zenith only ``axes`` tell to which azimuth it turns.
+        """
         if self._hub.observatory.site() is None:
             start, end = op.Horizontal(here.ra, here.dec), op.Horizontal(goal.ra, goal.dec)
         else:
-            start, end = self._hub.derived.horizon(here), self._hub.derived.horizon(goal)
+            start = self._hub.derived.horizon(here)
+            end = op.Horizontal(*axes) if axes is not None else self._hub.derived.horizon(goal)
         return (start.az, start.alt), (wrap180(end.az - start.az), end.alt - start.alt)
 
     def _polar_ways(
@@ -159,7 +167,9 @@ class Checks:
         flipped = geometry.other_side(end)
         if german:
             there = axes or geometry.axes(end, goal.dec, flipped)
-        else:  # read as a German mount's, so that one Sun serves both
+        elif axes is not None:  # read as a German mount's, so that one Sun serves both
+            there = axes[0] - geometry.axes(0.0, 0.0, False)[0], axes[1]
+        else:
             there = geometry.pole * end, geometry.pole * goal.dec
         sides = (False, True) if german else (False,)
         if german and side is not None:

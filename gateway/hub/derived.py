@@ -55,10 +55,11 @@ class Derived:
         pole = 1 if self.place().latitude >= 0 else -1
         return op.Horizontal(wrap360(pole * (self.sidereal_time() - seen.ra)), pole * seen.dec)
 
-    def from_axes(self, wanted: op.GotoAxes) -> op.Goto:
-        """Axis readings of an equatorial mount as a place on the sky."""
+    def from_axes(self, wanted: op.GotoAxes, wedge: bool = False) -> op.Goto:
+        """Axis readings of an equatorial mount as a place on the sky; a fork on its ``wedge`` reads from north."""
         pole = 1 if self.place().latitude >= 0 else -1
-        hour_angle, dec = fold_declination(pole * wanted.az, pole * wanted.alt)
+        meridian = 180.0 if wedge and pole > 0 else 0.0
+        hour_angle, dec = fold_declination(pole * (wanted.az - meridian), pole * wanted.alt)
         return op.Goto(wrap360(self.sidereal_time() - hour_angle), dec)
 
     def to_mount(self, operation: op.Goto | op.Sync) -> op.Goto | op.Sync:

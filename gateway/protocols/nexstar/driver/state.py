@@ -199,10 +199,19 @@ class NexStar(Driver):
     def destination(self, operation: Operation) -> GotoAxes | None:
         """Park goes to the configured position, else to the pole or to north at the horizon; Home to the stored one."""
         if isinstance(operation, Park):
-            return GotoAxes(*(self.settings.park or (POLE_AXES if self.german else (0.0, 0.0))))
+            return GotoAxes(*(self.settings.park or self._index))
         if isinstance(operation, Home) and self.home is not None:
             return GotoAxes(self.home.az, self.home.alt)
         return None
+
+    @property
+    def _index(self) -> tuple[float, float]:
+        """The pole of an equatorial mount (a fork on its wedge reads from north), north at the horizon of another."""
+        if self.german:
+            return POLE_AXES
+        if self.own_mode is not None and self.own_mode.equatorial:
+            return (0.0 if self.own_mode is Tracking.EQ_SOUTH else 180.0), 90.0
+        return 0.0, 0.0
 
     def key_for(self, rate: Rate) -> int:
         """The key that comes nearest to a hand rate (never above one given in degrees a second)."""
@@ -217,7 +226,7 @@ class NexStar(Driver):
 JNOW_FROM = (4, 14)
 #: Up to this version the pier side is told with its letters swapped in the southern hemisphere.
 LETTERS_SWAPPED = (5, 24)
-#: Where an equatorial mount's axes stand when it points at the pole: both at their index.
+#: Where a German mount's axes stand when it points at the pole: both at their index.
 POLE_AXES = (90.0, 90.0)
 SIDEREAL = 15.041067 / 3600.0
 UNKNOWN: dict[str, Any] = {"mount": "fork", "rates": "se", "has": [], "motors": "0.0", "versions": []}
