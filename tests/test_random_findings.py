@@ -218,3 +218,22 @@ def test_the_first_sync_aligns_a_mount_and_the_second_is_held_to_the_limit(drive
                 assert any("Sync refused" in entry.note for entry in bridge.entries)
 
     run(program())
+
+
+def test_where_the_axes_are_is_told_though_a_goto_begins_while_it_is_asked() -> None:
+    """A Meade tells azimuth and altitude in halves, which never agree on the way: the position says the same."""
+
+    async def program() -> None:
+        async with Bridge("lx200", driven="lx200", presented="nexstar", surface="lcm", latency=0.2) as bridge:
+            first, second = bridge.client(), bridge.client()
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            await asyncio.sleep(5.0)
+            goal = f"r{int(((sidereal + 100.0) % 360.0) / 360.0 * 2**32):08X},{int(70.0 / 360.0 * 2**32):08X}"
+            first.tell(goal.encode())
+            await asyncio.sleep(0.3)
+            assert await second.ask(b"z", 3.0)
+            while not bridge.hub.slewing:
+                await asyncio.sleep(0.1)
+            assert await second.ask(b"z", 3.0)
+
+    run(program())

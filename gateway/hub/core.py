@@ -37,6 +37,10 @@ from gateway.sky import Sky
 from gateway.transcript import Transcript
 
 
+#: How soon it is noticed that the mount has begun to move, seconds.
+A_MOMENT = 0.2
+
+
 async def _at_once() -> None:
     """Nobody needs to know before a motion."""
 
@@ -267,8 +271,8 @@ class Hub:
                 value: Any = self.derived.axes(await self.read(op.Position()))
             else:  # the axes of a fork are azimuth and altitude
                 value = await self.read(op.HorizontalPosition())
-        elif isinstance(operation, op.HorizontalPosition) and self.moving and self.driver.position_reads > 1:
-            value = None  # the line has no room for two positions in halves while the mount moves
+        elif isinstance(operation, op.HorizontalPosition) and self.driver.position_reads > 1:
+            value = await self._while_it_rests(operation)
         else:
             rank = POSITION if isinstance(operation, op.Position) else READ
             try:
@@ -290,6 +294,18 @@ class Hub:
         if isinstance(operation, op.Position):
             self.guard.look(value)
         return value
+
+    async def _while_it_rests(self, operation: op.Operation) -> Any:
+        """The answer, or None once the mount moves: then the line has no room for two positions in halves."""
+        reading = self.spawn(self.drive(self.driver.perform(operation), READ))
+        try:
+            while not self.moving:
+                if (await asyncio.wait({reading}, timeout=A_MOMENT))[0]:
+                    self.refresh.cost(type(operation), self.exchanges)
+                    return reading.result()
+            return None
+        finally:
+            reading.cancel()
 
     async def _settled(self) -> None:
         """A goto has just ended: nobody is told so before the position is known where it ended."""
