@@ -277,3 +277,22 @@ def test_a_german_mount_on_its_way_to_the_other_side_does_not_count_as_being_the
                 await hub.perform(op.Goto(96.5, -41.3))
 
     run(program())
+
+
+@pytest.mark.parametrize("latency", [0.05, 0.2])
+def test_a_goto_whose_first_axis_was_ended_is_none_that_keeps_clear(latency: float) -> None:
+    """What goes on alone takes another way than the one that was checked."""
+
+    async def program() -> None:
+        async with Bridge("evolution", start=JUNE, latency=latency) as bridge:
+            hub, client = bridge.hub, bridge.client()
+            await hub.perform(op.GotoHorizontal(165.3, 35.6))
+            while hub.slewing:
+                await asyncio.sleep(0.5)
+            await hub.perform(op.GotoHorizontal(288.0, 60.0))
+            await asyncio.sleep(0.5)
+            client.tell(b":Qe#")
+            assert await nearest(bridge, 12.0) >= 20.0
+            assert "stopped at the Sun" in notes(bridge)
+
+    run(program())

@@ -69,8 +69,7 @@ class Guard:
         self._limits = hub.policy.limits
         self._farthest: list[float] = []
         self._restless_until = self._coasts_until = self._stopped_at = -1e9
-        self._switching = False
-        self._helpless = False
+        self._switching = self._helpless = self._astray = False
         #: False from when the tube was seen to sink when it was lifted (it is beyond the pole or the zenith) to the end
         #: of the next goto.
         self.upright = True
@@ -94,6 +93,7 @@ class Guard:
         elif isinstance(operation, op.Park) and (self._hub.policy.own_park or not self._destined(operation)):
             limits = replace(limits, lowest=-90.0, highest=90.0)
         self._limits, self._helpless, self._coasts_until = limits, False, -1e9
+        self._astray = False
         self._speed = 0.0
         if isinstance(operation, op.Move | op.MoveAxis):
             self._speed = self._hub.driver.speed(operation.rate)
@@ -106,6 +106,10 @@ class Guard:
         """A goto is over. One that was stopped on its way has not brought the tube upright."""
         if not (self._hub.motions.ending or self._hub.motions.axes):
             self.upright = True
+
+    def halted(self) -> None:
+        """One axis was ended: if it is a goto that goes on, its way is not the one that was checked."""
+        self._astray = True
 
     def ended(self) -> None:
         """A motion by hand was ended, or all were."""
@@ -190,8 +194,8 @@ class Guard:
 
     @property
     def _going(self) -> bool:
-        """Whether it is a goto that moves the mount, and no hand that took over from it."""
-        return self._hub.slewing and not self._hub.motions.axes
+        """Whether it is a goto that moves the mount, and no hand that took over from it or ended one of its axes."""
+        return self._hub.slewing and not self._hub.motions.axes and not self._astray
 
     def _margin(self, change: float, elapsed: float) -> float:
         """How far a motion gets before the next look and a stop can end it, degrees; a goto knows where it ends."""

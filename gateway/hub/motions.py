@@ -244,6 +244,7 @@ class Motions:
             snapshot.changed(op.Position)  # it must be watched from now on
         elif isinstance(operation, op.Halt):
             self.by_hand.pop(operation.axis, None)
+            self._hub.guard.halted()
             if self.by_hand:
                 self._hub.spawn(self._go_on())
             else:
