@@ -248,3 +248,24 @@ def test_when_one_axis_is_ended_the_other_one_may_lead_beyond_a_limit_alone(driv
             assert not bridge.hub.moving
 
     run(program())
+
+
+def test_a_motion_that_follows_a_stop_at_once_is_watched_from_the_first_position() -> None:
+    """The mount was seen to coast after the stop, as if somebody else moved it."""
+
+    async def program(height: float) -> None:
+        async with Bridge("i-series", presented="nexstar", surface="cpc", config={"highest": 75.0},
+                          latency=0.2) as bridge:
+            client = bridge.client()
+            await bridge.hub.perform(op.GotoHorizontal(16.0, height))
+            await ready(bridge, client, b"e")
+            bridge.hub.guard._restless_until = bridge.hub.now() + 3.0
+            client.tell(UP)
+            high = 0.0
+            for _ in range(20):
+                client.tell(b"z")
+                high = max(high, (await extremes(bridge, 0.2))[1])
+            assert high <= 75.0, height
+
+    for step in range(8):
+        run(program(69.0 + 0.25 * step))

@@ -36,7 +36,6 @@ from gateway.safety import Limits
 from gateway.sky import Sky
 from gateway.transcript import Transcript
 
-
 #: How soon it is noticed that the mount has begun to move, seconds.
 A_MOMENT = 0.2
 

@@ -97,9 +97,9 @@ class Guard:
         self._speed = 0.0
         if isinstance(operation, op.Move | op.MoveAxis):
             self._speed = self._hub.driver.speed(operation.rate)
-        if isinstance(operation, op.Sync) or self.restless or self._before is None:
+        if isinstance(operation, op.Sync):
             self._before, self._farthest = None, []
-        elif not self._hub.moving:
+        elif self._before is not None and not (self._hub.moving or self.restless):
             self._before = replace(self._before, at=self._hub.now())
 
     def arrived(self) -> None:
