@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from itertools import pairwise
 from typing import Any
 
 import pytest
 
 from gateway import operations as op
-from gateway.errors import BelowHorizon
+from gateway.errors import BelowHorizon, TooHigh
 from gateway.spherical import hour_angle_to_horizon
 from tests.bridge import Bridge
 from tests.virtual import run
@@ -293,5 +294,33 @@ def test_no_raw_motion_slips_past_between_two_nexstars() -> None:
             focuser = b"P\x02\x12\x24\x03\x00\x00\x00"
             await client.ask(focuser, 2)
             assert focuser in bridge.sent()
+
+    run(program())
+
+
+@pytest.mark.parametrize("latency", [0.05, 0.2])
+@pytest.mark.parametrize(("driven", "model", "first", "second", "limits"), [
+    ("lx200", "lx200", (-50.0, 45.0), (50.0, 45.0), {"highest": 75.0}),  # past the zenith
+    ("nexstar", "cge", (20.0, -10.0), (20.0, 85.0), {"highest": 60.0}),  # along the meridian
+])  # fmt: skip
+def test_a_goto_whose_way_leads_beyond_a_limit_ends_before_it(
+    driven: str, model: str, first: tuple[float, float], second: tuple[float, float], limits: dict[str, float],
+    latency: float,
+) -> None:
+    """It is begun, for a German mount seldom has another way; but nothing of it lies beyond."""
+
+    async def program() -> None:
+        async with Bridge(model, driven=driven, config=limits, latency=latency) as bridge:
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            low, high = 90.0, 0.0
+            for hour_angle, dec in (first, second, second):
+                with contextlib.suppress(TooHigh):  # once it stands before the limit
+                    await bridge.hub.perform(op.Goto((sidereal - hour_angle) % 360.0, dec))
+                for _ in range(80):
+                    bottom, top = await extremes(bridge, 0.5)
+                    low, high = min(low, bottom), max(high, top)
+            assert low >= limits.get("lowest", 0.0)
+            assert high <= limits.get("highest", 90.0)
+            assert any("stopped at the altitude limit" in note for note in notes(bridge))
 
     run(program())

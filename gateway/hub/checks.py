@@ -28,6 +28,12 @@ OLD_POSITION = 6.0
 STRIDE = 2.0
 
 
+def _first(turn: Pair, stretch: float) -> Pair:
+    """No more than the first degrees of either axis."""
+    first, second = (max(-stretch, min(stretch, degrees)) for degrees in turn)
+    return first, second
+
+
 class Checks:
     """``admit`` is asked for every motion, in its turn."""
 
@@ -37,6 +43,7 @@ class Checks:
     async def admit(self, operation: op.Operation) -> op.Operation:
         """An operation that the limits allow, in the form that this mount can carry out. Raises Fault."""
         hub = self._hub
+        hub.guard.dips = False
         if isinstance(operation, op.Move | op.MoveAxis):
             await self._check_by_hand(operation)
         elif isinstance(operation, op.Park | op.Home):
@@ -58,7 +65,8 @@ class Checks:
             await self._check_axes(operation)
         elif isinstance(operation, op.Goto):
             self._check_goto(operation)
-            await self._check_sun(op.Equatorial(operation.ra, operation.dec))
+            limits = hub.policy.limits.narrowed(operation.lowest, operation.highest)
+            await self._check_way(limits, op.Equatorial(operation.ra, operation.dec))
             return hub.derived.to_mount(operation)
         elif isinstance(operation, op.Sync):
             if hub.moving:
@@ -99,7 +107,7 @@ class Checks:
             check_altitude(limits, wanted.alt)
             if hub.observatory.site() is not None:
                 goal = hub.derived.equatorial(op.GotoHorizontal(wanted.az, wanted.alt))
-                await self._check_sun(op.Equatorial(goal.ra, goal.dec), (wanted.az, wanted.alt))
+                await self._check_way(limits, op.Equatorial(goal.ra, goal.dec), (wanted.az, wanted.alt))
             return
         try:
             goal = hub.derived.from_axes(wanted, wedge=not hub.driver.german)
@@ -107,22 +115,23 @@ class Checks:
             hub.transcript.note_once("mount", "site unknown: axis gotos are not checked")
             return
         check_altitude(limits, hub.derived.horizon(op.Equatorial(goal.ra, goal.dec)).alt)
-        await self._check_sun(op.Equatorial(goal.ra, goal.dec), (wanted.az, wanted.alt))
+        await self._check_way(limits, op.Equatorial(goal.ra, goal.dec), (wanted.az, wanted.alt))
 
-    async def _check_sun(self, goal: op.Equatorial, axes: Pair | None = None) -> None:
+    async def _check_way(self, limits: Limits, goal: op.Equatorial, axes: Pair | None = None) -> None:
         """Raises NearSun. ``axes`` are the readings that a fork or a German mount goes to, where they are given.
 
         A way out of the circle is clear as long as it comes no nearer than it begins. Before the alignment nobody knows
-        where the tube is, so only the target counts.
+        where the tube is, so only the target counts. A way that leads beyond an altitude limit is begun all the same (a
+        German mount seldom has another) and watched like a motion by hand, unless it does so at once: then it raises
+        BelowHorizon or TooHigh.
         """
         hub = self._hub
         limit, suns = hub.suns.limit, hub.suns.up()
-        if not suns:
-            return
         if any(distance < limit for distance in hub.suns.distances(goal)):
             raise NearSun
         status = await hub.read(op.GetStatus())
-        if not status.aligned:
+        forbidden = self._forbidden(limits) if status.equatorial else []  # a fork in alt-az goes straight up or down
+        if not status.aligned or not (suns or forbidden):
             return
         here = await hub.read(op.Position())
         if status.equatorial:
@@ -133,11 +142,29 @@ class Checks:
             ways = [self._fork_way(here, goal, axes)]
         for sun in suns:
             allowed = min(limit, separation(here.ra, here.dec, sun.ra, sun.dec) - 0.01)
-            place = self._sun_reading(sun, status.equatorial)
+            place = self._reading(sun, status.equatorial)
             if not all(clear(start, turn, place, allowed) for start, turn in ways):
                 raise NearSun("The way there passes too close to the Sun.")
+        stretch = hub.guard.reaction * hub.driver.speed(op.Rate(name="max"))
+        for pole, place, radius in forbidden:
+            begins = ((start, _first(turn, stretch)) for start, turn in ways)
+            if not any(clear(*way, place, min(radius, separation(*way[0], *place) - 0.01)) for way in begins):
+                check_altitude(limits, pole)
+        hub.guard.dips = not all(clear(*way, place, radius) for _, place, radius in forbidden for way in ways)
 
-    def _sun_reading(self, sun: op.Equatorial, equatorial: bool) -> Pair:
+    def _forbidden(self, limits: Limits) -> list[tuple[float, Pair, float]]:
+        """What is too high and too low, as circles of a polar mount's readings around the zenith and the nadir.
+
+        Each with the altitude of its middle.
+        """
+        if self._hub.observatory.site() is None:
+            return []
+        geometry = self._geometry(Build.GERMAN)
+        zenith, nadir = geometry.axes(0.0, geometry.latitude, False), geometry.axes(180.0, -geometry.latitude, False)
+        circles = ((90.0, zenith, 90.0 - limits.highest), (-90.0, nadir, 90.0 + limits.lowest))
+        return [circle for circle in circles if circle[2] > 0.0]
+
+    def _reading(self, sun: op.Equatorial, equatorial: bool) -> Pair:
         """The Sun as the axes of this mount would read, pointing at it the first of the two ways."""
         derived = self._hub.derived
         if equatorial:
@@ -209,11 +236,11 @@ class Checks:
         turns = {axis: self._turn(moving) for axis, moving in by_hand.items()}
         try:
             for way in product(*({degrees, -degrees} for degrees in turns.values())):
-                self._check_way(limits, seen, status, dict(zip(turns, way, strict=True)))
+                self._check_turns(limits, seen, status, dict(zip(turns, way, strict=True)))
         except Fault:  # where one way is forbidden it counts which way the motors really turn the tube
             for axis, moving in by_hand.items():
                 turns[axis] *= await self._sense(moving, status)
-            self._check_way(limits, seen, status, turns)
+            self._check_turns(limits, seen, status, turns)
 
     def _turn(self, operation: op.Move | op.MoveAxis) -> float:
         """How far an axis turns from the last position until the guard has looked and stopped it, degrees."""
@@ -221,7 +248,7 @@ class Checks:
         seconds = hub.guard.reaction + SHORTEST + hub.snapshot.age(op.Position, hub.now()) * bool(hub.motions.by_hand)
         return operation.sense * hub.driver.speed(operation.rate) * seconds
 
-    def _check_way(self, limits: Limits, seen: op.Equatorial, status: op.Status, turns: dict[int, float]) -> None:
+    def _check_turns(self, limits: Limits, seen: op.Equatorial, status: op.Status, turns: dict[int, float]) -> None:
         """The whole way of so many degrees: over the zenith or past the Sun its end may be allowed again."""
         steps = max(1, ceil(max(abs(degrees) for degrees in turns.values()) / STRIDE))
         here = seen

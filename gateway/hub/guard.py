@@ -70,6 +70,8 @@ class Guard:
         self._farthest: list[float] = []
         self._restless_until = self._coasts_until = self._stopped_at = -1e9
         self._switching = self._helpless = self._astray = False
+        #: Whether the way of the goto that is being begun leads beyond an altitude limit.
+        self.dips = False
         #: False from when the tube was seen to sink when it was lifted (it is beyond the pole or the zenith) to the end
         #: of the next goto.
         self.upright = True
@@ -93,7 +95,7 @@ class Guard:
         elif isinstance(operation, op.Park) and (self._hub.policy.own_park or not self._destined(operation)):
             limits = replace(limits, lowest=-90.0, highest=90.0)
         self._limits, self._helpless, self._coasts_until = limits, False, -1e9
-        self._astray = False
+        self._astray = self.dips
         self._speed = 0.0
         if isinstance(operation, op.Move | op.MoveAxis):
             self._speed = self._hub.driver.speed(operation.rate)
@@ -194,7 +196,10 @@ class Guard:
 
     @property
     def _going(self) -> bool:
-        """Whether it is a goto that moves the mount, and no hand that took over from it or ended one of its axes."""
+        """Whether it is a goto that moves the mount, and no hand that took over from it or ended one of its axes.
+
+        One whose way leads beyond a limit is none that knows where it ends, either.
+        """
         return self._hub.slewing and not self._hub.motions.axes and not self._astray
 
     def _margin(self, change: float, elapsed: float) -> float:
