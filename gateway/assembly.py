@@ -62,7 +62,8 @@ def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Fa
     halts = {b":Q%c#" % letter: (op.Halt(axis), frozenset(b":M%c#" % other for other in letters))
              for axis, letters in ((1, b"ew"), (2, b"ns")) for letter in letters}
     surface = Surface(protocol, SPECIALS)
-    return Face(surface, lambda now: Framer().feed, frozenset({b":Q#"}), model, settings, halts=halts)
+    return Face(surface, lambda now: Framer().feed, frozenset({b":Q#"}), model, settings, halts=halts,
+                ends=(b":Q",))
 
 
 def _meade_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float]) -> Driven:
@@ -82,7 +83,8 @@ def _nexstar_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> 
     fit = None if endpoint.model else lambda equatorial: presented(GERMAN if equatorial else FORK, endpoint.version)
     surface = Surface(load("nexstar"), SPECIALS, no_response)
     surface.passes = passes
-    return Face(surface, framing(model), frozenset(), model, {"precision": "high"}, fit=fit)
+    still = (bytes((motor, way, 0)) for motor in (16, 17) for way in (36, 37, 6, 7))
+    return Face(surface, framing(model), frozenset(), model, {"precision": "high"}, fit=fit, ends=(b"M", *still))
 
 
 DRIVERS: dict[str, Callable[[Endpoint, MountConfig, Callable[[], float]], Driven]] = {

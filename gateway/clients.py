@@ -83,8 +83,8 @@ class Client:
         """Whether anything it has asked for is still under way."""
         return self._task is not None or bool(self._begun)
 
-    def feed(self, data: bytes) -> None:
-        """Take bytes as they arrived."""
+    def feed(self, data: bytes, stops: int | None = None) -> None:
+        """Take bytes as they arrived; ``stops`` is the hub's count of stops then, where that was some time ago."""
         self.life.heard = True
         hub = self.hub
         if self.transcript.sinks:
@@ -111,7 +111,7 @@ class Client:
             elif frame in self.halts:
                 self._halt(frame)
                 stopping = True
-            self._inbox.append((frame, hub.stops, stopping))
+            self._inbox.append((frame, hub.stops if stops is None else stops, stopping))
         if self._task is None:
             self._pump()
 

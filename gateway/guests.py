@@ -24,6 +24,8 @@ from gateway.surface import Session, Surface
 INHERIT_FOR = 60.0
 #: A program on a serial line, or one that opens a connection for every command, is here so long after it was heard.
 HERE = 10.0
+#: Bytes that may wait for their turn, of one connection.
+PATIENCE = 512
 
 
 class Manner(Struct, frozen=True):
@@ -46,6 +48,8 @@ class Face(Struct, frozen=True):
     equinox: Equinox | None = None
     #: Commands that halt one axis -> the operation, and the commands that would set this axis moving.
     halts: Mapping[bytes, tuple[Operation, frozenset[bytes]]] = {}
+    #: Bytes without which nothing that comes in can be the end of a motion.
+    ends: tuple[bytes, ...] = ()
     #: Whether the mount is equatorial -> the model to present; None where the user has named one.
     fit: Callable[[bool], dict[str, Any]] | None = None
     manners: tuple[Manner, ...] = ()
@@ -82,7 +86,7 @@ class Reception:
             session.shared = Sealed(self.shared, lambda: client.refuse("a setting"))
         self.hub.transcript.put(name, "+", note=f"surface {self.number}, host {host}")
         lasting = host.removeprefix("pty:") == name
-        visit = _Visit(client, face.manners, lambda: self._leave(name, host, session, client.life, visit), lasting)
+        visit = _Visit(client, face, lambda: self._leave(name, host, session, client.life, visit), lasting)
         self._visits.add(visit)
         return visit
 
@@ -120,25 +124,51 @@ class _Visit:
     """A client together with who it may turn out to be, and what is to be done when it leaves.
 
     ``lasting``: it is a serial line, where nobody is seen to come or go; ``heard`` is the loop time of its last bytes.
+    Where many come in at once it waits for its turn, unless it may have come to end a motion.
     """
 
-    def __init__(self, client: Client, manners: tuple[Manner, ...], left: Callable[[], None], lasting: bool) -> None:
-        self._client, self._manners, self._left, self.lasting = client, manners, left, lasting
+    def __init__(self, client: Client, face: Face, left: Callable[[], None], lasting: bool) -> None:
+        self._client, self._manners, self._left, self.lasting = client, face.manners, left, lasting
+        self._hub, self._ends = client.hub, face.ends
         self.host, self.heard = client.life.who, -1e9
         self._begin = b""
-        self.feed = self._on_line if lasting else self._listen if manners else client.feed
+        #: What waits for its turn: bytes, and how many stops there had been when they came.
+        self._waiting: list[tuple[bytes, int]] = []
+        self._patience = 0
+        self._take = self._on_line if lasting else self._listen if face.manners else client.feed
 
-    def _on_line(self, data: bytes) -> None:
+    def feed(self, data: bytes) -> None:
+        """Bytes have come."""
+        urgent = any(end in data for end in self._ends)
+        if self._waiting:
+            self._waiting.append((data, self._hub.stops))
+            self._patience -= len(data)
+            if urgent or self._patience < 0:
+                self._go_on()
+        elif urgent or self._hub.turnstile.open():
+            self._take(data, None)
+        else:
+            self._waiting.append((data, self._hub.stops))
+            self._patience = PATIENCE
+            self._hub.turnstile.enter(self._go_on)
+
+    def _go_on(self) -> None:
+        """Everything that waits, in the order in which it came."""
+        waiting, self._waiting = self._waiting, []
+        for data, stops in waiting:
+            self._take(data, stops)
+
+    def _on_line(self, data: bytes, stops: int | None) -> None:
         """Feed the client, and remember that somebody is there."""
-        self.heard = self._client.hub.now()
-        self._client.feed(data)
+        self.heard = self._hub.now()
+        self._client.feed(data, stops)
 
-    def _listen(self, data: bytes) -> None:
+    def _listen(self, data: bytes, stops: int | None) -> None:
         """Feed the client, and look at what it says as long as it may be one that is known."""
         if self._manners:
             self._begin += data
             self._manners = tuple(manner for manner in self._manners if self._may_be(manner))
-        self._client.feed(data)
+        self._client.feed(data, stops)
 
     def _may_be(self, manner: Manner) -> bool:
         """Whether more must be heard; when enough was heard the client is treated so from here on."""
@@ -155,5 +185,6 @@ class _Visit:
         self._client.rate = Trial(change_rate)
 
     def close(self) -> None:
+        self._go_on()
         self._client.close()
         self._left()

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 
 import pytest
 
 from gateway.hub.turnstile import FEW, WAY, Turnstile
+from tests.bridge import Bridge, Visitor
 from tests.virtual import run
 
 
-async def _turns(turnstile: Turnstile, many: int) -> list[int]:
+async def _turns(stopping: Callable[[], bool], many: int) -> list[int]:
     """How many had gone on after each turn of the event loop, once the answer was there."""
     loop = asyncio.get_running_loop()
+    turnstile = Turnstile(loop, stopping)
     answer = loop.create_future()
     task = loop.create_task(_wait(answer))
     through: list[int] = []
@@ -37,22 +40,22 @@ async def _wait(answer: asyncio.Future[str]) -> str:
 
 
 def test_a_few_go_on_in_each_turn() -> None:
-    counts = run(_turns(Turnstile(lambda: False), 200))
+    counts = run(_turns(lambda: False, 200))
     steps = [after - before for before, after in zip([0, *counts], counts, strict=False)]
     assert counts[-1] == 200
     assert max(steps) <= FEW
     assert len(counts) <= 200 / FEW + 10
 
 
-def test_nobody_goes_on_while_a_stop_makes_its_way_and_everybody_after_it() -> None:
-    counts = run(_turns(Turnstile(lambda: True), 20))
-    assert counts[WAY - 1] == 0
+def test_no_crowd_goes_on_while_a_stop_makes_its_way_and_everybody_after_it() -> None:
+    counts = run(_turns(lambda: True, 20))
+    assert counts[WAY - 1] <= FEW
     assert counts[-1] == 20
 
 
 def test_a_failure_reaches_everybody_and_who_gives_up_harms_nobody() -> None:
     async def program() -> None:
-        turnstile = Turnstile(lambda: False)
+        turnstile = Turnstile(asyncio.get_running_loop(), lambda: False)
 
         async def fail() -> None:
             await asyncio.sleep(1)
@@ -67,5 +70,101 @@ def test_a_failure_reaches_everybody_and_who_gives_up_harms_nobody() -> None:
         assert all(isinstance(one, ValueError) for one in found[1:])
         with pytest.raises(ValueError, match="no"):
             await turnstile.outcome(task)  # it is over: nothing to wait for
+
+    run(program())
+
+
+# --- at the door ------------------------------------------------------------------------------------------------------
+
+
+async def _crowd(bridge: Bridge, many: int = 100) -> list[Visitor]:
+    """So many programs that poll, and have all just been answered once."""
+    crowd = [bridge.client(f"10.0.0.{number}") for number in range(many)]
+    for visitor in crowd:
+        visitor.tell(b":GVP#")
+    await asyncio.sleep(1.0)
+    for visitor in crowd:
+        assert visitor.heard
+        visitor.heard = b""
+    return crowd
+
+
+@pytest.mark.parametrize("stop", [b":Q#", b"\x00:Q#:GVP#"])
+def test_a_stop_that_comes_with_a_crowd_is_heard_before_it(stop: bytes) -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            crowd, hand = await _crowd(bridge), bridge.client()
+            hand.tell(b":RS#:Mn#")
+            await asyncio.sleep(1.0)
+            before = bridge.hub.stops
+            for visitor in crowd:
+                visitor.tell(b":GVP#")
+            hand.tell(stop)
+            assert bridge.hub.stops == before + 1
+            assert sum(bool(visitor.heard) for visitor in crowd) <= FEW
+            await asyncio.sleep(1.0)
+            assert all(visitor.heard == b"Autostar#" for visitor in crowd)
+            assert not bridge.hub.moving
+
+    run(program())
+
+
+@pytest.mark.parametrize("moves", [b":Mn#", b":Sr02:00:00#:Sd+80*00:00#:MS#"])
+def test_what_waits_at_the_door_when_a_stop_comes_was_asked_for_before_it(moves: bytes) -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            crowd, hand, other = await _crowd(bridge), bridge.client(), bridge.client()
+            for visitor in crowd:
+                visitor.tell(b":GVP#")
+            hand.tell(moves)
+            other.tell(b":Q#")
+            await asyncio.sleep(5.0)
+            assert not bridge.hub.moving
+            assert not any(sent.startswith((b"r", b"R")) for sent in bridge.sent())
+            assert not any(sent[:1] == b"P" and sent[3:4] in (b"\x24", b"\x25") and sent[4] for sent in bridge.sent())
+
+    run(program())
+
+
+def test_everybody_s_own_words_stay_in_their_order() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            crowd, one = await _crowd(bridge), bridge.client()
+            for visitor in crowd:
+                visitor.tell(b":GVP#")
+            for part in (b":Sr01:0", b"0:00#:Gr#", b":Q#", b":Sr02:00:00#", b":Gr#"):
+                one.tell(part)
+            await asyncio.sleep(1.0)
+            assert one.heard == b"101:00:00#102:00:00#"
+
+    run(program())
+
+
+def test_who_leaves_at_once_has_said_what_it_said() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            crowd, one = await _crowd(bridge), bridge.client("10.1.1.1")
+            for visitor in crowd:
+                visitor.tell(b":GVP#")
+            one.tell(b":Sr03:00:00#")
+            one.close()
+            assert await bridge.client("10.1.1.1").ask(b":Gr#") == b"03:00:00#"
+
+    run(program())
+
+
+def test_who_says_much_while_it_waits_is_let_in() -> None:
+    """Nothing piles up at the door."""
+
+    async def program() -> None:
+        async with Bridge() as bridge:
+            crowd, one = await _crowd(bridge), bridge.client()
+            for visitor in crowd:
+                visitor.tell(b":GVP#")
+            for _ in range(400):
+                one.tell(b":GVP#")
+            assert len(one.heard) > 200 * len(b"Autostar#")
+            await asyncio.sleep(1.0)
+            assert one.heard == b"Autostar#" * 400
 
     run(program())

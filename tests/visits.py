@@ -17,6 +17,7 @@ from gateway.errors import Fault
 from gateway.guests import Reception
 from gateway.hub import MISSING
 from gateway.hub.dead_man import DeadMan, Life
+from gateway.hub.turnstile import Turnstile
 from gateway.safety import Limits
 from gateway.transcript import Transcript
 from tests.fixture import Mount
@@ -31,6 +32,7 @@ class Still:
         self.transcript = Transcript(self.clock)
         self.dead_man = DeadMan(cast(Any, self), 30.0, 5.0)
         self.version = self.stops = 0
+        self.turnstile = Turnstile(self.loop, lambda: False)
         #: What the host's clock is ahead of the loop's, and the mount's ahead of the host's.
         self._epoch = mount.clock.unix - self.now()
         self._ahead = 0.0

@@ -86,7 +86,7 @@ class Hub:
         self.before_motion: Callable[[], Awaitable[None]] = _at_once
         self._identifying: asyncio.Task[Any] | None = None
         self._sharing: dict[Kind, asyncio.Task[Any]] = {}
-        self._turnstile = Turnstile(lambda: self.motions.ending)
+        self.turnstile = Turnstile(self.loop, lambda: self.motions.ending)
         self._tasks: set[asyncio.Task[Any]] = set()
         line.on_up = self._on_up
 
@@ -244,7 +244,7 @@ class Hub:
         first = not self.identified.is_set()
         try:
             async with asyncio.timeout(FIRST_ANSWER if first else None):
-                return await self._turnstile.outcome(self.shared(operation))
+                return await self.turnstile.outcome(self.shared(operation))
         except TimeoutError:
             raise NoAnswer from None
 

@@ -1,8 +1,8 @@
-"""A turnstile: whoever waits for the same answer goes on a few at a time.
+"""A turnstile: of many who want to go on at once, a few do in each turn of the event loop.
 
-Hundreds of programs that poll a moving mount wait for one position. Were they all to go on at once, a stop that comes
-meanwhile would be heard after them; so between a few and the next few the event loop looks at what has come in, and
-while a stop makes its way to the line nobody of a crowd goes on.
+Hundreds of programs that poll ask in step, and wait for the same position. Were they all to go on at once, a stop that
+comes meanwhile would be heard after them; so between a few and the next few the event loop looks at what has come in,
+and while a stop makes its way to the line nobody of a crowd goes on.
 """
 
 from __future__ import annotations
@@ -12,38 +12,64 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-#: How many go on in one turn of the event loop: together they take half a millisecond.
+#: How many go on in one turn of the event loop: together they take less than half a millisecond.
 FEW = 4
 #: Turns of the event loop in which a stop comes to the line from anywhere; more than that nobody is held up for it.
 WAY = 20
 
 
 class Turnstile:
-    """``outcome`` waits for a task and for one's turn after it. ``stopping`` says whether a motion is being ended."""
+    """``open`` and ``enter`` are for whoever comes, ``outcome`` for who waits for an answer.
 
-    def __init__(self, stopping: Callable[[], bool]) -> None:
-        self._stopping, self._held = stopping, 0
-        self._waiting: dict[asyncio.Task[Any], deque[asyncio.Future[None]]] = {}
+    ``stopping`` says whether a motion is being ended.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, stopping: Callable[[], bool]) -> None:
+        self._loop, self._stopping = loop, stopping
+        self._left, self._held, self._turning = FEW, 0, False
+        self._waiting: deque[Callable[[], object]] = deque()
+
+    def open(self) -> bool:
+        """Whether somebody may go on at once, who then counts as one of this turn."""
+        if self._left <= 0:
+            return False
+        self._left -= 1
+        self._turn_later()
+        return True
+
+    def enter(self, go_on: Callable[[], object]) -> None:
+        """Have it called: at once, or in its turn."""
+        if self.open():
+            go_on()
+        else:
+            self._waiting.append(go_on)
 
     async def outcome(self, task: asyncio.Task[Any]) -> Any:
         """What the task returns. Raises what it raises; who gives up waiting does not end it."""
         if not task.done():
-            place = task.get_loop().create_future()
-            if task not in self._waiting:
-                self._waiting[task] = deque()
-                task.add_done_callback(self._let_through)
-            self._waiting[task].append(place)
+            place = self._loop.create_future()
+
+            def go_on() -> None:
+                if not place.done():
+                    place.set_result(None)
+
+            task.add_done_callback(lambda _: self.enter(go_on))
             await place
         return task.result()
 
-    def _let_through(self, task: asyncio.Task[Any]) -> None:
-        waiting = self._waiting[task]
-        self._held = self._held + 1 if len(waiting) > FEW and self._stopping() else 0
-        for _ in range(0 if 0 < self._held <= WAY else min(FEW, len(waiting))):
-            place = waiting.popleft()
-            if not place.done():
-                place.set_result(None)
-        if waiting:
-            task.get_loop().call_soon(self._let_through, task)
-        else:
-            del self._waiting[task]
+    def _turn_later(self) -> None:
+        if not self._turning:
+            self._turning = True
+            self._loop.call_soon(self._turn)
+
+    def _turn(self) -> None:
+        """The next turn of the event loop: those who wait go first."""
+        self._turning = False
+        crowd = len(self._waiting) > FEW
+        self._held = self._held + 1 if crowd and self._stopping() else 0
+        held = 0 < self._held <= WAY
+        for _ in range(0 if held else min(FEW, len(self._waiting))):
+            self._waiting.popleft()()
+        self._left = 0 if self._waiting else FEW
+        if self._waiting:
+            self._turn_later()
