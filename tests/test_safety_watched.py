@@ -269,3 +269,24 @@ def test_a_motion_that_follows_a_stop_at_once_is_watched_from_the_first_position
 
     for step in range(8):
         run(program(69.0 + 0.25 * step))
+
+
+@pytest.mark.parametrize("late", [0.0, 0.2])
+def test_an_arrow_right_after_a_stop_begins_where_the_mount_came_to_rest(late: float) -> None:
+    """Not where it was seen last, on its way."""
+
+    async def program(lowest: float) -> None:
+        async with Bridge("lx200", driven="lx200", latency=0.02) as bridge:
+            client = bridge.client()
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            await bridge.hub.perform(op.Goto((sidereal - 1.0) % 360.0, -40.0))
+            while altitude(bridge) > 30.0 or bridge.hub.snapshot.age(op.Position, bridge.hub.now()) < late:
+                await asyncio.sleep(0.01)
+            await bridge.hub.stop()
+            bridge.hub.policy = replace(bridge.hub.policy, limits=Limits(lowest=lowest))
+            client.tell(b":RS#:Ms#")
+            low, _ = await extremes(bridge, 3.0)
+            assert low >= lowest
+
+    for step in range(3, 8):
+        run(program(25.0 + 0.2 * step))

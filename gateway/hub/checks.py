@@ -226,9 +226,11 @@ class Checks:
         status = hub.snapshot.value(op.GetStatus) or await hub.read(op.GetStatus())
         if not status.aligned:
             return
-        seen = hub.snapshot.value(op.Position)
-        if seen is None or hub.snapshot.age(op.Position, hub.now()) > OLD_POSITION:
+        seen, age = hub.snapshot.value(op.Position), hub.snapshot.age(op.Position, hub.now())
+        if seen is None or age > OLD_POSITION:
             seen = await hub.read(op.Position())
+        elif hub.now() - age < hub.guard.rests_since and not hub.motions.by_hand:  # it was seen on its way
+            seen = await hub.shared(op.Position())
         limits = hub.policy.limits
         if isinstance(operation, op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)

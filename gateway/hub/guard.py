@@ -70,6 +70,8 @@ class Guard:
         self._farthest: list[float] = []
         self._restless_until = self._coasts_until = self._stopped_at = -1e9
         self._switching = self._helpless = self._astray = False
+        #: When the last motion was ended.
+        self.rests_since = -1e9
         #: Whether the way of the goto that is being begun leads beyond an altitude limit.
         self.dips = False
         #: False from when the tube was seen to sink when it was lifted (it is beyond the pole or the zenith) to the end
@@ -115,6 +117,7 @@ class Guard:
 
     def ended(self) -> None:
         """A motion by hand was ended, or all were."""
+        self.rests_since = self._hub.now()
         self._coasts_until = self._hub.now() + COASTING
 
     def _destined(self, operation: op.Operation) -> bool:
