@@ -134,22 +134,18 @@ class _Visit:
         self._begin = b""
         #: What waits for its turn: bytes, and how many stops there had been when they came.
         self._waiting: list[tuple[bytes, int]] = []
-        self._patience = 0
         self._take = self._on_line if lasting else self._listen if face.manners else client.feed
 
     def feed(self, data: bytes) -> None:
         """Bytes have come."""
         urgent = any(end in data for end in self._ends)
-        if self._waiting:
-            self._waiting.append((data, self._hub.stops))
-            self._patience -= len(data)
-            if urgent or self._patience < 0:
-                self._go_on()
-        elif urgent or self._hub.turnstile.open():
+        piled_up = sum(len(piece) for piece, _ in self._waiting) + len(data) > PATIENCE
+        if urgent or (self._waiting and piled_up) or (not self._waiting and self._hub.turnstile.open()):
+            self._go_on()
             self._take(data, None)
-        else:
-            self._waiting.append((data, self._hub.stops))
-            self._patience = PATIENCE
+            return
+        self._waiting.append((data, self._hub.stops))
+        if len(self._waiting) == 1:
             self._hub.turnstile.enter(self._go_on)
 
     def _go_on(self) -> None:

@@ -80,13 +80,18 @@ def test_a_failure_reaches_everybody_and_who_gives_up_harms_nobody() -> None:
 async def _crowd(bridge: Bridge, many: int = 100) -> list[Visitor]:
     """So many programs that poll, and have all just been answered once."""
     crowd = [bridge.client(f"10.0.0.{number}") for number in range(many)]
-    for visitor in crowd:
-        visitor.tell(b":GVP#")
+    _ask(crowd)
     await asyncio.sleep(1.0)
     for visitor in crowd:
         assert visitor.heard
         visitor.heard = b""
     return crowd
+
+
+def _ask(crowd: list[Visitor]) -> None:
+    """All at once."""
+    for visitor in crowd:
+        visitor.tell(b":GVP#")
 
 
 @pytest.mark.parametrize("stop", [b":Q#", b"\x00:Q#:GVP#"])
@@ -97,8 +102,7 @@ def test_a_stop_that_comes_with_a_crowd_is_heard_before_it(stop: bytes) -> None:
             hand.tell(b":RS#:Mn#")
             await asyncio.sleep(1.0)
             before = bridge.hub.stops
-            for visitor in crowd:
-                visitor.tell(b":GVP#")
+            _ask(crowd)
             hand.tell(stop)
             assert bridge.hub.stops == before + 1
             assert sum(bool(visitor.heard) for visitor in crowd) <= FEW
@@ -114,8 +118,7 @@ def test_what_waits_at_the_door_when_a_stop_comes_was_asked_for_before_it(moves:
     async def program() -> None:
         async with Bridge() as bridge:
             crowd, hand, other = await _crowd(bridge), bridge.client(), bridge.client()
-            for visitor in crowd:
-                visitor.tell(b":GVP#")
+            _ask(crowd)
             hand.tell(moves)
             other.tell(b":Q#")
             await asyncio.sleep(5.0)
@@ -130,8 +133,7 @@ def test_everybody_s_own_words_stay_in_their_order() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             crowd, one = await _crowd(bridge), bridge.client()
-            for visitor in crowd:
-                visitor.tell(b":GVP#")
+            _ask(crowd)
             for part in (b":Sr01:0", b"0:00#:Gr#", b":Q#", b":Sr02:00:00#", b":Gr#"):
                 one.tell(part)
             await asyncio.sleep(1.0)
@@ -144,8 +146,7 @@ def test_who_leaves_at_once_has_said_what_it_said() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             crowd, one = await _crowd(bridge), bridge.client("10.1.1.1")
-            for visitor in crowd:
-                visitor.tell(b":GVP#")
+            _ask(crowd)
             one.tell(b":Sr03:00:00#")
             one.close()
             assert await bridge.client("10.1.1.1").ask(b":Gr#") == b"03:00:00#"
@@ -159,12 +160,26 @@ def test_who_says_much_while_it_waits_is_let_in() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             crowd, one = await _crowd(bridge), bridge.client()
-            for visitor in crowd:
-                visitor.tell(b":GVP#")
+            _ask(crowd)
             for _ in range(400):
                 one.tell(b":GVP#")
             assert len(one.heard) > 200 * len(b"Autostar#")
             await asyncio.sleep(1.0)
             assert one.heard == b"Autostar#" * 400
+
+    run(program())
+
+
+def test_what_follows_a_stop_in_the_same_breath_was_asked_for_after_it() -> None:
+    """Also when its program had been waiting at the door."""
+
+    async def program() -> None:
+        async with Bridge(config={"lowest": -90.0}) as bridge:
+            crowd, one = await _crowd(bridge), bridge.client()
+            _ask(crowd)
+            one.tell(b":GVP#")
+            one.tell(b":Q#:Sr02:00:00#:Sd+80*00:00#:MS#")
+            await asyncio.sleep(5.0)
+            assert any(sent.startswith((b"r", b"R")) for sent in bridge.sent())
 
     run(program())
