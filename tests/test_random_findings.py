@@ -204,8 +204,10 @@ def test_of_two_motors_the_one_that_turns_faster_is_stopped_first(axis: int, fir
     run(program())
 
 
-@pytest.mark.parametrize(("driven", "model"), [("lx200", "autostar"), ("nexstar", "6-8se")])
-def test_the_first_sync_aligns_a_mount_and_the_second_is_held_to_the_limit(driven: str, model: str) -> None:
+@pytest.mark.parametrize(("driven", "model", "aligns"), [("lx200", "autostar", True), ("nexstar", "6-8se", False)])
+def test_where_the_first_sync_aligns_a_mount_the_second_is_held_to_the_limit(
+    driven: str, model: str, aligns: bool
+) -> None:
     async def program() -> None:
         async with Bridge(model, driven=driven, presented="nexstar", surface="6-8se", aligned=False) as bridge:
             client = bridge.client()
@@ -213,7 +215,8 @@ def test_the_first_sync_aligns_a_mount_and_the_second_is_held_to_the_limit(drive
             syncs = [sent for sent in bridge.sent() if sent.startswith((b"s", b"S", b":CM"))]
             await client.ask(b"S3A6F,1B8D", 2.0)
             again = [sent for sent in bridge.sent() if sent.startswith((b"s", b"S", b":CM"))]
-            if bridge.sim.aligned:
+            assert bridge.sim.aligned is aligns
+            if aligns:
                 assert again == syncs
                 assert any("Sync refused" in entry.note for entry in bridge.entries)
 

@@ -64,8 +64,8 @@ class Checks:
                 return await self.admit(hub.derived.from_axes(operation))
             await self._check_axes(operation)
         elif isinstance(operation, op.Goto):
-            self._check_goto(operation)
             limits = hub.policy.limits.narrowed(operation.lowest, operation.highest)
+            self._check_goto(limits, operation)
             await self._check_way(limits, op.Equatorial(operation.ra, operation.dec))
             return hub.derived.to_mount(operation)
         elif isinstance(operation, op.Sync):
@@ -79,22 +79,23 @@ class Checks:
 
     async def still_allowed(self) -> None:
         """Whether what moves by hand may go on. Raises BelowHorizon, TooHigh or NearSun."""
-        for operation in list(self._hub.motions.by_hand.values())[:1]:
-            await self._check_by_hand(operation)
+        moving = next(iter(self._hub.motions.by_hand.values()), None)
+        if moving is not None:  # the other axis is looked at with it
+            await self._check_by_hand(moving)
 
     # --- gotos ------------------------------------------------------------------------------------------------------
 
-    def _check_goto(self, operation: op.Goto) -> None:
+    def _check_goto(self, limits: Limits, operation: op.Goto) -> None:
         hub = self._hub
         seen = op.Equatorial(operation.ra, operation.dec)
         altitude = hub.derived.altitude(seen.ra, seen.dec)
         if altitude is None:
             hub.transcript.note_once("mount", "site unknown: gotos are not checked against the horizon")
             return
-        check_altitude(hub.policy.limits.narrowed(operation.lowest, operation.highest), altitude)
+        check_altitude(limits, altitude)
         status = hub.snapshot.value(op.GetStatus)
         if status is not None and status.equatorial and hub.driver.tube_side("E") is None:
-            check_hour_angle(hub.policy.limits, hub.derived.sidereal_time() - seen.ra)
+            check_hour_angle(limits, hub.derived.sidereal_time() - seen.ra)
 
     async def _check_axes(self, wanted: op.GotoAxes, high_enough: bool = False) -> None:
         """Axis readings: a place over the horizon on a fork, one on the sky on an equatorial mount whose site is known.

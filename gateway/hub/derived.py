@@ -9,9 +9,10 @@ from msgspec.structs import replace
 
 from gateway import operations as op
 from gateway.errors import Unsupported
+from gateway.mount_geometry import Build, Geometry
 from gateway.observatory import Observatory
 from gateway.sky import Sky
-from gateway.spherical import fold_declination, wrap360
+from gateway.spherical import wrap360
 
 
 class Derived:
@@ -52,14 +53,14 @@ class Derived:
 
     def axes(self, seen: op.Equatorial) -> op.Horizontal:
         """Where the axes of an equatorial mount would stand, both at 90 with the tube at the pole."""
-        pole = 1 if self.place().latitude >= 0 else -1
-        return op.Horizontal(wrap360(pole * (self.sidereal_time() - seen.ra)), pole * seen.dec)
+        geometry = Geometry(Build.GERMAN, self.place().latitude)
+        first, second = geometry.axes(self.sidereal_time() - seen.ra, seen.dec, False)
+        return op.Horizontal(wrap360(first), second)
 
     def from_axes(self, wanted: op.GotoAxes, wedge: bool = False) -> op.Goto:
         """Axis readings of an equatorial mount as a place on the sky; a fork on its ``wedge`` reads from north."""
-        pole = 1 if self.place().latitude >= 0 else -1
-        meridian = 180.0 if wedge and pole > 0 else 0.0
-        hour_angle, dec = fold_declination(pole * (wanted.az - meridian), pole * wanted.alt)
+        build = Build.WEDGE if wedge else Build.GERMAN
+        hour_angle, dec = Geometry(build, self.place().latitude).sky(wanted.az, wanted.alt)
         return op.Goto(wrap360(self.sidereal_time() - hour_angle), dec)
 
     def to_mount(self, operation: op.Goto | op.Sync) -> op.Goto | op.Sync:

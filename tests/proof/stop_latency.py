@@ -151,7 +151,7 @@ async def _measure(bench: Bench, until: float, chance: random.Random, found: dic
         added = await _added(bench.mount.exchanges, before, sent, ending)
         if any(ending.begins(one.request) for one in bench.mount.exchanges[first:]):
             found.setdefault(ending.name, []).append(added)  # else there was nothing yet to be ended
-        await asyncio.sleep(chance.uniform(0.3, 0.8))  # all that a stop consists of
+        await asyncio.sleep(chance.uniform(0.3, 0.8))  # a stop is several exchanges
     drain.cancel()
     writer.close()
 
