@@ -12,7 +12,7 @@ import pytest
 
 from gateway import operations as op
 from gateway.errors import Fault
-from gateway.hub.guard import Look
+from gateway.hub.looks import Look, measured
 from gateway.line import READ
 from gateway.protocols.lx200.simulator import Meade
 from tests.bridge import EVENING, Bridge
@@ -187,7 +187,7 @@ def test_a_look_from_before_the_site_was_known_is_measured_again_from_the_sun_to
             seen = await bridge.hub.read(op.Position())
             guard._before, guard._farthest = Look(bridge.hub.now() - 1.0, seen, None, None, []), []
             guard._coasts_until = 0.0
-            assert guard._measured(bridge.hub.now(), seen).suns
+            assert measured(bridge.hub, bridge.hub.now(), seen).suns
             guard.look(seen)
             assert guard._farthest
 

@@ -155,3 +155,24 @@ def test_no_sync_while_the_mount_moves(moves: bytes) -> None:
             assert any(sent.startswith(b"s") for sent in bridge.sent())
 
     run(program())
+
+
+@pytest.mark.parametrize(("arrow", "way"), [(b":Mn#", 1), (b":Ms#", -1)])
+def test_north_is_north_also_when_it_ends_a_goto_to_the_other_side_of_the_pier(arrow: bytes, way: int) -> None:
+    """Under way the hand control tells the side of the goal; the motors go by the side where the tube is."""
+
+    async def program() -> None:
+        async with Bridge("cgx", "5.31", config={"lowest": -30.0}) as bridge:
+            client = bridge.client()
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            await bridge.hub.perform(op.Goto((sidereal - 40.0) % 360.0, 20.0))
+            await ready(bridge, client, b":GR#")
+            await bridge.hub.perform(op.Goto((sidereal + 40.0) % 360.0, 20.0))
+            await asyncio.sleep(3.0)
+            client.tell(b":RS#" + arrow)
+            await asyncio.sleep(1.0)
+            before = bridge.sim.mechanics.truth(bridge.clock())[1]
+            await asyncio.sleep(0.5)
+            assert (bridge.sim.mechanics.truth(bridge.clock())[1] - before) * way > 1.0
+
+    run(program())

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from gateway import operations as op
 from gateway.errors import Fault, NearSun, Refused, Unsupported
-from gateway.hub.guard import SHORTEST
+from gateway.hub.reaction import SHORTEST, reaction
 from gateway.mount_geometry import Build, Geometry, Pair
 from gateway.paths import clear
 from gateway.safety import Limits, check_altitude, check_hour_angle, check_sync, leaving
@@ -146,7 +146,7 @@ class Checks:
             place = self._reading(sun, status.equatorial)
             if not all(clear(start, turn, place, allowed) for start, turn in ways):
                 raise NearSun("The way there passes too close to the Sun.")
-        stretch = hub.guard.reaction * hub.driver.speed(op.Rate(name="max"))
+        stretch = reaction(hub) * hub.driver.speed(op.Rate(name="max"))
         for pole, place, radius in forbidden:
             begins = ((start, _first(turn, stretch)) for start, turn in ways)
             if not any(clear(*way, place, min(radius, separation(*way[0], *place) - 0.01)) for way in begins):
@@ -248,7 +248,7 @@ class Checks:
     def _turn(self, operation: op.Move | op.MoveAxis) -> float:
         """How far an axis turns from the last position until the guard has looked and stopped it, degrees."""
         hub = self._hub
-        seconds = hub.guard.reaction + SHORTEST + hub.snapshot.age(op.Position, hub.now()) * bool(hub.motions.by_hand)
+        seconds = reaction(hub) + SHORTEST + hub.snapshot.age(op.Position, hub.now()) * bool(hub.motions.by_hand)
         return operation.sense * hub.driver.speed(operation.rate) * seconds
 
     def _check_turns(self, limits: Limits, seen: op.Equatorial, status: op.Status, turns: dict[int, float]) -> None:

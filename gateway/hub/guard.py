@@ -2,31 +2,27 @@
 
 Whoever moves the mount is watched: programs, somebody at the keypad, tracking. Each look compares with the one before
 it; what will be beyond a limit before the next look and a stop can come in time is stopped now, and what leads out of a
-forbidden place goes on. Motion is stopped; tracking that carries the tube there is switched off.
+forbidden place goes on. A look that does not come in time is an alarm (``alarm.py``). Motion is stopped; tracking that
+carries the tube there is switched off.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from msgspec import Struct
 from msgspec.structs import replace
 
 from gateway import operations as op
 from gateway.errors import Fault, Unsupported
-from gateway.hub.snapshot import RENEW
+from gateway.hub.alarm import Alarm
+from gateway.hub.looks import Look, measured
+from gateway.hub.reaction import SHORTEST, between, interval, overdue, to_stop
 from gateway.safety import leaving, past_meridian
-from gateway.spherical import separation, wrap180
+from gateway.spherical import separation
 
 if TYPE_CHECKING:
     from gateway.hub.core import Hub
 
-#: Looks that follow each other faster than that say nothing about a rate.
-SHORTEST = 0.15
-#: Exchanges that pass before a stop has effect: the one that told the position, one on the wire, the first of the stop.
-EXCHANGES = 3
-#: Exchanges from the end of one axis to the end of the other, which alone may lead where both together do not.
-BETWEEN = 2.0
 #: Degrees a second that no tracking reaches, though one digit of a coarse position may: somebody moves the mount.
 RESTLESS = 0.1
 #: How long it is watched closely after that.
@@ -35,8 +31,6 @@ CLOSELY = 3.0
 RISEN = 0.2
 #: A goto that ends at a limit may overshoot by so much; so much nearer to the Sun is no jitter.
 OVERSHOOT, NEARER = 0.05, 0.05
-#: Degrees of right ascension between two looks that no motor turns: a sync, or the pole was passed.
-JUMP = 30.0
 #: How long a mount may coast after it was told to end a motion: what it does meanwhile is not held against it.
 COASTING = 1.0
 #: How old the last position may be when a mount that moves by hand does not tell the next one, seconds.
@@ -45,25 +39,12 @@ BLIND = 1.0
 SIDE_AGE = STATUS_AGE = 5.0
 
 
-class Look(Struct, frozen=True):
-    """What one position means: altitude and hour angle (None without a site), distances from the Suns, degrees.
-
-    ``lifting`` is what moved the second axis by hand at that time.
-    """
-
-    at: float
-    seen: op.Equatorial
-    altitude: float | None
-    hour_angle: float | None
-    suns: list[float]
-    lifting: op.Move | op.MoveAxis | None = None
-
-
 class Guard:
     """``look`` is called with every position, ``began`` with every motion that the mount has acknowledged."""
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
+        self._alarm = Alarm(hub.loop, self._late)
         self._before: Look | None = None
         self._speed = self._across = 0.0
         self._limits = hub.policy.limits
@@ -77,12 +58,6 @@ class Guard:
         #: False from when the tube was seen to sink when it was lifted (it is beyond the pole or the zenith) to the end
         #: of the next goto.
         self.upright = True
-
-    @property
-    def reaction(self) -> float:
-        """Seconds from one look to the effect of the next: where it moves, each read of a position is told twice."""
-        typical, reads = self._hub.line.typical, self._hub.driver.position_reads
-        return max(RENEW[op.Position], 2.0 * reads * typical) + (EXCHANGES + reads - 1) * typical
 
     @property
     def restless(self) -> bool:
@@ -99,12 +74,15 @@ class Guard:
         self._limits, self._helpless, self._coasts_until = limits, False, -1e9
         self._astray = self.dips
         self._speed = 0.0
-        if isinstance(operation, op.Move | op.MoveAxis):
-            self._speed = self._hub.driver.speed(operation.rate)
         if isinstance(operation, op.Sync):
             self._before, self._farthest = None, []
         elif self._before is not None and not (self._hub.moving or self.restless):
             self._before = replace(self._before, at=self._hub.now())
+        if isinstance(operation, op.Move | op.MoveAxis):
+            self._speed = self._hub.driver.speed(operation.rate)
+            self._fear_all({**self._hub.motions.by_hand, operation.axis: operation})
+        else:
+            self._alarm.off()
 
     def arrived(self) -> None:
         """A goto is over. One that was stopped on its way has not brought the tube upright."""
@@ -117,6 +95,7 @@ class Guard:
 
     def ended(self) -> None:
         """A motion by hand was ended, or all were."""
+        self._alarm.off()
         self.rests_since = self._hub.now()
         self._coasts_until = self._hub.now() + COASTING
 
@@ -132,10 +111,11 @@ class Guard:
         now, before = hub.now(), self._before
         if before is not None and now - before.at < SHORTEST:
             return
+        self._alarm.off()
         if before is not None and before.altitude is None:  # the site may have become known since
-            before = self._measured(before.at, before.seen)
+            before = measured(hub, before.at, before.seen)
             self._farthest = list(before.suns)
-        self._before = after = self._measured(now, seen, before)
+        self._before = after = measured(hub, now, seen, before)
         if before is None or now < self._coasts_until or len(before.suns) != len(after.suns):
             self._farthest = list(after.suns)
             return
@@ -169,22 +149,6 @@ class Guard:
             self._stopped_at = now
             hub.begin_stop()
 
-    def _measured(self, now: float, seen: op.Equatorial, before: Look | None = None) -> Look:
-        derived = self._hub.derived
-        here = seen if before is None else self._at_once(now, seen, before)
-        altitude = derived.altitude(here.ra, here.dec)
-        hour_angle = None if altitude is None else derived.sidereal_time() - here.ra
-        lifting = self._hub.motions.by_hand.get(2)
-        return Look(now, seen, altitude, hour_angle, self._hub.suns.distances(here), lifting)
-
-    def _at_once(self, now: float, seen: op.Equatorial, before: Look) -> op.Equatorial:
-        """Where the mount is when the second half of its position is told: the first has gone on meanwhile."""
-        halves = self._hub.driver.position_reads - 1
-        turned = wrap180(seen.ra - before.seen.ra)
-        if not halves or abs(turned) > JUMP:
-            return seen
-        return replace(seen, ra=(seen.ra + turned / (now - before.at) * 2.0 * halves * self._hub.line.typical) % 360.0)
-
     def _learn(self, before: Look, after: Look, status: op.Status | None) -> None:
         """Whether the second motor lifts the tube as it should; what tells no axis may be over the pole or zenith."""
         if after.lifting is None or after.lifting is not before.lifting or status is None:
@@ -205,30 +169,61 @@ class Guard:
         """
         return self._hub.slewing and not self._hub.motions.axes and not self._astray
 
-    def _margin(self, change: float, elapsed: float) -> float:
+    def _rate(self, change: float, elapsed: float) -> float:
+        """How fast it may be going on, degrees a second."""
+        rate = abs(change) / elapsed
+        return max(rate, self._speed) if rate > 0.2 * self._speed else rate
+
+    def _margin(self, rate: float, elapsed: float) -> float:
         """How far a motion gets before the next look and a stop can end it, degrees; a goto knows where it ends."""
         if self._going:
             return 0.0
-        rate = abs(change) / elapsed
-        if rate > 0.2 * self._speed:
-            rate = max(rate, self._speed)
-        typical = self._hub.line.typical
-        alone = self._across * BETWEEN * typical if len(self._hub.motions.axes) > 1 else 0.0
-        return rate * max(self.reaction, elapsed + EXCHANGES * typical) + alone
+        return rate * overdue(self._hub, elapsed) + self._across * between(self._hub)
+
+    def _fear(self, room: float, rate: float, limit: str) -> None:
+        """Have it stopped so many degrees from here, unless it is seen again before."""
+        if rate > RESTLESS and not self._going:
+            self._alarm.within((room - self._across * between(self._hub)) / rate - to_stop(self._hub), limit)
+
+    def _fear_all(self, by_hand: dict[int, op.Move | op.MoveAxis]) -> None:
+        """A motion by hand begins, whichever way: its first stretch has been checked, and then it must be seen."""
+        hub, here, limits = self._hub, self._before, self._limits
+        status = hub.snapshot.value(op.GetStatus)
+        if here is None or status is None or not status.aligned:
+            return
+        rooms = [distance - hub.suns.limit for distance in here.suns]
+        if here.altitude is not None:
+            rooms += [here.altitude - limits.lowest] * (limits.lowest > -90.0)
+            rooms += [limits.highest - here.altitude] * (limits.highest < 90.0)
+        speed = sum(hub.driver.speed(moving.rate) for moving in by_hand.values())
+        nearest = min((room for room in rooms if room > 0.0), default=180.0)
+        if speed > RESTLESS:
+            seconds = nearest / speed - to_stop(hub) - (hub.now() - here.at)
+            self._alarm.within(max(seconds, interval(hub) + SHORTEST), "a limit")
 
     def _altitude(self, before: Look, after: Look, elapsed: float) -> str:
         if before.altitude is None or after.altitude is None:
             return ""
-        margin = self._margin(after.altitude - before.altitude, elapsed) - OVERSHOOT * self._going
+        change = after.altitude - before.altitude
+        rate = self._rate(change, elapsed)
+        margin = self._margin(rate, elapsed) - OVERSHOOT * self._going
         if leaving(self._limits, before.altitude, after.altitude, margin):
             return f"the altitude limit ({after.altitude:.1f} degrees)"
+        if change < 0.0 and self._limits.lowest > -90.0:
+            self._fear(after.altitude - self._limits.lowest, rate, "the altitude limit")
+        elif change > 0.0 and self._limits.highest < 90.0:
+            self._fear(self._limits.highest - after.altitude, rate, "the altitude limit")
         return ""
 
     def _suns(self, before: Look, after: Look, elapsed: float) -> str:
         """Nearer than the limit, and nearer than it was farthest since: a slow approach counts like a fast one."""
+        limit = self._hub.suns.limit
         for number, (first, second) in enumerate(zip(before.suns, after.suns, strict=True)):
-            if second >= self._hub.suns.limit + self._margin(second - first, elapsed):
+            rate = self._rate(second - first, elapsed)
+            if second >= limit + self._margin(rate, elapsed):
                 self._farthest[number] = second
+                if second < first:
+                    self._fear(second - limit, rate, "the Sun")
             elif second < self._farthest[number] - NEARER:
                 self._farthest[number] = second
                 return f"the Sun ({second:.0f} degrees from it)"
@@ -252,8 +247,11 @@ class Guard:
             if not side:
                 return ""
         first, second = past_meridian(before.hour_angle, side), past_meridian(after.hour_angle, side)
-        if second > first and second > limit - self._margin(second - first, elapsed):
+        rate = self._rate(second - first, elapsed)
+        if second > first and second > limit - self._margin(rate, elapsed):
             return f"the hour angle limit ({second / 15.0:.2f} hours past the meridian)"
+        if second > first:
+            self._fear(limit - second, rate, "the hour angle limit")
         return ""
 
     # --- acting -----------------------------------------------------------------------------------------------------
@@ -267,6 +265,11 @@ class Guard:
         elif not (self._switching or self._helpless):
             self._switching = True
             hub.spawn(self._tracking_off(reason))
+
+    def _late(self, limit: str) -> None:
+        """The alarm: by its last known speed the mount is about to reach a limit, and it has not been seen since."""
+        if self._hub.moving or self.restless:
+            self._act(f"{limit}, reckoned by its speed")
 
     async def _tracking_off(self, reason: str) -> None:
         hub = self._hub

@@ -200,6 +200,8 @@ class Motions:
                     if task.cancelling():
                         raise
                     rank = RESUMED
+                    if isinstance(operation, op.Move | op.MoveAxis):  # perhaps the mount has heard of it
+                        self._begun(operation, life)
                 except Fault:
                     half_begun = rank is RESUMED and isinstance(operation, MOVING)
                     if isinstance(operation, ENDS) or half_begun:  # whatever should have ended, or may move, must end
@@ -207,9 +209,12 @@ class Motions:
                     raise
                 finally:
                     self._interruptible = None
-        self._after(carried_out)
-        self._hub.dead_man.began(carried_out, life)
+        self._begun(carried_out, life)
         return value
+
+    def _begun(self, operation: op.Operation, life: Life | None) -> None:
+        self._after(operation)
+        self._hub.dead_man.began(operation, life)
 
     async def _carry_out(self, operation: op.Operation) -> tuple[op.Operation, Any]:
         """-> the operation as it was admitted, and its answer."""

@@ -63,6 +63,8 @@ def _flipped(mount: NexStar, direction: Direction) -> Steps:
 def move(mount: NexStar, operation: Move) -> Steps:
     """A sky direction: corrected for the side of the pier, where the mount tells it, and beyond the pole."""
     sign = sense(mount, operation.direction)
+    if mount.goto is not None:
+        yield from clear_the_way(mount)  # under way to the other side, the hand control tells the side of the goal
     if mount.knows("slew_azm_pos"):
         if (yield from _flipped(mount, operation.direction)):
             sign = -sign
