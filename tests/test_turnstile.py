@@ -183,3 +183,24 @@ def test_what_follows_a_stop_in_the_same_breath_was_asked_for_after_it() -> None
             assert any(sent.startswith((b"r", b"R")) for sent in bridge.sent())
 
     run(program())
+
+
+def test_one_who_comes_to_grief_holds_up_nobody() -> None:
+    async def program() -> None:
+        loop = asyncio.get_running_loop()
+        said: list[object] = []
+        loop.set_exception_handler(lambda _, context: said.append(context["exception"]))
+        turnstile = Turnstile(loop, lambda: False)
+        through: list[int] = []
+
+        def grief() -> None:
+            raise ValueError
+
+        for number in range(3 * FEW):
+            turnstile.enter(grief if number == FEW else lambda number=number: through.append(number))
+        await asyncio.sleep(0.1)
+        assert through == [*range(FEW), *range(FEW + 1, 3 * FEW)]
+        assert len(said) == 1
+        assert turnstile.open()
+
+    run(program())

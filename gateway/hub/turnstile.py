@@ -68,8 +68,10 @@ class Turnstile:
         crowd = len(self._waiting) > FEW
         self._held = self._held + 1 if crowd and self._stopping() else 0
         held = 0 < self._held <= WAY
-        for _ in range(0 if held else min(FEW, len(self._waiting))):
-            self._waiting.popleft()()
-        self._left = 0 if self._waiting else FEW
-        if self._waiting:
-            self._turn_later()
+        try:
+            for _ in range(0 if held else min(FEW, len(self._waiting))):
+                self._waiting.popleft()()
+        finally:  # whatever one of them comes to grief about, the others go on
+            self._left = 0 if self._waiting else FEW
+            if self._waiting:
+                self._turn_later()

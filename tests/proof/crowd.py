@@ -85,6 +85,7 @@ async def _client(port: int, question: bytes, read: Callable[[bytes], Told | Non
                   outcome: Outcome, judge: Judge, fragile: bool) -> None:
     """One program, for ever."""
     loop = asyncio.get_running_loop()
+    began = loop.time()
     await asyncio.sleep(chance.uniform(0.0, 1.0 / RATE))
     while True:
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
@@ -93,16 +94,21 @@ async def _client(port: int, question: bytes, read: Callable[[bytes], Told | Non
         while loop.time() < ends:
             asked = loop.time()
             writer.write(question)
-            reply = b""
-            with contextlib.suppress(TimeoutError, asyncio.IncompleteReadError):
+            reply, fault = b"", "no such form"
+            try:
                 async with asyncio.timeout(PATIENCE):
                     for _ in range(question.count(b"#") or 1):
                         reply += await reader.readuntil(b"#")
+            except TimeoutError:
+                fault = f"no more within {PATIENCE:g} s"
+            except asyncio.IncompleteReadError:
+                fault = "the connection was closed"
             told = read(reply)
             outcome.answers += 1
-            fault = judge(told, asked) if told is not None else "no such form"
+            fault = judge(told, asked) if told is not None else fault
             if fault:
-                outcome.reproach(f"{question!r} was answered {reply!r}: {fault}")
+                outcome.reproach(f"{question!r} was answered {reply!r}, {loop.time() - began:.1f} s after the "
+                                 f"beginning: {fault}")
             due = max(due + 1.0 / RATE, loop.time())
             await asyncio.sleep(due - loop.time())
         _kill(writer, question if chance.random() < 0.5 else b"")
