@@ -80,7 +80,9 @@ class Guard:
             self._before = replace(self._before, at=self._hub.now())
         if isinstance(operation, op.Move | op.MoveAxis):
             self._speed = self._hub.driver.speed(operation.rate)
-            self._fear_all({**self._hub.motions.by_hand, operation.axis: operation})
+            by_hand = self._hub.motions.by_hand
+            if by_hand.get(operation.axis) != operation:  # else where it leads has been seen, or is feared already
+                self._fear_all({**by_hand, operation.axis: operation})
         else:
             self._alarm.off()
 
