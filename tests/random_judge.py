@@ -20,7 +20,6 @@ FIRMWARE, MEMORY, INDEX, SET_POSITION = range(0x81, 0x85), (0x30, 0x31), 0x19, 0
 RTC, RTC_DATE, RTC_YEAR = 178, 0x83, 0x84
 #: Hand controls before that are moved by small gotos, which are ended on their way: the tube is judged, not the goal.
 STEPS_BEFORE = (1, 6)
-TELLS_SIDE = (4, 15)
 #: What a coarse request may be off by.
 ROUNDING = 0.02
 
@@ -156,13 +155,9 @@ class Judge:
         """By hand nothing but jitter; on the way of a goto what it goes between two looks and a stop on its line."""
         if self.bridge.clock() < getattr(self.sim, "busy_until", 0.0):
             return 2.5 * float(self.sim.mechanics.fastest)  # an LX200GPS that is busy tells nothing, and moves on
-        if self._slewed or self._sideless():
+        if self._slewed:
             return float(self.sim.mechanics.fastest) * (1.3 + 4.0 * self.latency)
         return 0.1
-
-    def _sideless(self) -> bool:
-        """A German mount whose hand control does not tell the side of the pier: its north may be south."""
-        return self.protocol == "nexstar" and self.sim.german and self.sim.version < TELLS_SIDE
 
     # --- looking at the bytes ---------------------------------------------------------------------------------------
 

@@ -176,3 +176,26 @@ def test_north_is_north_also_when_it_ends_a_goto_to_the_other_side_of_the_pier(a
             assert (bridge.sim.mechanics.truth(bridge.clock())[1] - before) * way > 1.0
 
     run(program())
+
+
+@pytest.mark.parametrize("latitude", [45.0, -35.0])
+@pytest.mark.parametrize("side", [-40.0, 40.0])
+@pytest.mark.parametrize("version", ["3.01", "4.10", "4.15", "5.24", "5.31"])
+def test_north_is_north_on_both_sides_of_the_pier_whatever_the_version_tells_of_it(
+    version: str, side: float, latitude: float
+) -> None:
+    """``p`` came with 4.15, its southern letters with 5.25; before it the declination axis tells."""
+
+    async def program() -> None:
+        mount = "cge" if version < "4.15" else "cgem"
+        async with Bridge(mount, version, site=(latitude, 10.0), config={"lowest": -30.0}) as bridge:
+            client = bridge.client()
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            await bridge.hub.perform(op.Goto((sidereal + side) % 360.0, 0.5 * latitude))
+            await ready(bridge, client, b":GR#")
+            before = bridge.sim.mechanics.truth(bridge.clock())[1]
+            client.tell(b":RS#:Mn#")
+            await asyncio.sleep(1.5)
+            assert bridge.sim.mechanics.truth(bridge.clock())[1] - before > 1.0
+
+    run(program())

@@ -34,6 +34,11 @@ def _first(turn: Pair, stretch: float) -> Pair:
     return first, second
 
 
+def _other_way(first: float, second: float) -> Pair:
+    """The other readings that point at the same place: the tube driven over the pole, or over the zenith."""
+    return first + 180.0, 180.0 - second
+
+
 class Checks:
     """``admit`` is asked for every motion, in its turn."""
 
@@ -131,16 +136,17 @@ class Checks:
         if any(distance < limit for distance in hub.suns.distances(goal)):
             raise NearSun
         status = await hub.read(op.GetStatus())
-        forbidden = self._forbidden(limits) if status.equatorial else []  # a fork in alt-az goes straight up or down
-        if not status.aligned or not (suns or forbidden):
+        if not status.aligned or not (suns or status.equatorial or limits.highest < 90.0):
             return
+        over = not hub.driver.german and await self._over()
+        forbidden = self._forbidden(limits, status.equatorial, over)
         here = await hub.read(op.Position())
         if status.equatorial:
             under_way = hub.slewing and await hub.shared(op.Slewing())  # then it tells the side of its goal
             side = None if under_way else await hub.tube_side()
-            ways = list(self._polar_ways(here, goal, axes, side))
+            ways = list(self._polar_ways(here, goal, axes, side, over))
         else:
-            ways = [self._fork_way(here, goal, axes)]
+            ways = [self._fork_way(here, goal, axes, other) for other in {False, over}]
         for sun in suns:
             allowed = min(limit, separation(here.ra, here.dec, sun.ra, sun.dec) - 0.01)
             place = self._reading(sun, status.equatorial)
@@ -153,13 +159,26 @@ class Checks:
                 check_altitude(limits, pole)
         hub.guard.dips = not all(clear(*way, place, radius) for _, place, radius in forbidden for way in ways)
 
-    def _forbidden(self, limits: Limits) -> list[tuple[float, Pair, float]]:
-        """What is too high and too low, as circles of a polar mount's readings around the zenith and the nadir.
+    async def _over(self) -> bool:
+        """Whether the tube of a fork has been driven over the pole or the zenith, so that it points the other way.
 
-        Each with the altitude of its middle.
+        After a sync there its hand control may take it for the first way, so of its ways both are looked at.
+        """
+        if not self._hub.driver.way(op.AxisPosition):
+            return not self._hub.guard.upright
+        here: op.Horizontal = await self._hub.read(op.AxisPosition())
+        return abs(wrap180(here.alt)) > 90.0
+
+    def _forbidden(self, limits: Limits, equatorial: bool, over: bool) -> list[tuple[float, Pair, float]]:
+        """What is too high and too low, as circles of the axes' readings around the zenith and the nadir.
+
+        Each with the altitude of its middle. A fork in alt-az goes straight up or down: only back over the zenith it
+        comes higher than both ends of its way.
         """
         if self._hub.observatory.site() is None:
             return []
+        if not equatorial:
+            return [(90.0, (0.0, 90.0), 90.0 - limits.highest)] if over and limits.highest < 90.0 else []
         geometry = self._geometry(Build.GERMAN)
         zenith, nadir = geometry.axes(0.0, geometry.latitude, False), geometry.axes(180.0, -geometry.latitude, False)
         circles = ((90.0, zenith, 90.0 - limits.highest), (-90.0, nadir, 90.0 + limits.lowest))
@@ -173,7 +192,7 @@ class Checks:
         seen = derived.horizon(sun) if self._hub.observatory.site() is not None else op.Horizontal(sun.ra, sun.dec)
         return seen.az, seen.alt
 
-    def _fork_way(self, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None) -> tuple[Pair, Pair]:
+    def _fork_way(self, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, other: bool) -> tuple[Pair, Pair]:
         """Where the axes of an alt-az fork begin and how far they turn; without a site, as if on a wedge.
 
         At the zenith only ``axes`` tell to which azimuth it turns.
@@ -183,12 +202,13 @@ class Checks:
         else:
             start = self._hub.derived.horizon(here)
             end = op.Horizontal(*axes) if axes is not None else self._hub.derived.horizon(goal)
-        return (start.az, start.alt), (wrap180(end.az - start.az), end.alt - start.alt)
+        first, second = _other_way(start.az, start.alt) if other else (start.az, start.alt)
+        return (first, second), (wrap180(end.az - first), end.alt - second)
 
     def _polar_ways(
-        self, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, side: str | None
+        self, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, side: str | None, over: bool
     ) -> Iterator[tuple[Pair, Pair]]:
-        """The same of an equatorial mount. A German one begins on its side; on either, if it does not tell it."""
+        """The same of an equatorial mount. A German one begins on its side; on either, if it does not tell it now."""
         german = self._hub.driver.german is True and self._hub.observatory.site() is not None
         geometry = self._geometry(Build.GERMAN if german else Build.WEDGE)
         begin, end = self._hour_angle(here), self._hour_angle(goal)
@@ -199,12 +219,13 @@ class Checks:
             there = axes[0] - geometry.axes(0.0, 0.0, False)[0], axes[1]
         else:
             there = geometry.pole * end, geometry.pole * goal.dec
-        sides = (False, True) if german else (False,)
+        sides = {False, True} if german else {False, over}
         if german and side is not None:
-            sides = ((side == "W") == (geometry.pole > 0),)
+            sides = {(side == "W") == (geometry.pole > 0)}
         for other in sides:
-            first, second = geometry.pole * begin, geometry.pole * here.dec
-            start = (first + 180.0, 180.0 - second) if other else (first, second)
+            start = geometry.pole * begin, geometry.pole * here.dec
+            if other:
+                start = _other_way(*start)
             yield start, (geometry.travel(1, start[0], there[0]), geometry.travel(2, start[1], there[1]))
 
     def _geometry(self, build: Build) -> Geometry:
@@ -284,9 +305,7 @@ class Checks:
         pole = -1 if status.equatorial and hub.derived.place().latitude < 0 else 1
         if operation.axis == 1:
             return pole if by_motor else 1
-        if not hub.driver.way(op.AxisPosition):
-            return 1 if hub.guard.upright else -1  # a Meade is told directions
-        if status.equatorial and not by_motor:
+        told_directions = not hub.driver.way(op.AxisPosition)  # a Meade
+        if status.equatorial and not by_motor and not told_directions:
             return 1  # the driver sees to it
-        here: op.Horizontal = await hub.read(op.AxisPosition())
-        return -pole if abs(wrap180(here.alt)) > 90.0 else pole
+        return (1 if told_directions else pole) * (-1 if await self._over() else 1)

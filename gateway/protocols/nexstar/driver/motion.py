@@ -18,6 +18,7 @@ from gateway.operations import (
     MoveAxis,
     Operation,
     PeriodicError,
+    PierSide,
     Pulse,
     PulseAxis,
     Rate,
@@ -26,6 +27,7 @@ from gateway.operations import (
 )
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.goto import clear_the_way, need_alignment
+from gateway.protocols.nexstar.driver.position import pier_side
 from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.spherical import fold_declination
 
@@ -41,7 +43,7 @@ def sense(mount: NexStar, direction: Direction) -> int:
     """+1 or -1: which way a motor turns for a sky direction. Positive on axis 1 is west, but east in EQ south.
 
     Positive on axis 2 lifts the tube of a fork towards the pole that its base is tilted to: south in EQ south. Of a
-    German mount the side of the pier decides (``_flipped``), whose letters are counted from the north.
+    German mount the side of the pier decides (``_reversed``), whose letters are counted from the north.
     """
     southern = tracking.own_mode(mount) is Tracking.EQ_SOUTH
     if southern and (direction.axis == 1 or not mount.german):
@@ -49,27 +51,27 @@ def sense(mount: NexStar, direction: Direction) -> int:
     return direction.sense
 
 
-def _flipped(mount: NexStar, direction: Direction) -> Steps:
-    """Whether the tube is on the side of the pier (W) where the declination motor turns the other way."""
-    if direction.axis == 1 or mount.tube_side("E") is None:
+def _reversed(mount: NexStar, direction: Direction) -> Steps:
+    """Whether the second motor turns the other way: on the W side of the pier, and beyond the pole."""
+    if direction.axis == 1:
         return False
+    if not mount.german:
+        return mount.beyond_pole
     try:
-        answer = yield Ask("p")
+        told = yield from pier_side(mount, PierSide())
     except Fault:
-        return False
-    return mount.tube_side(answer["side"]) == "W"
+        return mount.beyond_pole
+    west = mount.tube_side(told) == "W"
+    return west != (mount.beyond_pole and mount.knows("p"))  # without p the axis has told both
 
 
 def move(mount: NexStar, operation: Move) -> Steps:
-    """A sky direction: corrected for the side of the pier, where the mount tells it, and beyond the pole."""
+    """A sky direction: corrected for the side of the pier, and beyond the pole."""
     sign = sense(mount, operation.direction)
     if mount.goto is not None:
         yield from clear_the_way(mount)  # under way to the other side, the hand control tells the side of the goal
-    if mount.knows("slew_azm_pos"):
-        if (yield from _flipped(mount, operation.direction)):
-            sign = -sign
-        if operation.direction.axis == 2 and mount.beyond_pole:
-            sign = -sign
+    if mount.knows("slew_azm_pos") and (yield from _reversed(mount, operation.direction)):
+        sign = -sign
     yield from move_axis(mount, MoveAxis(operation.direction.axis, sign, operation.rate))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gateway.driver import Ask, Steps
 from gateway.operations import Equatorial, Horizontal, HorizontalPosition, PierSide, Position, Sync
-from gateway.protocols.nexstar.driver.state import NexStar
+from gateway.protocols.nexstar.driver.state import POLE_AXES, NexStar
 from gateway.protocols.nexstar.driver.tracking import own_mode
 from gateway.spherical import fold_declination, wrap180, wrap360
 
@@ -29,11 +29,18 @@ def horizontal_position(mount: NexStar, _: HorizontalPosition) -> Steps:
 
 
 def pier_side(mount: NexStar, _: PierSide) -> Steps:
-    """``p``: E or W; a fork is always E."""
-    if not mount.german or not mount.knows("p"):
+    """``p``: E or W; a fork is always E.
+
+    A German mount before ``p`` tells it by its declination axis: on the W side that reads beyond the pole. The letter
+    is then that of its age, which is the northern one everywhere (``NexStar.tube_side``).
+    """
+    if not mount.german:
         return "E"
-    answer = yield Ask("p")
-    return answer["side"]
+    if mount.knows("p"):
+        answer = yield Ask("p")
+        return answer["side"]
+    answer = yield Ask("z" if mount.knows("z") else "Z")
+    return "W" if wrap180(answer["alt"] - POLE_AXES[1]) > 0.0 else "E"
 
 
 def to_mount(mount: NexStar, ra: float, dec: float) -> tuple[float, float]:

@@ -1,0 +1,68 @@
+"""A fork whose tube was driven over the pole or the zenith goes back that way, wherever it is sent."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+from msgspec.structs import replace
+
+from gateway import operations as op
+from gateway.safety import Limits
+from tests.bridge import Bridge
+from tests.test_safety_altitude import altitude, extremes, notes
+from tests.test_safety_by_hand import ready
+from tests.virtual import run
+
+#: East of the pole and near it; from there over the pole it looks west.
+BESIDE_THE_POLE = -90.0, 80.0
+
+
+@pytest.mark.parametrize(("hour_angle", "declination"), [(100.0, 45.0), (120.0, 52.0), (140.0, 52.0)])
+@pytest.mark.parametrize(("driven", "model"), [("lx200", "lx200"), ("nexstar", "cpc")])
+def test_a_goto_from_over_the_pole_is_ended_before_its_way_leads_below_the_limit(
+    driven: str, model: str, hour_angle: float, declination: float
+) -> None:
+    """The short way there is clear, the one that the mount takes passes beneath the pole."""
+
+    async def program() -> None:
+        async with Bridge(model, driven=driven, config={"lowest": 10.0}) as bridge:
+            client = bridge.client()
+            if driven == "nexstar":
+                bridge.sim.feed(b"T\x02")  # it stands on a wedge, says its hand control
+                await asyncio.sleep(10.0)
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            await bridge.hub.perform(op.Goto((sidereal - BESIDE_THE_POLE[0]) % 360.0, BESIDE_THE_POLE[1]))
+            await ready(bridge, client, b":GR#")
+            client.tell(b":RS#:Mn#")
+            for _ in range(15):
+                await asyncio.sleep(0.5)
+                client.tell(b":GR#")
+            client.tell(b":Qn#")
+            await asyncio.sleep(2.0)
+            assert bridge.sim.mechanics.axes(bridge.clock())[1] > 110.0
+            await bridge.hub.perform(op.Goto((sidereal - hour_angle) % 360.0, declination))
+            low, _ = await extremes(bridge, 30.0)
+            assert low >= 10.0
+            assert any(note.startswith("stopped at the altitude limit") for note in notes(bridge))
+
+    run(program())
+
+
+def test_a_goto_from_over_the_zenith_does_not_pass_it_where_a_limit_is_below() -> None:
+    """Somebody at the keypad brought it there."""
+
+    async def program() -> None:
+        async with Bridge("6-8se", presented="nexstar", surface="cpc") as bridge:
+            await bridge.hub.perform(op.GotoHorizontal(180.0, 60.0))
+            await ready(bridge, bridge.client(), b"e")
+            bridge.sim.mechanics.goto_axis(bridge.clock(), 2, 130.0)
+            await asyncio.sleep(60.0)
+            assert altitude(bridge) == pytest.approx(50.0, abs=0.5)
+            bridge.hub.policy = replace(bridge.hub.policy, limits=Limits(highest=75.0))
+            await bridge.hub.perform(op.GotoHorizontal(0.0, 40.0))
+            _, high = await extremes(bridge, 30.0)
+            assert high <= 75.0
+            assert high > 65.0, "it goes as far as it may"
+
+    run(program())
