@@ -156,7 +156,7 @@ class Judge:
         if self.bridge.clock() < getattr(self.sim, "busy_until", 0.0):
             return 2.5 * float(self.sim.mechanics.fastest)  # an LX200GPS that is busy tells nothing, and moves on
         if self._slewed:
-            return float(self.sim.mechanics.fastest) * (1.3 + 4.0 * self.latency)
+            return float(self.sim.mechanics.fastest) * (0.6 + 4.0 * self.latency)
         return 0.1
 
     # --- looking at the bytes ---------------------------------------------------------------------------------------

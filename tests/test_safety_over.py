@@ -8,6 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from gateway import operations as op
+from gateway.hub import ways
 from gateway.safety import Limits
 from tests.bridge import Bridge
 from tests.test_safety_altitude import altitude, extremes, notes
@@ -64,5 +65,20 @@ def test_a_goto_from_over_the_zenith_does_not_pass_it_where_a_limit_is_below() -
             _, high = await extremes(bridge, 30.0)
             assert high <= 75.0
             assert high > 65.0, "it goes as far as it may"
+
+    run(program())
+
+
+@pytest.mark.parametrize(("azimuth", "turns"), [(20.0, [20.0]), (160.0, [160.0]), (170.0, [170.0, -190.0]),
+                                                (190.0, [-170.0, 190.0]), (200.0, [-160.0])])
+def test_a_fork_may_turn_half_round_either_way(azimuth: float, turns: list[float]) -> None:
+    """A sync has displaced its axes from the sky: which way is the shorter one nobody can say."""
+
+    async def program() -> None:
+        async with Bridge("6-8se") as bridge:
+            here = await bridge.hub.read(op.Position())
+            there = bridge.hub.derived.horizon(here).az + azimuth, 40.0
+            found = ways.possible(bridge.hub, False, here, op.Equatorial(0.0, 0.0), there, {False})
+            assert [turn[0] for _, turn in found] == pytest.approx(turns)
 
     run(program())

@@ -6,15 +6,15 @@ motion by hand, and how far a sync moves the sky. What happens afterwards is the
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import product
 from math import ceil
 from typing import TYPE_CHECKING
 
 from gateway import operations as op
 from gateway.errors import Fault, NearSun, Refused, Unsupported
+from gateway.hub import ways
 from gateway.hub.reaction import SHORTEST, reaction
-from gateway.mount_geometry import Build, Geometry, Pair
+from gateway.mount_geometry import Pair
 from gateway.paths import clear
 from gateway.safety import Limits, check_altitude, check_hour_angle, check_sync, leaving
 from gateway.spherical import fold_declination, separation, wrap180
@@ -32,11 +32,6 @@ def _first(turn: Pair, stretch: float) -> Pair:
     """No more than the first degrees of either axis."""
     first, second = (max(-stretch, min(stretch, degrees)) for degrees in turn)
     return first, second
-
-
-def _other_way(first: float, second: float) -> Pair:
-    """The other readings that point at the same place: the tube driven over the pole, or over the zenith."""
-    return first + 180.0, 180.0 - second
 
 
 class Checks:
@@ -138,104 +133,42 @@ class Checks:
         status = await hub.read(op.GetStatus())
         if not status.aligned or not (suns or status.equatorial or limits.highest < 90.0):
             return
-        over = not hub.driver.german and await self._over()
-        forbidden = self._forbidden(limits, status.equatorial, over)
+        others = await self._pointing()
         here = await hub.read(op.Position())
-        if status.equatorial:
-            under_way = hub.slewing and await hub.shared(op.Slewing())  # then it tells the side of its goal
-            side = None if under_way else await hub.tube_side()
-            ways = list(self._polar_ways(here, goal, axes, side, over))
-        else:
-            ways = [self._fork_way(here, goal, axes, other) for other in {False, over}]
+        possible = ways.possible(hub, status.equatorial, here, goal, axes, others)
         for sun in suns:
             allowed = min(limit, separation(here.ra, here.dec, sun.ra, sun.dec) - 0.01)
-            place = self._reading(sun, status.equatorial)
-            if not all(clear(start, turn, place, allowed) for start, turn in ways):
+            place = ways.reading(hub, sun, status.equatorial)
+            if not all(clear(start, turn, place, allowed) for start, turn in possible):
                 raise NearSun("The way there passes too close to the Sun.")
+        forbidden = ways.circles(hub, limits, status.equatorial, True in others)
         stretch = reaction(hub) * hub.driver.speed(op.Rate(name="max"))
-        for pole, place, radius in forbidden:
-            begins = ((start, _first(turn, stretch)) for start, turn in ways)
+        for altitude, place, radius in forbidden:
+            begins = ((start, _first(turn, stretch)) for start, turn in possible)
             if not any(clear(*way, place, min(radius, separation(*way[0], *place) - 0.01)) for way in begins):
-                check_altitude(limits, pole)
-        hub.guard.dips = not all(clear(*way, place, radius) for _, place, radius in forbidden for way in ways)
+                check_altitude(limits, altitude)
+        hub.guard.dips = not all(clear(*way, place, radius) for _, place, radius in forbidden for way in possible)
+
+    async def _pointing(self) -> set[bool]:
+        """In which of the two ways the axes point where the mount is: the first (False), the other one, or who knows.
+
+        The other one is the W side of the pier in the north; of a fork, over the pole or the zenith. A hand control
+        that was synced there may take it for the first way, so there both count.
+        """
+        hub = self._hub
+        site = hub.observatory.site()
+        if not hub.driver.german or site is None:
+            return {False, not hub.driver.german and await self._over()}
+        under_way = hub.slewing and await hub.shared(op.Slewing())  # then it tells the side of its goal
+        side = None if under_way else await hub.tube_side()
+        return {False, True} if side is None else {(side == "W") == (site.latitude >= 0.0)}
 
     async def _over(self) -> bool:
-        """Whether the tube of a fork has been driven over the pole or the zenith, so that it points the other way.
-
-        After a sync there its hand control may take it for the first way, so of its ways both are looked at.
-        """
+        """Whether the tube of a fork has been driven over the pole or the zenith, so that it points the other way."""
         if not self._hub.driver.way(op.AxisPosition):
             return not self._hub.guard.upright
         here: op.Horizontal = await self._hub.read(op.AxisPosition())
         return abs(wrap180(here.alt)) > 90.0
-
-    def _forbidden(self, limits: Limits, equatorial: bool, over: bool) -> list[tuple[float, Pair, float]]:
-        """What is too high and too low, as circles of the axes' readings around the zenith and the nadir.
-
-        Each with the altitude of its middle. A fork in alt-az goes straight up or down: only back over the zenith it
-        comes higher than both ends of its way.
-        """
-        if self._hub.observatory.site() is None:
-            return []
-        if not equatorial:
-            return [(90.0, (0.0, 90.0), 90.0 - limits.highest)] if over and limits.highest < 90.0 else []
-        geometry = self._geometry(Build.GERMAN)
-        zenith, nadir = geometry.axes(0.0, geometry.latitude, False), geometry.axes(180.0, -geometry.latitude, False)
-        circles = ((90.0, zenith, 90.0 - limits.highest), (-90.0, nadir, 90.0 + limits.lowest))
-        return [circle for circle in circles if circle[2] > 0.0]
-
-    def _reading(self, sun: op.Equatorial, equatorial: bool) -> Pair:
-        """The Sun as the axes of this mount would read, pointing at it the first of the two ways."""
-        derived = self._hub.derived
-        if equatorial:
-            return self._geometry(Build.GERMAN).axes(self._hour_angle(sun), sun.dec, False)
-        seen = derived.horizon(sun) if self._hub.observatory.site() is not None else op.Horizontal(sun.ra, sun.dec)
-        return seen.az, seen.alt
-
-    def _fork_way(self, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, other: bool) -> tuple[Pair, Pair]:
-        """Where the axes of an alt-az fork begin and how far they turn; without a site, as if on a wedge.
-
-        At the zenith only ``axes`` tell to which azimuth it turns.
-        """
-        if self._hub.observatory.site() is None:
-            start, end = op.Horizontal(here.ra, here.dec), op.Horizontal(goal.ra, goal.dec)
-        else:
-            start = self._hub.derived.horizon(here)
-            end = op.Horizontal(*axes) if axes is not None else self._hub.derived.horizon(goal)
-        first, second = _other_way(start.az, start.alt) if other else (start.az, start.alt)
-        return (first, second), (wrap180(end.az - first), end.alt - second)
-
-    def _polar_ways(
-        self, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, side: str | None, over: bool
-    ) -> Iterator[tuple[Pair, Pair]]:
-        """The same of an equatorial mount. A German one begins on its side; on either, if it does not tell it now."""
-        german = self._hub.driver.german is True and self._hub.observatory.site() is not None
-        geometry = self._geometry(Build.GERMAN if german else Build.WEDGE)
-        begin, end = self._hour_angle(here), self._hour_angle(goal)
-        flipped = geometry.other_side(end)
-        if german:
-            there = axes or geometry.axes(end, goal.dec, flipped)
-        elif axes is not None:  # read as a German mount's, so that one Sun serves both
-            there = axes[0] - geometry.axes(0.0, 0.0, False)[0], axes[1]
-        else:
-            there = geometry.pole * end, geometry.pole * goal.dec
-        sides = {False, True} if german else {False, over}
-        if german and side is not None:
-            sides = {(side == "W") == (geometry.pole > 0)}
-        for other in sides:
-            start = geometry.pole * begin, geometry.pole * here.dec
-            if other:
-                start = _other_way(*start)
-            yield start, (geometry.travel(1, start[0], there[0]), geometry.travel(2, start[1], there[1]))
-
-    def _geometry(self, build: Build) -> Geometry:
-        place = self._hub.observatory.site()
-        return Geometry(build, place.latitude if place is not None else 0.0)
-
-    def _hour_angle(self, seen: op.Equatorial) -> float:
-        """From the meridian; without a site, from some hour circle."""
-        derived = self._hub.derived
-        return wrap180((derived.sidereal_time() if self._hub.observatory.site() is not None else 0.0) - seen.ra)
 
     # --- by hand ----------------------------------------------------------------------------------------------------
 

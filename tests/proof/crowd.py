@@ -99,8 +99,8 @@ async def _client(port: int, question: bytes, read: Callable[[bytes], Told | Non
                 async with asyncio.timeout(PATIENCE):
                     for _ in range(question.count(b"#") or 1):
                         reply += await reader.readuntil(b"#")
-            except TimeoutError:
-                fault = f"no more within {PATIENCE:g} s"
+            except TimeoutError as error:  # or the system's own word for a connection that is no more
+                fault = str(error) or f"no more within {PATIENCE:g} s"
             except asyncio.IncompleteReadError:
                 fault = "the connection was closed"
             told = read(reply)

@@ -1,0 +1,119 @@
+"""The ways that a goto may take, as readings of the two axes: where they begin and how far each of them turns.
+
+What a mount tells leaves open at times in which of the two ways its axes point where it is, and which way round they
+go: then there are several. All readings of a polar mount are counted like a German one's, so that one Sun, one zenith
+and one nadir serve every build. Angles are degrees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import copysign
+from typing import TYPE_CHECKING, NamedTuple
+
+from gateway import operations as op
+from gateway.mount_geometry import Build, Geometry, Pair
+from gateway.safety import Limits
+from gateway.spherical import wrap180
+
+if TYPE_CHECKING:
+    from gateway.hub.core import Hub
+
+Way = tuple[Pair, Pair]
+#: By how much a sync may have displaced what the axes of a fork read from where they point.
+DISPLACED = 15.0
+
+
+class Circle(NamedTuple):
+    """What is too high or too low: so many degrees around readings, and the altitude of these."""
+
+    altitude: float
+    middle: Pair
+    radius: float
+
+
+def circles(hub: Hub, limits: Limits, equatorial: bool, over: bool) -> list[Circle]:
+    """The forbidden ones. A fork in alt-az goes straight up or down: only back over the zenith (``over``) it comes
+    higher than both ends of its way.
+    """
+    if hub.observatory.site() is None:
+        return []
+    zenith, nadir = (0.0, 90.0), (0.0, -90.0)
+    if equatorial:
+        geometry = _geometry(hub, Build.GERMAN)
+        zenith, nadir = geometry.axes(0.0, geometry.latitude, False), geometry.axes(180.0, -geometry.latitude, False)
+    high = Circle(90.0, zenith, (90.0 - limits.highest) * (equatorial or over))
+    low = Circle(-90.0, nadir, (90.0 + limits.lowest) * equatorial)
+    return [circle for circle in (high, low) if circle.radius > 0.0]
+
+
+def reading(hub: Hub, sun: op.Equatorial, equatorial: bool) -> Pair:
+    """The Sun as the axes of this mount would read, pointing at it the first of the two ways."""
+    if equatorial:
+        return _geometry(hub, Build.GERMAN).axes(_hour_angle(hub, sun), sun.dec, False)
+    seen = hub.derived.horizon(sun) if hub.observatory.site() is not None else op.Horizontal(sun.ra, sun.dec)
+    return seen.az, seen.alt
+
+
+def possible(
+    hub: Hub, equatorial: bool, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, others: set[bool]
+) -> list[Way]:
+    """The ways from here to the goal, or to ``axes`` where the readings are given that the mount is to go to.
+
+    ``others`` says whether the axes may be at the first of the two ways to point (False), at the other one, or both.
+    """
+    if not equatorial:
+        return [way for other in others for way in _either_way_round(_fork(hub, here, goal, axes, other))]
+    german = hub.driver.german is True and hub.observatory.site() is not None
+    geometry = _geometry(hub, Build.GERMAN if german else Build.WEDGE)
+    ways = [_polar(hub, geometry, here, goal, axes, other) for other in others]
+    return ways if german else [round_ for way in ways for round_ in _either_way_round(way)]
+
+
+def _fork(hub: Hub, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, other: bool) -> Way:
+    """Of an alt-az fork; without a site, as if on a wedge. At the zenith only ``axes`` tell where it turns to."""
+    if hub.observatory.site() is None:
+        start, end = op.Horizontal(here.ra, here.dec), op.Horizontal(goal.ra, goal.dec)
+    else:
+        start = hub.derived.horizon(here)
+        end = op.Horizontal(*axes) if axes is not None else hub.derived.horizon(goal)
+    first, second = _pointing(start.az, start.alt, other)
+    return (first, second), (wrap180(end.az - first), end.alt - second)
+
+
+def _polar(
+    hub: Hub, geometry: Geometry, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, other: bool
+) -> Way:
+    """Of an equatorial mount; a German one goes to the side of its goal."""
+    begin, end = _hour_angle(hub, here), _hour_angle(hub, goal)
+    if geometry.build is Build.GERMAN:
+        there = axes or geometry.axes(end, goal.dec, geometry.other_side(end))
+    elif axes is not None:
+        there = axes[0] - geometry.axes(0.0, 0.0, False)[0], axes[1]
+    else:
+        there = geometry.pole * end, geometry.pole * goal.dec
+    start = _pointing(geometry.pole * begin, geometry.pole * here.dec, other)
+    return start, (geometry.travel(1, start[0], there[0]), geometry.travel(2, start[1], there[1]))
+
+
+def _pointing(first: float, second: float, other: bool) -> Pair:
+    """One of the two pairs of readings that point at a place; the other one is over the pole, or over the zenith."""
+    return (first + 180.0, 180.0 - second) if other else (first, second)
+
+
+def _either_way_round(way: Way) -> Iterator[Way]:
+    """With half a turn before it the first axis may go round the other side, too."""
+    start, (first, second) = way
+    yield way
+    if abs(first) > 180.0 - DISPLACED:
+        yield start, (first - copysign(360.0, first), second)
+
+
+def _geometry(hub: Hub, build: Build) -> Geometry:
+    place = hub.observatory.site()
+    return Geometry(build, place.latitude if place is not None else 0.0)
+
+
+def _hour_angle(hub: Hub, seen: op.Equatorial) -> float:
+    """From the meridian; without a site, from some hour circle."""
+    return wrap180((hub.derived.sidereal_time() if hub.observatory.site() is not None else 0.0) - seen.ra)
