@@ -79,3 +79,16 @@ def test_a_fork_on_a_wedge_keeps_to_both_sides_of_the_meridian() -> None:
             assert any(note.startswith("tracking is off: it came to the hour angle limit") for note in notes(bridge))
 
     run(program())
+
+
+@pytest.mark.parametrize("latitude", [45.0, -35.0])
+@pytest.mark.parametrize("version", ["4.10", "5.24", "5.31"])
+def test_a_side_that_was_not_told_is_none(version: str, latitude: float) -> None:
+    """In the south some versions swap the letters: no letter is neither."""
+
+    async def program() -> None:
+        async with Bridge("cge" if version == "4.10" else "cgem", version, site=(latitude, 10.0)) as bridge:
+            assert bridge.driver.tube_side("") is None
+            assert {bridge.driver.tube_side("E"), bridge.driver.tube_side("W")} == {"E", "W"}
+
+    run(program())

@@ -190,8 +190,8 @@ class NexStar(Driver):
         return self.key_speed(self.key_for(rate))
 
     def tube_side(self, told: str) -> str | None:
-        """The letter of ``PierSide`` on a German mount; the other one where the version swaps them."""
-        if not self.german:
+        """The letter of ``PierSide`` on a German mount, if it was told; the other one where the version swaps them."""
+        if not self.german or not told:
             return None
         swapped = self.southern and self.version is not None and self.version <= LETTERS_SWAPPED
         return ("E" if told == "W" else "W") if swapped else told
