@@ -68,6 +68,8 @@ class Driver:
     gps = False
     #: Whether a sync is kept here that the mount's own axes know nothing of.
     displaced = False
+    #: Whether motion by hand is a chain of small gotos, in right ascension and declination whatever the mount.
+    stepping = False
     #: What the mount's coordinates mean, where that is known by its version: ``jnow`` or ``j2000``.
     equinox = "jnow"
     #: Whether it is a German mount, whose tube changes sides of the pier; None where that is not known.

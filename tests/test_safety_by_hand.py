@@ -199,3 +199,22 @@ def test_north_is_north_on_both_sides_of_the_pier_whatever_the_version_tells_of_
             assert bridge.sim.mechanics.truth(bridge.clock())[1] - before > 1.0
 
     run(program())
+
+
+@pytest.mark.parametrize(("arrow", "refused"), [(b":Ms#", True), (b":Mn#", False)])
+def test_a_fork_that_is_moved_by_small_gotos_moves_in_declination(arrow: bytes, refused: bool) -> None:
+    """Hand controls before 1.6: between the pole and the zenith south is up, whatever the mount."""
+
+    async def program() -> None:
+        async with Bridge("nexstar-gps", "1.2", config={"highest": 75.0, "site": (45.0, 10.0)}) as bridge:
+            client = bridge.client()
+            await bridge.hub.perform(op.GotoHorizontal(3.0, 74.0))
+            await ready(bridge, client, b":GR#")
+            began = altitude(bridge)
+            client.tell(b":RS#" + arrow)
+            low, high = await polled(bridge, client, b":GR#", 2.0)
+            assert high <= 75.0
+            assert (low >= began - 0.1) is refused
+            assert any("Object Above" in note for note in notes(bridge)) is refused
+
+    run(program())

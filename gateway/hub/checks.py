@@ -226,7 +226,7 @@ class Checks:
     def _soon(self, seen: op.Equatorial, status: op.Status, turns: dict[int, float]) -> op.Equatorial:
         """Where so many degrees of the axes lead."""
         first, second = turns.get(1, 0.0), turns.get(2, 0.0)
-        if status.equatorial:
+        if status.equatorial or self._hub.driver.stepping:
             return op.Equatorial(*fold_declination(seen.ra - first, seen.dec + second))
         here = self._hub.derived.horizon(seen)
         goal = self._hub.derived.equatorial(op.GotoHorizontal(*fold_declination(here.az + first, here.alt + second)))
@@ -235,6 +235,8 @@ class Checks:
     async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
         """-1 where what is positive for a motor is not so on the sky: in the south, beyond the pole or the zenith."""
         hub, by_motor = self._hub, isinstance(operation, op.MoveAxis)
+        if hub.driver.stepping:
+            return 1
         pole = -1 if status.equatorial and hub.derived.place().latitude < 0 else 1
         if operation.axis == 1:
             return pole if by_motor else 1

@@ -70,7 +70,7 @@ def move(mount: NexStar, operation: Move) -> Steps:
     sign = sense(mount, operation.direction)
     if mount.goto is not None:
         yield from clear_the_way(mount)  # under way to the other side, the hand control tells the side of the goal
-    if mount.knows("slew_azm_pos") and (yield from _reversed(mount, operation.direction)):
+    if not mount.stepping and (yield from _reversed(mount, operation.direction)):
         sign = -sign
     yield from move_axis(mount, MoveAxis(operation.direction.axis, sign, operation.rate))
 
@@ -80,7 +80,7 @@ def move_axis(mount: NexStar, operation: MoveAxis) -> Steps:
     axis, rate = operation.axis, operation.rate
     if mount.goto is not None:
         yield from clear_the_way(mount)
-    if not mount.knows("slew_azm_pos"):
+    if mount.stepping:
         yield from _begin_steps(mount, axis, operation.sense, rate)
         return
     side = "pos" if operation.sense > 0 else "neg"
@@ -102,7 +102,7 @@ def move_axis(mount: NexStar, operation: MoveAxis) -> Steps:
 def halt(mount: NexStar, operation: Halt) -> Steps:
     """Rate 0 on one axis; after the last one tracking comes back, once."""
     mount.steps.pop(operation.axis, None)
-    if not mount.knows("slew_azm_pos"):
+    if mount.stepping:
         return
     yield Ask(f"slew_{_AXIS[operation.axis]}_pos", {"rate": 0})
     mount.moving.pop(operation.axis, None)
@@ -122,7 +122,7 @@ def stop(mount: NexStar, _: Stop) -> Steps:
         mount.home_state = 0 if going.then == "home" else mount.home_state
         yield Ask("M")
         mount.goto = None
-    if mount.knows("slew_azm_pos"):
+    if not mount.stepping:
         for axis in sorted(_AXIS, key=lambda axis: -mount.moving.get(axis, 0.0)):
             yield Ask(f"slew_{_AXIS[axis]}_pos", {"rate": 0})
     mount.moving.clear()
@@ -185,7 +185,7 @@ def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
         mount.pulsing[axis] = (sign * (operation.rate or mount.guide_rates[axis]), operation.ms)
         yield from next_pulse(mount, NextPulse(axis))
         return
-    if not (mount.tracking or Tracking.OFF).equatorial or not mount.knows("slew_azm_pos"):
+    if not (mount.tracking or Tracking.OFF).equatorial or mount.stepping:
         raise Unsupported("This mount cannot be guided in alt-az: its motors know no guide pulses.")
     mount.pulsing[axis] = (sign, 0)
     side = "pos" if sign > 0 else "neg"

@@ -111,6 +111,11 @@ class NexStar(Driver):
         return self.starsense
 
     @property
+    def stepping(self) -> bool:  # type: ignore[override]
+        """Before 1.6 there is no pass-through to the motors."""
+        return not self.knows("slew_azm_pos")
+
+    @property
     def displaced(self) -> bool:  # type: ignore[override]
         """A hand control without sync: it is carried out here."""
         return self.offset != (0.0, 0.0)
