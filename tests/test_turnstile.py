@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
+from gateway.errors import NoAnswer
 from gateway.hub.turnstile import FEW, WAY, Turnstile
 from tests.bridge import Bridge, Visitor
 from tests.virtual import run
@@ -202,5 +203,19 @@ def test_one_who_comes_to_grief_holds_up_nobody() -> None:
         assert through == [*range(FEW), *range(FEW + 1, 3 * FEW)]
         assert len(said) == 1
         assert turnstile.open()
+
+    run(program())
+
+
+def test_an_answer_that_was_cancelled_is_none_and_who_waited_for_it_goes_on() -> None:
+    async def program() -> None:
+        loop = asyncio.get_running_loop()
+        turnstile = Turnstile(loop, lambda: False)
+        task = loop.create_task(asyncio.sleep(100.0))
+        waiting = [loop.create_task(turnstile.outcome(task)) for _ in range(3)]
+        await asyncio.sleep(0.1)
+        task.cancel()
+        outcomes = await asyncio.gather(*waiting, return_exceptions=True)
+        assert [type(outcome) for outcome in outcomes] == [NoAnswer] * 3
 
     run(program())

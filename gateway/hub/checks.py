@@ -159,7 +159,7 @@ class Checks:
         site = hub.observatory.site()
         if not hub.driver.german or site is None:
             return {False, not hub.driver.german and await self._over()}
-        under_way = hub.slewing and await hub.shared(op.Slewing())  # then it tells the side of its goal
+        under_way = hub.slewing and await hub.anew(op.Slewing())  # then it tells the side of its goal
         side = None if under_way else await hub.tube_side()
         return {False, True} if side is None else {(side == "W") == (site.latitude >= 0.0)}
 
@@ -185,7 +185,7 @@ class Checks:
         if seen is None or age > OLD_POSITION:
             seen = await hub.read(op.Position())
         elif hub.now() - age < hub.guard.rests_since and not hub.motions.by_hand:  # it was seen on its way
-            seen = await hub.shared(op.Position())
+            seen = await hub.anew(op.Position())
         limits = hub.policy.limits
         if isinstance(operation, op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)

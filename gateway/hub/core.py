@@ -248,8 +248,12 @@ class Hub:
         except TimeoutError:
             raise NoAnswer from None
 
+    async def anew(self, operation: op.Operation) -> Any:
+        """A read from the mount, however fresh the last answer is; who gives up ends it for nobody. Raises Fault."""
+        return await asyncio.shield(self.shared(operation))
+
     def shared(self, operation: op.Operation) -> asyncio.Task[Any]:
-        """The exchange under way for this kind of read, else a new one."""
+        """The exchange under way for this kind of read, else a new one. It belongs to all: nobody may cancel it."""
         kind = type(operation)
         task = self._sharing.get(kind)
         if task is None:

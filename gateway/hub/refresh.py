@@ -124,7 +124,7 @@ class Refresh:
             await hub.settings.renew_clock()
             return
         try:
-            await asyncio.shield(hub.shared(kind()))
+            await hub.anew(kind())
         except Fault as fault:
             if not isinstance(fault, NoAnswer | NotAligned):
                 hub.transcript.note_once("mount", f"{kind.__name__}: {fault}")

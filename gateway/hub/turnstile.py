@@ -12,6 +12,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+from gateway.errors import NoAnswer
+
 #: How many go on in one turn of the event loop: together they take less than half a millisecond.
 FEW = 4
 #: Turns of the event loop in which a stop comes to the line from anywhere; more than that nobody is held up for it.
@@ -45,7 +47,7 @@ class Turnstile:
             self._waiting.append(go_on)
 
     async def outcome(self, task: asyncio.Task[Any]) -> Any:
-        """What the task returns. Raises what it raises; who gives up waiting does not end it."""
+        """What the task returns. Raises what it raises, NoAnswer if it was cancelled; who gives up does not end it."""
         if not task.done():
             place = self._loop.create_future()
 
@@ -55,6 +57,8 @@ class Turnstile:
 
             task.add_done_callback(lambda _: self.enter(go_on))
             await place
+        if task.cancelled():  # that must not look as if whoever waits had been
+            raise NoAnswer
         return task.result()
 
     def _turn_later(self) -> None:

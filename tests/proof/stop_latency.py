@@ -9,7 +9,8 @@ flight: idle, among many that poll, and while another client floods the gateway.
 in a process of its own was meanwhile, which is what the machine adds, and the gateway twice: on its way in and out.
 Clients and mounts stand for other computers: where there are processors enough, the gateway has one of its own, and the
 crowd takes only time that nobody wants. The 99th percentile is that of all endings together: of every stop, and of
-those during which no processor was taken away from this machine (``stolen.py``), which are what is judged.
+those during which no processor was taken away from this machine (``stolen.py``), which are what is judged. A crowd
+that is answered wrongly, or not at all, fails it, too.
 """
 
 from __future__ import annotations
@@ -236,14 +237,14 @@ async def _situation(name: str, ways: Sequence[Way], arguments: argparse.Namespa
         await asyncio.gather(*background, return_exceptions=True)
         for process in crowds:
             process.send_signal(signal.SIGINT)
-            await process.wait()
+        answered = [await process.wait() == 0 for process in crowds]
     for bench in benches:
         await asyncio.to_thread(bench.gateway.end)
         if bench.gateway.said:
             print(f"  {bench.way.name} said: {bench.gateway.said[-1000:]}")
     print(f"{name}: a bare echo took {percentile(bare, 50) * 1e3:.2f} ms, p99 {percentile(bare, 99) * 1e3:.2f} ms")
     met = [_told(way, stops, thefts) for way, stops in found.items()]
-    return all(met)
+    return all(met) and all(answered)
 
 
 def _told(way: str, stops: list[Stop], thefts: Thefts) -> bool:
