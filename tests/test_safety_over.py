@@ -12,7 +12,7 @@ from gateway.hub import ways
 from gateway.safety import Limits
 from tests.bridge import Bridge
 from tests.test_safety_altitude import altitude, extremes, notes
-from tests.test_safety_by_hand import ready
+from tests.test_safety_by_hand import polled, ready
 from tests.virtual import run
 
 #: East of the pole and near it; from there over the pole it looks west.
@@ -36,9 +36,7 @@ def test_a_goto_from_over_the_pole_is_ended_before_its_way_leads_below_the_limit
             await bridge.hub.perform(op.Goto((sidereal - BESIDE_THE_POLE[0]) % 360.0, BESIDE_THE_POLE[1]))
             await ready(bridge, client, b":GR#")
             client.tell(b":RS#:Mn#")
-            for _ in range(15):
-                await asyncio.sleep(0.5)
-                client.tell(b":GR#")
+            await polled(bridge, client, b":GR#", 7.5)
             client.tell(b":Qn#")
             await asyncio.sleep(2.0)
             assert bridge.sim.mechanics.axes(bridge.clock())[1] > 110.0

@@ -13,7 +13,7 @@ from gateway.hub.refresh import CLOCK_AGE
 from gateway.safety import Limits
 from tests.bridge import Bridge
 from tests.test_safety_altitude import altitude, extremes, notes
-from tests.test_safety_by_hand import UP, ready
+from tests.test_safety_by_hand import UP, polled, ready
 from tests.virtual import run
 
 
@@ -100,9 +100,7 @@ def test_a_goto_that_is_stopped_on_its_way_does_not_bring_the_tube_back_over_the
             await bridge.hub.perform(op.Goto((sidereal - 45.0) % 360.0, 80.0))
             await ready(bridge, client, b":GR#")
             client.tell(b":RS#:Mn#")
-            for _ in range(16):
-                await asyncio.sleep(0.5)
-                client.tell(b":GR#")
+            await polled(bridge, client, b":GR#", 8.0)
             client.tell(b":Qn#")
             await asyncio.sleep(2.0)
             assert not bridge.hub.guard.upright

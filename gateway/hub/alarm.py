@@ -20,7 +20,7 @@ class Alarm:
     def within(self, seconds: float, reason: str) -> None:
         """Ring after so many seconds, if it does not ring before."""
         at = self._loop.time() + max(0.0, seconds)
-        if self._handle is not None and not self._handle.cancelled() and self._handle.when() <= at:
+        if self._handle is not None and self._handle.when() <= at:
             return
         self.off()
         self._handle = self._loop.call_at(at, self._rings, reason)

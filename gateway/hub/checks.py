@@ -1,6 +1,6 @@
 """Before a motion: is it allowed, and in which form can this mount carry it out?
 
-Checked are the target of every goto, park and home, the way to it as far as it concerns the Sun, the first stretch of a
+Checked are the target of every goto, park and home, the ways that lead to it (``ways.py``), the first stretch of a
 motion by hand, and how far a sync moves the sky. What happens afterwards is the guard's business (``guard.py``).
 """
 

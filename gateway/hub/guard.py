@@ -176,16 +176,21 @@ class Guard:
         rate = abs(change) / elapsed
         return max(rate, self._speed) if rate > 0.2 * self._speed else rate
 
+    @property
+    def _alone(self) -> float:
+        """How far one of two axes leads while the other has been ended already, degrees."""
+        return self._across * between(self._hub)
+
     def _margin(self, rate: float, elapsed: float) -> float:
         """How far a motion gets before the next look and a stop can end it, degrees; a goto knows where it ends."""
         if self._going:
             return 0.0
-        return rate * overdue(self._hub, elapsed) + self._across * between(self._hub)
+        return rate * overdue(self._hub, elapsed) + self._alone
 
     def _fear(self, room: float, rate: float, limit: str) -> None:
         """Have it stopped so many degrees from here, unless it is seen again before."""
         if rate > RESTLESS and not self._going:
-            self._alarm.within((room - self._across * between(self._hub)) / rate - to_stop(self._hub), limit)
+            self._alarm.within((room - self._alone) / rate - to_stop(self._hub), limit)
 
     def _fear_all(self, by_hand: dict[int, op.Move | op.MoveAxis]) -> None:
         """A motion by hand begins, whichever way: its first stretch has been checked, and then it must be seen."""

@@ -19,12 +19,17 @@ def position(mount: NexStar, _: Position) -> Steps:
     return mount.last
 
 
+def _axes(mount: NexStar) -> Ask:
+    """The readings of the axes, as precisely as this version tells them."""
+    return Ask("z" if mount.knows("z") else "Z")
+
+
 def horizontal_position(mount: NexStar, _: HorizontalPosition) -> Steps:
     """A fork's own azimuth and altitude; None where the axes are equatorial (the hub derives it then)."""
     mode = own_mode(mount)
     if mount.german or (mode is not None and mode.equatorial) or mount.displaced:
         return None
-    answer = yield Ask("z" if mount.knows("z") else "Z")
+    answer = yield _axes(mount)
     return Horizontal(az=wrap360(answer["az"]), alt=max(-90.0, min(90.0, answer["alt"])))
 
 
@@ -39,7 +44,7 @@ def pier_side(mount: NexStar, _: PierSide) -> Steps:
     if mount.knows("p"):
         answer = yield Ask("p")
         return answer["side"]
-    answer = yield Ask("z" if mount.knows("z") else "Z")
+    answer = yield _axes(mount)
     return "W" if wrap180(answer["alt"] - POLE_AXES[1]) > 0.0 else "E"
 
 
