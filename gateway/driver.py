@@ -80,6 +80,9 @@ class Driver:
     version: Version | None = None
     #: Whether tracking was put off for a motion and has not been put back yet.
     unrestored = False
+    #: Whether the mount was sent to sleep, and what it answers in its sleep.
+    asleep = False
+    awake_or_not: frozenset[str] = frozenset()
 
     def knows(self, name: str) -> bool:
         """Whether the mount that was found has this command, by the manual: nothing is probed."""

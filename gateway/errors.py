@@ -100,6 +100,12 @@ class NoAnswer(Fault):
     words = "No answer from mount."
 
 
+class Asleep(NoAnswer):
+    """The mount hibernates: it was not asked, for it would not answer."""
+
+    words = "The mount is asleep."
+
+
 class Garbled(NoAnswer):
     """Bytes came that are no answer to what was asked."""
 

@@ -29,9 +29,12 @@ HALF_COMMAND = 3.5
 MUTE = 20.0
 #: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the hub.
 #: The position always does, and before other reads: its halves must be of one instant.
-AGED = {POSITION: 0.25, READ: 0.6}
+AGED = {POSITION: 0.25, READ: 0.6, SETTING: 2.0}
+READS = (POSITION, READ)
 #: After so many exchanges for motions in a row one such read goes first: no flood of arrows may hide the mount.
 IN_A_ROW = 1
+#: After so many exchanges for others an aged setting goes first: reads of a mount that is slow or asleep never end.
+PASSED_OVER = 4
 #: Turns of the event loop in which whoever had an answer may ask on: the second half of a position, a motion that
 #: waited for one, and a halt that is coming go before reads of a lower rank.
 TURNS = 8
@@ -60,7 +63,7 @@ class Line:
         self._order = count()
         self._queue: list[tuple[int, int, Job]] = []
         self._wake = asyncio.Event()
-        self._opened = self._motions = 0
+        self._opened = self._motions = self._passed_over = 0
         self._urgent: list[float] = []
         self._hurried = False
         self._task: asyncio.Task[None] | None = None
@@ -180,6 +183,7 @@ class Line:
                 continue
             hurried, self._hurried = self._hurried, False
             self._motions = self._motions + 1 if job.rank == MOTION else 0
+            self._passed_over = 0 if job.rank == SETTING else self._passed_over + 1
             outcome = await self.talk.exchange(job.ask, firm=hurried)
             if hurried and job.rank == STOP and self.dialogue.pace(job.ask):
                 outcome = await self.talk.exchange(job.ask)  # a scope that needs its pause may have missed it
@@ -257,7 +261,7 @@ class Line:
         while self._urgent and self._urgent[0] < now - 0.05:
             heapq.heappop(self._urgent)
         first = self._waiting()[0]
-        if self._urgent and first[2].rank in AGED and self._urgent[0] - now < 1.5 * self.typical:
+        if self._urgent and first[2].rank in READS and self._urgent[0] - now < 1.5 * self.typical:
             self._wake.clear()
             try:
                 await asyncio.wait_for(self._wake.wait(), max(0.0, self._urgent[0] - now) + 0.05)
@@ -275,12 +279,14 @@ class Line:
         return job
 
     def _waiting(self) -> list[tuple[int, int, Job]]:
-        """Whatever waits, in the order in which its turn comes; reads that have waited long rise in rank."""
-        now, waited = self._now(), STOP + 0.5 if self._motions >= IN_A_ROW else WAITED
+        """Whatever waits, in the order in which its turn comes; what has waited long rises in rank."""
+        now, before_all = self._now(), STOP + 0.5
+        waited = before_all if self._motions >= IN_A_ROW else WAITED
+        risen = {POSITION: waited, READ: waited, SETTING: before_all if self._passed_over >= PASSED_OVER else SETTING}
 
         def turn(item: tuple[int, int, Job]) -> tuple[float, int, int]:
             rank, order, job = item
-            return min(rank, waited) if now - job.asked > AGED.get(rank, 1e9) else rank, rank, order
+            return min(rank, risen[rank]) if now - job.asked > AGED.get(rank, 1e9) else rank, rank, order
 
         return sorted(self._queue, key=turn)
 

@@ -363,11 +363,15 @@ class Unpark(Operation, frozen=True):
 
 
 class Sleep(Operation, frozen=True):
-    """Hibernate, or tracking off where the mount cannot."""
+    """Hibernate, or tracking off where the mount cannot; whatever moves is ended before."""
+
+    outlives_stop = True
 
 
 class Wake(Operation, frozen=True):
     """Wake up, or tracking on where the mount cannot hibernate."""
+
+    outlives_stop = True
 
 
 class Verbatim(Operation, frozen=True):

@@ -36,6 +36,7 @@ class Look(Struct, frozen=True):
     status: Status | None = None
     programs: int = 0
     rate: float = 0.0
+    asleep: bool = False
 
 
 class Rate:
@@ -89,6 +90,8 @@ def _does(look: Look) -> str:
         return "moved by hand"
     if look.state == "busy":
         return "busy"
+    if look.asleep:
+        return "asleep"
     if look.status is None:
         return ""
     if not look.status.aligned:

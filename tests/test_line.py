@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -95,6 +96,30 @@ def test_a_position_goes_before_other_reads_and_settings_however_long_these_have
         await line.exchange(Ask("V"), POSITION)
         await asyncio.gather(*others)
         assert wire.sent == [b"t", b"t", b"t", b"J", b"V", b"V", b"J", b"t"]
+        await line.close()
+
+    run(program())
+
+
+@pytest.mark.parametrize("ranks", [(POSITION, READ), (MOTION, POSITION), (MOTION, MOTION)])
+def test_a_setting_gets_its_turn_whatever_goes_before_it(ranks: tuple[int, ...]) -> None:
+    """Two that ask without end, on a line that is slower than they are."""
+
+    async def program() -> None:
+        line, wire = await opened(lambda data: [(1.0, hand_control(data)[0][1])])
+
+        async def ask_for_ever(rank: int) -> None:
+            while True:
+                await line.exchange(Ask("V"), rank)
+
+        others = [asyncio.create_task(ask_for_ever(rank)) for rank in ranks for _ in range(2)]
+        await asyncio.sleep(0.1)
+        async with asyncio.timeout(30.0):
+            await asyncio.gather(*(line.exchange(Ask("t"), SETTING) for _ in range(3)))
+        turns = [n for n, frame in enumerate(wire.sent) if frame == b"t"]
+        assert all(later - earlier > 2 for earlier, later in pairwise(turns))
+        for task in others:
+            task.cancel()
         await line.close()
 
     run(program())

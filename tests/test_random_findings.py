@@ -15,15 +15,16 @@ from tests.virtual import run
 
 
 def test_a_stop_that_nobody_waits_for_may_fail_in_peace() -> None:
-    """A sleeping hand control answers no stop: that is one line in the log and no traceback."""
+    """A hand control sent to sleep at its keys answers no stop: that is one line in the log and no traceback."""
 
     async def program() -> list[Any]:
         uncaught: list[Any] = []
         asyncio.get_running_loop().set_exception_handler(lambda _, context: uncaught.append(context))
         async with Bridge("6-8se", surface="lx200gps") as bridge:
             client = bridge.client()
-            client.tell(b":RS#:Mn#:hN#")
+            client.tell(b":RS#:Mn#")
             await asyncio.sleep(1)
+            bridge.sim.asleep = True
             client.tell(b":Qn#")
             await asyncio.sleep(60)
             gc.collect()

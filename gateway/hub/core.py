@@ -27,6 +27,7 @@ from gateway.hub.motions import MOTIONS, Motions
 from gateway.hub.places import PLACES
 from gateway.hub.refresh import ASK_AGAIN, Refresh
 from gateway.hub.settings import FIRST_ANSWER, SiteAndClock
+from gateway.hub.slumber import Slumber
 from gateway.hub.snapshot import FRESH, MISSING, Kind, Snapshot
 from gateway.hub.sun import Suns
 from gateway.hub.turnstile import Turnstile
@@ -77,6 +78,7 @@ class Hub:
         self.guard = Guard(self)
         self.dead_man = DeadMan(self, policy.silence, policy.silence_closed)
         self.motions = Motions(self, follow_ups)
+        self.slumber = Slumber(driver, self.now, lambda: self.motions.waking)
         self.refresh = Refresh(self)
         #: How many exchanges the operation took that was carried out last.
         self.exchanges = 0
@@ -116,6 +118,7 @@ class Hub:
 
     def _on_up(self) -> None:
         self.snapshot.clear()
+        self.slumber.doubt()
         if self._identifying is not None:
             self._identifying.cancel()
         self._identifying = self.spawn(self._identify())
@@ -331,7 +334,9 @@ class Hub:
 
         async def exchange(ask: Ask) -> Mapping[str, Any]:
             nonlocal exchanges
+            self.slumber.admit(ask, rank)
             answer, times = await self.belief.exchange(ask, rank)
+            self.slumber.answered(ask)
             exchanges += times
             return answer
 

@@ -85,6 +85,11 @@ class Motions:
         return any(isinstance(job, GOTOS) for job in self._jobs.values())
 
     @property
+    def waking(self) -> bool:
+        """Whether the mount was asked to wake, and has not acknowledged it yet."""
+        return any(isinstance(job, op.Wake) for job in self._jobs.values())
+
+    @property
     def busy(self) -> bool:
         """Whether anything moves, is about to, or is to be ended later: all that a stop would end or put right."""
         coming = any(not one.outlives_stop for one in (*self._jobs.values(), *self._later))
@@ -120,9 +125,15 @@ class Motions:
                 break
             except Fault as fault:
                 self._hub.transcript.note("mount", f"stop: {fault}")
+                if self._hub.driver.asleep:  # it stands still, and hears of nothing
+                    break
                 if attempt == STOP_TRIES - 1 or self._hub.line.state == "down":
                     raise
         self.owed = False
+        self._at_rest()
+
+    def _at_rest(self) -> None:
+        """Whatever moved has been ended."""
         self.by_hand.clear()
         self._hub.dead_man.stopped()
         self._hub.guard.ended()
@@ -204,7 +215,8 @@ class Motions:
                         self._begun(operation, life)
                 except Fault:
                     half_begun = rank is RESUMED and isinstance(operation, MOVING)
-                    if isinstance(operation, ENDS) or half_begun:  # whatever should have ended, or may move, must end
+                    not_ended = isinstance(operation, ENDS) and not self._hub.driver.asleep
+                    if not_ended or half_begun:  # whatever should have ended, or may move, must end
                         self.begin_stop()
                     raise
                 finally:
@@ -221,6 +233,8 @@ class Motions:
         operation = await self._checks.admit(operation)
         if isinstance(operation, MOVING):
             await self._hub.before_motion()
+        elif isinstance(operation, op.Sleep) and self._hub.moving:
+            await self._hub.drive(self._hub.driver.perform(op.Stop()), STOP)
         rank = STOP if isinstance(operation, ENDS) else MOTION
         return operation, await self._hub.drive(self._hub.driver.perform(operation), rank)
 
@@ -262,6 +276,8 @@ class Motions:
             snapshot.forget(op.Position, op.HorizontalPosition, op.AxisPosition, *aligns)
         elif isinstance(operation, op.SetTracking | op.Unpark | op.Sleep | op.Wake):
             snapshot.forget(op.GetStatus)
+            if isinstance(operation, op.Sleep):
+                self._at_rest()
         self._hub.changed()
 
     # --- later ------------------------------------------------------------------------------------------------------

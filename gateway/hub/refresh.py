@@ -67,7 +67,7 @@ class Refresh:
     async def _keep_fresh(self, kind: Kind) -> None:
         hub = self._hub
         while True:
-            if hub.line.state != "up":
+            if hub.line.state != "up" or hub.slumber.deep:
                 await asyncio.sleep(0.2)
                 continue
             if self._wanted(kind, hub.now()) and self._pause(kind, hub.now()) <= SOON:

@@ -232,18 +232,21 @@ def unpark(mount: NexStar, _: Unpark) -> Steps:
 
 
 def sleep(mount: NexStar, _: Sleep) -> Steps:
-    """``x`` where the firmware has it, else tracking off."""
+    """``x`` where the firmware has it, else tracking off. A sleeper would not answer ``x``, and is left alone."""
+    if mount.asleep:
+        return
     if mount.knows("x"):
         yield Ask("x")
+        mount.asleep = True
     else:
         yield from tracking.set_tracking(mount, SetTracking(on=False))
 
 
-def wake(mount: NexStar, operation: Operation) -> Steps:
+def wake(mount: NexStar, _: Wake) -> Steps:
     """``y`` where the firmware has it, else tracking on."""
-    assert isinstance(operation, Wake | Sleep)
     if mount.knows("y"):
         yield Ask("y")
+        mount.asleep = False
         yield Later(2.0, Unpark())
     else:
         yield from tracking.set_tracking(mount, SetTracking(on=True))

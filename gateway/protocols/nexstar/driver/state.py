@@ -57,6 +57,7 @@ class NexStar(Driver):
     """A Celestron hand control. ``now`` is any clock that never goes back, in seconds."""
 
     protocol = load("nexstar")
+    awake_or_not = frozenset("KVy")
 
     def __init__(self, now: Callable[[], float], settings: Settings = Settings(), model: str | None = None,
                  version: str | None = None) -> None:

@@ -1,0 +1,54 @@
+"""A mount that hibernates is left alone: what it would not answer in its sleep is refused without asking.
+
+Stops are sent all the same, and one read in a while: somebody may have woken it at its keys, and the first answer that
+no sleeper gives ends this. What a sleeper does not hear costs the line seconds, each time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from gateway.driver import Ask, Driver
+from gateway.errors import Asleep
+from gateway.line import READS, STOP
+
+#: Seconds between two reads that are tried.
+TRY_AGAIN = 30.0
+
+
+class Slumber:
+    """Asks the driver whether its mount sleeps, and tells it when the mount is heard to be awake.
+
+    ``waking`` tells whether it is being woken: what is asked for after that is asked of a mount that is awake.
+    """
+
+    def __init__(self, driver: Driver, now: Callable[[], float], waking: Callable[[], bool]) -> None:
+        self._driver, self._now, self._waking = driver, now, waking
+        self._next = 0.0
+        self._known = False
+
+    def doubt(self) -> None:
+        """The line was lost, and the mount perhaps switched off: the next read is tried."""
+        self._next = 0.0
+
+    @property
+    def deep(self) -> bool:
+        """Whether nothing would come of a read now."""
+        asleep = self._driver.asleep
+        if asleep and not self._known:
+            self._next = self._now() + TRY_AGAIN
+        self._known = asleep
+        return asleep and self._now() < self._next and not self._waking()
+
+    def admit(self, ask: Ask, rank: int) -> None:
+        """Whether to ask this now. Raises Asleep."""
+        if not self._driver.asleep or rank == STOP or ask.command in self._driver.awake_or_not or self._waking():
+            return
+        if self.deep or rank not in READS:
+            raise Asleep
+        self._next = self._now() + TRY_AGAIN
+
+    def answered(self, ask: Ask) -> None:
+        """An answer has come."""
+        if ask.command not in self._driver.awake_or_not:
+            self._driver.asleep = False

@@ -1,0 +1,151 @@
+"""A hand control that hibernates answers `y`, `K` and `V` alone: it is left alone, and heard when it wakes."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway import operations as op
+from tests.bridge import Bridge, Visitor
+from tests.virtual import run
+
+#: What ``t`` answers.
+ALTAZ = 1
+#: How long a silent question holds the line: the reply's time and the proof that the line is in step.
+SILENCE = 4.0
+
+
+async def asleep(bridge: Bridge, client: Visitor, presented: str = "nexstar") -> None:
+    """Sent to sleep by the client, and old enough for the last position not to be told any more."""
+    client.tell(b":hN#" if presented == "lx200" else b"x")
+    await asyncio.sleep(11.0)
+    assert bridge.sim.asleep
+
+
+@pytest.mark.parametrize("presented", ["lx200", "nexstar"])
+def test_a_mount_that_sleeps_is_not_asked_what_it_will_not_answer(presented: str) -> None:
+    async def program() -> None:
+        async with Bridge("cpc", presented=presented, surface=None) as bridge:
+            client = bridge.client()
+            await asleep(bridge, client, presented)
+            before = len(bridge.sent())
+            for question in (b":GR#", b":GA#", b":D#", b":GW#") if presented == "lx200" else (b"e", b"z", b"L", b"t"):
+                assert await client.ask(question, 30.0) == b""
+            asked = [frame for frame in bridge.sent()[before:] if frame[:1] != b"K"]
+            assert len(asked) <= 5, asked
+
+    run(program())
+
+
+def test_a_goto_is_refused_with_words_and_at_once() -> None:
+    async def program() -> None:
+        async with Bridge("cpc") as bridge:
+            client = bridge.client()
+            assert await client.ask(b":Sr08:00:00#") + await client.ask(b":Sd+40*00:00#") == b"11"
+            await asleep(bridge, client, "lx200")
+            await asyncio.sleep(25.0)
+            assert b"asleep" in await client.ask(b":MS#", 60.0)
+            assert await client.ask(b":MS#", 1.0) == b"1The mount is asleep.#"
+
+    run(program())
+
+
+@pytest.mark.parametrize("presented", ["lx200", "nexstar"])
+def test_who_wakes_it_may_ask_at_once(presented: str) -> None:
+    async def program() -> None:
+        async with Bridge("cpc", presented=presented, surface=None) as bridge:
+            client = bridge.client()
+            await asleep(bridge, client, presented)
+            client.tell(b":hW#" if presented == "lx200" else b"y")
+            assert len(await client.ask(b":GR#" if presented == "lx200" else b"e", 1.0)) > 1
+
+    run(program())
+
+
+@pytest.mark.parametrize("presented", ["lx200", "nexstar"])
+def test_it_wakes_whatever_was_asked_of_it_in_its_sleep(presented: str) -> None:
+    """A stop that a sleeper does not hear is owed by nobody, and takes no later command with it."""
+
+    async def program() -> None:
+        async with Bridge("cpc", presented=presented, surface=None) as bridge:
+            client = bridge.client()
+            await asleep(bridge, client, presented)
+            if presented == "lx200":
+                for command in (b":Mn#", b":Q#", b":Qn#", b":hW#"):
+                    client.tell(command)
+            else:
+                for command in (b"r3456000034560000", b"P\x02\x10\x24\x05\0\0\0", b"M", b"P\x02\x10\x24\0\0\0\0", b"y"):
+                    client.tell(command)
+            await asyncio.sleep(6 * SILENCE)
+            assert not bridge.sim.asleep and not bridge.hub.motions.owed
+            assert await client.ask(b":GR#" if presented == "lx200" else b"e", 2.0)
+            assert bridge.sim.mode == ALTAZ and (await bridge.hub.read(op.GetStatus())).tracking is op.Tracking.ALTAZ
+
+    run(program())
+
+
+def test_it_is_heard_when_somebody_wakes_it_by_hand() -> None:
+    async def program() -> None:
+        async with Bridge("cpc", presented="nexstar", surface=None) as bridge:
+            client = bridge.client()
+            await asleep(bridge, client)
+            bridge.sim.asleep = False
+            for _ in range(40):
+                if await client.ask(b"e", 1.0):
+                    return
+            pytest.fail("not heard")
+
+    run(program())
+
+
+def test_sleep_ends_what_moves() -> None:
+    async def program() -> None:
+        async with Bridge("cpc", presented="lx200") as bridge:
+            client = bridge.client()
+            client.tell(b":RC#:Me#")
+            await asyncio.sleep(3.0)
+            assert bridge.hub.moving
+            await asleep(bridge, client, "lx200")
+            assert not bridge.hub.moving and not bridge.driver.moving
+            sent = bridge.sent()
+            assert b"P\x02\x10\x24\0\0\0\0" in sent[:sent.index(b"x")]
+
+    run(program())
+
+
+def test_a_gateway_that_starts_while_the_mount_sleeps_can_wake_it() -> None:
+    async def program() -> None:
+        bridge = Bridge("cpc", presented="lx200")
+        bridge.sim.asleep = True
+        bridge.hub.start()
+        try:
+            client = bridge.client()
+            await asyncio.sleep(5.0)
+            assert await client.ask(b":GR#", 5.0) == b""
+            client.tell(b":hW#")
+            await asyncio.sleep(4 * SILENCE)
+            assert not bridge.sim.asleep
+            assert await client.ask(b":GR#", 2.0)
+        finally:
+            await bridge.hub.close()
+
+    run(program())
+
+
+def test_settings_get_their_turn_however_long_reads_take() -> None:
+    """Sent to sleep at its keys, where nobody tells the gateway: every question costs seconds."""
+
+    async def program() -> None:
+        async with Bridge("cpc", presented="nexstar", surface=None) as bridge:
+            client = bridge.client()
+            await bridge.hub.perform(op.Goto(100.0, 40.0))
+            bridge.sim.asleep = True
+            for _ in range(60):
+                client.tell(b"L")
+                await asyncio.sleep(1.0)
+            setting = asyncio.create_task(bridge.hub.perform(op.Backlash(1, 10)))
+            await asyncio.sleep(60.0)
+            assert setting.done() and setting.exception() is not None
+
+    run(program())
