@@ -106,14 +106,14 @@ directions = st.tuples(st.floats(0.0, 360.0), st.one_of(st.floats(-90.0, 90.0), 
 latitudes = st.one_of(st.floats(-90.0, 90.0), st.sampled_from([-90.0, 0.0, 90.0]))
 
 
-@settings(deadline=None, derandomize=True)
+@settings(derandomize=True)
 @given(directions, moments, st.sampled_from([EXACT, Sky()]))
 def test_j2000_to_date_and_back(place: tuple[float, float], moment: float, sky: Sky) -> None:
     back = sky.to_j2000(*sky.to_of_date(*place, moment), moment)
     assert separation(*back, *place) < 1e-6 * ARCSECOND
 
 
-@settings(deadline=None, derandomize=True)
+@settings(derandomize=True)
 @given(directions, latitudes, st.floats(-180.0, 180.0), moments, st.sampled_from([EXACT, Sky()]))
 def test_horizon_to_equator_and_back(
     place: tuple[float, float], lat: float, lon: float, moment: float, sky: Sky

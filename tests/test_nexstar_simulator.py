@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.errors import UserError
@@ -547,7 +547,6 @@ _BYTES = st.one_of(
 )
 
 
-@settings(deadline=None)
 @given(
     st.sampled_from(["6-8se", "cge", "cgx", "nexstar-gps"]),
     st.sampled_from([-90.0, -34.0, 0.0, 45.0, 90.0]),

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 import serial
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.assembly import Gateway
@@ -172,7 +172,7 @@ def test_a_subnegotiation_without_end_is_not_kept() -> None:
     assert telnet.echo.heard.endswith(b":GR#")
 
 
-@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=50)
 @given(st.lists(st.binary(max_size=12), max_size=12))
 def test_bytes_arrive_however_they_are_cut(pieces: list[bytes]) -> None:
     """Escaped as a client must, cut anywhere; and with anything at all nothing is raised."""
