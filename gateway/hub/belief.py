@@ -37,6 +37,8 @@ TRIES, GARBLED_TRIES = 9, 3
 DOUBTFUL = 12.0
 #: Answers to older questions that are reckoned with at a time: of one more that agree, one is no stranger.
 MOST_STRANGERS = 4
+#: How many questions' last answers are remembered: programs may ask for devices without end.
+KNOWN = 100
 DAY = 86400.0
 #: The angles on a sphere: each longitude with its latitude.
 _LATITUDE = {"ra": "dec", "az": "alt", "longitude": "latitude"}
@@ -84,11 +86,18 @@ class Belief:
         else:
             if len(row) < 2 and not (kind == "place" and longest == 1):  # a place may change that fast, and no other
                 raise Garbled
-        self._known[key] = heard
+        self._remember(key, heard)
         self._latitudes |= {name: heard.values[name] for name in _LATITUDE.values() if name in heard.values}
         if heard.fault is not None:
-            raise heard.fault
+            raise type(heard.fault)(str(heard.fault))  # what is raised holds on to whoever asked
         return heard.values, times
+
+    def _remember(self, key: tuple[Any, ...], heard: Heard) -> None:
+        """The last answer; of too many the one that was heard longest ago is forgotten."""
+        self._known.pop(key, None)
+        self._known[key] = heard
+        if len(self._known) > KNOWN:
+            del self._known[next(iter(self._known))]
 
     async def _order(self, ask: Ask, rank: int) -> Mapping[str, Any]:
         """A command that changes something: not before its acknowledgement can be told from an older one's.
@@ -124,7 +133,7 @@ class Belief:
             except (NoAnswer, Busy):  # neither says anything about the mount
                 raise
             except Fault as said:
-                fault, took = said, said.took
+                fault, took = said.with_traceback(None), said.took
             came = self._now()
             return Heard(values, fault, came - took, came)
         raise NoAnswer
