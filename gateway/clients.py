@@ -116,8 +116,8 @@ class Client:
             self._pump()
 
     def _pump(self) -> None:
-        """Answer what waits, until something must be waited for."""
-        while self._inbox:
+        """Answer what waits, until something must be waited for, or the gateway ends."""
+        while self._inbox and not self.hub.closed:
             frame, stops, stopping = self._inbox.popleft()
             self.transcript.put(self.name, ">", frame)
             self._spent, self._plain = [], True

@@ -38,6 +38,8 @@ PASSED_OVER = 4
 #: Turns of the event loop in which whoever had an answer may ask on: the second half of a position, a motion that
 #: waited for one, and a halt that is coming go before reads of a lower rank.
 TURNS = 8
+#: Timers come up to so much too early: who waits for the rest of it waits at least so long.
+TICK = 0.001
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 
 
@@ -88,11 +90,13 @@ class Line:
         return self.talk.answers
 
     async def close(self) -> None:
-        """End the worker and close the wire."""
+        """End the worker and close the wire; whatever waits, and whatever comes, gets no answer."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
         await self.wire.close()
+        self.state = "down"
+        self._fail_all()
 
     def expect_urgent(self, when: float) -> None:
         """Something urgent will be due at this loop time: reads that would delay it are held back."""
@@ -121,7 +125,7 @@ class Line:
     async def clear_of_doubt(self, ask: Ask) -> None:
         """Wait until there is none."""
         while (left := self.talk.doubt.until(ask, self._now()) - self._now()) > 0:
-            await asyncio.sleep(left)
+            await asyncio.sleep(max(left, TICK))
 
     # --- the worker -----------------------------------------------------------------------------------------------
 
@@ -184,9 +188,7 @@ class Line:
             hurried, self._hurried = self._hurried, False
             self._motions = self._motions + 1 if job.rank == MOTION else 0
             self._passed_over = 0 if job.rank == SETTING else self._passed_over + 1
-            outcome = await self.talk.exchange(job.ask, firm=hurried)
-            if hurried and job.rank == STOP and self.dialogue.pace(job.ask):
-                outcome = await self.talk.exchange(job.ask)  # a scope that needs its pause may have missed it
+            outcome = await self._carry_out(job, hurried)
             if self.state == "busy":
                 self.state = "up"
             if not job.future.done():
@@ -199,6 +201,18 @@ class Line:
             if isinstance(outcome, NoAnswer | Silence):
                 await self._recover()
         self._down(f"{self.wire.name} was lost")
+
+    async def _carry_out(self, job: Job, hurried: bool) -> dict[str, Any] | Fault:
+        """The exchange; when it does not come to an end, nobody waits for that."""
+        try:
+            outcome = await self.talk.exchange(job.ask, firm=hurried)
+            if hurried and job.rank == STOP and self.dialogue.pace(job.ask):
+                outcome = await self.talk.exchange(job.ask)  # a scope that needs its pause may have missed it
+            return outcome
+        except BaseException:
+            if not job.future.done():
+                job.future.set_exception(NoAnswer())
+            raise
 
     async def _what_follows(self) -> None:
         """Give whoever had an answer its turns, unless nothing or a stop waits."""
@@ -319,6 +333,9 @@ class Line:
         if (self.state, self.reason) != ("down", reason):
             self.transcript.note("mount", reason)
         self.state, self.reason = "down", reason
+        self._fail_all()
+
+    def _fail_all(self) -> None:
         for _, _, job in sorted(self._queue):
             if not job.future.done():
                 job.future.set_exception(NoAnswer())

@@ -88,6 +88,8 @@ class Hub:
         self.before_motion: Callable[[], Awaitable[None]] = _at_once
         self._identifying: asyncio.Task[Any] | None = None
         self._sharing: dict[Kind, asyncio.Task[Any]] = {}
+        #: Nothing is begun any more.
+        self.closed = False
         self.turnstile = Turnstile(self.loop, lambda: self.motions.ending)
         self._tasks: set[asyncio.Task[Any]] = set()
         line.on_up = self._on_up
@@ -103,6 +105,7 @@ class Hub:
     async def close(self) -> None:
         """End motion, put tracking back, forget what was planned, close the line."""
         await end_motion(self)
+        self.closed = True
         self.motions.close()
         for task in [*self._tasks, *self._sharing.values()]:
             task.cancel()

@@ -200,7 +200,7 @@ class Motions:
             async with self._turn.taken(rank):
                 self._at_turn = task
                 await self._stopped()
-                if stops != self.stops and not (isinstance(operation, op.Halt) or operation.outlives_stop):
+                if self._too_late(operation, stops):
                     raise Stopped
                 work = self._hub.loop.create_task(self._carry_out(operation))
                 self._interruptible = work if isinstance(operation, BEGUN_ANEW) else None
@@ -223,6 +223,11 @@ class Motions:
                     self._interruptible = None
         self._begun(carried_out, life)
         return value
+
+    def _too_late(self, operation: op.Operation, stops: int) -> bool:
+        """Whether a stop has come since it was asked for, or the end of all."""
+        lasts = isinstance(operation, op.Halt) or operation.outlives_stop
+        return self._hub.closed or (stops != self.stops and not lasts)
 
     def _begun(self, operation: op.Operation, life: Life | None) -> None:
         self._after(operation)
