@@ -80,7 +80,7 @@ class Driver:
     version: Version | None = None
     #: Whether tracking was put off for a motion and has not been put back yet.
     unrestored = False
-    #: Whether the mount was sent to sleep, and what it answers in its sleep.
+    #: Whether the mount was sent to sleep, and what is said to it all the same.
     asleep = False
     awake_or_not: frozenset[str] = frozenset()
 

@@ -32,6 +32,7 @@ class Still:
         self.transcript = Transcript(self.clock)
         self.dead_man = DeadMan(cast(Any, self), 30.0, 5.0)
         self.version = self.stops = 0
+        self.closed = False
         self.turnstile = Turnstile(self.loop, lambda: False)
         #: What the host's clock is ahead of the loop's, and the mount's ahead of the host's.
         self._epoch = mount.clock.unix - self.now()

@@ -106,6 +106,7 @@ class Hub:
         """End motion, put tracking back, forget what was planned, close the line."""
         await end_motion(self)
         self.closed = True
+        self.identified.set()  # whoever waits for that is to hear that nothing comes
         self.motions.close()
         for task in [*self._tasks, *self._sharing.values()]:
             task.cancel()
@@ -247,6 +248,8 @@ class Hub:
         value = self.peek(operation)
         if value is not MISSING:
             return value
+        if self.driver.asleep:
+            await self.motions.woken()
         first = not self.identified.is_set()
         try:
             async with asyncio.timeout(FIRST_ANSWER if first else None):

@@ -87,7 +87,11 @@ class Motions:
     @property
     def waking(self) -> bool:
         """Whether the mount was asked to wake, and has not acknowledged it yet."""
-        return any(isinstance(job, op.Wake) for job in self._jobs.values())
+        return bool(self._wakes)
+
+    @property
+    def _wakes(self) -> list[asyncio.Task[Any]]:
+        return [task for task, job in self._jobs.items() if isinstance(job, op.Wake)]
 
     @property
     def busy(self) -> bool:
@@ -155,6 +159,11 @@ class Motions:
         task.add_done_callback(self._ended)
         return task
 
+    async def woken(self) -> None:
+        """Wait for what is to wake the mount, if anything is."""
+        if self._wakes:
+            await asyncio.wait(self._wakes)
+
     async def _stopped(self) -> None:
         """Wait for the stop that is under way, if there is one."""
         while self._stopping is not None and not self._stopping.done():
@@ -195,7 +204,8 @@ class Motions:
     async def _run(self, operation: op.Operation, stops: int, life: Life | None) -> Any:
         task = asyncio.current_task()
         assert task is not None
-        rank = FIRST if self._halts.get(operation) is task else IN_ORDER
+        wakes = isinstance(operation, op.Wake) and self._hub.driver.asleep  # what is before it would not be heard
+        rank = FIRST if wakes or self._halts.get(operation) is task else IN_ORDER
         while True:
             async with self._turn.taken(rank):
                 self._at_turn = task
@@ -238,8 +248,8 @@ class Motions:
         operation = await self._checks.admit(operation)
         if isinstance(operation, MOVING):
             await self._hub.before_motion()
-        elif isinstance(operation, op.Sleep) and self._hub.moving:
-            await self._hub.drive(self._hub.driver.perform(op.Stop()), STOP)
+        elif isinstance(operation, op.Sleep) and (self._hub.moving or self._hub.driver.unrestored):
+            await self.stop()
         rank = STOP if isinstance(operation, ENDS) else MOTION
         return operation, await self._hub.drive(self._hub.driver.perform(operation), rank)
 

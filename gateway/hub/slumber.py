@@ -1,7 +1,7 @@
 """A mount that hibernates is left alone: what it would not answer in its sleep is refused without asking.
 
-Stops are sent all the same, and one read in a while: somebody may have woken it at its keys, and the first answer that
-no sleeper gives ends this. What a sleeper does not hear costs the line seconds, each time.
+Stops are sent all the same, and the position is asked for now and then: somebody may have woken it at its keys, and the
+first answer that no sleeper gives ends this. What a sleeper does not hear costs the line seconds, each time.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from collections.abc import Callable
 
 from gateway.driver import Ask, Driver
 from gateway.errors import Asleep
-from gateway.line import READS, STOP
+from gateway.line import POSITION, STOP
 
-#: Seconds between two reads that are tried.
-TRY_AGAIN = 30.0
+#: Seconds from one position that is tried to the next: no longer than where nobody asks a mount that is awake.
+TRY_AGAIN = 5.0
 
 
 class Slumber:
@@ -44,7 +44,7 @@ class Slumber:
         """Whether to ask this now. Raises Asleep."""
         if not self._driver.asleep or rank == STOP or ask.command in self._driver.awake_or_not or self._waking():
             return
-        if self.deep or rank not in READS:
+        if self.deep or rank != POSITION:
             raise Asleep
         self._next = self._now() + TRY_AGAIN
 

@@ -46,8 +46,14 @@ class Framer:
     def _settle_colon(self) -> None:
         """A colon that was held back was part of the argument after all."""
         if self._colon:
-            self._frame.append(_COLON)
             self._colon = False
+            self._take(_COLON)
+
+    def _take(self, byte: int) -> None:
+        """One more byte of a command, or the end of one that is too long."""
+        self._frame.append(byte)
+        if len(self._frame) > LONGEST:
+            self._begin()
 
     def _add(self, byte: int) -> None:
         if byte == _COLON:
@@ -69,6 +75,4 @@ class Framer:
         if self._frame == b"$" and byte != ord("Q"):
             self._begin(b"$" if byte == _DOLLAR else b"")
             return
-        self._frame.append(byte)
-        if len(self._frame) > LONGEST:
-            self._begin()
+        self._take(byte)

@@ -6,7 +6,7 @@ A goto counts as under way from the moment the hand control acknowledged it; ``L
 from __future__ import annotations
 
 from gateway.driver import Ask, Later, Pause, Steps
-from gateway.errors import NotAligned, Unsupported
+from gateway.errors import NoAnswer, NotAligned, Unsupported
 from gateway.operations import (
     CancelGoto,
     Goto,
@@ -232,12 +232,16 @@ def unpark(mount: NexStar, _: Unpark) -> Steps:
 
 
 def sleep(mount: NexStar, _: Sleep) -> Steps:
-    """``x`` where the firmware has it, else tracking off. A sleeper would not answer ``x``, and is left alone."""
-    if mount.asleep:
-        return
+    """``x`` where the firmware has it, else tracking off."""
     if mount.knows("x"):
-        yield Ask("x")
+        try:
+            yield Ask("x")
+        except NoAnswer:
+            if not mount.asleep:  # else it sleeps already, and does not answer that either
+                raise
         mount.asleep = True
+        mount.at_rest()
+        mount.remembered = None  # it wakes tracking
     else:
         yield from tracking.set_tracking(mount, SetTracking(on=False))
 

@@ -9,7 +9,7 @@ from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.protocols.nexstar.driver.tracking import read_status
 from gateway.tables import show_version
 
-STARSENSE = 19
+STARSENSE, STARSENSE_BEFORE = 19, (2, 0)
 #: What a GT hand control's number stands for, by the manual: before 104.0 treat it as 1.2, from then on as 4.03.
 GT_OLD, GT_NEW = (1, 2), (4, 3)
 AZM, ALT, FOCUSER = 16, 17, 18
@@ -47,12 +47,15 @@ def who(mount: NexStar) -> Identity:
 
 
 def _variant(mount: NexStar) -> Steps:
-    """A StarSense counts its versions from 1.18 on, yet has everything a modern hand control has."""
+    """A StarSense counts its versions from 1.18 on, yet has everything a modern hand control has.
+
+    Nothing else has counted there, so one that does not say what it is hibernates.
+    """
     try:
-        answer = yield Ask("v")
+        starsense = (yield Ask("v"))["variant"] == STARSENSE
     except Fault:
-        return
-    if answer["variant"] == STARSENSE:
+        starsense = mount.version is not None and mount.version < STARSENSE_BEFORE
+    if starsense:
         mount.starsense = True
         mount.version = (4, 21)
 

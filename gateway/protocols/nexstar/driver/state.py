@@ -57,7 +57,7 @@ class NexStar(Driver):
     """A Celestron hand control. ``now`` is any clock that never goes back, in seconds."""
 
     protocol = load("nexstar")
-    awake_or_not = frozenset("KVy")
+    awake_or_not = frozenset("KVxy")
 
     def __init__(self, now: Callable[[], float], settings: Settings = Settings(), model: str | None = None,
                  version: str | None = None) -> None:
@@ -143,6 +143,13 @@ class NexStar(Driver):
     @property
     def unrestored(self) -> bool:  # type: ignore[override]
         return self.remembered is not None
+
+    def at_rest(self) -> None:
+        """Nothing moves any more, and nothing is to be ended."""
+        self.goto = None
+        self.moving.clear()
+        self.steps.clear()
+        self.pulsing.clear()
 
     def memory(self, moving: bool) -> dict[str, Any]:
         """Home and park; in motion also how to talk to this hand control, and the tracking to come back to."""
