@@ -89,6 +89,18 @@ def test_it_wakes_whatever_was_asked_of_it_in_its_sleep(presented: str) -> None:
     run(program())
 
 
+def test_an_arrow_that_waits_for_the_position_does_not_wait_for_the_waking_behind_it() -> None:
+    async def program() -> None:
+        async with Bridge("cpc", presented="nexstar", surface=None) as bridge:
+            client = bridge.client()
+            await asleep(bridge, client)
+            client.tell(b"P\x02\x11\x24\x05\0\0\0y")
+            await asyncio.sleep(4 * SILENCE)
+            assert not bridge.sim.asleep
+
+    run(program())
+
+
 def test_it_is_heard_when_somebody_wakes_it_by_hand() -> None:
     async def program() -> None:
         async with Bridge("cpc", presented="nexstar", surface=None) as bridge:

@@ -218,6 +218,8 @@ class Hub:
     async def perform(self, operation: op.Operation, stops: int | None = None, life: Life | None = None) -> Any:
         """Carry out an operation for ``life``. ``stops`` is the count of stops when it was asked for. Raises Fault."""
         if type(operation) in FRESH:
+            if self.driver.asleep:
+                await self.motions.woken()
             return await self.read(operation)
         if isinstance(operation, op.Stop):
             return await self.stop()
@@ -248,8 +250,6 @@ class Hub:
         value = self.peek(operation)
         if value is not MISSING:
             return value
-        if self.driver.asleep:
-            await self.motions.woken()
         first = not self.identified.is_set()
         try:
             async with asyncio.timeout(FIRST_ANSWER if first else None):

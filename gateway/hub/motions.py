@@ -160,7 +160,7 @@ class Motions:
         return task
 
     async def woken(self) -> None:
-        """Wait for what is to wake the mount, if anything is."""
+        """Wait for what is to wake the mount, if anything is. Not for motions: it may wait behind them."""
         if self._wakes:
             await asyncio.wait(self._wakes)
 

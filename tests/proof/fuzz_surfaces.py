@@ -5,7 +5,7 @@
 Most of it is noise, a tenth each real conversations with errors in them and commands with arguments at their limits;
 half of the bytes go into LX200 surfaces, half into NexStar ones, cut at random. Looked for: exceptions and internal
 errors, replies that no command has or that nobody asked for, requests that are not one whole command of the mount's
-protocol, anything that grows, bytes that take long. Exit code 1 after a finding.
+protocol, anything that grows or never ends, bytes that take long. Exit code 1 after a finding.
 """
 
 from __future__ import annotations
@@ -38,6 +38,8 @@ SHARES = {"noise": 0.8, "mutated": 0.1, "limits": 0.1}
 CONNECTION = {"noise": 40_000, "mutated": 4_000, "limits": 4_000}
 #: What one client, and what all of them together, may keep: characters of its written form.
 KEPT = 8_000
+#: Seconds until the last of what was asked must have come to an end, done or refused.
+PATIENCE = 1200.0
 #: Seconds of processor time that one packet may take, with what the gateway does meanwhile.
 LONGEST = 1.0
 
@@ -138,11 +140,13 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
     bridge.hub.derived.sky = SKY
     bridge.transcript.sinks[:] = [judge.hear]
     done, longest, number = 0, 0.0, 0
+    clients: list[Client] = []
     async with bridge:
         while done < size:
             number += 1
             visitor = bridge.client(f"host {number % 8}:{number}")
             client: Client = getattr(visitor._guest, "_client")  # noqa: B009
+            clients.append(client)
             for packet in packets(rng, thrown(rng, kind, case.presented, min(CONNECTION[kind], size - done))):
                 began = time.process_time()  # not what other programs take meanwhile
                 visitor.tell(packet)
@@ -155,6 +159,12 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
                 judge.say(f"{case.presented}: replies that the transcript does not know", case.model)
             visitor.close()
         await asyncio.sleep(5.0)
+        began = bridge.hub.now()
+        while any(client.busy for client in clients):
+            if bridge.hub.now() - began > PATIENCE:
+                judge.say(f"{case.presented}: what was asked comes to no end", f"{case}, {kind}")
+                break
+            await asyncio.sleep(10.0)
     return done, longest
 
 
