@@ -129,9 +129,10 @@ class Motions:
                 break
             except Fault as fault:
                 self._hub.transcript.note("mount", f"stop: {fault}")
-                if self._hub.driver.asleep:  # it stands still, and hears of nothing
+                down = self._hub.line.state == "down"
+                if self._hub.driver.asleep and not down:  # it stands still, and hears of nothing
                     break
-                if attempt == STOP_TRIES - 1 or self._hub.line.state == "down":
+                if attempt == STOP_TRIES - 1 or down:
                     raise
         self.owed = False
         self._at_rest()
