@@ -167,7 +167,7 @@ def parse_offset(raw: bytes) -> float:
         whole, tenths = divmod(round(abs(value) * 10), 10)
         if tenths in (7, 8) and len(text.partition(b".")[2]) < 2:
             value = (whole + 0.75) * (-1 if text.startswith(b"-") else 1)
-    if not -15 < value < 15:
+    if not -14 <= value <= 14:
         raise ValueError(f"{raw!r} is no UTC offset")
     return value
 

@@ -238,3 +238,13 @@ def test_sidereal_time_is_the_mounts_plus_what_this_client_has_set() -> None:
     assert one.send(b":SS12:34:56#:GS#") == b"112:34:56#"
     assert other.send(b":GS#") != b"12:34:56#"
     assert one.send(b":SS24:00:00#:GS#") == b"012:34:56#"
+
+
+def test_every_offset_that_is_taken_can_be_told() -> None:
+    """In tenths of an hour, those of no zone on Earth, too."""
+    talk = Talk(Mount())
+    for tenths in range(-160, 161):
+        sign, size = "-" if tenths < 0 else "+", abs(tenths)
+        if talk.send(b":SG%s%02d.%d#" % (sign.encode(), *divmod(size, 10))) == b"1":
+            told = talk.send(b":GG#")
+            assert talk.send(b":SG" + told) == b"1", (tenths, told)
