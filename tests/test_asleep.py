@@ -8,6 +8,7 @@ import pytest
 
 from gateway import operations as op
 from tests.bridge import Bridge, Visitor
+from tests.test_lost_answers import swallow
 from tests.virtual import run
 
 #: What ``t`` answers.
@@ -170,17 +171,10 @@ def test_settings_get_their_turn_however_long_reads_take() -> None:
 def test_a_sleep_whose_stop_is_not_heard_leaves_nothing_moving() -> None:
     async def program() -> None:
         async with Bridge("cpc") as bridge:
-            client, real, lost = bridge.client(), bridge.sim._answer, []
-
-            def answer(frame: bytes) -> bytes:
-                if frame == b"P\x02\x11\x24\0\0\0\0" and not lost:
-                    lost.append(frame)
-                    return b""
-                return real(frame)
-
+            client = bridge.client()
             client.tell(b":RM#:Mn#")
             await asyncio.sleep(3.0)
-            bridge.sim._answer = answer
+            lost = swallow(bridge, lambda data: data == b"P\x02\x11\x24\0\0\0\0")
             client.tell(b":hN#")
             await asyncio.sleep(15.0)
             assert lost and bridge.sim.asleep and not bridge.hub.moving
@@ -265,16 +259,8 @@ def test_it_tracks_when_it_wakes_whatever_had_moved_it_before() -> None:
 
     async def program() -> None:
         async with Bridge("cpc") as bridge:
-            client, real, lost = bridge.client(), bridge.sim._answer, []
-
-            def answer(frame: bytes) -> bytes:
-                reply = real(frame)
-                if frame[:1] == b"P" and frame[3] == 0x24 and frame[4] and not lost:
-                    lost.append(frame)
-                    return b""
-                return reply
-
-            bridge.sim._answer = answer
+            client = bridge.client()
+            lost = swallow(bridge, lambda data: data[:1] == b"P" and data[3] == 0x24 and data[4] > 0, carried_out=True)
             client.tell(b":RM#:Mn#")
             await asyncio.sleep(5.0)
             client.tell(b":hN#")

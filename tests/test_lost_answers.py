@@ -13,18 +13,22 @@ from tests.virtual import run
 RATE_0 = b"P\x02\x10\x24\x00\x00\x00\x00"
 
 
-def swallow(bridge: Bridge, wanted: Callable[[bytes], bool], times: int = 1) -> None:
-    """The next requests that are wanted never reach the mount."""
+def swallow(bridge: Bridge, wanted: Callable[[bytes], bool], times: int = 1, *,
+            carried_out: bool = False) -> list[bytes]:
+    """The next requests that are wanted never reach the mount, or only their answers are lost -> those so far."""
     wire = bridge.hub.line.wire
-    good, left = wire._feed, [times]  # type: ignore[attr-defined]
+    good, lost = wire._feed, []  # type: ignore[attr-defined]
 
     def feed(data: bytes) -> bytes:
-        if left[0] and wanted(data):
-            left[0] -= 1
+        if len(lost) < times and wanted(data):
+            lost.append(data)
+            if carried_out:
+                good(data)
             return b""
         return bytes(good(data))
 
     wire._feed = feed  # type: ignore[attr-defined]
+    return lost
 
 
 def test_a_stop_is_owed_until_it_was_acknowledged() -> None:

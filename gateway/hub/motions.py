@@ -294,6 +294,7 @@ class Motions:
             snapshot.forget(op.GetStatus)
             if isinstance(operation, op.Sleep):
                 self._at_rest()
+                self._hub.slumber.begun()
         self._hub.changed()
 
     # --- later ------------------------------------------------------------------------------------------------------

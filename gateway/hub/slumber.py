@@ -25,7 +25,10 @@ class Slumber:
     def __init__(self, driver: Driver, now: Callable[[], float], waking: Callable[[], bool]) -> None:
         self._driver, self._now, self._waking = driver, now, waking
         self._next = 0.0
-        self._known = False
+
+    def begun(self) -> None:
+        """The mount has just been sent to sleep."""
+        self._next = self._now() + TRY_AGAIN
 
     def doubt(self) -> None:
         """The line was lost, and the mount perhaps switched off: the next read is tried."""
@@ -34,11 +37,7 @@ class Slumber:
     @property
     def deep(self) -> bool:
         """Whether nothing would come of a read now."""
-        asleep = self._driver.asleep
-        if asleep and not self._known:
-            self._next = self._now() + TRY_AGAIN
-        self._known = asleep
-        return asleep and self._now() < self._next and not self._waking()
+        return self._driver.asleep and self._now() < self._next and not self._waking()
 
     def admit(self, ask: Ask, rank: int) -> None:
         """Whether to ask this now. Raises Asleep."""

@@ -25,7 +25,7 @@ from gateway.operations import (
     Wake,
 )
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.position import to_mount
+from gateway.protocols.nexstar.driver.position import axis_readings, to_mount
 from gateway.protocols.nexstar.driver.state import GotoState, NexStar
 
 START_GRACE = 3.0
@@ -188,7 +188,7 @@ def park(mount: NexStar, operation: Park) -> Steps:
 
 def set_home(mount: NexStar, _: SetHome) -> Steps:
     """Remember where the axes stand now."""
-    answer = yield Ask("z" if mount.knows("z") else "Z")
+    answer = yield axis_readings(mount)
     mount.home, mount.home_state = Horizontal(answer["az"], answer["alt"]), 1
 
 

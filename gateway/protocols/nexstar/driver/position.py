@@ -19,7 +19,7 @@ def position(mount: NexStar, _: Position) -> Steps:
     return mount.last
 
 
-def _axes(mount: NexStar) -> Ask:
+def axis_readings(mount: NexStar) -> Ask:
     """The readings of the axes, as precisely as this version tells them."""
     return Ask("z" if mount.knows("z") else "Z")
 
@@ -29,7 +29,7 @@ def horizontal_position(mount: NexStar, _: HorizontalPosition) -> Steps:
     mode = own_mode(mount)
     if mount.german or (mode is not None and mode.equatorial) or mount.displaced:
         return None
-    answer = yield _axes(mount)
+    answer = yield axis_readings(mount)
     return Horizontal(az=wrap360(answer["az"]), alt=max(-90.0, min(90.0, answer["alt"])))
 
 
@@ -44,7 +44,7 @@ def pier_side(mount: NexStar, _: PierSide) -> Steps:
     if mount.knows("p"):
         answer = yield Ask("p")
         return answer["side"]
-    answer = yield _axes(mount)
+    answer = yield axis_readings(mount)
     return "W" if wrap180(answer["alt"] - POLE_AXES[1]) > 0.0 else "E"
 
 

@@ -51,11 +51,9 @@ def read_status(mount: NexStar) -> Steps:
 
 def _forget(mount: NexStar) -> None:
     """A hand control that lost its alignment was switched off: what it was doing is over, how it tracked unknown."""
-    mount.goto = mount.remembered = mount.own_mode = None
+    mount.at_rest()
+    mount.remembered = mount.own_mode = None
     mount.recalled = False
-    mount.moving.clear()
-    mount.steps.clear()
-    mount.pulsing.clear()
     mount.restores = 0
 
 
