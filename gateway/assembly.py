@@ -23,6 +23,7 @@ from gateway.equinox import J2000
 from gateway.errors import Fault, UserError
 from gateway.guests import Face, Manner, Reception
 from gateway.hub import Hub, Policy
+from gateway.hub.ending import stop_commands
 from gateway.keeping import Keeping, Past, recall, selected_site
 from gateway.line import Line
 from gateway.observatory import Observatory
@@ -34,7 +35,8 @@ from gateway.state import FORMAT, Kept, Marked, to_shared
 from gateway.tables import load
 from gateway.talk import Dialogue
 from gateway.transcript import Transcript
-from gateway.wires import SerialWire, Wire
+from gateway.watchdog import Watchdog, WatchedMount
+from gateway.wires import SerialWire, Wire, on_the_wire
 
 #: A driver, what it does later by itself, and how its line talks.
 Driven = tuple[Driver, dict[type[Any], Callable[[Any, Any], Any]], Dialogue]
@@ -118,6 +120,21 @@ def manners(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[Man
         yield Manner(first, programs(protocol)[program].name, needs, equinox)
 
 
+def tell_of_motions(hub: Hub, watched: WatchedMount) -> None:
+    """Let the watchdog know before the mount is set moving, and when its stop becomes another one."""
+    before, changed = hub.before_motion, hub.changed
+
+    async def before_motion() -> None:
+        watched.begin()
+        await before()
+
+    def also_changed() -> None:
+        watched.renew()
+        changed()
+
+    hub.before_motion, hub.changed = before_motion, also_changed
+
+
 class Gateway:
     """One mount and its surfaces, open for clients until it is closed. Several share nothing but the sky.
 
@@ -126,8 +143,10 @@ class Gateway:
 
     def __init__(self, config: MountConfig, surfaces: Sequence[SurfaceConfig], transcript: Transcript | None = None,
                  sky: Sky | None = None, clock: Callable[[], float] = time.time,
-                 warn: Callable[[str], None] | None = None) -> None:
+                 warn: Callable[[str], None] | None = None, watchdog: Watchdog | None = None) -> None:
         self.config, self.surfaces, self.clock = config, [settled(surface) for surface in surfaces], clock
+        self.watchdog = watchdog
+        self.watched: WatchedMount | None = None
         self.transcript = transcript or Transcript(clock)
         self.warn = warn or (lambda text: self.transcript.note("state", text))
         self.sky = sky or Sky()
@@ -158,6 +177,7 @@ class Gateway:
         """Open the ports and the line. Raises UserError."""
         if self.keeping is None:
             self.remember()
+        self._watch()
         self.prepare(lambda dialogue, transcript: Line(self._wire(), dialogue, transcript))
         for endpoint, surface, reception in zip(self.endpoints, self.surfaces, self.receptions, strict=True):
             try:
@@ -171,6 +191,30 @@ class Gateway:
                           'allow = ["192.168.1.0/24"] on this surface lets in only those')
         self.begin()
         await self._admit()
+
+    def _watch(self) -> None:
+        """Have the watchdog process stop the mount when this one cannot. A simulated mount here ends with this one."""
+        if self.watchdog is None or self.mount.where == "sim":
+            return
+
+        def commands() -> list[bytes]:
+            assert self.hub is not None
+            wire = self.hub.line.wire.name
+            return [on_the_wire(wire, command) for command in stop_commands(self.hub.driver, self.hub.line.dialogue)]
+
+        def busy() -> bool:
+            return self.hub is not None and self.hub.motions.busy
+
+        lock = self.keeping.directory / f"{self.keeping.name}.lock" if self.keeping is not None else None
+        self.watched = self.watchdog.mount(self.title, lock, commands, busy, self._was_stopped)
+
+    def _was_stopped(self) -> None:
+        """The watchdog process has stopped the mount while this one did not run: go on from what is seen."""
+        assert self.hub is not None
+        self.warn(f"{self.title}: this gateway did not run for a while and its watchdog process stopped the mount; "
+                  "the gateway goes on from where the mount is now")
+        self.hub.line.distrust()
+        self.hub.begin_stop()
 
     def prepare(self, make_line: Callable[[Dialogue, Transcript], Line]) -> None:
         """Put everything together; nothing is opened yet."""
@@ -186,6 +230,8 @@ class Gateway:
             recall(self.hub, self.past)
         else:
             self.keeping.attach(self.hub)
+        if self.watched is not None:
+            tell_of_motions(self.hub, self.watched)
         changed = (lambda: None) if self.keeping is None else self.keeping.changed
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
             face = FACES[endpoint.protocol](endpoint, surface, config.limits)
@@ -239,7 +285,7 @@ class Gateway:
             from gateway.simulators import simulated_wire
 
             return simulated_wire(self.mount, self.config)
-        return SerialWire(self.mount.where, self.config.baud)
+        return SerialWire(self.mount.where, self.config.baud, self.watched)
 
     @property
     def title(self) -> str:

@@ -67,7 +67,7 @@ class Line:
         self._wake = asyncio.Event()
         self._opened = self._motions = self._passed_over = 0
         self._urgent: list[float] = []
-        self._hurried = False
+        self._hurried = self._spoken_on = False
         self._task: asyncio.Task[None] | None = None
 
     def start(self) -> None:
@@ -101,6 +101,11 @@ class Line:
     def expect_urgent(self, when: float) -> None:
         """Something urgent will be due at this loop time: reads that would delay it are held back."""
         heapq.heappush(self._urgent, when)
+
+    def distrust(self) -> None:
+        """Another process has spoken on the wire: the line is proven to be in step before it is used again."""
+        self._spoken_on = True
+        self._wake.set()
 
     async def exchange(self, ask: Ask, rank: int = READ) -> dict[str, Any]:
         """Send a command when its turn comes and return the reply's fields. Raises Fault."""
@@ -182,6 +187,9 @@ class Line:
     async def _serve(self) -> None:
         """Serve jobs until the wire is lost."""
         while not self.talk.lost:
+            if self._spoken_on:
+                self._spoken_on = False
+                await self._recover()
             job = await self._next()
             if job is None:
                 continue

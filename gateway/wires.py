@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import os
 import threading
 from collections.abc import Callable
 from typing import Any, Protocol
@@ -36,11 +37,18 @@ class Wire(Protocol):
     async def close(self) -> None: ...
 
 
+class Watched(Protocol):
+    """Who is handed the descriptor of a line while it is open."""
+
+    def opened(self, descriptor: int) -> None: ...
+    def closed(self) -> None: ...
+
+
 class SerialWire:
     """Any pyserial URL: a device name, ``socket://``, ``rfc2217://``, ``hwgrep://``, ``spy://`` …"""
 
-    def __init__(self, url: str, baud: int = BAUD) -> None:
-        self.name, self.baud = url, baud
+    def __init__(self, url: str, baud: int = BAUD, watched: Watched | None = None) -> None:
+        self.name, self.baud, self._watched = url, baud, watched
         self._port: Any = None
         self._thread: threading.Thread | None = None
 
@@ -49,6 +57,9 @@ class SerialWire:
         loop = asyncio.get_running_loop()
         port = await loop.run_in_executor(None, open_port, self.name, self.baud)
         self._port = port
+        number = descriptor(port)
+        if self._watched is not None and number is not None:
+            self._watched.opened(number)
         self._thread = threading.Thread(
             target=self._read, args=(port, loop, on_data, on_lost), name=f"read {self.name}", daemon=True
         )
@@ -104,6 +115,8 @@ class SerialWire:
     async def close(self) -> None:
         port, self._port = self._port, None
         if port is not None:
+            if self._watched is not None:
+                self._watched.closed()
             await asyncio.get_running_loop().run_in_executor(None, self._shut, port)
 
     def _shut(self, port: Any) -> None:
@@ -112,7 +125,31 @@ class SerialWire:
             cancel()
         if self._thread is not None:
             self._thread.join(1.0)
+        unlock(port)
         port.close()
+
+
+def on_the_wire(url: str, data: bytes) -> bytes:
+    """Bytes as they go through the descriptor of a line: RFC 2217 doubles the byte that begins a telnet command."""
+    return data.replace(b"\xff", b"\xff\xff") if url.startswith("rfc2217://") else data
+
+
+def descriptor(port: Any) -> int | None:
+    """The file descriptor of an open port; None where it has none."""
+    for holder in (port, getattr(port, "_socket", None)):
+        with contextlib.suppress(AttributeError, OSError, ValueError):
+            return int(holder.fileno())  # type: ignore[union-attr]
+    return None
+
+
+def unlock(port: Any) -> None:
+    """Give up the exclusive use of a port: a duplicate of its descriptor elsewhere would hold on to it."""
+    number = descriptor(port)
+    if number is not None and os.name == "posix":
+        import fcntl
+
+        with contextlib.suppress(OSError):
+            fcntl.flock(number, fcntl.LOCK_UN)
 
 
 def open_port(url: str, baud: int) -> Any:

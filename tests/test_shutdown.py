@@ -295,7 +295,7 @@ def stop(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., tu
 
 
 class Moving:
-    """A simulated mount, a gateway in front of it, and a file that says where each listens."""
+    """A simulated mount, a gateway in front of it, without a watchdog process, that says where each listens."""
 
     def __init__(self, started: list[Running], state: Path) -> None:
         self._started, self.state = started, state
@@ -307,7 +307,7 @@ class Moving:
 
     def begin(self) -> None:
         self.gateway = Running("run", "--mount", self.endpoint, "--surface", "lx200@tcp://127.0.0.1:0",
-                               "--state", str(self.state))
+                               "--state", str(self.state), "--no-watchdog")
         self._started.append(self.gateway)
         self.where = self.gateway.ready()
 

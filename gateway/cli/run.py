@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from gateway.cli.helping import EXIT_CODES, endpoints
-from gateway.cli.serving import serve_mounts, with_loop
+from gateway.cli.serving import serve_mounts, start_watchdog, with_loop
 from gateway.cli.settings import add_settings, settings
 
 EXAMPLES = """\
@@ -37,4 +37,5 @@ def add(commands: Any) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     config, _ = settings(arguments)
-    return with_loop(arguments.loop == "fast", lambda: serve_mounts(config))
+    watchdog = start_watchdog(config)  # before anything heavy is imported
+    return with_loop(arguments.loop == "fast", lambda: serve_mounts(config, watchdog=watchdog))

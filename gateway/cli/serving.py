@@ -9,19 +9,18 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import gc
-import os
-import signal
 import sys
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from gateway import __version__
 from gateway.cli.live import Screen, find_terminal, look_on
+from gateway.cli.signals import before_suspension, until_signal
 from gateway.config import Config, parse_endpoint
-from gateway.errors import UserError
+from gateway.errors import Fault, UserError
 from gateway.notify import notify
 from gateway.transcript import SKY_READY
 
@@ -29,13 +28,14 @@ if TYPE_CHECKING:
     from gateway.announce import Offer
     from gateway.assembly import Gateway
     from gateway.recording import Recorder
+    from gateway.watchdog import Watchdog
 
 #: How long a mount may take to say its first word (a hand control's worst), and to say all that it is asked.
 FIRST_WORD, FIND_MOUNT = 4.0, 20.0
+#: How long a stop may take before the process is suspended.
+SUSPEND = 4.0
 #: With --wait, how long the ready lines wait for the mount to say what fits it.
 QUICK = 0.5
-#: A wrapper that passes a Ctrl-C on delivers it twice within this time, in seconds; a person does not.
-TWICE = 0.1
 
 
 def with_loop(fast: bool, serve: Callable[[], Awaitable[int]]) -> int:
@@ -52,32 +52,16 @@ def with_loop(fast: bool, serve: Callable[[], Awaitable[int]]) -> int:
         return runner.run(serve())  # type: ignore[arg-type]
 
 
-def until_signal() -> asyncio.Event:
-    """An event that SIGINT, SIGTERM and the closing of the terminal set; a second Ctrl-C ends the process at once."""
-    done = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    asked = 0.0
+def start_watchdog(config: Config) -> Watchdog | None:
+    """The process that stops the mounts when this one cannot; None where it is not wanted, needed or possible."""
+    from gateway.watchdog import Watchdog
+    from gateway.watchdog.client import available
 
-    def end(number: int) -> None:
-        nonlocal asked
-        if not done.is_set():
-            done.set()
-            asked = loop.time()
-        elif number == signal.SIGINT and loop.time() - asked > TWICE:
-            os._exit(128 + number)
-
-    numbers = [signal.SIGINT, signal.SIGTERM]
-    if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # else it runs under nohup
-        numbers.append(signal.SIGHUP)
-    for number in numbers:
-        try:
-            loop.add_signal_handler(number, end, number)
-        except NotImplementedError:  # Windows
-            signal.signal(number, lambda number, _: loop.call_soon_threadsafe(end, number))
-    return done
+    real = any(parse_endpoint(mount.at).where != "sim" for mount in config.mount)
+    return Watchdog() if config.watchdog and real and available() else None
 
 
-async def serve_mounts(config: Config, banner: str = "") -> int:
+async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | None = None) -> int:
     """Serve every mount until a signal comes -> the exit code. ``banner`` is said once the ports are open.
 
     Raises UserError for a port that cannot be opened, and when no mount is found.
@@ -90,6 +74,8 @@ async def serve_mounts(config: Config, banner: str = "") -> int:
     done, sky = until_signal(), Sky()
     # beside the conversation of --log a line that is rewritten would only be in the way
     screen = Screen(find_terminal() if config.status and not config.log else None)
+    if watchdog is not None:
+        watchdog.warn = screen.warn
     gateways: list[Gateway] = []
     onlookers: list[asyncio.Task[None]] = []
     announcement = Announcement(screen.warn, lambda text: gateways[0].transcript.note("mount", text))
@@ -104,10 +90,11 @@ async def serve_mounts(config: Config, banner: str = "") -> int:
             from gateway.logline import printer
 
             transcript.sinks.append(printer(parse_endpoint(mount.at).protocol, sys.stderr, mount.name))
-        gateways.append(Gateway(mount, config.of(mount), transcript, sky, warn=screen.warn))
+        gateways.append(Gateway(mount, config.of(mount), transcript, sky, warn=screen.warn, watchdog=watchdog))
         gateways[-1].remember()
         if mount.record:
             transcript.sinks.append(_recorder(mount.record, gateways[-1]).put)
+    before_suspension(lambda: _stand_still(gateways, screen))
     try:
         for gateway in gateways:
             await gateway.open()
@@ -144,7 +131,21 @@ async def serve_mounts(config: Config, banner: str = "") -> int:
             task.cancel()
         screen.clear()
         await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
+        if watchdog is not None:
+            watchdog.close()
     return 0
+
+
+async def _stand_still(gateways: Sequence[Gateway], screen: Screen) -> None:
+    """Before this process is suspended: stop what moves, and say what was done."""
+    moving = [gateway.hub for gateway in gateways if gateway.hub is not None and gateway.hub.motions.busy]
+    try:
+        async with asyncio.timeout(SUSPEND):
+            await asyncio.gather(*(hub.stop() for hub in moving))
+        outcome = "the mount was stopped" if moving else "the mount was not moving"
+    except (Fault, TimeoutError):
+        outcome = "the mount has not acknowledged the stop; look at it"
+    screen.warn(f"suspended: {outcome}. Programs get no answers until the gateway goes on (fg, or bg)")
 
 
 def _recorder(path: str, gateway: Gateway) -> Recorder:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from gateway.cli.serving import until_signal, with_loop
+from gateway.cli.serving import with_loop
+from gateway.cli.signals import until_signal
 from gateway.config import parse_device, parse_site
 from gateway.config.endpoints import PROTOCOLS
 from gateway.errors import UserError

@@ -110,6 +110,8 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
     surface: list[SurfaceConfig] = []
     wait: Annotated[bool, _key("keep trying when no mount answers; clients stay connected")] = False
     discovery: Annotated[bool, _key("let programs find surfaces that the network can reach (SkySafari, mDNS)")] = True
+    watchdog: Annotated[bool, _key(
+        "a second, small process stops the mount when this one dies or hangs while something moves")] = True
     log: Annotated[bool, _key("show the conversation on both sides, decoded")] = False
     status: Annotated[bool, _key(
         "show one line on a terminal that tells how the mount is (not together with log)")] = True

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import copy
 from typing import TYPE_CHECKING
 
 from gateway import operations as op
-from gateway.driver import Ask
+from gateway.driver import Ask, Driver
 from gateway.errors import Fault
+from gateway.talk import Dialogue
 
 if TYPE_CHECKING:
     from gateway.hub.core import Hub
@@ -43,11 +45,23 @@ async def _stop(hub: Hub) -> None:
 
 async def _stop_blindly(hub: Hub) -> None:
     """The bytes of a stop, without waiting for answers."""
-    steps = hub.driver.perform(op.Stop())
-    with contextlib.suppress(Exception):  # the last thing tried; it ends with StopIteration when all went well
+    with contextlib.suppress(Exception):  # the last thing tried
+        for command in stop_commands(hub.driver, hub.line.dialogue):
+            hub.line.wire.write(command)
+            await asyncio.sleep(BLIND)
+
+
+def stop_commands(driver: Driver, dialogue: Dialogue) -> list[bytes]:
+    """The bytes of a stop as things are now, for whoever cannot wait for answers; the driver itself learns nothing."""
+    twin = copy.copy(driver)
+    for name, value in vars(driver).items():
+        if isinstance(value, dict | set):
+            setattr(twin, name, value.copy())
+    steps, commands = twin.perform(op.Stop()), []
+    with contextlib.suppress(Exception):  # it ends with StopIteration, or where an answer would be needed to go on
         step = next(steps)
         while True:
             if isinstance(step, Ask):
-                hub.line.wire.write(hub.line.dialogue.encode(step))
-                await asyncio.sleep(BLIND)
+                commands.append(dialogue.encode(step))
             step = steps.send({})
+    return commands
