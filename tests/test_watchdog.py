@@ -194,6 +194,7 @@ def test_one_that_was_not_run_itself_does_not_say_that_the_gateway_was_silent(pr
     process.process.send_signal(signal.SIGSTOP)
     time.sleep(2.0)
     process.process.send_signal(signal.SIGCONT)
+    time.sleep(0.3)  # the gateway, which stood still as long, is not back yet
     process.gateway.sendall(b"beat\nrest 0\n")
     time.sleep(0.3)
     assert process.heard() == b""
