@@ -49,6 +49,7 @@ FLOORS = {
     "guests": 5,
     "state": 5,
     "mark": 5,
+    "watchdog": 5,
     "keeping": 5,
     "control": 5,
     "detect": 6,

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,6 +18,7 @@ from gateway.assembly import Gateway
 from gateway.config import MountConfig
 from gateway.hub.ending import stop_commands
 from gateway.watchdog.client import LASTED, PROGRAM, available
+from gateway.watchdog.process import SILENCE, Mount, Watch
 from gateway.wires import on_the_wire
 from tests.bridge import Bridge
 from tests.running import PATIENCE, Running
@@ -186,18 +188,32 @@ def test_it_is_silent_until_something_moves_and_repeats_the_stop_until_another_h
     assert process.heard() in (b"", b"MP\x02\x10"), "the mount is another gateway's"
 
 
-def test_one_that_was_not_run_itself_does_not_say_that_the_gateway_was_silent(process: Process, tmp_path: Path) -> None:
-    """A computer that was suspended, or a virtual machine that was paused, with something in motion."""
-    process.introduce(tmp_path / "none")
-    process.gateway.sendall(b"moving 0 4d\n")
-    time.sleep(0.2)
-    process.process.send_signal(signal.SIGSTOP)
-    time.sleep(2.0)
-    process.process.send_signal(signal.SIGCONT)
-    time.sleep(0.3)  # the gateway, which stood still as long, is not back yet
-    process.gateway.sendall(b"beat\nrest 0\n")
-    time.sleep(0.3)
-    assert process.heard() == b""
+@pytest.mark.parametrize(("stood_still", "stopped"), [(0.0, 1), (10.0, 0)])
+def test_one_that_was_not_run_itself_does_not_say_that_the_gateway_was_silent(
+    monkeypatch: pytest.MonkeyPatch, stood_still: float, stopped: int
+) -> None:
+    """A virtual machine that was paused with something in motion: the gateway has its time to be heard, too."""
+    here, there = socket.socketpair()
+    clock, waits, stops = [100.0], [], []
+
+    def wait(*arguments: Any) -> tuple[list[Any], list[Any], list[Any]]:
+        seconds = arguments[3]
+        waits.append(seconds)
+        clock[0] += seconds + stood_still
+        if len(waits) == 2:
+            raise InterruptedError
+        return [], [], []
+
+    monkeypatch.setattr("gateway.watchdog.process.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("gateway.watchdog.process.select.select", wait)
+    watch = Watch(there, "1")
+    monkeypatch.setattr(watch, "is_silent", lambda mounts: stops.append(mounts))
+    watch.mounts["0"] = Mount("pier", "", -1)
+    watch.mounts["0"].stop, watch.heard = [b"M"], clock[0]
+    with here, there, pytest.raises(InterruptedError):
+        watch.run()
+    assert len(stops) == stopped
+    assert waits == pytest.approx([SILENCE, 0.0 if stopped else SILENCE])
 
 
 # --- what it is told --------------------------------------------------------------------------------------------
