@@ -34,13 +34,16 @@ class Started(Running):
 
 
 class Watched:
-    """``kind`` is the mount's protocol, ``port`` how the gateway reaches it: ``tcp`` or ``pty``."""
+    """``kind`` is the mount's protocol, ``port`` how the gateway reaches it: ``tcp`` or ``pty``.
 
-    def __init__(self, started: list[Running], place: Path, kind: str, port: str) -> None:
+    ``truth`` is a file to which the simulated mount writes where its axes truly are.
+    """
+
+    def __init__(self, started: list[Running], place: Path, kind: str, port: str, truth: Path | None = None) -> None:
         self.kind = kind
         link = f"pty:{place}/mount"
         places = ["--at", "tcp://127.0.0.1:0", *(["--at", link] if port == "pty" else [])]
-        self.sim = Running("sim", SIMULATED[kind], *places)
+        self.sim = Running("sim", SIMULATED[kind], *places, *(["--truth", str(truth)] if truth else []))
         started.append(self.sim)
         self.mount = self.sim.ready()
         where = self.mount.replace("tcp", "socket") if port == "tcp" else self.sim.ready().removeprefix("pty:")
