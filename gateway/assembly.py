@@ -18,6 +18,7 @@ from gateway.access import Access, networks
 from gateway.config import Endpoint, MountConfig, SurfaceConfig, parse_endpoint
 from gateway.config.programs import as_settings, programs, recognisable, settled, wanted_by
 from gateway.control import Control
+from gateway.control.orders import orders
 from gateway.driver import Driver
 from gateway.equinox import J2000
 from gateway.errors import Fault, UserError
@@ -26,9 +27,11 @@ from gateway.hub import Hub, Policy
 from gateway.hub.ending import stop_commands
 from gateway.keeping import Keeping, Past, recall, selected_site
 from gateway.line import Line
+from gateway.mount_claim import MountClaim
 from gateway.observatory import Observatory
 from gateway.ports import Port, open_port
 from gateway.ports.tcp import exposed
+from gateway.runtime import folders
 from gateway.safety import Limits
 from gateway.sky import Sky
 from gateway.state import FORMAT, Kept, Marked, to_shared
@@ -166,9 +169,11 @@ class Gateway:
         self.past = Past(Kept(FORMAT))
         self.keeping: Keeping | None = None
         self.control: Control | None = None
+        self.claim: MountClaim | None = None
 
     def remember(self) -> None:
-        """Take up what an earlier run has kept on disk, and keep it on."""
+        """Take up what an earlier run has kept on disk, and keep it on. Raises UserError for a mount that is taken."""
+        self.claim = MountClaim(self.mount, self.warn)
         marked = Marked(str(self.mount), self.config.baud)
         self.keeping = Keeping(self.mount.protocol, self.mount.where, marked, self.config.state, self.warn)
         self.past = self.keeping.past
@@ -251,7 +256,8 @@ class Gateway:
     async def _admit(self) -> None:
         """Let ``mount-gateway stop`` in."""
         assert self.hub is not None and self.keeping is not None
-        self.control = Control(self.keeping.directory, self.keeping.name, str(self.mount), self.hub.stop)
+        where = [self.keeping.directory, *folders()[0]]
+        self.control = Control(where, self.keeping.name, str(self.mount), orders(self.hub, self.keeping))
         try:
             await self.control.open()
         except OSError as error:
@@ -314,3 +320,5 @@ class Gateway:
                 await self.keeping.close()
             if self.control is not None:
                 await self.control.close()
+            if self.claim is not None:
+                self.claim.release()

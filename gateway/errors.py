@@ -118,6 +118,12 @@ class Silence(Fault):
     words = "The mount does not know this question."
 
 
+class Held(Fault):
+    """Somebody at the keyboard holds the mount: no program moves it until he lets it go."""
+
+    words = "The mount is held: mount-gateway stop --release"
+
+
 class Busy(Fault):
     """The mount said that it cannot take a command now (LX200GPS, NAK)."""
 

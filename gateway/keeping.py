@@ -10,12 +10,14 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
-import filelock
 from msgspec import Struct
 
+from gateway import hold
 from gateway.hub import Hub
+from gateway.locks import PidLock, Taken
 from gateway.mark import InThread, MotionMark
 from gateway.operations import Place
 from gateway.state import (
@@ -70,9 +72,9 @@ class Keeping:
         self.held = False
         #: A simulated mount in this process ends with it, so there is nothing to stop, and nobody to warn of another.
         self._simulated = where == "sim"
-        self._marked, self._in_thread = marked, in_thread
+        self._marked, self.in_thread = marked, in_thread
         self._warn, self._warned = warn, False
-        self._lock = filelock.FileLock(self.directory / f"{self.name}.lock")
+        self._lock = PidLock(self.lock_path)
         self._take()
         kept = self._read()
         self.shared: dict[str, Any] = to_shared(kept)
@@ -84,6 +86,11 @@ class Keeping:
         self._dirty = False
         self._closing = asyncio.Event()
         self._writer: asyncio.Task[None] | None = None
+
+    @property
+    def lock_path(self) -> Path:
+        """While these files are somebody's it holds the number of that process."""
+        return self.directory / f"{self.name}.lock"
 
     @property
     def _mark_path(self) -> Any:
@@ -101,12 +108,12 @@ class Keeping:
         """Become the one who writes these files."""
         try:
             self.directory.mkdir(mode=0o700, parents=True, exist_ok=True)
-            self._lock.acquire(blocking=False)
+            self._lock.acquire()
             self.held = True
-        except filelock.Timeout:
+        except Taken as by:
             if not self._simulated:
-                self._say(f"another gateway holds {self.path}; this one keeps its state in memory")
-        except (OSError, NotImplementedError) as error:
+                self._say(f"another gateway holds {self.path} ({by}); this one keeps its state in memory")
+        except OSError as error:
             self._say(f"state is kept in memory only: {error}")
 
     def _read(self) -> Kept:
@@ -128,11 +135,15 @@ class Keeping:
         self._memory = hub.driver.memory
         recall(hub, self.past)
         hub.changed = self.changed
+        hub.hold.on = hold.is_held(self.directory)
+        if hub.hold.on:
+            self._warn(f"{self._marked.mount}: the mount is held: no program moves it until mount-gateway stop "
+                       "--release")
         if self._marks:
             if self.past.left is not None:
                 self._warn(f"{self._marked.mount}: the last run ended in motion: it is stopped first")
             self._mark = MotionMark(self._mark_path, self._content, lambda: hub.motions.busy, self._say,
-                                    self._in_thread, there=self.past.left is not None)
+                                    self.in_thread, there=self.past.left is not None)
             hub.before_motion = self._mark.before_motion
 
     def _content(self) -> Marked:
@@ -166,7 +177,7 @@ class Keeping:
             return False
         self._written = data
         try:
-            await self._in_thread(write_whole, self.path, data)
+            await self.in_thread(write_whole, self.path, data)
         except OSError as error:
             self._written = b""
             self._say(f"state could not be written: {error}")

@@ -37,6 +37,7 @@ class Look(Struct, frozen=True):
     programs: int = 0
     rate: float = 0.0
     asleep: bool = False
+    held: bool = False
 
 
 class Rate:
@@ -83,6 +84,11 @@ def _where(look: Look) -> str:
 
 
 def _does(look: Look) -> str:
+    """A few words: whether it is held from being moved, and how it is."""
+    return "held, " * look.held + _is(look) if _is(look) else "held" * look.held
+
+
+def _is(look: Look) -> str:
     """One word or two, the most urgent ones: what it is busy with, else how it was left."""
     if look.slewing:
         return "slewing"

@@ -1,5 +1,7 @@
 """No test writes where the person who runs it keeps real state, and none finds what another one has kept.
 
+Nor does one find the gateways that person runs: locks and door files go to folders of the tests' own.
+
 Where the tests are spread over processes, each is as strict about bytes and text as the one that was started.
 """
 
@@ -51,6 +53,8 @@ def _states(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     base = tmp_path_factory.mktemp("states")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STATE_DIRECTORY", str(base))
+        for name in ("XDG_RUNTIME_DIR", "TMPDIR"):
+            patch.setenv(name, str(tmp_path_factory.mktemp(name.lower())))
         yield base
 
 

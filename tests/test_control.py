@@ -1,101 +1,201 @@
-"""How ``stop`` reaches a gateway: by a port and a secret in a file, and only so."""
+"""How an order reaches a gateway: by a port and a secret in a file, and only so."""
 
 from __future__ import annotations
 
 import asyncio
+import os
+import socket
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 import msgspec
 import pytest
 
-from gateway import control
-from gateway.cli import main
-from gateway.control import Control, Door, ask_to_stop, doors
+from gateway.control import Control, Door, ask, client, doors
+from gateway.control.messages import Parts, parts, seal, unseal
 from gateway.errors import NoAnswer
 
 
-async def _good() -> None:
-    """Acknowledged."""
+async def _good() -> str:
+    return "stopped"
 
 
-async def _dead() -> None:
+async def _dead() -> str:
     raise NoAnswer
 
 
-async def _slow() -> None:
-    await asyncio.sleep(60)
+async def _broken() -> str:
+    raise RuntimeError("a defect")
 
 
-def _asked(directory: Path, stop: Callable[[], Awaitable[None]], secret: str | None = None) -> str | None:
-    """What a gateway with that stop answers; with ``secret`` to somebody who has guessed it."""
+async def _long() -> str:
+    return "".join(chr(33 + number % 900) for number in range(12_000))
+
+
+def _asked(folder: Path, order: Callable[[], Awaitable[str]], secret: str | None = None, word: str = "stop"
+           ) -> str | None:  # fmt: skip
+    """What a gateway answers; with ``secret`` to somebody who has guessed it."""
 
     async def program() -> str | None:
-        served = Control(directory, "nexstar@dev_ttyUSB0", "nexstar@/dev/ttyUSB0", stop)
+        served = Control([folder], "nexstar@dev_ttyUSB0", "nexstar@/dev/ttyUSB0", {"stop": order})
         await served.open()
-        [(path, door)] = doors(directory)
+        [(path, door)] = doors(folder)
         assert path.stat().st_mode & 0o777 == 0o600
-        answer = await ask_to_stop(path, door if secret is None else Door(door.mount, door.pid, door.port, secret))
+        assert (door.mount, door.pid, door.state) == ("nexstar@/dev/ttyUSB0", os.getpid(), str(folder))
+        if secret is not None:
+            door = msgspec.structs.replace(door, secret=secret)
+        answer = await ask(door, word, 5.0)
         await served.close()
-        assert doors(directory) == []
+        assert doors(folder) == []
         return answer
 
     return asyncio.run(program())
 
 
-@pytest.mark.parametrize(("stop", "answer"), [
+@pytest.mark.parametrize(("order", "answer"), [
     (_good, "stopped"),
     (_dead, "failed No answer from mount."),
-    (_slow, "failed no answer from the mount within 0 s"),
+    (_broken, "failed internal error, please report it: RuntimeError('a defect')"),
 ])
-def test_a_gateway_says_whether_its_mount_has_stopped(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stop: Callable[[], Awaitable[None]], answer: str
+def test_a_gateway_answers_when_it_has_done_it(
+    tmp_path: Path, order: Callable[[], Awaitable[str]], answer: str
 ) -> None:
-    monkeypatch.setattr(control, "ACKNOWLEDGED", 0.2)
-    assert _asked(tmp_path, stop) == answer
+    assert _asked(tmp_path, order) == answer
+
+
+def test_an_order_of_another_version_is_refused_in_words(tmp_path: Path) -> None:
+    answer = _asked(tmp_path, _good, word="jump")
+    assert answer == "failed this gateway knows no order 'jump'; it may be of another version"
+
+
+def test_an_answer_may_be_long(tmp_path: Path) -> None:
+    assert _asked(tmp_path, _long) == asyncio.run(_long())  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("secret", ["", "0" * 32, "x" * 300])
-def test_without_the_secret_nothing_is_stopped(tmp_path: Path, secret: str) -> None:
-    stops: list[None] = []
+def test_without_the_secret_nothing_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, secret: str) -> None:
+    monkeypatch.setattr(client, "HEARD", 0.3)
+    done: list[None] = []
 
-    async def counted() -> None:
-        stops.append(None)
+    async def counted() -> str:
+        done.append(None)
+        return "stopped"
 
     answer = _asked(tmp_path, counted, secret)
-    assert answer is not None
-    assert "does not answer" in answer
-    assert stops == []
+    assert answer is not None and "does not answer" in answer
+    assert done == []
 
 
-def test_what_cannot_be_looked_into_does_not_pass_for_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    place = tmp_path / "state"
-    assert main(["stop", "--state", str(place)]) == 0
-    assert "nothing to stop" in capsys.readouterr().out
-    place.write_text("")
-    assert main(["stop", "--state", str(place)]) == 2
-    assert str(place) in capsys.readouterr().err
+def test_who_does_not_hear_asks_again_and_it_is_done_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every other datagram is lost, and the work takes longer than the patience of who asks."""
+    monkeypatch.setattr(client, "AGAIN", 0.05)
+    done: list[None] = []
+
+    async def slow() -> str:
+        done.append(None)
+        await asyncio.sleep(0.3)
+        return "stopped"
+
+    sent: list[bytes] = []
+    sending = Control._send
+
+    def lossy(control: Control, number: str, text: str, addr: object) -> None:
+        sent.append(text.encode())
+        if len(sent) % 2:
+            sending(control, number, text, addr)
+
+    monkeypatch.setattr(Control, "_send", lossy)
+    assert _asked(tmp_path, slow) == "stopped"
+    assert len(done) == 1
 
 
-def test_what_a_killed_gateway_has_left_is_taken_away(tmp_path: Path) -> None:
+def test_nothing_that_comes_in_hurts(tmp_path: Path) -> None:
     async def program() -> None:
-        server = await asyncio.start_server(lambda *_: None, "127.0.0.1", 0)
-        port = server.sockets[0].getsockname()[1]
-        server.close()
-        await server.wait_closed()
+        served = Control([tmp_path], "m", "m", {"stop": _good})
+        await served.open()
+        [(_, door)] = doors(tmp_path)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+            for data in (b"", b"\0" * 3000, b"stop", b" ", b"x" * 60_000, seal("guessed", "1", "ask stop"),
+                         seal(door.secret, "1", "stop"), seal(door.secret, "", "")):
+                stranger.sendto(data, ("127.0.0.1", door.port))
+        assert await ask(door, "stop", 5.0) == "stopped"
+        await served.close()
+
+    asyncio.run(program())
+
+
+def test_a_seal_is_of_a_secret_a_number_and_a_text() -> None:
+    assert unseal("s", seal("s", "7", "ask stop")) == ("7", "ask stop")
+    assert unseal("t", seal("s", "7", "ask stop")) is None
+    assert unseal("s", seal("s", "7", "ask stop") + b"!") is None
+    assert unseal("s", b"\xff\xfe") is None
+    gathered, told = Parts(), parts("x" * 4500)
+    assert [gathered.add(part) for part in (told[2], "tell 9 2 x", "tell x", "wait", told[0])] == [None] * 5
+    assert gathered.add(told[1]) == "x" * 4500
+
+
+def test_who_still_waits_at_the_end_is_told(tmp_path: Path) -> None:
+    async def program() -> str | None:
+        forever = asyncio.Event()
+
+        async def never() -> str:
+            await forever.wait()
+            return "stopped"
+
+        served = Control([tmp_path], "m", "m", {"stop": never})
+        await served.open()
+        [(_, door)] = doors(tmp_path)
+        asking = asyncio.ensure_future(ask(door, "stop", 5.0))
+        await asyncio.sleep(0.2)
+        await served.close()
+        return await asking
+
+    answer = asyncio.run(program())
+    assert answer is not None and answer.startswith("failed the gateway is ending")
+
+
+# --- the files --------------------------------------------------------------------------------------------------
+
+
+def _nobodys_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def test_what_a_killed_gateway_has_left_is_taken_away_and_junk_is_in_nobodys_way(tmp_path: Path) -> None:
+    async def program() -> None:
+        door = Door("lx200@COM3", 2**22 + 1, _nobodys_port(), "s")
         stale = tmp_path / "lx200@COM3.77.control"
         (tmp_path / "garbage.control").write_bytes(b"{")
-        for _ in range(2):
-            stale.write_bytes(msgspec.json.encode(Door("lx200@COM3", 77, port, "s")))
-            [(path, door)] = doors(tmp_path)
-            assert await ask_to_stop(path, door) is None
-            assert not stale.exists()
-        stale.write_bytes(msgspec.json.encode(Door("lx200@COM3", 77, port, "s")))
-        served = Control(tmp_path, "nexstar@sim", "nexstar@sim", _good)
+        (tmp_path / "deep.control").write_bytes(b"[" * 60_000)
+        (tmp_path / "folder.control").mkdir()
+        (tmp_path / "link.control").symlink_to("/dev/zero")
+        if hasattr(os, "mkfifo"):
+            os.mkfifo(tmp_path / "pipe.control")
+        stale.write_bytes(msgspec.json.encode(door))
+        assert doors(tmp_path) == [(stale, door)]
+        assert await ask(door, "stop", 5.0) is None
+        served = Control([tmp_path], "nexstar@sim", "nexstar@sim", {"stop": _good})
         await served.open()
-        assert not stale.exists(), "by the next gateway, too"
+        assert not stale.exists()
+        assert [found.mount for _, found in doors(tmp_path)] == ["nexstar@sim"]
         await served.close()
+
+    asyncio.run(program())
+
+
+def test_one_folder_that_takes_no_file_is_enough_to_be_found(tmp_path: Path) -> None:
+    async def program() -> None:
+        (tmp_path / "full").write_text("")
+        served = Control([tmp_path / "full", tmp_path], "m", "m", {"stop": _good})
+        await served.open()
+        [(_, door)] = doors(tmp_path)
+        assert (door.state, await ask(door, "stop", 5.0)) == (str(tmp_path / "full"), "stopped")
+        await served.close()
+        nowhere = Control([tmp_path / "full"], "m", "m", {"stop": _good})
+        with pytest.raises(OSError, match="Not a directory"):
+            await nowhere.open()
+        await nowhere.close()
 
     asyncio.run(program())

@@ -268,7 +268,7 @@ def test_a_program_that_writes_without_end_leaves_others_their_turn(tmp_path: Pa
 
 def test_windows_has_none_and_imports_all() -> None:
     """No module of ports and wires needs what only Unix has before it is used."""
-    code = ("import sys, filelock\nfor name in ('fcntl', 'pty', 'tty', 'termios', 'grp', 'pwd', 'resource'):\n"
+    code = ("import sys\nfor name in ('fcntl', 'pty', 'tty', 'termios', 'grp', 'pwd', 'resource'):\n"
             "    sys.modules[name] = None\n"
             "import gateway.assembly, gateway.detect, gateway.simulators, gateway.cli, gateway.ports as ports\n"
             "import asyncio\n"

@@ -116,7 +116,7 @@ def look(gateway: Gateway, rate: Rate) -> Look:
         gateway.config.name or called, hub.line.state, hub.line.reason, snapshot.value(op.Position),
         snapshot.age(op.Position, now), hub.slewing, bool(hub.motions.axes), snapshot.value(op.GetStatus),
         sum(reception.programs() for reception in gateway.receptions), rate.per_second(now, hub.line.answers),
-        hub.driver.asleep,
+        hub.driver.asleep, hub.hold.on,
     )  # fmt: skip
 
 

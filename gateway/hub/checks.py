@@ -1,7 +1,8 @@
 """Before a motion: is it allowed, and in which form can this mount carry it out?
 
-Checked are the target of every goto, park and home, the ways that lead to it (``ways.py``), the first stretch of a
-motion by hand, and how far a sync moves the sky. What happens afterwards is the guard's business (``guard.py``).
+Nothing moves a mount that is held (``hold.py``). Checked are the target of every goto, park and home, the ways that
+lead to it (``ways.py``), the first stretch of a motion by hand, and how far a sync moves the sky. What happens
+afterwards is the guard's business (``guard.py``).
 """
 
 from __future__ import annotations
@@ -43,6 +44,7 @@ class Checks:
     async def admit(self, operation: op.Operation) -> op.Operation:
         """An operation that the limits allow, in the form that this mount can carry out. Raises Fault."""
         hub = self._hub
+        hub.hold.admit(operation)
         hub.guard.dips = False
         if isinstance(operation, op.Move | op.MoveAxis):
             await self._check_by_hand(operation)

@@ -23,6 +23,7 @@ from gateway.hub.dead_man import DeadMan, Life
 from gateway.hub.derived import Derived
 from gateway.hub.ending import end_motion
 from gateway.hub.guard import Guard
+from gateway.hub.hold import Hold
 from gateway.hub.motions import MOTIONS, Motions
 from gateway.hub.places import PLACES
 from gateway.hub.refresh import ASK_AGAIN, Refresh
@@ -75,7 +76,7 @@ class Hub:
         #: The mount has said who it is; it has said where and when it is, as far as it can.
         self.identified, self.settled = asyncio.Event(), asyncio.Event()
         self.suns = Suns(self.derived, transcript, policy.limits.sun, self.settled.is_set)
-        self.guard = Guard(self)
+        self.guard, self.hold = Guard(self), Hold()
         self.dead_man = DeadMan(self, policy.silence, policy.silence_closed)
         self.motions = Motions(self, follow_ups)
         self.slumber = Slumber(driver, self.now, lambda: self.motions.waking)

@@ -1,16 +1,20 @@
 """A name in the file system that stands for a device, and that one gateway holds at a time.
 
 The name is a symbolic link. One that a crash has left over is replaced, because nobody holds its lock any more; a link
-to anything but a pseudo-terminal, and a file of any other kind, is somebody's own and stays.
+to anything but a pseudo-terminal, and a file of any other kind, is somebody's own and stays. The lock lies where no
+other user can get at it, so another user's gateway is known by its link alone: one that leads somewhere is in use.
 """
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
-import zlib
+import secrets
 
 from gateway.errors import UserError
+from gateway.locks import Claim, Taken
+from gateway.runtime import user, user_name
 
 #: Where pseudo-terminals are, on Linux and on macOS.
 TERMINALS = ("/dev/pts/", "/dev/ttys")
@@ -27,7 +31,7 @@ class Link:
         folder = os.path.dirname(self.path)
         if not os.path.isdir(folder):
             raise UserError(f"cannot make {self.path}: there is no directory {folder}")
-        self._lock_name, self._lock = _lock_for(self.path)
+        self._claim = _claim(self.path)
 
     def point(self, target: str) -> None:
         """Let the name stand for a device, at once and in the place of an older link. Raises UserError."""
@@ -35,7 +39,11 @@ class Link:
         if os.path.exists(self.path) and not old.startswith(TERMINALS):
             what = f"a link to {old}" if old else "a directory" if os.path.isdir(self.path) else "a file"
             raise UserError(f"cannot make {self.path}: there is {what} of that name already; it is left alone")
-        draft = f"{self.path}.{os.getpid()}"
+        if old and os.path.exists(old) and os.lstat(self.path).st_uid != user():
+            whose = user_name(os.lstat(self.path).st_uid)
+            raise UserError(f"cannot make {self.path}: {whose} has a link of that name to {old}, which is in "
+                            "use; it is left alone")
+        draft = f"{self.path}.{secrets.token_hex(8)}"  # a name that nobody can take beforehand
         try:
             os.symlink(target, draft)
             os.replace(draft, self.path)
@@ -46,13 +54,11 @@ class Link:
         self._target = target
 
     def close(self) -> None:
-        """Remove the link, unless it has become somebody else's, and the lock with its file."""
+        """Remove the link, unless it has become somebody else's, and let go of the name."""
         with contextlib.suppress(OSError):
             if self._target and os.readlink(self.path) == self._target:
                 os.unlink(self.path)
-        with contextlib.suppress(OSError):
-            os.unlink(self._lock_name)
-        os.close(self._lock)
+        self._claim.release()
 
 
 def like_a_serial_port(device: str) -> None:
@@ -67,22 +73,11 @@ def like_a_serial_port(device: str) -> None:
             return
 
 
-def _lock_for(path: str) -> tuple[str, int]:
-    """Hold a lock for a link's name, so that two gateways cannot share it. Raises UserError."""
-    import fcntl
-    import tempfile
-
-    name = os.path.join(tempfile.gettempdir(), f"mount-gateway-{zlib.crc32(path.encode()):08x}.lock")
-    while True:
-        try:
-            number = os.open(name, os.O_CREAT | os.O_RDWR, 0o666)
-        except OSError as error:  # another user's, for one
-            raise UserError(f"cannot make {path}: {name}: {error.strerror}") from None
-        try:
-            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            os.close(number)
-            raise UserError(f"cannot make {path}: another gateway holds it") from None
-        if os.fstat(number).st_nlink:
-            return name, number
-        os.close(number)  # its holder took the file away just now
+def _claim(path: str) -> Claim:
+    """Hold a link's name, so that two gateways of this user cannot share it. Raises UserError."""
+    try:
+        return Claim(f"link_{hashlib.sha256(os.fsencode(path)).hexdigest()[:32]}")
+    except Taken as by:
+        raise UserError(f"cannot make {path}: another gateway holds it ({by})") from None
+    except OSError as error:
+        raise UserError(f"cannot make {path}: no folder for its lock: {error.strerror}") from None

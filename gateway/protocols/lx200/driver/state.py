@@ -79,6 +79,11 @@ class Meade(Driver):
         return self.protocol.models[self.model or "autostar"]
 
     @property
+    def resolution(self) -> float:  # type: ignore[override]
+        """A second of right ascension, or a tenth of its minute."""
+        return (90.0 if self.low else 20.0) / 3600.0
+
+    @property
     def gps(self) -> bool:  # type: ignore[override]
         return self.model == "lx200gps"
 

@@ -1,0 +1,75 @@
+"""What a gateway does at an order from outside: stop, hold, release.
+
+``stopped``, ``held`` and ``released`` are only said of a mount for which that is so and was seen; everything else is
+``failed`` and the reason, in words for the person who gave the order.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+
+from gateway import hold as on_disk
+from gateway.control.server import Order
+from gateway.errors import Fault
+from gateway.hub import Hub
+from gateway.hub.rest import SIGHT, come_to_rest
+from gateway.keeping import Keeping
+
+STOPPED, HELD, RELEASED = "stopped", "held", "released"
+#: Seconds that a mount has to acknowledge a stop; a hand control takes 3.5 for one answer at worst.
+ACKNOWLEDGED = 5.0
+#: Seconds after which whoever gave an order need not wait any longer.
+LONGEST = ACKNOWLEDGED + SIGHT + 2.0
+
+
+def orders(hub: Hub, keeping: Keeping) -> Mapping[str, Order]:
+    """By word."""
+
+    async def stop() -> str:
+        return await stopped(hub)
+
+    async def hold() -> str:
+        hub.hold.on = True
+        trouble = await _on_disk(keeping, held=True)
+        answer = await stopped(hub)
+        if answer != STOPPED:
+            return f"{answer}; it is held from now on{trouble}"
+        return f"failed it is stopped and held{trouble}" if trouble else HELD
+
+    async def release() -> str:
+        trouble = await _on_disk(keeping, held=False)
+        hub.hold.on = False
+        return f"failed it is released{trouble}" if trouble else RELEASED
+
+    return {"stop": stop, "hold": hold, "release": release}
+
+
+async def stopped(hub: Hub) -> str:
+    """Stop, and look at the mount until it rests -> ``stopped`` or ``failed REASON``."""
+    try:
+        async with asyncio.timeout(ACKNOWLEDGED):
+            await hub.stop()
+    except (TimeoutError, Fault) as fault:
+        if hub.driver.asleep and hub.line.state != "down":
+            return STOPPED  # it stands still, and hears of nothing
+        why = hub.line.reason or str(fault) or f"no answer from the mount within {ACKNOWLEDGED:.0f} s"
+        owed = "; the stop is owed, and the first thing that it is sent when it answers again" * hub.motions.owed
+        return f"failed {why}{owed}"
+    try:
+        await come_to_rest(hub)
+    except Fault as fault:
+        return f"failed {fault}"
+    return STOPPED
+
+
+async def _on_disk(keeping: Keeping, *, held: bool) -> str:
+    """Have the hold outlive this gateway, or end with it -> nothing, or what went wrong, to be said of it."""
+    try:
+        await keeping.in_thread(on_disk.hold if held else on_disk.release, keeping.directory)
+    except OSError as error:
+        where = keeping.directory / on_disk.NAME
+        if held:
+            return f", but a restart of the gateway forgets that: {where} cannot be written ({error.strerror})"
+        return f", but a restart of the gateway holds it again: {where} cannot be removed ({error.strerror})"
+    return ""

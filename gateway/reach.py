@@ -1,0 +1,107 @@
+"""What runs here and can be asked to stop, what was left in motion, and what of that cannot be known.
+
+``stop`` may only say that there is nothing to stop when it has looked everywhere: into the state folder, into the
+folders that live as long as a session, and at the processes of this computer. Whatever it could not see is a doubt, a
+whole sentence with what can be done about it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from msgspec import Struct
+
+from gateway import processes
+from gateway.control import Door, doors
+from gateway.runtime import folders, of_others, user, user_name
+from gateway.state import Marked, read_mark
+
+#: A gateway that is just beginning, or ending, is looked for so many times, so many seconds apart.
+LOOKS, BETWEEN = 8, 0.25
+
+
+class Found(Struct):
+    """``gateways`` can be asked; the gateways that left ``marks`` were killed in motion."""
+
+    gateways: list[tuple[Path, Door]]
+    marks: list[Marked]
+    doubts: list[str]
+
+
+class Scope(Struct, frozen=True):
+    """A state folder; without ``alone`` also the gateways of this user (root: of all users) that have another one."""
+
+    folder: Path
+    alone: bool = False
+
+
+async def find(scope: Scope) -> Found:
+    """Look everywhere. Nothing is sent to anybody."""
+    for look in range(LOOKS):
+        found, unseen = _look(scope), []
+        if not scope.alone or not _sure_of(scope.folder):
+            known = {door.pid for _, door in _all_doors(scope.folder)[0]}
+            unseen = [process for process in processes.gateways() if process.pid not in known]
+        if not any(process.user == user() for process in unseen) or look == LOOKS - 1:
+            break
+        await asyncio.sleep(BETWEEN)
+    found.doubts += [_doubt(process) for process in unseen]
+    return found
+
+
+def _look(scope: Scope) -> Found:
+    seen, doubts = _all_doors(scope.folder)
+    here = os.path.realpath(scope.folder)
+    gateways: dict[tuple[int, int], tuple[Path, Door]] = {}
+    for path, door in seen:
+        if not scope.alone or path.parent == scope.folder or os.path.realpath(door.state) == here:
+            gateways.setdefault((door.pid, door.port), (path, door))
+    marks = [mark for mark in map(read_mark, sorted(scope.folder.glob("*.moving"))) if mark is not None]
+    return Found(list(gateways.values()), marks, doubts)
+
+
+def _all_doors(folder: Path) -> tuple[list[tuple[Path, Door]], list[str]]:
+    """Of every gateway that this user may ask, and what could not be looked into."""
+    found: list[tuple[Path, Door]] = []
+    doubts = []
+    try:
+        found += doors(folder)
+    except FileNotFoundError:
+        pass
+    except OSError as error:
+        doubts.append(f"{folder}: {error.strerror}: whether a gateway of that folder runs, or was killed in motion, "
+                      "cannot be seen; stop as the user that the gateway runs as")
+    for own in folders()[0]:
+        found += _readable(own, user())
+    for other, owner in of_others():
+        found += _readable(other, owner)
+    return found, doubts
+
+
+def _readable(folder: Path, owner: int | None) -> Sequence[tuple[Path, Door]]:
+    try:
+        return doors(folder, owner)
+    except OSError:
+        return []
+
+
+def _sure_of(folder: Path) -> bool:
+    """Whether a gateway with this state folder would have left its door there: it is this user's, and takes files."""
+    try:
+        if os.name != "posix":
+            return os.access(folder, os.W_OK)
+        room = os.statvfs(folder)
+        return os.lstat(folder).st_uid == user() and os.access(folder, os.W_OK) and room.f_bavail > 0 < room.f_favail
+    except OSError:
+        return False
+
+
+def _doubt(process: processes.Process) -> str:
+    if process.user == user():
+        return (f"a gateway runs as process {process.pid} and cannot be asked: it found no folder to say how; "
+                f"kill {process.pid} ends it, which stops its mount")
+    whose = user_name(process.user)
+    return f"a gateway of {whose} runs as process {process.pid}: stop it as {whose}, or as root"
