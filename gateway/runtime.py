@@ -62,6 +62,24 @@ def of_others() -> list[tuple[Path, int]]:
     return [(folder, owner) for folder, owner in owned if owner]
 
 
+def occupy(folder: Path) -> int | None:
+    """Keep a temporary folder from being cleaned up by its age -> a descriptor to be closed at the end, if any.
+
+    systemd-tmpfiles(8) leaves alone what lies in a directory on which somebody has a lock.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        return None
+    try:
+        number = os.open(folder, os.O_RDONLY)
+    except OSError:
+        return None
+    with contextlib.suppress(OSError):
+        fcntl.flock(number, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    return number
+
+
 def _owner(folder: Path) -> int | None:
     """Whose directory it is; None for what is none, or a link."""
     try:

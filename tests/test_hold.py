@@ -127,7 +127,7 @@ def test_holding_stops_first_and_says_so_only_when_it_was_seen(tmp_path: Path) -
             await asyncio.sleep(2)
             bridge.hub.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
             answer = await _order(bridge, "hold")
-            assert answer.startswith("failed ") and answer.endswith("; it is held from now on")
+            assert answer.startswith("failed not stopped: ") and answer.endswith("; it is held from now on")
             assert bridge.hub.hold.on and on_disk.is_held(tmp_path)
 
     run(program())

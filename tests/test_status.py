@@ -39,6 +39,8 @@ def seen(**others: Any) -> Look:
         (seen(status=None, programs=0), "cpc  05:34:32 +22°00'52\"  no programs  4.1/s"),
         (seen(age=41.2), "cpc  05:34:32 +22°00'52\" 41 s ago  tracking  2 programs  4.1/s"),
         (seen(asleep=True), "cpc  05:34:32 +22°00'52\"  asleep  2 programs  4.1/s"),
+        (seen(held=True), "cpc  05:34:32 +22°00'52\"  held, tracking  2 programs  4.1/s"),
+        (seen(held=True, status=None), "cpc  05:34:32 +22°00'52\"  held  2 programs  4.1/s"),
         (seen(state="busy"), "cpc  05:34:32 +22°00'52\"  busy  2 programs  4.1/s"),
         (seen(position=None, status=None), "cpc  no position yet  2 programs  4.1/s"),
         (seen(state="opening", position=None, rate=0), "cpc  opening  2 programs  0.0/s"),

@@ -54,17 +54,17 @@ def _stop(arguments: argparse.Namespace) -> int:
     given = bool(arguments.state or os.environ.get("STATE_DIRECTORY"))
     scope = Scope(directory(arguments.state), alone=given)
     good, bad = [], []
-    if word != "stop":
-        told, trouble = _on_disk(scope.folder, word)
-        good += [told] * bool(told)
-        bad += [trouble] * bool(trouble)
     report = asyncio.run(order_all(scope, arguments.mount, word))
     for mount, answer in report.outcomes:
         name = mount or "a mount that is not known any more"
         if answer.startswith("failed "):
-            bad.append(f"{name}: not {DONE[word]}: {answer.removeprefix('failed ')}")
+            bad.append(f"{name}: {'not stopped: ' * (word == 'stop')}{answer.removeprefix('failed ')}")
         else:
             good.append(f"{name}: {answer}")
+    if word != "stop":
+        told, trouble = _on_disk(scope.folder, word)
+        good += [told] * bool(told)
+        bad += [trouble] * bool(trouble)
     bad += report.doubts
     if not (good or bad):
         only = f" for {arguments.mount}" if arguments.mount else ""
@@ -74,7 +74,6 @@ def _stop(arguments: argparse.Namespace) -> int:
     return 1 if bad else 0
 
 
-DONE = {"stop": "stopped", "hold": "stopped and held", "release": "released"}
 NOTHING = {"stop": "nothing to stop: no gateway runs{only}, and none ended in motion",
            "release": "nothing to release: no gateway runs, and nothing is held"}
 

@@ -12,7 +12,7 @@ from gateway.processes import is_gateway
 #: Seconds from one time that a question is sent to the next: a datagram may be lost.
 AGAIN = 0.5
 #: Seconds within which a gateway that is well has said that it heard.
-HEARD = 4.0
+HEARD = 3.0
 
 
 class _Asking(asyncio.DatagramProtocol):
@@ -41,7 +41,8 @@ class _Asking(asyncio.DatagramProtocol):
 async def ask(door: Door, word: str, seconds: float) -> str | None:
     """-> the gateway's answer, or ``failed REASON``; None where no gateway is behind the door any more."""
     number = draw()
-    silent = f"failed the gateway (process {door.pid}) does not answer; kill {door.pid} ends it, which stops its mount"
+    silent = (f"failed the gateway (process {door.pid}) does not answer: end it with kill -9 {door.pid}, then "
+              "mount-gateway stop stops its mount without it")
     loop = asyncio.get_running_loop()
     try:
         transport, asking = await loop.create_datagram_endpoint(

@@ -31,10 +31,9 @@ def orders(hub: Hub, keeping: Keeping) -> Mapping[str, Order]:
 
     async def hold() -> str:
         hub.hold.on = True
-        trouble = await _on_disk(keeping, held=True)
-        answer = await stopped(hub)
+        answer, trouble = await asyncio.gather(stopped(hub), _on_disk(keeping, held=True))
         if answer != STOPPED:
-            return f"{answer}; it is held from now on{trouble}"
+            return f"failed not stopped: {answer.removeprefix('failed ')}; it is held from now on{trouble}"
         return f"failed it is stopped and held{trouble}" if trouble else HELD
 
     async def release() -> str:
@@ -66,10 +65,12 @@ async def stopped(hub: Hub) -> str:
 async def _on_disk(keeping: Keeping, *, held: bool) -> str:
     """Have the hold outlive this gateway, or end with it -> nothing, or what went wrong, to be said of it."""
     try:
-        await keeping.in_thread(on_disk.hold if held else on_disk.release, keeping.directory)
-    except OSError as error:
+        async with asyncio.timeout(ACKNOWLEDGED):
+            await keeping.in_thread(on_disk.hold if held else on_disk.release, keeping.directory)
+    except OSError as error:  # a disk that hangs is one, too
         where = keeping.directory / on_disk.NAME
+        why = error.strerror or "the disk does not answer"
         if held:
-            return f", but a restart of the gateway forgets that: {where} cannot be written ({error.strerror})"
-        return f", but a restart of the gateway holds it again: {where} cannot be removed ({error.strerror})"
+            return f", but a restart of the gateway forgets that: {where} cannot be written ({why})"
+        return f", but a restart of the gateway holds it again: {where} cannot be removed ({why})"
     return ""

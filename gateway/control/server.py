@@ -19,6 +19,7 @@ import msgspec
 from gateway.control.doors import ENDING, Door, sweep
 from gateway.control.messages import WAIT, parts, seal, unseal
 from gateway.errors import Fault
+from gateway.runtime import occupy
 from gateway.state import write_whole
 
 #: Carries out an order -> the answer. Raises Fault, whose words are then the answer.
@@ -31,7 +32,7 @@ Asked = dict[str, asyncio.Task[str]]
 
 
 class Control(asyncio.DatagramProtocol):
-    """``orders`` are what can be asked for, by word; ``folders`` where it is written how to."""
+    """``orders`` are what can be asked for, by word; ``folders`` where it is written how to, the state folder first."""
 
     def __init__(self, folders: Sequence[Path], name: str, mount: str, orders: Mapping[str, Order]) -> None:
         self.paths = [folder / f"{name}.{os.getpid()}{ENDING}" for folder in folders]
@@ -40,6 +41,7 @@ class Control(asyncio.DatagramProtocol):
         self._secret = secrets.token_hex(16)
         self._transport: asyncio.DatagramTransport | None = None
         self._asked: Asked = {}
+        self._occupied: list[int] = []
 
     async def open(self) -> None:
         """Raises OSError where no port can be had, or its number cannot be written anywhere."""
@@ -59,6 +61,7 @@ class Control(asyncio.DatagramProtocol):
                 failed.append(error)
         if len(failed) == len(self.paths):
             raise failed[0]
+        self._occupied = [number for path in self.paths[1:] if (number := occupy(path.parent)) is not None]
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
         """An order, or noise."""
@@ -114,6 +117,8 @@ class Control(asyncio.DatagramProtocol):
         for path in self.paths:
             with contextlib.suppress(OSError):
                 path.unlink(missing_ok=True)
+        while self._occupied:
+            os.close(self._occupied.pop())
         if self._transport is None:
             return
         waiting = [task for task in self._asked.values() if not task.done()]
