@@ -210,7 +210,7 @@ class Gateway:
         def busy() -> bool:
             return self.hub is not None and self.hub.motions.busy
 
-        lock = self.keeping.directory / f"{self.keeping.name}.lock" if self.keeping is not None else None
+        lock = self.keeping.lock_path if self.keeping is not None else None
         self.watched = self.watchdog.mount(self.title, lock, commands, busy, self._was_stopped)
 
     def _was_stopped(self) -> None:

@@ -89,7 +89,7 @@ class Keeping:
 
     @property
     def lock_path(self) -> Path:
-        """While these files are somebody's it holds the number of that process."""
+        """The file that names the process which these files belong to; another number in it is another gateway."""
         return self.directory / f"{self.name}.lock"
 
     @property

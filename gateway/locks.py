@@ -27,7 +27,7 @@ class Taken(Exception):
 
 
 class PidLock:
-    """``path`` is the file; it holds the decimal number of the process while that one has the lock."""
+    """``path`` is the file; in it is the decimal number of the process that had the lock last, or has it."""
 
     def __init__(self, path: Path, *, remove: bool = False) -> None:
         """``remove``: the file goes with the lock."""
@@ -55,15 +55,13 @@ class PidLock:
             os.ftruncate(self._number, len(told))
 
     def release(self) -> None:
-        """Let go of it, if it is held."""
+        """Let go of it, if it is held. A file that stays goes on naming this process, until another one has it."""
         number, self._number = self._number, None
         if number is None:
             return
-        with contextlib.suppress(OSError):
-            if self._remove:
+        if self._remove:
+            with contextlib.suppress(OSError):
                 os.unlink(self.path)
-            else:
-                os.ftruncate(number, 0)
         os.close(number)
 
 
