@@ -35,12 +35,17 @@ def gateways() -> list[Process]:
     return sorted(found, key=lambda process: process.pid)
 
 
-def is_gateway(pid: int) -> bool | None:
-    """Whether a process that wrote a door file may still be the one it was; None where the system does not tell."""
+def is_gateway(pid: int) -> bool:
+    """Whether a process is known to be a gateway; where the system tells no more, whether there is such a process."""
     if PROC.joinpath(str(os.getpid())).is_dir():
         return pid == os.getpid() or serves(_words(pid))
-    if os.name != "posix":  # on Windows there is no signal that does no harm
-        return None
+    return os.name == "posix" and exists(pid)
+
+
+def exists(pid: int) -> bool:
+    """Whether there is such a process, or may be: Windows has no signal that does no harm."""
+    if os.name != "posix":
+        return True
     try:
         os.kill(pid, 0)
     except PermissionError:

@@ -5,18 +5,22 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import socket
+import subprocess
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from gateway import processes, reach, runtime
 from gateway.cli import main
+from gateway.control import Door, client
 from gateway.processes import Process, serves
 from gateway.runtime import user
-from tests.running import Running, ask
+from tests.running import PATIENCE, Running, ask
 from tests.test_shutdown import Moving
 
 Stop = Callable[..., tuple[int, str]]
@@ -44,24 +48,14 @@ def stop(capsys: pytest.CaptureFixture[str]) -> Stop:
     return run_it
 
 
-def _gone(state: Path) -> None:
-    shutil.rmtree(state)
-
-
-def _junk(state: Path) -> None:
-    (state / "x.control").mkdir()
-    (state / "y.control").write_text("{")
-
-
-@pytest.mark.parametrize("become", [_gone, _junk])
-def test_a_gateway_is_reached_whatever_became_of_its_folder(
-    tmp_path: Path, started: list[Running], stop: Stop, seen: list[Process], become: Callable[[Path], None]
+def test_a_gateway_is_reached_when_its_folder_is_gone(
+    tmp_path: Path, started: list[Running], stop: Stop, seen: list[Process]
 ) -> None:
     state = tmp_path / "state"
     moving = Moving(started, state)
     seen.append(Process(moving.gateway.process.pid, os.getuid()))
     moving.move()
-    become(state)
+    shutil.rmtree(state)
     assert stop("--state", str(state)) == (0, f"{moving.endpoint}: stopped")
     assert not moving.moves()
     assert moving.tracking()
@@ -100,7 +94,10 @@ def test_a_gateway_without_a_descriptor_left_stops_its_mount(
     assert not moving.moves()
 
 
-def test_a_frozen_gateway_is_said_to_be_one(tmp_path: Path, started: list[Running], stop: Stop) -> None:
+def test_a_frozen_gateway_is_said_to_be_one(
+    tmp_path: Path, started: list[Running], stop: Stop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client, "HEARD", 0.3)
     moving = Moving(started, tmp_path)
     moving.gateway.process.send_signal(signal.SIGSTOP)
     began = time.monotonic()
@@ -241,4 +238,22 @@ def test_a_gateway_is_seen_among_the_processes(started: list[Running]) -> None:
     assert Process(pid, os.getuid()) in processes.gateways()
     assert processes.is_gateway(pid)
     gateway.end()
-    assert not processes.is_gateway(pid)
+    assert not processes.is_gateway(pid) and not processes.exists(pid)
+
+
+@LINUX
+def test_a_process_that_does_not_look_like_one_is_not_taken_for_gone(
+    tmp_path: Path, stop: Stop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Started by another program, for one: it has the port, and it does not answer."""
+    monkeypatch.setattr(client, "HEARD", 0.2)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as frozen:
+        frozen.bind(("127.0.0.1", 0))
+        other = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+        door = Door("m", other.pid, frozen.getsockname()[1], "s", str(tmp_path))
+        (tmp_path / "m.control").write_bytes(msgspec.json.encode(door))
+        code, words = stop("--state", str(tmp_path))
+        assert code == 1 and f"the gateway (process {other.pid}) does not answer" in words
+        other.communicate(b"\n", PATIENCE)
+        assert stop("--state", str(tmp_path)) == (0, NOTHING)
+    assert list(tmp_path.iterdir()) == []

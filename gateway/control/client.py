@@ -7,7 +7,7 @@ from typing import Any
 
 from gateway.control.doors import Door
 from gateway.control.messages import Parts, draw, seal, unseal
-from gateway.processes import is_gateway
+from gateway.processes import exists, is_gateway
 
 #: Seconds from one time that a question is sent to the next: a datagram may be lost.
 AGAIN = 0.5
@@ -62,6 +62,6 @@ async def ask(door: Door, word: str, seconds: float) -> str | None:
     except ConnectionError:
         return silent if is_gateway(door.pid) else None
     except (OSError, TimeoutError):
-        return None if is_gateway(door.pid) is False else silent
+        return silent if exists(door.pid) else None
     finally:
         transport.close()
