@@ -89,18 +89,22 @@ def _readable(folder: Path, owner: int | None) -> Sequence[tuple[Path, Door]]:
 
 
 def _sure_of(folder: Path) -> bool:
-    """Whether a gateway with this state folder would have left its door there: it is this user's, and takes files."""
+    """Whether a gateway with this state folder would have left its door there, for this user to see.
+
+    The folder is this user's (to root all are), and takes files.
+    """
     try:
         if os.name != "posix":
             return os.access(folder, os.W_OK)
         room = os.statvfs(folder)
-        return os.lstat(folder).st_uid == user() and os.access(folder, os.W_OK) and room.f_bavail > 0 < room.f_favail
+        mine = user() in (0, os.lstat(folder).st_uid)
+        return mine and os.access(folder, os.W_OK) and room.f_bavail > 0 and (room.f_files == 0 or room.f_favail > 0)
     except OSError:
         return False
 
 
 def _doubt(process: processes.Process) -> str:
-    if process.user == user():
+    if user() in (0, process.user):
         return (f"a gateway runs as process {process.pid} and cannot be asked: it found no folder to say how; "
                 f"kill {process.pid} ends it, which stops its mount")
     whose = user_name(process.user)

@@ -3,7 +3,8 @@
 They are made where they are absent, belong to this user and are closed to all others, so that nobody else can foresee,
 take or replace a name in them. There may be two: what a session has (``XDG_RUNTIME_DIR``), and one in the temporary
 folder, which every process of a user finds. What is written goes to all of them, what is looked for is looked for in
-all of them. A folder that is not this user's own is never used, and it is said why.
+all of them. A folder that is not this user's own is never used, and it is said why; when somebody has taken both names
+beforehand, there is a third place, in the state folder, where nobody can.
 """
 
 from __future__ import annotations
@@ -14,15 +15,21 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
-NAME = "mount-gateway"
+from gateway.state import directory
+
+#: What they are called, and the one in the state folder.
+NAME, LAST = "mount-gateway", "run"
 #: Where systemd keeps the runtime folders of sessions.
 SESSIONS = Path("/run/user")
 
 
 def folders() -> tuple[list[Path], list[str]]:
-    """Those that can be used, and for every other one a sentence that says why not."""
-    usable, reasons = [], []
-    for folder in candidates():
+    """Those that can be used, and for every other one that was tried why not."""
+    usable: list[Path] = []
+    reasons: list[str] = []
+    for folder in [*candidates(), directory() / LAST]:
+        if folder.name == LAST and usable:
+            break
         reason = _unfit(folder)
         if reason:
             reasons.append(f"{folder}: {reason}")
@@ -92,6 +99,8 @@ def _owner(folder: Path) -> int | None:
 def _unfit(folder: Path) -> str:
     """Make a folder where it is absent -> why it cannot be used, or nothing."""
     try:
+        if folder.name == LAST:
+            folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with contextlib.suppress(FileExistsError):
             os.mkdir(folder, 0o700)
         seen = os.lstat(folder)

@@ -58,9 +58,16 @@ def test_they_are_made_and_closed_to_all_others(base: Path, monkeypatch: pytest.
     pytest.param(lambda path: (path.mkdir(0o700), os.chown(path, 1, 1)), "belongs to the user daemon, not to you",
                  marks=ROOT),
 ])  # fmt: skip
-def test_what_is_not_ones_own_is_not_used_and_said(base: Path, make: Callable[[Path], Any], reason: str) -> None:
+def test_what_is_not_ones_own_is_not_used_and_said(
+    base: Path, monkeypatch: pytest.MonkeyPatch, make: Callable[[Path], Any], reason: str
+) -> None:
     make(_mine(base))
-    assert folders() == ([], [f"{_mine(base)}: {reason}"])
+    mine = base / "state" / "run"
+    monkeypatch.setenv("STATE_DIRECTORY", str(mine.parent))
+    assert folders() == ([mine], [f"{_mine(base)}: {reason}"]), "a place that nobody can take beforehand"
+    Link(str(base / "lx200")).close()
+    monkeypatch.setenv("STATE_DIRECTORY", "/proc/nowhere")
+    assert folders()[0] == []
     with pytest.raises(UserError, match=f"cannot make {base}/lx200: no folder for its lock: .*{reason}"):
         Link(str(base / "lx200"))
     warned: list[str] = []

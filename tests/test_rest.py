@@ -30,14 +30,15 @@ def bridge_of(driven: str, mount: str, version: str | None, config: dict[str, An
 
 
 @pytest.mark.parametrize(("driven", "mount", "version", "config"), MOUNTS)
-@pytest.mark.parametrize("tracking", [True, False])
+@pytest.mark.parametrize("state", ["tracking", "not tracking", "not aligned", "coarse"])
 def test_a_mount_that_rests_is_seen_to_whether_it_tracks_or_not(
-    driven: str, mount: str, version: str | None, config: dict[str, Any], tracking: bool
+    driven: str, mount: str, version: str | None, config: dict[str, Any], state: str
 ) -> None:
     async def program() -> None:
-        async with bridge_of(driven, mount, version, config) as bridge:
+        async with bridge_of(driven, mount, version, config, aligned=state != "not aligned") as bridge:
             client = bridge.client()
-            if not tracking:
+            bridge.driver.low = state == "coarse"
+            if state == "not tracking":
                 await client.ask(b"T\0", 3.0)
             client.tell(NORTH)
             await asyncio.sleep(3)

@@ -161,6 +161,7 @@ def test_a_folder_that_cannot_be_looked_into_does_not_pass_for_nothing(
 def test_a_gateway_of_another_user_is_named(
     stop: Stop, seen: list[Process], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(reach, "user", lambda: os.getuid() + 1000)
     seen.append(Process(4711, 1))  # Debian's daemon
     code, words = stop()  # a folder that is not there says nothing of who runs
     assert code == 1
@@ -170,6 +171,8 @@ def test_a_gateway_of_another_user_is_named(
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     (tmp_path / "mount-gateway").mkdir()
     assert stop()[0] == 1, "whose folder is asked for was not said"
+    assert stop("--state", str(tmp_path))[0] == 1, "whoever owns that folder may have a gateway"
+    monkeypatch.setattr(reach, "user", os.getuid)
     assert stop("--state", str(tmp_path)) == (0, NOTHING), "a folder of one's own is no other user's"
 
 

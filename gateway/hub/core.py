@@ -89,8 +89,7 @@ class Hub:
         self.before_motion: Callable[[], Awaitable[None]] = _at_once
         self._identifying: asyncio.Task[Any] | None = None
         self._sharing: dict[Kind, asyncio.Task[Any]] = {}
-        #: Nothing is begun any more.
-        self.closed = False
+        self.closed = False  # when it is, nothing is begun any more
         self.turnstile = Turnstile(self.loop, lambda: self.motions.ending)
         self._tasks: set[asyncio.Task[Any]] = set()
         line.on_up = self._on_up
