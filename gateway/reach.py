@@ -7,7 +7,6 @@ whole sentence with what can be done about it.
 
 from __future__ import annotations
 
-import asyncio
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,9 +17,6 @@ from gateway import processes
 from gateway.control import Door, doors
 from gateway.runtime import folders, of_others, user, user_name
 from gateway.state import Marked, read_mark
-
-#: A gateway that is just beginning, or ending, is looked for so many times, so many seconds apart.
-LOOKS, BETWEEN = 8, 0.25
 
 
 class Found(Struct):
@@ -38,21 +34,21 @@ class Scope(Struct, frozen=True):
     alone: bool = False
 
 
-async def find(scope: Scope) -> Found:
-    """Look everywhere. Nothing is sent to anybody."""
-    for look in range(LOOKS):
-        found, unseen = _look(scope), []
-        if not scope.alone or not _sure_of(scope.folder):
-            known = {door.pid for _, door in _all_doors(scope.folder)[0]}
-            unseen = [process for process in processes.gateways() if process.pid not in known]
-        if not any(process.user == user() for process in unseen) or look == LOOKS - 1:
-            break
-        await asyncio.sleep(BETWEEN)
-    found.doubts += [_doubt(process) for process in unseen]
-    return found
+def unseen(scope: Scope) -> list[processes.Process]:
+    """The gateways among the processes that cannot be asked, and may be meant."""
+    if scope.alone and _sure_of(scope.folder):
+        return []
+    known = {door.pid for _, door in _all_doors(scope.folder)[0]}
+    return [process for process in processes.gateways() if process.pid not in known]
 
 
-def _look(scope: Scope) -> Found:
+def reachable(process: processes.Process) -> bool:
+    """Whether this user should be able to ask a gateway, once it is ready for that."""
+    return user() in (0, process.user)
+
+
+def look(scope: Scope) -> Found:
+    """Look into every folder. Nothing is sent to anybody."""
     seen, doubts = _all_doors(scope.folder)
     here = os.path.realpath(scope.folder)
     gateways: dict[tuple[int, int], tuple[Path, Door]] = {}
@@ -103,8 +99,9 @@ def _sure_of(folder: Path) -> bool:
         return False
 
 
-def _doubt(process: processes.Process) -> str:
-    if user() in (0, process.user):
+def doubt(process: processes.Process) -> str:
+    """A gateway that cannot be asked, in words."""
+    if reachable(process):
         return (f"a gateway runs as process {process.pid} and cannot be asked: it found no folder to say how; "
                 f"kill {process.pid} ends it, which stops its mount")
     whose = user_name(process.user)

@@ -9,16 +9,20 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from msgspec import Struct
 
-from gateway.control import ask
+from gateway.control import Door, ask
 from gateway.control.orders import ACKNOWLEDGED, LONGEST, STOPPED
 from gateway.errors import Fault, UserError
-from gateway.reach import Scope, find
+from gateway.reach import Scope, doubt, look, reachable, unseen
 from gateway.runtime import user
 from gateway.state import Marked
+
+#: A gateway that is seen and cannot be asked may be just beginning, or ending: so many looks, so many seconds apart.
+LOOKS, BETWEEN = 5, 0.25
 
 
 class Report(Struct):
@@ -31,19 +35,38 @@ class Report(Struct):
 async def order_all(scope: Scope, only: str | None, word: str) -> Report:
     """Give an order to every gateway in the scope; what was left in motion is stopped, but not at ``release``.
 
-    All at once: one that does not answer must not keep another one moving.
+    All at once: one that does not answer must not keep another one moving, nor must whatever cannot be known.
     """
-    found = await find(scope)
-    running = [(path, door) for path, door in found.gateways if _meant(door.mount, only)]
-    asked = await asyncio.gather(*(ask(door, word, LONGEST) for _, door in running))
-    outcomes = [(door.mount, answer) for (_, door), answer in zip(running, asked, strict=True) if answer is not None]
-    for (path, _), answer in zip(running, asked, strict=True):
+    report = Report([], [])
+    asked: set[tuple[int, int]] = set()
+    for attempt in range(LOOKS):
+        found = look(scope)
+        new = [(path, door) for path, door in found.gateways
+               if _meant(door.mount, only) and (door.pid, door.port) not in asked]
+        asked |= {(door.pid, door.port) for _, door in new}
+        marks = {mark.mount: mark for mark in found.marks if _meant(mark.mount, only)}
+        if word == "release" or attempt > 0:
+            marks.clear()
+        mounts = list(dict.fromkeys([*(door.mount for _, door in new), *marks]))
+        told = await asyncio.gather(*(_of_mount([one for one in new if one[1].mount == mount], word, marks.get(mount),
+                                                scope.folder) for mount in mounts))
+        report.outcomes += [(mount, answer) for mount, answers in zip(mounts, told, strict=True) for answer in answers]
+        others = unseen(scope)
+        report.doubts = [*found.doubts, *map(doubt, others)]
+        if not any(reachable(process) for process in others):
+            break
+        await asyncio.sleep(BETWEEN)
+    return report
+
+
+async def _of_mount(gateways: Sequence[tuple[Path, Door]], word: str, left: Marked | None, folder: Path) -> list[str]:
+    """The answers of a mount's gateways; where none is there any more, what comes of stopping it from here."""
+    asked = await asyncio.gather(*(ask(door, word, LONGEST) for _, door in gateways))
+    for (path, _), answer in zip(gateways, asked, strict=True):
         if answer is None:
             _take_away(path)
-    left = [mark for mark in found.marks if _meant(mark.mount, only) and mark.mount not in dict(outcomes)]
-    rescued = [] if word == "release" else await asyncio.gather(*(_rescue(mark, scope.folder) for mark in left))
-    outcomes += [(mark.mount, answer) for mark, answer in zip(left, rescued, strict=False)]
-    return Report(outcomes, found.doubts)
+    answers = [answer for answer in asked if answer is not None]
+    return [await _rescue(left, folder)] if left is not None and not answers else answers
 
 
 def _meant(mount: str, only: str | None) -> bool:

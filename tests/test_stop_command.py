@@ -15,7 +15,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from gateway import processes, reach, runtime
+from gateway import processes, reach, rescue, runtime
 from gateway.cli import main
 from gateway.control import Door, client
 from gateway.processes import Process, serves
@@ -33,7 +33,7 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> list[Process]:
     """The gateways that ``stop`` sees among the processes: other tests' are none of them."""
     found: list[Process] = []
     monkeypatch.setattr(processes, "gateways", lambda: found)
-    monkeypatch.setattr(reach, "BETWEEN", 0.01)
+    monkeypatch.setattr(rescue, "BETWEEN", 0.01)
     return found
 
 
@@ -212,10 +212,10 @@ def test_root_reaches_what_another_user_runs(tmp_path: Path, monkeypatch: pytest
     os.chown(theirs, 1, 1)
     os.chown(theirs / "a.control", 1, 1)
     fake.symlink_to(theirs)
-    found = reach._look(reach.Scope(tmp_path / "none"))
+    found = reach.look(reach.Scope(tmp_path / "none"))
     assert [path for path, _ in found.gateways] == [theirs / "a.control"], "b is not of the folder's owner"
-    assert reach._look(reach.Scope(Path("/x"), alone=True)).gateways
-    assert not reach._look(reach.Scope(tmp_path, alone=True)).gateways
+    assert reach.look(reach.Scope(Path("/x"), alone=True)).gateways
+    assert not reach.look(reach.Scope(tmp_path, alone=True)).gateways
 
 
 @pytest.mark.parametrize(("words", "is_one"), [
