@@ -102,7 +102,7 @@ def _sure_of(folder: Path) -> bool:
 def doubt(process: processes.Process) -> str:
     """A gateway that cannot be asked, in words."""
     if reachable(process):
-        return (f"a gateway runs as process {process.pid} and cannot be asked: it found no folder to say how; "
-                f"kill {process.pid} ends it, which stops its mount")
+        return (f"a gateway runs as process {process.pid} and cannot be asked: it is of an older version, or had no "
+                f"folder to write to; kill {process.pid} ends it, which stops its mount")
     whose = user_name(process.user)
     return f"a gateway of {whose} runs as process {process.pid}: stop it as {whose}, or as root"

@@ -131,7 +131,7 @@ def test_held_over_a_restart_until_it_is_released(
     assert stop(*here)[0] == 0
 
 
-def test_a_hold_is_for_a_whole_folder(stop: Stop, tmp_path: Path) -> None:
+def test_a_hold_is_for_a_whole_folder(stop: Stop, seen: list[Process], tmp_path: Path) -> None:
     assert stop("--hold", "--mount", "x")[0] == 2
     assert stop("--hold", "--release")[0] == 2
     (tmp_path / "file").write_text("")
