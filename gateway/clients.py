@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, Protocol
 
 from gateway.access import harmless
 from gateway.errors import Fault, ReadOnly
+from gateway.frames import Framing, Unterminated
 from gateway.hub import FRESH, MISSING, Hub
 from gateway.hub.dead_man import Life
 from gateway.operations import CancelGoto, Focus, Halt, Operation, Stop
@@ -28,10 +29,6 @@ MEMO = 32
 BEGUN = 16
 #: A half that is asked for within this many seconds of the other one belongs to the same instant.
 PAIR = 1.0
-
-
-#: Cuts a protocol's commands out of a byte stream: bytes as they came -> the commands that are complete now.
-Framing = Callable[[bytes], list[bytes]]
 
 
 class Equinox(Protocol):
@@ -101,8 +98,10 @@ class Client:
                 self.write(reply)
                 return
         frames = self.framing(data)
-        self._idle = bool(frames) and data.endswith(frames[-1])  # else half a command may be waiting for its rest
+        self._idle = self.framing.idle  # else what comes next may belong to what came before
         for frame in frames:
+            if isinstance(frame, Unterminated):
+                self.transcript.note(self.name, frame.words)
             if self.rate is not None and self.surface.protocol.find(frame) is not None:
                 self.rate.understood()
             stopping = frame in self.stop_frames
@@ -248,7 +247,7 @@ class Client:
 
     def _explain(self, frame: bytes) -> None:
         """Leave a reason for a silence, once for every command of every host."""
-        why = self.surface.silence(frame)
+        why = self.surface.silence(self.session, frame)
         if why:
             self.transcript.note_once(self.name, f"no reply to {frame!r}: {why}", self.name.rpartition(":")[0])
 

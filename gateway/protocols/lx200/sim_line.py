@@ -15,13 +15,14 @@ _LOWEST, _HIGHEST = 0x20, 0x7F
 class ClassicFramer(Framer):
     """Cuts a byte stream into the commands that a classic would understand."""
 
-    def feed(self, data: bytes) -> list[bytes]:
-        """Take bytes as they came -> the commands that are now complete, in order."""
+    def feed(self, data: bytes, now: float) -> list[bytes]:
+        """Take bytes as they came -> the commands that are now complete, in order. ``now``: any clock, in seconds."""
         frames: list[bytes] = []
         for byte in data:
             if _LOWEST <= byte <= _HIGHEST or byte == ACK:
-                frames += super().feed(bytes((byte,)))
+                frames += super().feed(bytes((byte,)), now)
                 if len(self._frame) > LINE + 1:
+                    self._cut()
                     self._begin()
             else:
                 self._begin()
