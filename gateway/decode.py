@@ -17,8 +17,7 @@ from gateway.logline import EVENTS, row, stamp
 from gateway.tables import load
 from gateway.talk import Dialogue
 
-
-#: Seconds between two bytes where a capture tells no times: enough that a byte which is no command costs none behind it,
+#: Seconds between two bytes where a capture tells no times: enough that a byte which is no command costs no other one,
 #: and so few that no command falls apart.
 APART = 0.2
 #: How a protocol's commands are cut out, by a clock that tells when bytes came.
