@@ -66,8 +66,7 @@ class Client:
         self._told: dict[type[Operation], Told] = {}
         self._memo: dict[bytes, tuple[bytes, list[type[Operation]]]] = {}
         self._idle = True
-        self._memo_version = -1
-        self._memo_until = 0.0
+        self._memo_version, self._memo_until = -1, 0.0
         self._spent: list[type[Operation]] = []
         self._plain = True
         self.halts: Mapping[bytes, tuple[Operation, frozenset[bytes]]] = {}
@@ -247,8 +246,7 @@ class Client:
 
     def _explain(self, frame: bytes) -> None:
         """Leave a reason for a silence, once for every command of every host."""
-        why = self.surface.silence(self.session, frame)
-        if why:
+        if why := self.surface.silence(self.session, frame):
             self.transcript.note_once(self.name, f"no reply to {frame!r}: {why}", self.name.rpartition(":")[0])
 
     def _remember(self, frame: bytes, reply: bytes) -> None:
@@ -313,5 +311,8 @@ class Client:
         """The connection is gone: what it asked for is still done, the replies go nowhere."""
         self.open = False
         self.write = lambda data: None
+        for frame in self.framing.end():  # the next connection must not build on what was before half a command
+            self.transcript.note(self.name, frame.words)
+            deque(self.surface.handle(self.session, frame), 0)
         if self.rate is not None:
             self.rate.end()

@@ -49,6 +49,8 @@ class Framer(Protocol):
 
     def feed(self, data: bytes, now: float) -> list[bytes]: ...
 
+    def end(self) -> list[Unterminated]: ...
+
 
 class Framing:
     """A framer with the clock by which bytes arrive: bytes as they came -> the commands that are complete now."""
@@ -63,3 +65,7 @@ class Framing:
     def idle(self) -> bool:
         """Whether the next bytes can be understood without those before."""
         return self.framer.idle
+
+    def end(self) -> list[Unterminated]:
+        """Nothing more comes -> what was refused for lack of its end."""
+        return self.framer.end()

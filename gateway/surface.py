@@ -158,8 +158,9 @@ class Surface:
 
     def silence(self, session: Session, frame: bytes) -> str:
         """Why a command has no reply, where its sender may have expected one; empty where none is due."""
-        lacking = self.lacks(session.model, frame)
-        if lacking:
+        if isinstance(frame, Unterminated):
+            return ""  # that was said when it came
+        if lacking := self.lacks(session.model, frame):
             return lacking
         found = self.protocol.find(frame)
         if found is None:

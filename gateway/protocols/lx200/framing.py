@@ -87,10 +87,25 @@ class Framer:
         self._suspect = False
         self._old = bool(self._frame)
         if self._lost:
-            self._frames.append(Unterminated(bytes(self._text + self._frame)[:LONGEST], tuple(self._lost), late=True))
-            self._lost = {}
             rest = b":" if self._colon else bytes(self._frame)
+            self._give_up()
             self._begin(rest if any(stop.startswith(rest) for stop in STOPS) else b"")
+
+    def _give_up(self) -> None:
+        """What was swallowed comes to no end any more."""
+        self._swallow(bytes(self._frame), setter(bytes(self._frame)))
+        self._frames.append(Unterminated(bytes(self._text), tuple(self._lost), late=True))
+        self._lost = {}
+
+    def end(self) -> list[Unterminated]:
+        """Nothing more comes -> half a command with an argument, which must not count as the one before it."""
+        self._frames, self._old = [], True
+        if self._lost:
+            self._give_up()
+        else:
+            self._cut()
+        self._begin()
+        return [frame for frame in self._frames if isinstance(frame, Unterminated)]
 
     def _cut(self) -> None:
         """Something else begins here: a command with an argument has lost its end, any other is dropped."""

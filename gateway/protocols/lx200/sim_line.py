@@ -6,7 +6,7 @@ character drop the command they stand in, without a word. The other models read 
 
 from __future__ import annotations
 
-from gateway.protocols.lx200.framing import ACK, Framer
+from gateway.protocols.lx200.framing import ACK, Framer, setter
 
 LINE = 15  # characters between the colon and the #
 _LOWEST, _HIGHEST = 0x20, 0x7F
@@ -22,8 +22,12 @@ class ClassicFramer(Framer):
             if _LOWEST <= byte <= _HIGHEST or byte == ACK:
                 frames += super().feed(bytes((byte,)), now)
                 if len(self._frame) > LINE + 1:
-                    self._cut()
-                    self._begin()
+                    self._drop()
             else:
-                self._begin()
+                self._drop()
         return frames
+
+    def _drop(self) -> None:
+        """Forget half a command; what comes with one that had an argument is suspect all the same."""
+        self._suspect = self._suspect or setter(bytes(self._frame)) is not None
+        self._begin()

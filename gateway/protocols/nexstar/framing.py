@@ -13,6 +13,7 @@ from collections.abc import Iterable
 from functools import lru_cache
 
 from gateway.errors import MappingError
+from gateway.frames import Unterminated
 from gateway.tables import Command, load
 
 #: Seconds of quiet after which the rest of a command is no longer expected.
@@ -85,6 +86,10 @@ class Framer:
             else:
                 self._lost = byte not in STRAY
         return frames
+
+    def end(self) -> list[Unterminated]:
+        """Half a request asks for nothing."""
+        return []
 
     def _take(self, byte: int, frames: list[bytes]) -> None:
         """One more byte of a request."""
