@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.__main__ import main
+from gateway.cli import main
 
 
 def words(path: Path, data: bytes, capsys: pytest.CaptureFixture[str], protocol: str) -> str:
