@@ -199,6 +199,21 @@ def test_a_half_setter_of_long_ago_is_dropped_without_a_word() -> None:
     assert talk.send(b":GR#:MS#") == b"12:34:56#1No target set.#"
 
 
+def test_only_a_pause_before_the_next_command_makes_it_long_ago() -> None:
+    talk = aimed()
+    say(talk, b":Sr07:0")
+    talk.now += QUIET
+    assert say(talk, b"0:00:MS#:Me#") == b"0" and done(talk) == []
+
+
+def test_what_was_swallowed_is_not_completed_after_a_pause() -> None:
+    for cut in (b":SMfoo:M", b":SMfoo:"):
+        talk = aimed()
+        say(talk, cut)
+        talk.now += QUIET
+        assert say(talk, b"n#") == b"" and done(talk) == []
+
+
 def test_a_setter_may_come_in_pieces() -> None:
     talk = aimed()
     assert say(talk, TARGET + b":MS#", "byte by byte", pause=2.0) == b"110"
@@ -215,6 +230,7 @@ def test_the_frames_say_what_they_are() -> None:
     frames = Framer().feed(b":GR#:SMfoo:Sr07:00\x06:MS#:Mn#\x06:Q#", 0.0)
     assert frames == [b":GR#", b":SMfoo:Sr07:00:MS#", b":Mn#", b"\x06", b":Q#"]
     assert [type(frame) for frame in frames] == [bytes, Unterminated, Suspect, bytes, Suspect]
+    assert Framer().feed(b":SMa:Mn#:SMb:Me#", 0.0) == [b":SMa:Mn#", b":SMb:Me#"]
     refused = frames[1]
     assert isinstance(refused, Unterminated) and refused.names == ("SM", "Sr") and not refused.late
 
@@ -286,6 +302,19 @@ def test_a_stop_inside_ends_a_motion_at_once() -> None:
     run(program())
 
 
+def test_no_answer_comes_from_memory_behind_half_a_command() -> None:
+    async def program() -> None:
+        for presented, question, half, reply in (("lx200", b":GR#", b":Sr07:0", b"0"), ("nexstar", b"e", b"K", b"e#")):
+            async with Bridge(presented=presented, surface=None) as bridge:
+                client = bridge.client()
+                for _ in range(3):
+                    assert len(await client.ask(question)) > 8
+                client.tell(half)
+                assert await client.ask(question) == reply
+
+    run(program())
+
+
 def test_answers_from_memory_keep_the_run_going() -> None:
     """A question that is answered again without being cut out belongs to the run of bytes all the same."""
     async def program() -> None:
@@ -308,7 +337,7 @@ def test_answers_from_memory_keep_the_run_going() -> None:
     run(program())
 
 
-@pytest.mark.parametrize("half", [b":Sr07:00", b":Sr07:00:00:M", b":SMfoo:Sr07:00:00#"])
+@pytest.mark.parametrize("half", [b":Sr07:00", b":Sr07:00:00:M", b":SMfoo:Sr07:00:00#", b":SMfoo:Sr07:00"])
 def test_the_next_connection_does_not_build_on_half_a_command(half: bytes) -> None:
     """What a connection has kept is handed on to the next one from its host: not a target of which half was lost."""
     async def program() -> None:
