@@ -76,11 +76,16 @@ class Framer:
         if quiet >= RESYNC_GAP:
             self._lost = False
         frames: list[bytes] = []
+        pending = self._pending
         for byte in data:
             if self._lost:
                 break
-            if self._pending or byte in self._lengths:
-                self._take(byte, frames)
+            if pending or byte in self._lengths:
+                pending.append(byte)
+                if len(pending) == self._lengths[pending[0]]:
+                    frames.append(bytes(pending))
+                    self._behind, self._more = STRAY_BEHIND.get(pending[0], (b"", 0))
+                    pending.clear()
             elif self._more and byte in self._behind:
                 self._more -= 1
             else:
@@ -90,12 +95,3 @@ class Framer:
     def end(self) -> list[Unterminated]:
         """Half a request asks for nothing."""
         return []
-
-    def _take(self, byte: int, frames: list[bytes]) -> None:
-        """One more byte of a request."""
-        self._pending.append(byte)
-        first = self._pending[0]
-        if len(self._pending) == self._lengths[first]:
-            frames.append(bytes(self._pending))
-            self._pending.clear()
-            self._behind, self._more = STRAY_BEHIND.get(first, (b"", 0))

@@ -43,17 +43,17 @@ def counts_as(version: Version) -> Version:
 
 @cache
 def _opcodes(version: Version) -> frozenset[int]:
-    """The first bytes of the requests that a hand control of that version knows."""
-    known = [c for c in load("nexstar").commands.values() if c.name == ALWAYS or c.known_to(None, version)]
+    """The first bytes of the requests that a hand control which shows that version knows."""
+    taken_for = counts_as(version)
+    known = [c for c in load("nexstar").commands.values() if c.name == ALWAYS or c.known_to(None, taken_for)]
     return frozenset(command.request.literal[0] for command in known)
 
 
 def lacks(model: Mapping[str, Any], frame: bytes) -> str:
     """Why the presented hand control passes over a request as a whole; empty where it knows it."""
-    version = model["version"]
-    if frame[0] in _opcodes(counts_as(version)):
+    if frame[0] in _opcodes(model["version"]):
         return ""
-    return f"a hand control {show_version(version)} has no such command"
+    return f"a hand control {show_version(model['version'])} has no such command"
 
 
 def framing(now: Callable[[], float]) -> Framing:
