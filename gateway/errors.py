@@ -43,7 +43,7 @@ class Invalid(Fault):
 class Disturbed(Fault):
     """A motion asked for together with a command that lost its end: nobody knows what else was lost."""
 
-    words = "A command before it came without its end."
+    words = "A command before this one was damaged."
 
 
 class NoTarget(Fault):

@@ -34,7 +34,7 @@ class Unterminated(bytes):
         if self.late:
             return f"{text!r} came without its end (#): it is not done, and what it would have set is cleared"
         return (f"{text!r} is refused as a whole: the first command in it came without its end (#). What it would have "
-                "set is cleared; until 0.1 s of quiet nothing that follows begins a motion, and every stop is done")
+                "set is cleared. Until 0.1 s of quiet nothing that follows begins a motion; stops are carried out")
 
 
 class Suspect(bytes):

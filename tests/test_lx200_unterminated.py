@@ -81,7 +81,7 @@ def test_what_a_setter_without_its_end_would_not_have_set_stays(way: str) -> Non
 def test_what_follows_in_the_same_run_is_answered_and_moves_nothing(way: str) -> None:
     talk = aimed()
     sent = b":SMfoo:Mn#:GR#:MS#:Me#:hP#:Sz180*00#:Sa+45*00#:MA#:Mgn0500#:F+#:Gc#"
-    assert say(talk, sent, way) == b"012:34:56#1A command before it came without its end.#11124#"
+    assert say(talk, sent, way) == b"012:34:56#1A command before this one was damaged.#11124#"
     assert done(talk) == []
     talk.now += SHORT
     assert talk.send(b":Mn#:MS#").startswith(b"1A") and done(talk) == []
