@@ -10,6 +10,8 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gateway import operations as op
 from gateway.frames import Suspect, Unterminated
@@ -109,6 +111,17 @@ def test_a_stop_is_carried_out_however_the_line_pauses(cut: int) -> None:
     talk.now += QUIET
     say(talk, sent[cut:])
     assert [type(operation) for operation in done(talk)] == [op.Stop]
+
+
+@given(st.lists(st.sampled_from([b":", b"S", b"Sr", b"SM", b"Q", b"#", b"\x06", b"$", b"M", b"07", b"x" * 40, b"\r"])),
+       st.lists(st.sampled_from([0.0, 0.05, 0.2, 2.0]), min_size=1))
+def test_whatever_comes_before_a_stop_it_is_handed_on(before: list[bytes], pauses: list[float]) -> None:
+    framer, now, frames = Framer(), 0.0, list[bytes]()
+    for number, piece in enumerate([*before, b":", b"Q", b"#"]):
+        now += pauses[number % len(pauses)]
+        frames += framer.feed(piece, now)
+    assert frames[-1] == b":Q#"
+    assert framer.feed(b":Qe#", now)[-1] == b":Qe#"
 
 
 def test_every_stop_is_known_to_the_framing() -> None:
