@@ -56,6 +56,7 @@ def _nexstar_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], f
 
 
 def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Face:
+    from gateway.frames import Framing
     from gateway.protocols.lx200.framing import Framer
     from gateway.protocols.lx200.surface import SPECIALS
     from gateway.surface import Surface
@@ -67,7 +68,7 @@ def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Fa
     halts = {b":Q%c#" % letter: (op.Halt(axis), frozenset(b":M%c#" % other for other in letters))
              for axis, letters in ((1, b"ew"), (2, b"ns")) for letter in letters}
     surface = Surface(protocol, SPECIALS)
-    return Face(surface, lambda now: Framer().feed, frozenset({b":Q#"}), model, settings, halts=halts,
+    return Face(surface, lambda now: Framing(Framer(), now), frozenset({b":Q#"}), model, settings, halts=halts,
                 ends=(b":Q",))
 
 
@@ -80,16 +81,16 @@ def _meade_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], flo
 
 
 def _nexstar_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Face:
-    from gateway.protocols.nexstar.surface import FORK, GERMAN, SPECIALS, framing, presented
+    from gateway.protocols.nexstar.surface import FORK, GERMAN, SPECIALS, framing, lacks, presented
     from gateway.protocols.nexstar.surface.devices import no_response, passes
     from gateway.surface import Surface
 
     model = presented(endpoint.model, endpoint.version)
     fit = None if endpoint.model else lambda equatorial: presented(GERMAN if equatorial else FORK, endpoint.version)
     surface = Surface(load("nexstar"), SPECIALS, no_response)
-    surface.passes = passes
+    surface.passes, surface.lacks = passes, lacks
     still = (bytes((motor, way, 0)) for motor in (16, 17) for way in (36, 37, 6, 7))
-    return Face(surface, framing(model), frozenset(), model, {"precision": "high"}, fit=fit, ends=(b"M", *still))
+    return Face(surface, framing, frozenset(), model, {"precision": "high"}, fit=fit, ends=(b"M", *still))
 
 
 DRIVERS: dict[str, Callable[[Endpoint, MountConfig, Callable[[], float]], Driven]] = {

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, Protocol
 
 from gateway.access import harmless
 from gateway.errors import Fault, ReadOnly
+from gateway.frames import Framing, Unterminated
 from gateway.hub import FRESH, MISSING, Hub
 from gateway.hub.dead_man import Life
 from gateway.operations import CancelGoto, Focus, Halt, Operation, Stop
@@ -28,10 +29,6 @@ MEMO = 32
 BEGUN = 16
 #: A half that is asked for within this many seconds of the other one belongs to the same instant.
 PAIR = 1.0
-
-
-#: Cuts a protocol's commands out of a byte stream: bytes as they came -> the commands that are complete now.
-Framing = Callable[[bytes], list[bytes]]
 
 
 class Equinox(Protocol):
@@ -69,8 +66,7 @@ class Client:
         self._told: dict[type[Operation], Told] = {}
         self._memo: dict[bytes, tuple[bytes, list[type[Operation]]]] = {}
         self._idle = True
-        self._memo_version = -1
-        self._memo_until = 0.0
+        self._memo_version, self._memo_until = -1, 0.0
         self._spent: list[type[Operation]] = []
         self._plain = True
         self.halts: Mapping[bytes, tuple[Operation, frozenset[bytes]]] = {}
@@ -101,8 +97,10 @@ class Client:
                 self.write(reply)
                 return
         frames = self.framing(data)
-        self._idle = bool(frames) and data.endswith(frames[-1])  # else half a command may be waiting for its rest
+        self._idle = self.framing.idle  # else what comes next may belong to what came before
         for frame in frames:
+            if isinstance(frame, Unterminated):
+                self.transcript.note(self.name, frame.words)
             if self.rate is not None and self.surface.protocol.find(frame) is not None:
                 self.rate.understood()
             stopping = frame in self.stop_frames
@@ -248,8 +246,7 @@ class Client:
 
     def _explain(self, frame: bytes) -> None:
         """Leave a reason for a silence, once for every command of every host."""
-        why = self.surface.silence(frame)
-        if why:
+        if why := self.surface.silence(self.session, frame):
             self.transcript.note_once(self.name, f"no reply to {frame!r}: {why}", self.name.rpartition(":")[0])
 
     def _remember(self, frame: bytes, reply: bytes) -> None:
@@ -314,5 +311,8 @@ class Client:
         """The connection is gone: what it asked for is still done, the replies go nowhere."""
         self.open = False
         self.write = lambda data: None
+        for frame in self.framing.end():  # the next connection must not build on what was before half a command
+            self.transcript.note(self.name, frame.words)
+            deque(self.surface.handle(self.session, frame), 0)
         if self.rate is not None:
             self.rate.end()

@@ -10,25 +10,46 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from gateway.captures import Chunk
-from gateway.clients import Framing
 from gateway.driver import Ask
 from gateway.errors import Fault, Refused
+from gateway.frames import Framing, Unterminated
 from gateway.logline import EVENTS, row, stamp
 from gateway.tables import load
 from gateway.talk import Dialogue
+
+#: Seconds between two bytes where a capture tells no times: enough that a byte which is no command costs no other one,
+#: and so few that no command falls apart.
+APART = 0.2
+#: How a protocol's commands are cut out, by a clock that tells when bytes came.
+Cutting = Callable[[Callable[[], float]], Framing]
 
 
 class _Talk:
     """One side's commands and the replies that are still due."""
 
-    def __init__(self, protocol: str, framing: Framing, dialogue: Dialogue) -> None:
-        self.protocol, self._framing, self._dialogue = protocol, framing, dialogue
+    def __init__(self, protocol: str, framing: Cutting, dialogue: Dialogue) -> None:
+        self._now = 0.0
+        self.protocol, self._framing, self._dialogue = protocol, framing(lambda: self._now), dialogue
         self._due: deque[Ask] = deque()
         self._rest = b""
 
-    def commands(self, data: bytes) -> Iterator[tuple[bytes, str]]:
+    def _frames(self, data: bytes, at: float | None) -> Iterator[bytes]:
+        """The commands that these bytes complete, which came at that time (seconds) or nobody knows when."""
+        if at is not None:
+            self._now = at
+            yield from self._framing(data)
+            return
+        for number in range(len(data)):
+            self._now += APART
+            yield from self._framing(data[number : number + 1])
+
+    def commands(self, data: bytes, at: float | None) -> Iterator[tuple[bytes, str]]:
         """The commands that these bytes complete, with their names and fields."""
-        for frame in self._framing(data):
+        for frame in self._frames(data, at):
+            if isinstance(frame, Unterminated):
+                self._due += [Ask(name) for name in frame.names[:1] if name and not frame.late]
+                yield frame, "its end (#) is missing: refused"
+                continue
             found = load(self.protocol).find(frame)
             if found is None:
                 yield frame, f"no command of the {self.protocol} protocol"
@@ -82,7 +103,7 @@ def _short(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def decode(found: list[Chunk], talk: Callable[[str], tuple[str, Framing, Dialogue]], began: float | None) -> list[str]:
+def decode(found: list[Chunk], talk: Callable[[str], tuple[str, Cutting, Dialogue]], began: float | None) -> list[str]:
     """Lines of text. ``talk`` tells of a side its protocol, its framing, its dialogue; ``began`` is Unix seconds."""
     talks: dict[str, _Talk] = {}
     lines = []
@@ -96,7 +117,7 @@ def decode(found: list[Chunk], talk: Callable[[str], tuple[str, Framing, Dialogu
             lines.append(_line(chunk, began, b"", ", ".join(filter(None, (EVENTS.get(chunk.arrow, ""), text)))))
             continue
         side = talks[chunk.side]
-        for data, words in side.commands(chunk.data) if chunk.arrow == ">" else side.replies(chunk.data):
+        for data, words in side.commands(chunk.data, chunk.at) if chunk.arrow == ">" else side.replies(chunk.data):
             lines.append(_line(chunk, began, data, words))
     return lines
 

@@ -40,6 +40,12 @@ class Invalid(Fault):
     words = "Invalid value."
 
 
+class Disturbed(Fault):
+    """A motion asked for together with a command that lost its end: nobody knows what else was lost."""
+
+    words = "A command before this one was damaged."
+
+
 class NoTarget(Fault):
     """A goto or sync without a target: none was set, or the last one was refused."""
 

@@ -13,7 +13,8 @@ from typing import Any
 from msgspec import Struct
 
 from gateway.access import MOST_HOSTS, Access, Sealed, TurnedAway
-from gateway.clients import Client, Equinox, Framing
+from gateway.clients import Client, Equinox
+from gateway.frames import Framing
 from gateway.hub import Hub
 from gateway.hub.dead_man import Life
 from gateway.operations import Operation

@@ -42,8 +42,8 @@ _PRESENTED = {
 that have it, because programs ask without looking, or passed over in silence.
 """,
     "nexstar": """The commands that each version has by its manual. What it has not (*beyond*) is answered where its
-version is newer than the manual, and by devices that take what the hand control passes through; else the byte is
-dropped.
+version is newer than the manual, and by devices that take what the hand control passes through; else the command is
+passed over as a whole.
 """,
 }
 

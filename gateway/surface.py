@@ -8,13 +8,16 @@ The rows of ``surface.toml`` say what is done; those with ``call`` are functions
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping
+from contextlib import closing, suppress
 from functools import cache
 from typing import Any, NamedTuple
 
 import msgspec
 
 from gateway import operations
-from gateway.errors import Fault, Invalid, NoTarget, Unsupported
+from gateway.errors import Disturbed, Fault, Invalid, NoTarget, Unsupported
+from gateway.frames import Suspect, Unterminated
+from gateway.motion_kinds import begins_motion, may_begin_motion
 from gateway.operations import Operation, Verbatim
 from gateway.tables import Command, Protocol, SurfaceRow
 
@@ -86,9 +89,19 @@ class Surface:
         #: The mount speaks the same protocol: what means nothing here is passed on as it is, where it ``passes``.
         self.verbatim = False
         self.passes: Callable[[str, Mapping[str, Any]], bool] = lambda name, values: True
+        #: Why what is presented does not know a frame, which is then passed over whatever it says; empty: it knows it.
+        self.lacks: Callable[[Mapping[str, Any], bytes], str] = lambda model, frame: ""
 
     def handle(self, session: Session, frame: bytes) -> Handling:
         """One framed command -> its reply (empty: none). Yields operations; never raises for what a client sent."""
+        if isinstance(frame, Unterminated):
+            return self._refuse(session, frame)
+        steps = self._handle(session, frame)
+        return _without_motion(steps) if isinstance(frame, Suspect) else steps
+
+    def _handle(self, session: Session, frame: bytes) -> Handling:
+        if self.lacks(session.model, frame):
+            return b""
         found = self.protocol.find(frame)
         if found is None:
             return self.unanswered(frame)
@@ -115,6 +128,25 @@ class Surface:
         except Fault as fault:
             return self.refusal(command, fault) or self.unanswered(frame)
 
+    def _refuse(self, session: Session, frame: Unterminated) -> Handling:
+        """Nothing of it is done, what it would have set is cleared, and the first command's no is said once."""
+        yield from ()
+        for name in frame.names:
+            self._clear(session, name)
+        command = self.protocol.commands.get(frame.names[0])
+        return b"" if frame.late or command is None else self.refusal(command, Invalid())
+
+    def _clear(self, session: Session, name: str) -> None:
+        """Have a command do to the session what it does when its value cannot be read."""
+        row = self.protocol.surface.get(name)
+        if row is None or row.call is None:
+            return
+        with suppress(Fault):
+            steps = self.specials[row.call](session, self.protocol.commands[name], {"fault": Invalid()})
+            if isinstance(steps, Generator):
+                with closing(steps):  # whatever it would ask of the mount is not asked
+                    next(steps, None)
+
     def _pass_on(self, session: Session, command: Command, row: SurfaceRow | None, values: dict[str, Any]) -> Handling:
         """To a mount of the same protocol; one that lacks it leaves it to this surface."""
         try:
@@ -124,14 +156,20 @@ class Surface:
                 raise
         return (yield from self._act(session, command, row, values))
 
-    def silence(self, frame: bytes) -> str:
+    def silence(self, session: Session, frame: bytes) -> str:
         """Why a command has no reply, where its sender may have expected one; empty where none is due."""
+        if isinstance(frame, Unterminated):
+            return ""  # that was said when it came
+        if lacking := self.lacks(session.model, frame):
+            return lacking
         found = self.protocol.find(frame)
         if found is None:
             return f"{self.protocol.name} has no such command"
         row = self.protocol.surface.get(found[0].name)
         if row is None:
             return f"{found[0].help}: not answered here"
+        if isinstance(frame, Suspect) and may_begin_motion(row.operations):
+            return f"{found[0].help}: not done. {Disturbed.words}"
         return f"{found[0].help}: {row.why or 'not done here'}" if row.outcome == "refused" else ""
 
     def _act(self, session: Session, command: Command, row: SurfaceRow, values: dict[str, Any]) -> Handling:
@@ -185,6 +223,25 @@ class Surface:
         if chosen is None:
             return b""
         return chosen[1].encode(dict.fromkeys(chosen[1].fields, str(fault)))
+
+
+def _without_motion(steps: Handling) -> Handling:
+    """Carry out a command, but for what sets something moving."""
+    answer: Any = None
+    fault: Fault | None = None
+    while True:
+        try:
+            wanted = steps.send(answer) if fault is None else steps.throw(fault)
+        except StopIteration as end:
+            return end.value
+        answer, fault = None, None
+        if begins_motion(getattr(wanted, "operation", wanted)):
+            fault = None if isinstance(wanted, Start) else Disturbed()
+            continue
+        try:
+            answer = yield wanted
+        except Fault as error:
+            fault = error
 
 
 @cache

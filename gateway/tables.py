@@ -243,6 +243,14 @@ class Protocol:
                     return command, picture
         return None
 
+    def begun(self, beginning: bytes) -> Command | None:
+        """The command that these bytes, which lack the end (``#``), begin: the one with the longest literal."""
+        for length in range(min(len(beginning), 8), 0, -1):
+            for literal in (beginning[:length] + b"#", beginning[:length]):
+                for command, _ in self._by_literal.get(literal, ()):
+                    return command
+        return None
+
 
 def mappings_folder() -> Path:
     """Where ``mappings/`` lies: inside the installed package, or beside it in a checkout."""

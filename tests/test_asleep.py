@@ -80,7 +80,8 @@ def test_it_wakes_whatever_was_asked_of_it_in_its_sleep(presented: str) -> None:
                 for command in (b":Mn#", b":Q#", b":Qn#", b":hW#"):
                     client.tell(command)
             else:
-                for command in (b"r3456000034560000", b"P\x02\x10\x24\x05\0\0\0", b"M", b"P\x02\x10\x24\0\0\0\0", b"y"):
+                for command in (b"r34560000,34560000", b"P\x02\x10\x24\x05\0\0\0", b"M",
+                                b"P\x02\x10\x24\0\0\0\0", b"y"):
                     client.tell(command)
             await asyncio.sleep(6 * SILENCE)
             assert not bridge.sim.asleep and not bridge.hub.motions.owed

@@ -12,6 +12,8 @@ ROOT = Path(gateway.__file__).parent
 FLOORS = {
     "errors": 0,
     "operations": 0,
+    "frames": 0,
+    "motion_kinds": 1,
     "__init__": 0,
     "spherical": 1,
     "sexagesimal": 1,

@@ -36,5 +36,5 @@ def test_reply_is_exact(packets: str, reply: str) -> None:
 
 def test_four_kilobytes_of_garbage_leave_nothing_behind() -> None:
     framer = Framer()
-    assert framer.feed(bytes(range(1, 6)) * 800 + b":" + b"A" * 4096) == []
-    assert framer.feed(b":GR#") == [b":GR#"]
+    assert framer.feed(bytes(range(1, 6)) * 800 + b":" + b"A" * 4096, 0.0) == []
+    assert framer.feed(b":GR#", 0.0) == [b":GR#"]

@@ -78,9 +78,9 @@ def _number(text: str) -> tuple[int, ...]:
 def _demanded(request: bytes, since: str, shape: str, model: list[str]) -> str | None:
     """The reply that this model and version must give; None is silence."""
     _, number, gps, rtc, version, counts_as = model
-    passed_through = request[:1] == b"P" and _number(counts_as) >= (1, 6)  # what devices know is not the hand control's
-    if _number(since) > _number(counts_as) and not passed_through:
-        return None
+    if _number(since) > _number(counts_as):  # a device that nobody asks does not answer
+        passed_through = request[:1] == b"P" and _number(counts_as) >= (1, 6)
+        return f"\\x00{{{request[7] + 1}}}#" if passed_through else None
     major, minor = _number(version)[:2]
     for word, device in (("GPS ", gps), ("RTC ", rtc)):
         if shape.startswith(word):

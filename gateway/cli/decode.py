@@ -52,7 +52,7 @@ def _decode(arguments: argparse.Namespace) -> int:
         protocol = protocols.get(side, protocols.get(MOUNT, "lx200"))
         face = FACES[protocol](Endpoint(protocol, "-"), SurfaceConfig(at="-"), Limits())
         dialogue = DRIVERS[protocol](Endpoint(protocol, "-"), MountConfig(at="-"), time.monotonic)[2]
-        return protocol, face.framing(lambda: 0.0), dialogue
+        return protocol, face.framing, dialogue
 
     print("\n".join(decode(found, talk, began)))
     return 0

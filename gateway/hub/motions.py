@@ -18,20 +18,18 @@ from gateway.errors import Fault, Stopped
 from gateway.hub.checks import Checks
 from gateway.hub.turn import FIRST, IN_ORDER, RESUMED, Turn
 from gateway.line import MOTION, STOP
+from gateway.motion_kinds import GOTOS, MOVING
 
 if TYPE_CHECKING:
     from gateway.hub.core import Hub
     from gateway.hub.dead_man import Life
 
-GOTOS = (op.Goto, op.GotoHorizontal, op.GotoAxes, op.Park, op.Home)
 MOTIONS = (
     *GOTOS, op.CancelGoto, op.Sync, op.Move, op.MoveAxis, op.Halt, op.Pulse, op.PulseAxis, op.SetTracking, op.TrackRate,
     op.SetHome, op.Unpark, op.Sleep, op.Wake, op.Focus,
 )  # fmt: skip
 #: Of these the last one counts: what still waits is not carried out any more, so no joystick gets ahead of the line.
 LATEST = (op.Move, op.MoveAxis, op.TrackRate)
-#: What can set the mount moving: a killed gateway leaves it so.
-MOVING = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
 #: What ends a motion before anything else is begun, and what then begins anew when it was half done.
 ENDS = (op.Halt, op.CancelGoto)
 BEGUN_ANEW = (op.Move, op.MoveAxis, op.SetTracking, op.TrackRate)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 
+from gateway.frames import Unterminated
 from gateway.pictures import Picture
 from gateway.tables import Protocol, load
 from tests.manual_files import fits, rows
@@ -44,6 +45,10 @@ def _decodes(picture: Picture, data: bytes) -> bool:
 
 def of_reply(protocol: Protocol, frame: bytes, reply: bytes) -> str:
     """What is wrong with a reply to this command."""
+    if isinstance(frame, Unterminated):
+        forms = protocol.commands[frame.names[0]].replies if frame.names[0] else []
+        refusals = [] if frame.late else [form.wire for form, _ in forms if form.fault]
+        return "" if reply.decode() in refusals else f"{reply!r} is no refusal of {frame.names[0]!r}"
     found = protocol.find(frame)
     if protocol.name == "nexstar":
         if frame[:1] == b"P" and reply == bytes(frame[7] + 1) + b"#":

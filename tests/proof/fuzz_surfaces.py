@@ -110,8 +110,8 @@ class Judge:
 
     def weigh(self, bridge: Bridge, client: Client) -> None:
         """What may grow has not."""
-        framer: Any = getattr(client.framing, "__self__", None)
-        pending = len(framer._frame) if framer else len(client.framing.__closure__[0].cell_contents._pending)  # type: ignore[attr-defined]
+        framer: Any = client.framing.framer
+        pending = len(framer._frame if self.case.presented == "lx200" else framer._pending)
         for what, size, most in (
             ("inbox", len(client._inbox), INBOX), ("memo", len(client._memo), MEMO), ("framer", pending, 64),
             ("kept", len(repr(client.session.kept)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),

@@ -5,6 +5,8 @@ model, what it answers is what real ones were seen to answer, quirks included. W
 
 - What takes a real one seconds or minutes (``:SC`` on a classic, ``:Aa`` and ``:gT`` on an LX200GPS) is answered late,
   and nothing else meanwhile, to a caller that gave ``later``; to any other it is done at once.
+- A command with an argument that lost its ``#`` is refused with everything up to the next one, and nothing that comes
+  with it sets the telescope moving.
 - It answers after ``:hP#`` on every model. Any motion command takes a parked or sleeping telescope into service.
 - The classics and the Autostar begin in low precision, the LX200GPS in high.
 """
@@ -15,13 +17,15 @@ from collections.abc import Callable
 from typing import Any
 
 from gateway.errors import UserError
+from gateway.frames import Suspect, Unterminated
 from gateway.kinematics import Mechanics
+from gateway.motion_kinds import may_begin_motion
 from gateway.mount_geometry import Build, Pair, Sky
 from gateway.protocols.lx200 import sim_answers, sim_library, sim_motion, sim_parts, sim_settings, sim_tracking
 from gateway.protocols.lx200.framing import Framer
 from gateway.protocols.lx200.sim_line import ClassicFramer
 from gateway.spherical import SIDEREAL_RATE, fold_declination, wrap180
-from gateway.tables import load
+from gateway.tables import Command, load
 
 Handler = Callable[["Meade", str, dict[str, Any]], bytes | None]
 #: Answers that come after a while: seconds, bytes.
@@ -98,7 +102,7 @@ class Meade:
     def feed(self, data: bytes, framer: Framer | None = None, later: Later | None = None) -> bytes:
         """Bytes from the port -> what the telescope answers to them now; ``later`` is given what comes afterwards."""
         self._come_to_now()
-        return b"".join([self._answer(frame, later) for frame in (framer or self._framer).feed(data)])
+        return b"".join([self._answer(frame, later) for frame in (framer or self._framer).feed(data, self.now)])
 
     def connection(self, later: Later | None = None) -> Callable[[bytes], bytes]:
         """One more way in, for another program on the same telescope: its half commands are its own."""
@@ -106,19 +110,29 @@ class Meade:
         return lambda data: self.feed(data, framer, later)
 
     def _answer(self, frame: bytes, later: Later | None) -> bytes:
+        if isinstance(frame, Unterminated):
+            name = frame.names[0]
+            return self._no(self.protocol.commands[name]) if name and self.knows(name) and not frame.late else b""
         found = self.protocol.find(frame)
         if found is None or not self.knows(found[0].name):
             return b""
         command, picture = found
         if self.busy and command.name not in WHILE_BUSY:
             return NAK if self.model == "lx200gps" else b""
+        if isinstance(frame, Suspect) and may_begin_motion(self.protocol.surface[command.name].operations):
+            return b""
         try:
             values = picture.decode(frame)
         except ValueError:
-            refusals = [form for reply, form in command.replies if reply.fault]
-            return refusals[0].encode({}) if refusals and not refusals[0].fields else b""
+            return self._no(command)
         reply = HANDLERS[command.name](self, command.name, values) or b""
         return self._take_time(command.name, reply, later)
+
+    @staticmethod
+    def _no(command: Command) -> bytes:
+        """What it says to a value that it cannot read, where it says anything."""
+        refusals = [form for reply, form in command.replies if reply.fault]
+        return refusals[0].encode({}) if refusals and not refusals[0].fields else b""
 
     def _take_time(self, name: str, reply: bytes, later: Later | None) -> bytes:
         """Of a reply that takes its time, what comes at once; the rest follows when the telescope is free again."""

@@ -1,8 +1,10 @@
 """Framing of NexStar requests: by length from the first byte, never by ``#`` nor by what one read returned.
 
-``#`` is a legal data byte, and a terminator belongs to replies only. A byte that begins no command is dropped
-in silence, as the hand control does. A half command is dropped when the line has been quiet for a second; so
-what waits here is never longer than one command.
+``#`` is a legal data byte, and a terminator belongs to replies only. Every opcode of any hand control has its length,
+known to the one presented or not, so that the data of an unknown one are never read as commands. What programs are
+known to send besides is dropped alone; any other byte that begins no command drops what comes with it, until the line
+has been quiet for a tenth of a second. A half command is dropped after a second of quiet; so what waits here is never
+longer than one command.
 """
 
 from __future__ import annotations
@@ -11,10 +13,20 @@ from collections.abc import Iterable
 from functools import lru_cache
 
 from gateway.errors import MappingError
+from gateway.frames import Unterminated
 from gateway.tables import Command, load
 
 #: Seconds of quiet after which the rest of a command is no longer expected.
 QUIET_GAP = 1.0
+#: Seconds of quiet after which a byte may begin a command again, behind one that cannot.
+RESYNC_GAP = 0.1
+#: Opcodes of later hand controls that nobody here answers, as programs send them. The length of ``c`` is not known.
+UNANSWERED = {ord("g"): 18, ord("n"): 1, ord("o"): 1, ord("Y"): 1}
+#: What programs put before and behind their commands: terminators, line ends, padding, what wakes the oldest mounts.
+STRAY = frozenset(b"#? \r\n\0")
+#: What some programs put right behind one command: the bytes, and how many at most. A ``y`` gets a number, ``t`` the
+#: mode that belongs to ``T``, and below the horizon ``B`` gets four digits too many.
+STRAY_BEHIND = {ord("y"): (b"01", 1), ord("t"): (b"\0\1\2\3", 1), ord("B"): (b"0123456789ACDF", 4)}
 
 
 def lengths(commands: Iterable[Command]) -> dict[int, int]:
@@ -34,29 +46,52 @@ def lengths(commands: Iterable[Command]) -> dict[int, int]:
 @lru_cache(maxsize=1)
 def all_lengths() -> dict[int, int]:
     """The lengths of every request there is."""
-    return lengths(load("nexstar").commands.values())
+    return {**UNANSWERED, **lengths(load("nexstar").commands.values())}
 
 
 class Framer:
-    """Bytes in, whole requests out. ``lengths`` narrows it to the commands that one hand control knows."""
+    """Bytes in, whole requests out, known to this hand control or not."""
 
-    def __init__(self, lengths: dict[int, int] | None = None) -> None:
-        self._lengths = all_lengths() if lengths is None else lengths
+    def __init__(self) -> None:
+        self._lengths = all_lengths()
         self._pending = bytearray()
+        #: Nothing counts until it is quiet.
+        self._lost = False
+        #: Bytes that are dropped alone because of the request before, and how many more of them.
+        self._behind, self._more = b"", 0
         self._heard = 0.0
+
+    @property
+    def idle(self) -> bool:
+        """Whether the next byte begins a command, whatever came before."""
+        return not (self._pending or self._lost)
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
         """The requests that these bytes complete, in order. ``now`` is any clock, in seconds."""
-        if self._pending and now - self._heard >= QUIET_GAP:
+        if not data:
+            return []
+        quiet, self._heard = now - self._heard, now
+        if quiet >= QUIET_GAP:
             self._pending.clear()
-        if data:
-            self._heard = now
-        frames = []
+        if quiet >= RESYNC_GAP:
+            self._lost = False
+        frames: list[bytes] = []
+        pending = self._pending
         for byte in data:
-            if not self._pending and byte not in self._lengths:
-                continue
-            self._pending.append(byte)
-            if len(self._pending) == self._lengths[self._pending[0]]:
-                frames.append(bytes(self._pending))
-                self._pending.clear()
+            if self._lost:
+                break
+            if pending or byte in self._lengths:
+                pending.append(byte)
+                if len(pending) == self._lengths[pending[0]]:
+                    frames.append(bytes(pending))
+                    self._behind, self._more = STRAY_BEHIND.get(pending[0], (b"", 0))
+                    pending.clear()
+            elif self._more and byte in self._behind:
+                self._more -= 1
+            else:
+                self._lost = byte not in STRAY
         return frames
+
+    def end(self) -> list[Unterminated]:
+        """Half a request asks for nothing."""
+        return []

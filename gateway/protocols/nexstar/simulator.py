@@ -3,7 +3,8 @@
 It answers as the chosen model and version does, at the present time of the clock it is given; latency is the
 business of whoever carries the bytes. Where the manual is silent:
 
-- A command this version lacks is a row of unknown bytes: each is dropped, unless it is itself a command.
+- A command this version lacks is heard whole, by the length it has elsewhere, and passed over in silence; a byte
+  that begins no command makes it deaf until the line has been quiet for a tenth of a second.
 - A hand rate overrides tracking. When it ends, tracking stays suspended until ``T``, the end of a goto, or
   the hand control's own restoring: after 20 s without a byte from the port, on alt-az mounts at the latest
   30 s after the rate was given. Stopping an axis that is not moved by hand changes nothing.
@@ -18,7 +19,7 @@ from typing import Any
 from gateway.errors import UserError
 from gateway.kinematics import Mechanics
 from gateway.mount_geometry import Build, Pair, Sky
-from gateway.protocols.nexstar.framing import Framer, lengths
+from gateway.protocols.nexstar.framing import Framer
 from gateway.protocols.nexstar.sim_clock import CLOCKS, GPS, RTC, Handler
 from gateway.protocols.nexstar.sim_commands import ALTAZ, COMMANDS, EQ_NORTH, EQ_SOUTH, OFF
 from gateway.protocols.nexstar.sim_devices import ALT, AZM, DEVICES, FOCUSER, FocuserMotor
@@ -67,8 +68,8 @@ class HandControl:
         self._know_version(version, starsense)
         known = [row for row in protocol.commands.values() if row.known_to(model, self.version)]
         self._protocol, self._pass_through = protocol, _by_device(known)
-        self._lengths = lengths(known)
-        self._framer = Framer(self._lengths)
+        self._opcodes = frozenset(row.request.literal[0] for row in known)
+        self._framer = Framer()
         self.clock: Callable[[], float] = clock
         self.now: float = clock()
         self._heard = self.now
@@ -133,11 +134,11 @@ class HandControl:
 
         ``later`` is for simulators some of whose answers come after a while; a hand control has none such.
         """
-        framer = Framer(self._lengths)
+        framer = Framer()
         return lambda data: self.feed(data, framer)
 
     def _answer(self, frame: bytes) -> bytes:
-        if self.asleep and frame[0] not in AWAKE_OR_NOT:
+        if frame[0] not in self._opcodes or (self.asleep and frame[0] not in AWAKE_OR_NOT):
             return b""
         if frame[0] == PASS_THROUGH:
             return self._pass(frame)

@@ -129,9 +129,8 @@ def _instant(session: Session, day: date, seconds: float, offset: float) -> floa
 
 def set_stamp(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:hIyyMMddHHmmss - date and local time at once."""
-    stamp = values["stamp"]
     try:
-        local = datetime.strptime(stamp, "%y%m%d%H%M%S").replace(tzinfo=UTC)
+        local = datetime.strptime(values.get("stamp", ""), "%y%m%d%H%M%S").replace(tzinfo=UTC)
     except ValueError:
         return b""
     draft = _draft(session)

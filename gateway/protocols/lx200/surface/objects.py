@@ -1,6 +1,7 @@
 """The object library commands. What they select is this client's target, so :MS# goes there.
 
-The classic models search by the limits that :S sets; on the others LB, LF and LN do nothing and Lf, LI and Lo give the
+A catalogue that is refused leaves none chosen and nothing selected, so that no goto follows to the object before. The
+classic models search by the limits that :S sets; on the others LB, LF and LN do nothing and Lf, LI and Lo give the
 manual's static replies, but LC, LM and LS work, as in their later firmware.
 """
 
@@ -31,28 +32,32 @@ _YEAR = 365.25 * 86400.0
 def choose_catalog(session: Session, command: Command, values: dict[str, Any]) -> None:
     """:Lo - on models that do not search the reply is always 1."""
     catalog = None if "fault" in values else _DEEP_SKY.get(values["catalog"])
+    session.kept["deep sky"] = catalog
+    if catalog is None:
+        selected.fail(session, _NOT_FOUND)
     if session.model["libraries"]:
         if catalog is None:
             raise Invalid(_NOT_FOUND)
-        _check(lambda: deepsky.look_up(catalog, 1))
-    session.kept["deep sky"] = catalog
+        _check(session, lambda: deepsky.look_up(catalog, 1))
 
 
 def choose_stars(session: Session, command: Command, values: dict[str, Any]) -> None:
     """:Ls - planets and Hipparcos; SAO, GCVS, HR and HD are not to be had."""
     catalog = None if "fault" in values else values["catalog"]
-    if catalog not in (_STAR, _HIPPARCOS):
+    session.kept["stars"] = catalog if catalog in (_STAR, _HIPPARCOS) else None
+    if session.kept["stars"] is None:
+        selected.fail(session, _NOT_FOUND)
         raise Invalid(_NOT_FOUND)
     if catalog == _HIPPARCOS:
-        _check(lambda: stars.hipparcos(1, 2000.0))
-    session.kept["stars"] = catalog
+        _check(session, lambda: stars.hipparcos(1, 2000.0))
 
 
-def _check(look_up: Callable[[], object]) -> None:
-    """Raises Invalid where the catalogue is not installed."""
+def _check(session: Session, look_up: Callable[[], object]) -> None:
+    """Raises Invalid where the catalogue is not installed; then nothing is selected either."""
     try:
         look_up()
-    except Unsupported:
+    except Unsupported as missing:
+        selected.fail(session, str(missing))
         raise Invalid(_NOT_FOUND) from None
 
 
@@ -66,7 +71,9 @@ def select_star(session: Session, command: Command, values: dict[str, Any]) -> H
     """:LS - of the catalogue that :Ls chose, else STAR on models that have it and Hipparcos on the others."""
     catalog = session.kept.get("stars", _STAR if session.model["libraries"] else _HIPPARCOS)
     number = values.get("number")
-    if catalog == _HIPPARCOS:
+    if catalog is None or number is None:
+        selected.fail(session, _NOT_FOUND if catalog is None else "No star selected")
+    elif catalog == _HIPPARCOS:
         year = 1970.0 + session.clock() / _YEAR
         yield from _select(session, "HIP", values, lambda _, number: stars.hipparcos(number, year))
     elif number == _MOON:
@@ -82,12 +89,14 @@ def _select(
 ) -> Handling:
     """The object of that number becomes the target; what is not there leaves none."""
     number = values.get("number")
+    if catalog is None or number is None:
+        return selected.fail(session, _NOT_FOUND if catalog is None else "No object selected")
     try:
-        entry: Entry | None = None if catalog is None or number is None else look_up(catalog, number)
+        entry = look_up(catalog, number)
     except Unsupported as missing:
         return selected.fail(session, str(missing))
     if entry is None:
-        selected.fail(session, f"{catalog} {number} not found" if catalog else _NOT_FOUND)
+        selected.fail(session, f"{catalog} {number} not found")
     else:
         yield from selected.select(session, entry)
 

@@ -73,7 +73,7 @@ def tell_name(session: Session, command: Command, values: dict[str, Any]) -> dic
 
 def set_name(session: Session, command: Command, values: dict[str, Any]) -> None:
     """:SM :SN :SO :SP - 3 letters on the classic, 15 elsewhere."""
-    name = values["name"].strip()
+    name = values.get("name", "").strip()
     if not name or len(name) > session.model["names"] or not (name.isascii() and name.isprintable()):
         raise Invalid(f"A site name has 1 to {session.model['names']} printable characters.")
     session.shared["sites"].setdefault(str(_SITES.index(command.name[1])), {})["name"] = name

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any
 
-from gateway.protocols.nexstar.framing import Framer, lengths
+from gateway.frames import Framing
+from gateway.protocols.nexstar.framing import Framer
 from gateway.protocols.nexstar.surface import devices, identity, motion, place, pointing
 from gateway.surface import Special
-from gateway.tables import Version, load, parse_version
+from gateway.tables import Version, load, parse_version, show_version
 
 #: row word -> function; the same word may stand in several modules, so it is written ``module.function``.
 SPECIALS: dict[str, Special] = {
@@ -41,17 +42,20 @@ def counts_as(version: Version) -> Version:
 
 
 @cache
-def _lengths(version: Version) -> dict[int, int]:
-    """First byte -> length of the requests that a hand control of that version knows."""
-    return lengths([c for c in load("nexstar").commands.values() if c.name == ALWAYS or c.known_to(None, version)])
+def _opcodes(version: Version) -> frozenset[int]:
+    """The first bytes of the requests that a hand control which shows that version knows."""
+    taken_for = counts_as(version)
+    known = [c for c in load("nexstar").commands.values() if c.name == ALWAYS or c.known_to(None, taken_for)]
+    return frozenset(command.request.literal[0] for command in known)
 
 
-def framing(model: dict[str, Any]) -> Callable[[Callable[[], float]], Callable[[bytes], list[bytes]]]:
-    """How requests to a hand control of that version are cut out: opcodes it does not know are dropped bytes."""
-    known = _lengths(counts_as(model["version"]))
+def lacks(model: Mapping[str, Any], frame: bytes) -> str:
+    """Why the presented hand control passes over a request as a whole; empty where it knows it."""
+    if frame[0] in _opcodes(model["version"]):
+        return ""
+    return f"a hand control {show_version(model['version'])} has no such command"
 
-    def make(now: Callable[[], float]) -> Callable[[bytes], list[bytes]]:
-        framer = Framer(known)
-        return lambda data: framer.feed(data, now())
 
-    return make
+def framing(now: Callable[[], float]) -> Framing:
+    """How requests are cut out; ``now`` is any clock, in seconds."""
+    return Framing(Framer(), now)

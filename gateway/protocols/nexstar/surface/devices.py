@@ -102,6 +102,8 @@ def _calendar(unix: float) -> dict[str, int]:
 def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """Set date, year, time of the clock: each changes its own part of UT, an impossible one nothing."""
     _require(session, "rtc")
+    if not command.known_to(None, session.model["version"]):
+        raise NoDevice
     moment: Moment = yield GetClock()
     try:
         now = datetime.fromtimestamp(moment.unix, UTC).replace(**values)
