@@ -14,6 +14,7 @@ from gateway import operations as op
 from gateway.errors import Fault, NearSun, Refused, Unsupported
 from gateway.hub import ways
 from gateway.hub.reaction import SHORTEST, reaction
+from gateway.hub.sun import UP
 from gateway.mount_geometry import Pair
 from gateway.paths import clear
 from gateway.safety import Limits, check_altitude, check_hour_angle, check_sync, leaving
@@ -67,6 +68,7 @@ class Checks:
             limits = hub.policy.limits.narrowed(operation.lowest, operation.highest)
             self._check_goto(limits, operation)
             await self._check_way(limits, op.Equatorial(operation.ra, operation.dec))
+            self._check_contradictions(limits, op.Equatorial(operation.ra, operation.dec))
             return hub.derived.to_mount(operation)
         elif isinstance(operation, op.Sync):
             if hub.moving:
@@ -97,6 +99,25 @@ class Checks:
         if status is not None and status.equatorial and hub.driver.tube_side("E") is None:
             check_hour_angle(limits, hub.derived.sidereal_time() - seen.ra)
 
+    def _check_contradictions(self, limits: Limits, goal: op.Equatorial) -> None:
+        """Where sources of site or time contradict each other, what either of them forbids is not begun.
+
+        Raises BelowHorizon, TooHigh or NearSun, with who says what.
+        """
+        hub, sky = self._hub, self._hub.derived.sky
+        for place, unix, words in hub.sources.contradictions():
+            if place is None:
+                continue
+            altitude = sky.horizon(goal.ra, goal.dec, place.latitude, place.longitude, unix)[1]
+            sun = sky.sun(unix)
+            try:
+                check_altitude(limits, altitude)
+                if separation(goal.ra, goal.dec, *sun) < hub.suns.limit and sky.horizon(
+                        *sun, place.latitude, place.longitude, unix)[1] >= UP:
+                    raise NearSun
+            except Fault as fault:
+                raise type(fault)(f"{fault} {words[0].upper()}{words[1:]}.") from None
+
     async def _check_axes(self, wanted: op.GotoAxes, high_enough: bool = False) -> None:
         """Axis readings: a place over the horizon on a fork, one on the sky on an equatorial mount whose site is known.
 
@@ -106,7 +127,7 @@ class Checks:
         limits = Limits(lowest=-90.0) if high_enough else hub.policy.limits
         if not (await hub.read(op.GetStatus())).equatorial:
             check_altitude(limits, wanted.alt)
-            if hub.observatory.site() is not None:
+            if hub.sources.site() is not None:
                 goal = hub.derived.equatorial(op.GotoHorizontal(wanted.az, wanted.alt))
                 await self._check_way(limits, op.Equatorial(goal.ra, goal.dec), (wanted.az, wanted.alt))
             return
@@ -156,7 +177,7 @@ class Checks:
         that was synced there may take it for the first way, so there both count.
         """
         hub = self._hub
-        site = hub.observatory.site()
+        site = hub.sources.site()
         if not hub.driver.german or site is None:
             return {False, not hub.driver.german and await self._over()}
         under_way = hub.slewing and await hub.anew(op.Slewing())  # then it tells the side of its goal
@@ -175,7 +196,7 @@ class Checks:
     async def _check_by_hand(self, operation: op.Move | op.MoveAxis) -> None:
         """Raises BelowHorizon, TooHigh or NearSun when a limit would be crossed before the guard can act."""
         hub = self._hub
-        if hub.observatory.site() is None:
+        if hub.sources.site() is None:
             return
         # Programs switch tracking off before a slew, and nothing is known of it after that.
         status = hub.snapshot.value(op.GetStatus) or await hub.read(op.GetStatus())

@@ -32,6 +32,7 @@ from gateway.hub.snapshot import FRESH, MISSING, Kind, Snapshot
 from gateway.hub.sun import Suns
 from gateway.hub.turnstile import Turnstile
 from gateway.line import POSITION, READ, SETTING, STOP, Line
+from gateway.mount.site.sources import BestSources
 from gateway.observatory import Observatory
 from gateway.safety import Limits
 from gateway.sky import Sky
@@ -69,7 +70,10 @@ class Hub:
         self.transcript, self.policy = transcript, policy
         self.loop = asyncio.get_running_loop()
         self.now = self.loop.time
-        self.derived = Derived(sky, observatory, policy.equinox)
+        self.sources = BestSources(observatory)
+        #: Astronomy by the best sources, for the limits and for horizon coordinates; and by what programs are told.
+        self.derived = Derived(sky, self.sources, policy.equinox)
+        self.told = Derived(sky, observatory, policy.equinox)
         self.snapshot = Snapshot()
         self.belief = Belief(line, self.now, driver.hurry)
         #: The mount has said who it is; it has said where and when it is, as far as it can.
@@ -143,7 +147,7 @@ class Hub:
         if self.motions.owed:  # it did not answer to the stop, but it does now
             self.begin_stop()
         if self.policy.equinox == "auto":
-            self.derived.equinox = self.driver.equinox
+            self.derived.equinox = self.told.equinox = self.driver.equinox
         self.identified.set()
         await self._learn(op.GetStatus())
         await self._learn(op.GetSite())
@@ -226,7 +230,7 @@ class Hub:
         if isinstance(operation, MOTIONS):
             return await self.motions.ended(self.motions.begin(operation, stops, life))
         if type(operation) in PLACES:
-            return PLACES[type(operation)](self.derived, operation)
+            return PLACES[type(operation)](self.told, operation)
         handler = self.settings.handlers.get(type(operation))
         if handler is not None:
             return await handler(operation)
