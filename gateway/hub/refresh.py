@@ -96,7 +96,9 @@ class Refresh:
         hub = self._hub
         if hub.snapshot.age(op.Position, now) >= HEARTBEAT:
             await self.renew(op.Position)
-        if now - self._asked_own <= OWN_AGE or self._watched or not self._wanted(op.Position, now):
+        clock = hub.observatory.mount_clock
+        asked = self._asked_own if clock is None else max(self._asked_own, clock[1])
+        if now - asked <= OWN_AGE or self._watched or not self._wanted(op.Position, now):
             return
         if self._reading_own is None or self._reading_own.done():  # not here: the position must not wait for it
             self._asked_own, self._own = now, self._own[::-1]
