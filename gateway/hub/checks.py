@@ -11,7 +11,7 @@ from math import ceil
 from typing import TYPE_CHECKING
 
 from gateway import operations as op
-from gateway.errors import Fault, NearSun, Refused, Unsupported
+from gateway.errors import Fault, NearSun, NotAligned, Refused, Unsupported
 from gateway.hub import ways
 from gateway.hub.reaction import SHORTEST, reaction
 from gateway.hub.sun import UP
@@ -45,6 +45,7 @@ class Checks:
         """An operation that the limits allow, in the form that this mount can carry out. Raises Fault."""
         hub = self._hub
         hub.guard.dips = False
+        await self._check_aligned(operation)
         if isinstance(operation, op.Move | op.MoveAxis):
             await self._check_by_hand(operation)
         elif isinstance(operation, op.Park | op.Home):
@@ -78,6 +79,21 @@ class Checks:
                 check_sync(hub.policy.limits, here, op.Equatorial(operation.ra, operation.dec))
             return hub.derived.to_mount(operation)
         return operation
+
+    async def _check_aligned(self, operation: op.Operation) -> None:
+        """A hand control without alignment acknowledges whatever it is told and does nothing, or moves who knows where.
+
+        Raises NotAligned.
+        """
+        hub = self._hub
+        by_axes = isinstance(operation, op.GotoAxes | op.GotoHorizontal | op.Park | op.Home)
+        if hub.driver.sync_aligns or not (by_axes or isinstance(operation, op.Sync)):
+            return
+        if by_axes and hub.policy.unaligned == "allow":
+            return
+        status = await hub.read(op.GetStatus())
+        if not status.aligned and not (await hub.anew(op.GetStatus())).aligned:  # it may be so since a moment ago
+            raise NotAligned
 
     async def still_allowed(self) -> None:
         """Whether what moves by hand may go on. Raises BelowHorizon, TooHigh or NearSun."""

@@ -49,7 +49,8 @@ async def _at_once() -> None:
 class Policy(Struct, frozen=True):
     """What the operator has decided for a mount.
 
-    ``own_park``: the park position is his own choice. ``silence`` and ``silence_closed`` are for how many seconds a
+    ``own_park``: the park position is his own choice. ``unaligned``: whether a mount that is not aligned may be sent to
+    axis readings (``allow`` or ``refuse``). ``silence`` and ``silence_closed`` are for how many seconds a
     client that moves the mount by hand may be silent, on an open connection and after it was closed.
     """
 
@@ -57,6 +58,7 @@ class Policy(Struct, frozen=True):
     site_time: str = "unaligned"
     equinox: str = "jnow"
     own_park: bool = False
+    unaligned: str = "refuse"
     silence: float = 30.0
     silence_closed: float = 5.0
 
