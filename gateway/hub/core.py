@@ -32,6 +32,7 @@ from gateway.hub.snapshot import FRESH, MISSING, Kind, Snapshot
 from gateway.hub.sun import Suns
 from gateway.hub.turnstile import Turnstile
 from gateway.line import POSITION, READ, SETTING, STOP, Line
+from gateway.mount.motion.end_watch import EndWatch
 from gateway.mount.site.sources import BestSources
 from gateway.observatory import Observatory
 from gateway.safety import Limits
@@ -81,6 +82,7 @@ class Hub:
         #: The mount has said who it is; it has said where and when it is, as far as it can.
         self.identified, self.settled = asyncio.Event(), asyncio.Event()
         self.suns = Suns(self.derived, transcript, policy.limits.sun, self.settled.is_set)
+        self.ends = EndWatch(self.now, self._end_again, lambda text: transcript.note("mount", text))
         self.guard = Guard(self)
         self.dead_man = DeadMan(self, policy.silence, policy.silence_closed)
         self.motions = Motions(self, follow_ups)
@@ -203,6 +205,18 @@ class Hub:
     def stops(self) -> int:
         """How many stops there were: a motion that was asked for before the last one is not begun."""
         return self.motions.stops
+
+    def _end_again(self, axes: frozenset[int]) -> None:
+        """An end that was sent is sent once more: the mount was seen to go on moving."""
+        if len(axes) > 1:
+            self.motions.stop_again()
+            return
+
+        async def send() -> None:
+            with contextlib.suppress(Fault):  # it is sent again when the next position shows no difference
+                await self.drive(self.driver.perform(op.Halt(*axes)), STOP)
+
+        self.spawn(send())
 
     def begin_stop(self) -> None:
         """End every motion, before everything else; from now on it counts as stopped."""

@@ -115,7 +115,7 @@ class Refresh:
     @property
     def _watched(self) -> bool:
         """Whether the mount moves, by whomever: the line has better to do than to tell the time."""
-        return self._hub.moving or self._hub.guard.restless
+        return self._hub.moving or self._hub.guard.restless or self._hub.ends.pending
 
     def _pause(self, kind: Kind, now: float) -> float:
         """Seconds until this kind must be asked again, so that its answer comes when the last one grows old."""
