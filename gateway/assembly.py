@@ -106,7 +106,7 @@ FACES: dict[str, Callable[[Endpoint, SurfaceConfig, Limits], Face]] = {
 def policy(config: MountConfig) -> Policy:
     """What the operator has decided, as the hub takes it."""
     return Policy(config.limits, config.site_time, config.equinox, own_park=config.park is not None,
-                  silence=config.dead_man, silence_closed=config.dead_man_closed)
+                  unaligned=config.unaligned, silence=config.dead_man, silence_closed=config.dead_man_closed)
 
 
 def access(surface: SurfaceConfig) -> Access:

@@ -74,6 +74,8 @@ class Driver:
     stepping = False
     #: What the mount's coordinates mean, where that is known by its version: ``jnow`` or ``j2000``.
     equinox = "jnow"
+    #: Whether a sync aligns the mount; else one that is not aligned takes none, and cannot be sent to the sky.
+    sync_aligns = True
     #: Whether it is a German mount, whose tube changes sides of the pier; None where that is not known.
     german: bool | None = None
     protocol: Protocol

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gateway.operations import Moment, Place, SetClock, SetSite
+from gateway.operations import Gps, Moment, Place, SetClock, SetSite
 from gateway.spherical import wrap180
 
 #: Settings this near to what the mount has are not sent again.
@@ -27,6 +27,8 @@ class Observatory:
         self.half: SetSite | None = None
         self.mount_clock: tuple[Moment, float] | None = None
         self.kept_clock: tuple[Moment, float] | None = None
+        self.gps_site: Place | None = None
+        self.gps_clock: tuple[Moment, float] | None = None
 
     # --- what is told ---------------------------------------------------------------------------------------------
 
@@ -39,9 +41,16 @@ class Observatory:
         longitude = self.half.longitude if self.half.longitude is not None else (place.longitude if place else None)
         return place if latitude is None or longitude is None else Place(latitude, wrap180(longitude))
 
+    def set_site(self) -> Place | None:
+        """The site that programs have set, where the mount has not taken it."""
+        return None if self.kept_site is None and self.half is None else self.site()
+
     def clock(self) -> Moment | None:
         """The clock in force, running; None when neither a client nor the mount has told one."""
-        held = self.kept_clock or self.mount_clock
+        return self.running(self.kept_clock or self.mount_clock)
+
+    def running(self, held: tuple[Moment, float] | None) -> Moment | None:
+        """What a clock shows now that was read some time ago."""
         if held is None:
             return None
         moment, at = held
@@ -58,11 +67,28 @@ class Observatory:
 
     # --- what was told --------------------------------------------------------------------------------------------
 
-    def mount_says_site(self, place: Place) -> None:
-        self.mount_site = place
+    def mount_says_site(self, place: Place) -> bool:
+        """Take what the mount tells -> whether somebody has changed it there: then that counts, for programs too."""
+        before, self.mount_site = self.mount_site, place
+        changed = before is not None and not _same_place(before, place)
+        if changed:
+            self.kept_site = None
+        return changed
 
-    def mount_says_clock(self, moment: Moment) -> None:
+    def mount_says_clock(self, moment: Moment) -> bool:
+        """The same for its clock, by more than 30 s."""
+        before = self.running(self.mount_clock)
         self.mount_clock = (moment, self._now())
+        changed = before is not None and abs(before.unix - moment.unix) > CLOCK_EQUAL
+        if changed:
+            self.kept_clock = None
+        return changed
+
+    def gps_says(self, seen: Gps) -> None:
+        """A receiver without a fix says nothing."""
+        if seen.linked:
+            self.gps_site = seen.place or self.gps_site
+            self.gps_clock = (Moment(seen.unix, 0.0), self._now()) if seen.unix else self.gps_clock
 
     def set_site_half(self, operation: SetSite) -> SetSite | None:
         """Take one or both halves of a site -> the whole site once both halves were set."""
@@ -91,10 +117,7 @@ class Observatory:
         place = self.mount_site
         if place is None or operation.latitude is None or operation.longitude is None:
             return False
-        return (
-            abs(place.latitude - operation.latitude) <= SITE_EQUAL
-            and abs(wrap180(place.longitude - operation.longitude)) <= SITE_EQUAL
-        )
+        return _same_place(place, Place(operation.latitude, operation.longitude))
 
     def same_clock(self, operation: SetClock) -> bool:
         """Whether the mount's clock shows that already, within 30 s."""
@@ -113,3 +136,7 @@ class Observatory:
         self.kept_clock = (Moment(operation.unix, operation.offset), self._now())
 
 
+def _same_place(one: Place, other: Place) -> bool:
+    """Within an arcminute, which is as fine as hand controls tell it."""
+    return (abs(one.latitude - other.latitude) <= SITE_EQUAL
+            and abs(wrap180(one.longitude - other.longitude)) <= SITE_EQUAL)

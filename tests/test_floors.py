@@ -51,6 +51,7 @@ FLOORS = {
     "guests": 5,
     "state": 5,
     "mark": 5,
+    "mount": 4,
     "watchdog": 5,
     "keeping": 5,
     "hold": 5,

@@ -184,6 +184,42 @@ def test_an_unaligned_mount_refuses_gotos_with_words() -> None:
     run(program())
 
 
+@pytest.mark.parametrize("mount", ["6-8se", "cge"])
+@pytest.mark.parametrize("asked", [b":Sr07:00:00#:Sd+30*00:00#:CM#", b":Sz090*00#:Sa+40*00#:MA#", b":hP#"])
+def test_an_unaligned_hand_control_takes_no_sync_and_no_axis_goto(mount: str, asked: bytes) -> None:
+    """It says ``#`` to a sync and forgets it; to axis readings it goes, wherever they lead."""
+    async def program() -> None:
+        async with Bridge(mount, aligned=False) as bridge:
+            reply = await bridge.client().ask(asked, 3.0, until=b"111")
+            await asyncio.sleep(3.0)
+            assert not [sent for sent in bridge.sent() if sent[:1] in b"sSbB"]
+            assert not bridge.sim.slewing
+            assert reply == {b"C": b"11#", b"M": b"111", b"h": b""}[asked.split(b":")[-1][:1]]
+            assert any("Mount not aligned" in entry.note for entry in bridge.entries)
+
+    run(program())
+
+
+def test_an_owner_may_have_axis_gotos_without_an_alignment() -> None:
+    async def program() -> None:
+        async with Bridge("6-8se", aligned=False, config={"unaligned": "allow"}) as bridge:
+            assert await bridge.client().ask(b":Sz090*00#:Sa+40*00#:MA#", until=b"110") == b"110"
+            assert bridge.sim.slewing
+            assert await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:CM#", until=b"#") == b"11#"
+
+    run(program())
+
+
+def test_a_meade_is_aligned_by_its_first_sync_at_any_distance() -> None:
+    async def program() -> None:
+        async with Bridge("autostar", driven="lx200", aligned=False) as bridge:
+            await bridge.client().ask(b":Sr07:00:00#:Sd+30*00:00#:CM#", until=b"#")
+            await asyncio.sleep(2.0)
+            assert bridge.sim.aligned
+
+    run(program())
+
+
 def test_site_and_time_go_to_an_unaligned_mount_and_not_to_an_aligned_one() -> None:
     async def program(aligned: bool) -> None:
         async with Bridge(aligned=aligned) as bridge:

@@ -76,16 +76,35 @@ def test_a_program_that_opens_a_connection_per_command_keeps_its_motion() -> Non
     run(program())
 
 
-@pytest.mark.parametrize(("host", "lives"), [(HOST, True), ("10.0.0.2", False)])
-def test_bytes_of_the_same_host_count_and_those_of_others_do_not(host: str, lives: bool) -> None:
+@pytest.mark.parametrize("who", ["the same connection", "another of its host", "another host"])
+def test_only_the_bytes_of_who_began_it_count_while_that_is_there(who: str) -> None:
+    """A joystick and a planetarium that polls run on one laptop: one of them does not hold the other's arrow."""
     async def program() -> None:
         async with Bridge("6-8se") as bridge:
-            first, second = bridge.client(HOST), bridge.client(host)
+            first = bridge.client(HOST)
+            second = bridge.client("10.0.0.2" if who == "another host" else HOST)
             first.tell(b":RC#:Mw#")
-            for _ in range(240):  # one a second is answered from what is remembered: life all the same
-                second.tell(b":GR#")
+            for _ in range(240):  # what is answered from what is remembered is life all the same
+                (first if who == "the same connection" else second).tell(b":GR#")
                 await asyncio.sleep(0.25)
-            assert bool(bridge.hub.motions.axes) is lives
+            assert bool(bridge.hub.motions.axes) is (who == "the same connection")
+
+    run(program())
+
+
+def test_who_was_there_before_does_not_hold_the_arrow_of_one_that_is_gone() -> None:
+    """The program that moves the mount crashes; another one on the same computer goes on polling."""
+    async def program() -> None:
+        async with Bridge("6-8se") as bridge:
+            other, mover = bridge.client(HOST), bridge.client(HOST)
+            mover.tell(b":RS#:Me#")
+            await asyncio.sleep(1.0)
+            mover.close()
+            for _ in range(14):
+                other.tell(b":GR#")
+                await asyncio.sleep(0.5)
+            assert not bridge.hub.motions.axes
+            assert any(entry.note == f"{HOST} is gone: its motion is stopped" for entry in bridge.entries)
 
     run(program())
 

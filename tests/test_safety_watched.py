@@ -9,7 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from gateway import operations as op
-from gateway.hub.refresh import CLOCK_AGE
+from gateway.hub.refresh import OWN_AGE
 from gateway.safety import Limits
 from tests.bridge import Bridge
 from tests.test_safety_altitude import altitude, extremes, notes
@@ -70,10 +70,10 @@ def test_the_clock_is_not_read_while_the_mount_moves(early: float) -> None:
             client = bridge.client()
             said = bridge.observatory.mount_clock
             assert said is not None
-            while bridge.hub.now() < said[1] + CLOCK_AGE - early - 0.5:
+            while bridge.hub.now() < said[1] + OWN_AGE - early - 0.5:
                 client.tell(b":GR#")
                 await asyncio.sleep(0.5)
-            await asyncio.sleep(said[1] + CLOCK_AGE - early - bridge.hub.now())
+            await asyncio.sleep(said[1] + OWN_AGE - early - bridge.hub.now())
             began = bridge.clock()
             client.tell(b":RS#:Mn#")
             for _ in range(10):

@@ -15,7 +15,7 @@ from gateway.errors import UserError
 
 #: The flags of ``--help`` by what they are about; a key that is in none of them is about the mount.
 GROUPS = {
-    "safety": ("lowest", "highest", "sun", "hour-angle-limit", "sync-limit", "dead-man", "dead-man-closed",
+    "safety": ("lowest", "highest", "sun", "hour-angle-limit", "sync-limit", "unaligned", "dead-man", "dead-man-closed",
                "watchdog"),
     "how it runs": ("wait", "log", "status", "record", "state"),
     "simulated mounts": ("latency", "speed"),

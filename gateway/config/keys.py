@@ -52,6 +52,9 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
                     | None, _key(
         "axis readings to park at, degrees (default: azimuth 0, altitude 0; the pole on an equatorial mount)",
         "AZ,ALT", [0.0, 0.0])] = None
+    unaligned: Annotated[Literal["refuse", "allow"], _key(
+        "may a NexStar that is not aligned be sent to axis readings, parked and homed, which leads who knows where?"
+        )] = "refuse"
     aux_home: Annotated[bool, _key("home is where the motors' own home switches are, on mounts that have some")] = False
     sun: Annotated[float, _key("come no nearer to the Sun while it is up, degrees; 0 for solar work", "DEG",
                                ge=0.0, le=90.0)] = 20.0

@@ -12,9 +12,10 @@ from math import ceil
 from typing import TYPE_CHECKING
 
 from gateway import operations as op
-from gateway.errors import Fault, NearSun, Refused, Unsupported
+from gateway.errors import Fault, NearSun, NotAligned, Refused, Unsupported
 from gateway.hub import ways
 from gateway.hub.reaction import SHORTEST, reaction
+from gateway.hub.sun import UP
 from gateway.mount_geometry import Pair
 from gateway.paths import clear
 from gateway.safety import Limits, check_altitude, check_hour_angle, check_sync, leaving
@@ -46,6 +47,7 @@ class Checks:
         hub = self._hub
         hub.hold.admit(operation)
         hub.guard.dips = False
+        await self._check_aligned(operation)
         if isinstance(operation, op.Move | op.MoveAxis):
             await self._check_by_hand(operation)
         elif isinstance(operation, op.Park | op.Home):
@@ -69,6 +71,7 @@ class Checks:
             limits = hub.policy.limits.narrowed(operation.lowest, operation.highest)
             self._check_goto(limits, operation)
             await self._check_way(limits, op.Equatorial(operation.ra, operation.dec))
+            self._check_contradictions(limits, op.Equatorial(operation.ra, operation.dec))
             return hub.derived.to_mount(operation)
         elif isinstance(operation, op.Sync):
             if hub.moving:
@@ -78,6 +81,21 @@ class Checks:
                 check_sync(hub.policy.limits, here, op.Equatorial(operation.ra, operation.dec))
             return hub.derived.to_mount(operation)
         return operation
+
+    async def _check_aligned(self, operation: op.Operation) -> None:
+        """A hand control without alignment acknowledges whatever it is told and does nothing, or moves who knows where.
+
+        Raises NotAligned.
+        """
+        hub = self._hub
+        by_axes = isinstance(operation, op.GotoAxes | op.GotoHorizontal | op.Park | op.Home)
+        if hub.driver.sync_aligns or not (by_axes or isinstance(operation, op.Sync)):
+            return
+        if by_axes and hub.policy.unaligned == "allow":
+            return
+        status = await hub.read(op.GetStatus())
+        if not status.aligned and not (await hub.anew(op.GetStatus())).aligned:  # it may be so since a moment ago
+            raise NotAligned
 
     async def still_allowed(self) -> None:
         """Whether what moves by hand may go on. Raises BelowHorizon, TooHigh or NearSun."""
@@ -99,6 +117,25 @@ class Checks:
         if status is not None and status.equatorial and hub.driver.tube_side("E") is None:
             check_hour_angle(limits, hub.derived.sidereal_time() - seen.ra)
 
+    def _check_contradictions(self, limits: Limits, goal: op.Equatorial) -> None:
+        """Where sources of site or time contradict each other, what either of them forbids is not begun.
+
+        Raises BelowHorizon, TooHigh or NearSun, with who says what.
+        """
+        hub, sky = self._hub, self._hub.derived.sky
+        for place, unix, words in hub.sources.contradictions():
+            if place is None:
+                continue
+            altitude = sky.horizon(goal.ra, goal.dec, place.latitude, place.longitude, unix)[1]
+            sun = sky.sun(unix)
+            try:
+                check_altitude(limits, altitude)
+                if separation(goal.ra, goal.dec, *sun) < hub.suns.limit and sky.horizon(
+                        *sun, place.latitude, place.longitude, unix)[1] >= UP:
+                    raise NearSun
+            except Fault as fault:
+                raise type(fault)(f"{fault} {words[0].upper()}{words[1:]}.") from None
+
     async def _check_axes(self, wanted: op.GotoAxes, high_enough: bool = False) -> None:
         """Axis readings: a place over the horizon on a fork, one on the sky on an equatorial mount whose site is known.
 
@@ -108,7 +145,7 @@ class Checks:
         limits = Limits(lowest=-90.0) if high_enough else hub.policy.limits
         if not (await hub.read(op.GetStatus())).equatorial:
             check_altitude(limits, wanted.alt)
-            if hub.observatory.site() is not None:
+            if hub.sources.site() is not None:
                 goal = hub.derived.equatorial(op.GotoHorizontal(wanted.az, wanted.alt))
                 await self._check_way(limits, op.Equatorial(goal.ra, goal.dec), (wanted.az, wanted.alt))
             return
@@ -158,7 +195,7 @@ class Checks:
         that was synced there may take it for the first way, so there both count.
         """
         hub = self._hub
-        site = hub.observatory.site()
+        site = hub.sources.site()
         if not hub.driver.german or site is None:
             return {False, not hub.driver.german and await self._over()}
         under_way = hub.slewing and await hub.anew(op.Slewing())  # then it tells the side of its goal
@@ -177,7 +214,7 @@ class Checks:
     async def _check_by_hand(self, operation: op.Move | op.MoveAxis) -> None:
         """Raises BelowHorizon, TooHigh or NearSun when a limit would be crossed before the guard can act."""
         hub = self._hub
-        if hub.observatory.site() is None:
+        if hub.sources.site() is None:
             return
         # Programs switch tracking off before a slew, and nothing is known of it after that.
         status = hub.snapshot.value(op.GetStatus) or await hub.read(op.GetStatus())

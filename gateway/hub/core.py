@@ -33,6 +33,8 @@ from gateway.hub.snapshot import FRESH, MISSING, Kind, Snapshot
 from gateway.hub.sun import Suns
 from gateway.hub.turnstile import Turnstile
 from gateway.line import POSITION, READ, SETTING, STOP, Line
+from gateway.mount.motion.end_watch import EndWatch
+from gateway.mount.site.sources import BestSources
 from gateway.observatory import Observatory
 from gateway.safety import Limits
 from gateway.sky import Sky
@@ -49,7 +51,8 @@ async def _at_once() -> None:
 class Policy(Struct, frozen=True):
     """What the operator has decided for a mount.
 
-    ``own_park``: the park position is his own choice. ``silence`` and ``silence_closed`` are for how many seconds a
+    ``own_park``: the park position is his own choice. ``unaligned``: whether a mount that is not aligned may be sent to
+    axis readings (``allow`` or ``refuse``). ``silence`` and ``silence_closed`` are for how many seconds a
     client that moves the mount by hand may be silent, on an open connection and after it was closed.
     """
 
@@ -57,6 +60,7 @@ class Policy(Struct, frozen=True):
     site_time: str = "unaligned"
     equinox: str = "jnow"
     own_park: bool = False
+    unaligned: str = "refuse"
     silence: float = 30.0
     silence_closed: float = 5.0
 
@@ -70,12 +74,16 @@ class Hub:
         self.transcript, self.policy = transcript, policy
         self.loop = asyncio.get_running_loop()
         self.now = self.loop.time
-        self.derived = Derived(sky, observatory, policy.equinox)
+        self.sources = BestSources(observatory)
+        #: Astronomy by the best sources, for the limits and for horizon coordinates; and by what programs are told.
+        self.derived = Derived(sky, self.sources, policy.equinox)
+        self.told = Derived(sky, observatory, policy.equinox)
         self.snapshot = Snapshot()
         self.belief = Belief(line, self.now, driver.hurry)
         #: The mount has said who it is; it has said where and when it is, as far as it can.
         self.identified, self.settled = asyncio.Event(), asyncio.Event()
         self.suns = Suns(self.derived, transcript, policy.limits.sun, self.settled.is_set)
+        self.ends = EndWatch(self.now, self._end_again, lambda text: transcript.note("mount", text))
         self.guard, self.hold = Guard(self), Hold()
         self.dead_man = DeadMan(self, policy.silence, policy.silence_closed)
         self.motions = Motions(self, follow_ups)
@@ -143,7 +151,7 @@ class Hub:
         if self.motions.owed:  # it did not answer to the stop, but it does now
             self.begin_stop()
         if self.policy.equinox == "auto":
-            self.derived.equinox = self.driver.equinox
+            self.derived.equinox = self.told.equinox = self.driver.equinox
         self.identified.set()
         await self._learn(op.GetStatus())
         await self._learn(op.GetSite())
@@ -198,6 +206,18 @@ class Hub:
         """How many stops there were: a motion that was asked for before the last one is not begun."""
         return self.motions.stops
 
+    def _end_again(self, axes: frozenset[int]) -> None:
+        """An end that was sent is sent once more: the mount was seen to go on moving."""
+        if len(axes) > 1:
+            self.motions.stop_again()
+            return
+
+        async def send() -> None:
+            with contextlib.suppress(Fault):  # it is sent again when the next position shows no difference
+                await self.drive(self.driver.perform(op.Halt(*axes)), STOP)
+
+        self.spawn(send())
+
     def begin_stop(self) -> None:
         """End every motion, before everything else; from now on it counts as stopped."""
         self.motions.begin_stop()
@@ -226,7 +246,7 @@ class Hub:
         if isinstance(operation, MOTIONS):
             return await self.motions.ended(self.motions.begin(operation, stops, life))
         if type(operation) in PLACES:
-            return PLACES[type(operation)](self.derived, operation)
+            return PLACES[type(operation)](self.told, operation)
         handler = self.settings.handlers.get(type(operation))
         if handler is not None:
             return await handler(operation)

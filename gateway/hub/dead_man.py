@@ -1,7 +1,9 @@
 """The dead man's switch: fast motion by hand, and the focuser's, needs somebody at the other end.
 
-Who began it must be heard of: any byte of any connection of the same host counts, because some programs open a
-connection for every command. Rates up to 60" a second are somebody's tracking and go on; gotos end by themselves.
+Who began it must be heard of: while the connection that did so is open, its own bytes count and nobody else's, for
+another program on the same computer does not hold that arrow. Once it is closed, connections count that the same host
+has opened since: some programs open one for every command. Rates up to 60" a second are somebody's tracking and go on;
+gotos end by themselves.
 """
 
 from __future__ import annotations
@@ -21,25 +23,25 @@ if TYPE_CHECKING:
 TRACKING = 60.0 / 3600.0
 #: How often it is looked after somebody.
 EVERY = 0.5
-#: A host that has been away for so long is forgotten.
+#: A connection that was closed so long ago is forgotten.
 FORGET = 60.0
 FOCUSER = 3
 
 
 class Life:
-    """A host. ``heard`` is set by whatever it sends, and taken back when that was noticed."""
+    """A connection of the host ``who``. ``heard`` is set by whatever it sends, and taken back when that was noticed."""
 
-    __slots__ = ("closed", "heard", "last", "open", "who")
+    __slots__ = ("closed", "heard", "last", "opened", "who")
 
-    def __init__(self, who: str) -> None:
-        self.who = who
-        self.heard = False
-        self.open = 0
-        self.last = self.closed = 0.0
+    def __init__(self, who: str, opened: float) -> None:
+        self.who, self.opened = who, opened
+        self.heard = True
+        self.last = opened
+        self.closed: float | None = None
 
 
 class Held(Struct, frozen=True):
-    """A motion that needs somebody: who it is, and when it was begun."""
+    """A motion that needs somebody: whose it is, and when it was begun."""
 
     life: Life
     since: float
@@ -50,8 +52,9 @@ class DeadMan:
 
     def __init__(self, hub: Hub, patience: float, closed: float) -> None:
         self._hub, self._patience, self._closed = hub, patience, closed
-        self._lives: dict[str, Life] = {}
+        self._lives: dict[str, list[Life]] = {}
         self._held: dict[int, Held] = {}
+        self._swept = hub.now()
         self._watch: asyncio.Task[None] | None = None
 
     # --- who is there -----------------------------------------------------------------------------------------------
@@ -59,17 +62,26 @@ class DeadMan:
     def arrive(self, host: str) -> Life:
         """A connection from this host was opened."""
         now = self._hub.now()
-        for old in [life for life in self._lives.values() if not life.open and now - life.closed > FORGET]:
-            del self._lives[old.who]
-        life = self._lives.setdefault(host, Life(host))
-        life.open += 1
-        life.heard = True
+        if now - self._swept > FORGET:
+            self._swept = now
+            for who, lives in list(self._lives.items()):
+                self._lives[who] = [life for life in lives if life.closed is None or now - life.closed <= FORGET]
+                if not self._lives[who]:
+                    del self._lives[who]
+        life = Life(host, now)
+        self._lives.setdefault(host, []).append(life)
         return life
 
     def leave(self, life: Life) -> None:
-        """One of its connections was closed."""
-        life.open -= 1
+        """It was closed."""
         life.closed = self._hub.now()
+
+    def _stands_for(self, life: Life) -> list[Life]:
+        """The connections whose bytes count for it: itself, and once it is closed, those that its host opened since."""
+        closed = life.closed
+        if closed is None:
+            return [life]
+        return [life, *(later for later in self._lives.get(life.who, ()) if later.opened >= closed)]
 
     # --- what moves -------------------------------------------------------------------------------------------------
 
@@ -107,11 +119,13 @@ class DeadMan:
             await asyncio.sleep(EVERY)
             now = hub.now()
             for axis, held in list(self._held.items()):
-                life = held.life
-                if life.heard:
-                    life.heard, life.last = False, now
-                silent = now - max(life.last, held.since)
-                gone = not life.open and now - max(life.closed, held.since) >= self._closed
+                life, there = held.life, self._stands_for(held.life)
+                for one in there:
+                    if one.heard:
+                        one.heard, one.last = False, now
+                silent = now - max(held.since, *(one.last for one in there))
+                left = [one.closed for one in there if one.closed is not None]
+                gone = len(left) == len(there) and now - max(held.since, *left) >= self._closed
                 if gone or silent >= self._patience:
                     del self._held[axis]
                     hub.transcript.note("mount", f"{life.who} {'is gone' if gone else 'has fallen silent'}: "

@@ -5,20 +5,30 @@ All of it needs the site, some of it the clock; without a site it is refused in 
 
 from __future__ import annotations
 
+from typing import Protocol
+
 from msgspec.structs import replace
 
 from gateway import operations as op
 from gateway.errors import Unsupported
 from gateway.mount_geometry import Build, Geometry
-from gateway.observatory import Observatory
 from gateway.sky import Sky
 from gateway.spherical import wrap360
+
+
+class SiteAndTime(Protocol):
+    """Where and when: a site, UTC as Unix seconds, and the same as a clock reading where a clock tells it."""
+
+    def site(self) -> op.Place | None: ...
+    def unix(self) -> float: ...
+    def clock(self) -> op.Moment | None: ...
+    def host(self) -> float: ...
 
 
 class Derived:
     """Astronomy at this mount's site and by its clock. ``equinox`` is what the mount's coordinates mean."""
 
-    def __init__(self, sky: Sky, observatory: Observatory, equinox: str) -> None:
+    def __init__(self, sky: Sky, observatory: SiteAndTime, equinox: str) -> None:
         self.sky, self.observatory, self.equinox = sky, observatory, equinox
 
     def place(self) -> op.Place:

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from gateway import operations as op
 from gateway.errors import Fault, Unsupported
 from gateway.hub.alarm import Alarm
-from gateway.hub.looks import Look, measured
+from gateway.hub.looks import Look, measured, sample
 from gateway.hub.reaction import SHORTEST, between, interval, overdue, to_stop
 from gateway.safety import leaving, past_meridian
 from gateway.spherical import separation
@@ -114,6 +114,7 @@ class Guard:
         if before is not None and now - before.at < SHORTEST:
             return
         self._alarm.off()
+        self._hub.ends.look(sample(hub, now, seen))
         if before is not None and before.altitude is None:  # the site may have become known since
             before = measured(hub, before.at, before.seen)
             self._farthest = list(before.suns)
@@ -162,6 +163,14 @@ class Guard:
         expected = self._hub.driver.speed(after.lifting.rate) * (after.at - before.at)
         if abs(rose) > RISEN and 0.4 < abs(rose) / expected < 2.0:  # else it is something else that moved it
             self.upright = rose * after.lifting.sense > 0
+
+    @property
+    def fastest(self) -> float:
+        """How fast the mount may be moving now because it was told to, degrees a second; 0 where nothing moves."""
+        hub = self._hub
+        if hub.slewing:
+            return self._across or hub.driver.speed(op.Rate(name="max"))
+        return max((hub.driver.speed(moving.rate) for moving in hub.motions.by_hand.values()), default=0.0)
 
     @property
     def _going(self) -> bool:

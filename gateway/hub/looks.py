@@ -8,6 +8,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from gateway import operations as op
+from gateway.mount.motion.ends import Sample
 from gateway.spherical import wrap180
 
 if TYPE_CHECKING:
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 
 #: Degrees of right ascension between two looks that no motor turns: a sync, or the pole was passed.
 JUMP = 30.0
+#: The least that a position can show, degrees: a second of right ascension, a 16-bit reading; in low precision more.
+DIGIT, COARSE_DIGIT = 0.006, 0.025
 
 
 class Look(Struct, frozen=True):
@@ -46,3 +49,13 @@ def _at_once(hub: Hub, now: float, seen: op.Equatorial, before: Look) -> op.Equa
     if not halves or abs(turned) > JUMP:
         return seen
     return replace(seen, ra=(seen.ra + turned / (now - before.at) * 2.0 * halves * hub.line.typical) % 360.0)
+
+
+def sample(hub: Hub, now: float, seen: op.Equatorial) -> Sample:
+    """A position as the readings of the two axes that are ended one by one."""
+    digit = COARSE_DIGIT if getattr(hub.driver, "low", False) else DIGIT
+    status = hub.snapshot.value(op.GetStatus)
+    if status is None or status.equatorial or hub.sources.site() is None:
+        return Sample(now, (seen.ra, seen.dec), digit)
+    place = hub.derived.horizon(seen)
+    return Sample(now, (place.az, place.alt), digit)

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from gateway.hub.core import Hub
 
 HEARTBEAT = 5.0
-CLOCK_AGE = 120.0
+#: How old the mount's own clock and site may grow while somebody is there: a person may change them at its keys.
+OWN_AGE = 25.0
 ASK_AGAIN = 1.0
 #: What nobody wants waits until an answer or a motion wakes it.
 IDLE = 3600.0
@@ -37,7 +38,10 @@ class Refresh:
         self._exchanges: dict[Kind, int] = {}
         self._news: dict[Kind, asyncio.Event] = {kind: asyncio.Event() for kind in RENEW}
         hub.snapshot.changed = self._changed
-        self._reading_clock: asyncio.Task[None] | None = None
+        self._reading_own: asyncio.Task[None] | None = None
+        #: The mount's own site and clock are read in turn.
+        self._own: tuple[Kind, Kind] = (op.GetSite, op.GetClock)
+        self._asked_own = hub.now()
 
     def cost(self, kind: Kind, exchanges: int) -> None:
         """So many exchanges an answer of this kind has taken; the next one is asked for so much earlier."""
@@ -88,15 +92,19 @@ class Refresh:
             return
 
     async def _now_and_then(self, now: float) -> None:
-        """The heartbeat; the mount's clock while somebody is there and nothing moves."""
+        """The heartbeat; the mount's own clock and site while somebody is there and nothing moves."""
         hub = self._hub
         if hub.snapshot.age(op.Position, now) >= HEARTBEAT:
             await self.renew(op.Position)
         clock = hub.observatory.mount_clock
-        if clock is None or now - clock[1] <= CLOCK_AGE or self._watched or not self._wanted(op.Position, now):
+        asked = self._asked_own if clock is None else max(self._asked_own, clock[1])
+        if now - asked <= OWN_AGE or self._watched or not self._wanted(op.Position, now):
             return
-        if self._reading_clock is None or self._reading_clock.done():  # not here: the position must not wait for it
-            self._reading_clock = hub.spawn(self.renew(op.GetClock))
+        if self._reading_own is None or self._reading_own.done():  # not here: the position must not wait for it
+            self._asked_own, self._own = now, self._own[::-1]
+            known = hub.observatory.mount_clock if self._own[0] is op.GetClock else hub.observatory.mount_site
+            if known is not None:
+                self._reading_own = hub.spawn(self.renew(self._own[0]))
 
     def _wanted(self, kind: Kind, now: float) -> bool:
         """Whether somebody polls this, or the hub itself must watch it."""
@@ -107,7 +115,7 @@ class Refresh:
     @property
     def _watched(self) -> bool:
         """Whether the mount moves, by whomever: the line has better to do than to tell the time."""
-        return self._hub.moving or self._hub.guard.restless
+        return self._hub.moving or self._hub.guard.restless or self._hub.ends.pending
 
     def _pause(self, kind: Kind, now: float) -> float:
         """Seconds until this kind must be asked again, so that its answer comes when the last one grows old."""
@@ -120,8 +128,8 @@ class Refresh:
         """Ask the mount again. That it was decided to is recorded: a replay asks when this run did."""
         hub = self._hub
         hub.transcript.put("hub", "r", note=kind.__name__)
-        if kind is op.GetClock:
-            await hub.settings.renew_clock()
+        if kind in self._own:
+            await (hub.settings.renew_clock() if kind is op.GetClock else hub.settings.renew_site())
             return
         try:
             await hub.anew(kind())

@@ -61,7 +61,7 @@ class SiteAndClock:
     async def _get_site(self, _: op.GetSite) -> op.Place:
         if self._observatory.site() is None:
             await self._first_answers()
-        return self._hub.derived.place()
+        return self._hub.told.place()
 
     async def _get_clock(self, _: op.GetClock) -> op.Moment:
         if self._observatory.clock() is None:
@@ -75,7 +75,7 @@ class SiteAndClock:
     async def _sidereal_time(self, _: op.SiderealTime) -> float:
         await self._get_site(op.GetSite())
         await self._get_clock(op.GetClock())
-        return self._hub.derived.sidereal_time()
+        return self._hub.told.sidereal_time()
 
     def _seen_gps(self) -> op.Gps | None:
         """What the GPS unit told lately, its time running on."""
@@ -92,6 +92,7 @@ class SiteAndClock:
             if seen is None:
                 told: op.Gps = await self._hub.drive(self._hub.driver.perform(operation), READ)
                 seen, _ = self._gps = told, self._hub.now()
+                self._observatory.gps_says(told)
         return seen
 
     # --- setting ----------------------------------------------------------------------------------------------------
@@ -190,4 +191,18 @@ class SiteAndClock:
             value = await self._hub.drive(self._hub.driver.perform(op.GetClock()), READ)
         except Fault:
             return
-        self._observatory.mount_says_clock(value)
+        self._news(self._observatory.mount_says_clock(value), "clock")
+
+    async def renew_site(self) -> None:
+        """Read the mount's site again."""
+        try:
+            value = await self._hub.drive(self._hub.driver.perform(op.GetSite()), READ)
+        except Fault:
+            return
+        self._news(self._observatory.mount_says_site(value), "site")
+
+    def _news(self, changed: bool, what: str) -> None:
+        """Somebody has set it at the mount: programs are told that from now on, and the limits go by it."""
+        if changed:
+            self._hub.transcript.note("mount", f"the {what} was changed at the mount; it is in force here, too")
+            self._hub.snapshot.version += 1

@@ -36,7 +36,7 @@ def circles(hub: Hub, limits: Limits, equatorial: bool, over: bool) -> list[Circ
     """The forbidden ones. A fork in alt-az goes straight up or down: only back over the zenith (``over``) it comes
     higher than both ends of its way.
     """
-    if hub.observatory.site() is None:
+    if hub.sources.site() is None:
         return []
     zenith, nadir = (0.0, 90.0), (0.0, -90.0)
     if equatorial:
@@ -51,7 +51,7 @@ def reading(hub: Hub, sun: op.Equatorial, equatorial: bool) -> Pair:
     """The Sun as the axes of this mount would read, pointing at it the first of the two ways."""
     if equatorial:
         return _geometry(hub, Build.GERMAN).axes(_hour_angle(hub, sun), sun.dec, False)
-    seen = hub.derived.horizon(sun) if hub.observatory.site() is not None else op.Horizontal(sun.ra, sun.dec)
+    seen = hub.derived.horizon(sun) if hub.sources.site() is not None else op.Horizontal(sun.ra, sun.dec)
     return seen.az, seen.alt
 
 
@@ -64,7 +64,7 @@ def possible(
     """
     if not equatorial:
         return [way for other in others for way in _either_way_round(_fork(hub, here, goal, axes, other))]
-    german = hub.driver.german is True and hub.observatory.site() is not None
+    german = hub.driver.german is True and hub.sources.site() is not None
     geometry = _geometry(hub, Build.GERMAN if german else Build.WEDGE)
     ways = [_polar(hub, geometry, here, goal, axes, other) for other in others]
     return ways if german else [round_ for way in ways for round_ in _either_way_round(way)]
@@ -72,7 +72,7 @@ def possible(
 
 def _fork(hub: Hub, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, other: bool) -> Way:
     """Of an alt-az fork; without a site, as if on a wedge. At the zenith only ``axes`` tell where it turns to."""
-    if hub.observatory.site() is None:
+    if hub.sources.site() is None:
         start, end = op.Horizontal(here.ra, here.dec), op.Horizontal(goal.ra, goal.dec)
     else:
         start = hub.derived.horizon(here)
@@ -110,10 +110,10 @@ def _either_way_round(way: Way) -> Iterator[Way]:
 
 
 def _geometry(hub: Hub, build: Build) -> Geometry:
-    place = hub.observatory.site()
+    place = hub.sources.site()
     return Geometry(build, place.latitude if place is not None else 0.0)
 
 
 def _hour_angle(hub: Hub, seen: op.Equatorial) -> float:
     """From the meridian; without a site, from some hour circle."""
-    return wrap180((hub.derived.sidereal_time() if hub.observatory.site() is not None else 0.0) - seen.ra)
+    return wrap180((hub.derived.sidereal_time() if hub.sources.site() is not None else 0.0) - seen.ra)

@@ -58,6 +58,7 @@ class NexStar(Driver):
 
     protocol = load("nexstar")
     awake_or_not = frozenset("KVxy")
+    sync_aligns = False
 
     def __init__(self, now: Callable[[], float], settings: Settings = Settings(), model: str | None = None,
                  version: str | None = None) -> None:

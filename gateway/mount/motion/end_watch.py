@@ -1,0 +1,59 @@
+"""Looks after an end that was sent until the positions prove it, and has it sent again while they do not.
+
+A motion that is begun meanwhile takes its place: what moves then is wanted. Nothing is known of who moves a mount, so
+an end is sent a few times and then told of; it is never fought for without end in silence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from gateway.mount.motion.ends import TIMES, Ending, Sample, Step, next_step
+
+#: How many of the last positions are remembered.
+REMEMBERED = 6
+
+
+class EndWatch:
+    """``send`` has the end of these axes sent once more; ``warn`` is told in words what must be known."""
+
+    def __init__(self, now: Callable[[], float], send: Callable[[frozenset[int]], object],
+                 warn: Callable[[str], None]) -> None:
+        self._now, self._send, self._warn = now, send, warn
+        self._samples: list[Sample] = []
+        self.ending: Ending | None = None
+
+    @property
+    def pending(self) -> bool:
+        """Whether an end is not proven yet: positions are wanted."""
+        return self.ending is not None
+
+    def sent(self, axes: Iterable[int], speed: float) -> None:
+        """An end went out for axes that were ordered, or seen, to go at up to so many degrees a second."""
+        both, before = frozenset(axes), self.ending
+        if before is not None and before.axes == both:
+            self.ending = Ending(both, max(speed, before.speed), (*before.sent[:-1], self._now()))
+        elif speed > 0.0:
+            rest = (before.axes, before.speed) if before is not None else (frozenset[int](), 0.0)
+            self.ending = Ending(both | rest[0], max(speed, rest[1]), (self._now(),))
+
+    def moves(self, axes: Iterable[int]) -> None:
+        """These axes were set moving anew: their end is over."""
+        if self.ending is not None:
+            left = self.ending.axes - frozenset(axes)
+            self.ending = Ending(left, self.ending.speed, self.ending.sent) if left else None
+
+    def look(self, sample: Sample) -> None:
+        """A position has come."""
+        self._samples = [*self._samples[1 - REMEMBERED:], sample]
+        ending = self.ending
+        if ending is None:
+            return
+        step = next_step(ending, self._samples, self._now())
+        if step is Step.DONE:
+            self.ending = None
+        elif step is not Step.LOOK:
+            self.ending = ending.again(self._now())
+            self._warn(f"WARNING: the mount goes on moving though it was told {TIMES} times to stop: switch it off"
+                       if step is Step.ALARM else "the mount has not stopped: the stop is sent again")
+            self._send(ending.axes)

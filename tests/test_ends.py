@@ -1,0 +1,88 @@
+"""An end is owed until the position shows it, and not a moment longer."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.mount.motion.ends import AGAIN, SLOW, THEN_EVERY, TIMES, Ending, Sample, Step, next_step, speed, visible
+
+FAST = Ending(frozenset({1, 2}), 4.0, (100.0,))
+
+
+def looks(*places: tuple[float, float], axis: int = 1, digit: float = 1 / 3600) -> list[Sample]:
+    """Positions of one axis at these times; the other stands still."""
+    return [Sample(at, (place, 0.0) if axis == 1 else (0.0, place), digit) for at, place in places]
+
+
+def test_it_is_done_when_the_axes_stand_still_after_a_run_on() -> None:
+    going = looks((99.6, 10.0), (100.0, 11.6), (100.4, 12.9), (100.8, 13.4))
+    assert next_step(FAST, going[:2], 100.1) is Step.LOOK, "the looks before the end say nothing"
+    assert next_step(FAST, going[:3], 100.4) is Step.LOOK, "it runs on"
+    assert next_step(FAST, going, 100.8) is Step.DONE
+
+
+def test_one_that_was_lost_is_sent_again_at_growing_intervals_and_then_told() -> None:
+    ending, now, sent, told = FAST, 100.0, [100.0], []
+    samples: list[Sample] = []
+    while now < 160.0:
+        now = round(now + 0.4, 3)
+        samples = [*samples, *looks((now, (now * 4.0) % 360.0))][-8:]
+        step = next_step(ending, samples, now)
+        assert step is not Step.DONE
+        if step in (Step.SEND, Step.ALARM):
+            sent.append(now)
+            told += [now] * (step is Step.ALARM)
+            ending = ending.again(now)
+    pauses = [round(later - before, 1) for before, later in itertools.pairwise(sent)]
+    assert all(pause >= wanted - 1e-6 for pause, wanted in zip(pauses, AGAIN, strict=False))
+    assert len(sent) > TIMES and len(told) == len(sent) - TIMES
+    assert all(pause >= THEN_EVERY for pause in pauses[len(AGAIN):])
+
+
+def test_only_the_axes_that_are_to_rest_count() -> None:
+    one = Ending(frozenset({1}), 4.0, (100.0,))
+    assert next_step(one, looks((100.1, 0.0), (100.5, 1.6), (100.9, 3.2), axis=2), 103.0) is Step.DONE
+    assert next_step(one, looks((100.1, 0.0), (100.5, 1.6), (100.9, 3.2), axis=1), 103.0) is Step.SEND
+
+
+def test_across_the_north_it_is_no_jump() -> None:
+    assert speed(FAST, looks((100.1, 359.99), (100.5, 0.01))) == pytest.approx(0.05)
+
+
+def test_a_coarse_position_says_nothing_before_it_could_have_changed() -> None:
+    """Low precision: a tenth of a minute of right ascension is 90 arcseconds."""
+    slow = Ending(frozenset({1}), 0.1, (100.0,))
+    coarse = looks((100.4, 5.0), (100.8, 5.0), digit=90 / 3600)
+    assert next_step(slow, coarse, 103.0) is Step.LOOK
+    assert next_step(slow, [*coarse[:1], *looks((103.0, 5.0), digit=90 / 3600)], 103.0) is Step.DONE
+
+
+@given(st.floats(0.0, 2 * SLOW - 1e-9))
+def test_what_nobody_could_see_is_not_looked_for(rate: float) -> None:
+    ending = Ending(frozenset({1}), rate, (0.0,))
+    assert not visible(ending)
+    assert next_step(ending, [], 100.0) is Step.DONE
+
+
+@given(st.floats(0.2, 8.0), st.floats(0.1, 1.0), st.floats(0.0, 2.0))
+def test_no_run_on_of_up_to_a_second_has_a_stop_sent_again(rate: float, every: float, begins: float) -> None:
+    """The motor loses its speed evenly, and its position is told at even intervals."""
+    ending = Ending(frozenset({1}), rate, (0.0,))
+
+    def place(at: float) -> float:
+        moving = min(at, 1.0)
+        return rate * (moving - moving * moving / 2.0)
+
+    samples, now = [], begins * every
+    while now < 5.0:
+        samples.append(Sample(now, (place(now), 0.0)))
+        step = next_step(ending, samples, now)
+        assert step in (Step.LOOK, Step.DONE)
+        if step is Step.DONE:
+            return
+        now += every
+    raise AssertionError("it never came to rest")
