@@ -78,10 +78,14 @@ def test_the_next_gateway_has_the_port_at_once(watch: Callable[[str, str], Watch
     watched = watch("nexstar", "pty")
     watched.move(0.0)
     old = watched.watchdog()
-    watched.gateway.process.send_signal(signal.SIGKILL)
-    time.sleep(0.3)
+    killed = watched.gateway.process
+    killed.send_signal(signal.SIGKILL)
+    assert killed.stderr is not None
+    assert "watchdog" in killed.stderr.readline()
     watched.begin()
-    assert watched.speed() < 0.05
+    deadline = time.monotonic() + PATIENCE
+    while watched.speed() > 0.05:
+        assert time.monotonic() < deadline
     assert old is not None
     await_end(old)
 

@@ -73,10 +73,11 @@ class Watched:
 
     def move(self, seconds: float = 1.0) -> None:
         """By hand, southwards at the fastest rate, until it does."""
-        ask(self.where, b":RS#:Ms#:GVP#")
         deadline = time.monotonic() + PATIENCE
+        ask(self.where, b":RS#:Ms#:GVP#")
         while self.speed() < 1.0:
             assert time.monotonic() < deadline
+            ask(self.where, b":RS#:Ms#:GVP#")  # a gateway that has just come back to life stops the mount first
         time.sleep(seconds)
 
     def meet(self, fate: str) -> float:
