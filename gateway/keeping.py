@@ -19,6 +19,7 @@ from gateway import hold
 from gateway.hub import Hub
 from gateway.locks import PidLock, Taken
 from gateway.mark import InThread, MotionMark
+from gateway.mount.safety.sync_sum import SyncSum
 from gateway.operations import Place
 from gateway.state import (
     FORMAT,
@@ -49,6 +50,7 @@ class Past(Struct, frozen=True):
 def recall(hub: Hub, past: Past) -> None:
     """Take up what an earlier run has remembered; what it left moving is stopped first."""
     hub.driver.recall(past.kept.mount, moving=False)
+    hub.synced = past.kept.synced
     if past.left is not None:
         hub.driver.recall(past.left.memory, moving=True)
         hub.motions.owed = True
@@ -82,6 +84,7 @@ class Keeping:
         self.past = Past(kept, read_mark(self._mark_path) if self._marks else None)
         self._written = encode(kept)
         self._memory: Callable[[bool], dict[str, Any]] = lambda moving: kept.mount
+        self._synced: Callable[[], SyncSum] = lambda: kept.synced
         self._mark: MotionMark | None = None
         self._dirty = False
         self._closing = asyncio.Event()
@@ -133,6 +136,7 @@ class Keeping:
     def attach(self, hub: Hub) -> None:
         """Let the hub tell of motions and changes; stop first what the last run left moving."""
         self._memory = hub.driver.memory
+        self._synced = lambda: hub.synced
         recall(hub, self.past)
         hub.changed = self.changed
         hub.hold.on = hold.is_held(self.directory)
@@ -172,7 +176,7 @@ class Keeping:
 
     async def _write(self) -> bool:
         """Write what is not in the file yet -> whether there was anything to write."""
-        data = encode(from_shared(self.shared, self._memory(False)))
+        data = encode(from_shared(self.shared, self._memory(False), self._synced()))
         if data == self._written:
             return False
         self._written = data

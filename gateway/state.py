@@ -15,6 +15,8 @@ import msgspec
 import platformdirs
 from msgspec import Meta, Struct
 
+from gateway.mount.safety.sync_sum import SyncSum
+
 FORMAT: Final = 1
 #: Longest name of a mount's files: with an ending it must fit a directory entry.
 LONGEST = 120
@@ -43,6 +45,8 @@ class Kept(Struct, omit_defaults=True):
     pec: bool | None = None
     motors: dict[str, Byte] = {}
     mount: dict[str, Any] = {}
+    #: How far the syncs since the mount's alignment have moved the sky together.
+    synced: SyncSum = SyncSum()
 
 
 class Marked(Struct):
@@ -138,7 +142,7 @@ def to_shared(kept: Kept) -> dict[str, Any]:
     return {"sites": sites, **{name: value for name, value in single.items() if value is not None}, **known}
 
 
-def from_shared(shared: dict[str, Any], mount: dict[str, Any]) -> Kept:
+def from_shared(shared: dict[str, Any], mount: dict[str, Any], synced: SyncSum = SyncSum()) -> Kept:
     """The lasting part of it; the rest (a pulse under way, a drive rate) ends with the gateway."""
     return Kept(
         FORMAT,
@@ -148,4 +152,5 @@ def from_shared(shared: dict[str, Any], mount: dict[str, Any]) -> Kept:
         pec=shared.get("pec"),
         motors={name: value for name, value in shared.items() if name.startswith(MOTORS)},
         mount=mount,
+        synced=synced,
     )

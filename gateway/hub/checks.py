@@ -16,6 +16,7 @@ from gateway.errors import Fault, NearSun, NotAligned, Refused, Unsupported
 from gateway.hub import ways
 from gateway.hub.reaction import SHORTEST, reaction
 from gateway.hub.sun import UP
+from gateway.mount.safety.sync_sum import check_sum
 from gateway.mount_geometry import Pair
 from gateway.paths import clear
 from gateway.safety import Limits, check_altitude, check_hour_angle, check_sync, leaving
@@ -78,7 +79,9 @@ class Checks:
                 raise Refused("The mount moves: nothing is centred, sync when it rests.")
             if (await hub.read(op.GetStatus())).aligned:
                 here = await hub.read(op.Position())
-                check_sync(hub.policy.limits, here, op.Equatorial(operation.ra, operation.dec))
+                wanted = op.Equatorial(operation.ra, operation.dec)
+                check_sync(hub.policy.limits, here, wanted)
+                check_sum(hub.policy.limits.sync, hub.synced, here, wanted)
             return hub.derived.to_mount(operation)
         return operation
 

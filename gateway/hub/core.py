@@ -34,6 +34,7 @@ from gateway.hub.sun import Suns
 from gateway.hub.turnstile import Turnstile
 from gateway.line import POSITION, READ, SETTING, STOP, Line
 from gateway.mount.motion.end_watch import EndWatch
+from gateway.mount.safety.sync_sum import SyncSum
 from gateway.mount.site.sources import BestSources
 from gateway.observatory import Observatory
 from gateway.safety import Limits
@@ -83,6 +84,8 @@ class Hub:
         #: The mount has said who it is; it has said where and when it is, as far as it can.
         self.identified, self.settled = asyncio.Event(), asyncio.Event()
         self.suns = Suns(self.derived, transcript, policy.limits.sun, self.settled.is_set)
+        #: How far the syncs since the alignment have moved the sky together.
+        self.synced = SyncSum()
         self.ends = EndWatch(self.now, self._end_again, lambda text: transcript.note("mount", text))
         self.guard, self.hold = Guard(self), Hold()
         self.dead_man = DeadMan(self, policy.silence, policy.silence_closed)
@@ -323,6 +326,8 @@ class Hub:
         if isinstance(operation, op.Position):
             value = self.derived.from_mount(value)
         self.snapshot.put(type(operation), value, self.now())
+        if isinstance(value, op.Status) and not value.aligned:
+            self.synced = SyncSum()
         if isinstance(operation, op.Position):
             self.guard.look(value)
         return value

@@ -17,6 +17,7 @@ from gateway.errors import Fault, Unsupported
 from gateway.hub.alarm import Alarm
 from gateway.hub.looks import Look, measured, sample
 from gateway.hub.reaction import SHORTEST, between, interval, overdue, to_stop
+from gateway.mount.safety.sync_sum import SyncSum
 from gateway.safety import leaving, past_meridian
 from gateway.spherical import separation
 
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 #: Degrees a second that no tracking reaches, though one digit of a coarse position may: somebody moves the mount.
 RESTLESS = 0.1
+#: A position that changes so many times faster than the mount can move was told anew: an alignment, at its keys.
+JUMP = 3.0
 #: How long it is watched closely after that.
 CLOSELY = 3.0
 #: Degrees between two looks that tell which way a motor turns the tube.
@@ -132,6 +135,8 @@ class Guard:
         self._across = separation(before.seen.ra, before.seen.dec, seen.ra, seen.dec) / elapsed
         if self._across > RESTLESS and not hub.moving:
             self._restless_until = now + CLOSELY
+        if self._across > JUMP * hub.driver.speed(op.Rate(name="max")):
+            hub.synced = SyncSum()
         self._learn(before, after, status)
         if not hub.moving and self._limits.lowest > -90.0:
             self._limits = hub.policy.limits

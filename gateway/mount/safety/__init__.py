@@ -1,0 +1,1 @@
+"""The rules that keep a mount within its owner's limits."""
