@@ -68,7 +68,7 @@ def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Fa
     halts = {b":Q%c#" % letter: (op.Halt(axis), frozenset(b":M%c#" % other for other in letters))
              for axis, letters in ((1, b"ew"), (2, b"ns")) for letter in letters}
     surface = Surface(protocol, SPECIALS)
-    return Face(surface, lambda now: Framing(Framer(), now), frozenset({b":Q#"}), model, settings, halts=halts,
+    return Face(surface, lambda now: Framing(Framer(), now), frozenset({b":Q#", b":I#"}), model, settings, halts=halts,
                 ends=(b":Q",))
 
 

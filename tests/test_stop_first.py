@@ -167,3 +167,21 @@ def test_a_stop_does_not_wait_until_an_acknowledgement_counts() -> None:
                 assert stop.time - max(asked, heard[-1]) < 0.002, (moment, stop)
 
     run(program())
+
+
+@pytest.mark.parametrize("motion", [b":RS#:Mn#", b":Sr07:00:00#:Sd+30*00:00#:MS#"])
+def test_a_restart_ceases_current_operations(motion: bytes) -> None:
+    """Meade's manual: :I# "causes the telescope to cease current operations and restart at its power on"."""
+    async def program() -> None:
+        async with Bridge("cge", surface="lx200gps") as bridge:
+            client = bridge.client()
+            client.tell(motion)
+            await asyncio.sleep(2.0)
+            assert bridge.hub.moving
+            assert await client.ask(b":I#", until=b"X") == b"X"
+            await asyncio.sleep(3.0)
+            assert not bridge.hub.moving
+            assert not bridge.sim.slewing
+            assert bridge.sim.tracking
+
+    run(program())

@@ -32,7 +32,7 @@ def toggle_pointing(session: Session, command: Command, values: dict[str, Any]) 
 
 
 def restart(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """:I - back into service, and this client's state as at power-on."""
+    """:I - back into service, and this client's state as at power-on; the stop in it was begun when it came."""
     session.kept.clear()
     session.kept["precision"] = session.settings.get("precision", "high")
     yield Start(Unpark())
