@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from ipaddress import IPv4Network, IPv6Address, IPv6Network, ip_address, ip_network
-from typing import Any
+from typing import Any, NamedTuple
 
 from msgspec import Struct
 
-from gateway.errors import ReadOnly, UserError
-from gateway.operations import CancelGoto, Focus, Halt, Operation, Read, Stop
+from gateway.errors import Fault, NotFromNetwork, ReadOnly, UserError
+from gateway.operations import CancelGoto, Focus, Halt, Operation, Read, Sleep, Stop
 
 Networks = tuple[IPv4Network | IPv6Network, ...]
 
@@ -41,12 +41,21 @@ def networks(texts: Sequence[str]) -> Networks:
     return tuple(found)
 
 
+#: Why a mount is not put to sleep by whoever comes over a network, and what would allow it.
+NO_HIBERNATION = ("not over a network, because a mount that hibernates answers no program any more; "
+                  "hibernate = true under [mount], or --hibernate, allows it")
+
+
 class Access(Struct, frozen=True):
-    """The rules of one surface: the networks that may connect (None: all), who only looks, how many at a time."""
+    """The rules of one surface: the networks that may connect (None: all), who only looks, how many at a time.
+
+    ``hibernate``: whether who comes over a network may put the mount to sleep.
+    """
 
     allow: Networks | None = None
     read_only: bool | Networks = False
     most: int = 400
+    hibernate: bool = False
 
     def admits(self, host: str) -> bool:
         """Whether this host may connect."""
@@ -55,6 +64,28 @@ class Access(Struct, frozen=True):
     def only_looks(self, host: str) -> bool:
         """Whether a client from this host moves and sets nothing."""
         return self.read_only if isinstance(self.read_only, bool) else _within(host, self.read_only)
+
+
+class Refusal(NamedTuple):
+    """What a client is told, and the reason as the log has it."""
+
+    fault: Fault
+    why: str
+
+
+class Rights(Struct, frozen=True):
+    """What one client may ask for: whether it only looks, and whether it may put the mount to sleep."""
+
+    read_only: bool = False
+    hibernate: bool = True
+
+    def refusal(self, operation: Operation) -> Refusal | None:
+        """What becomes of an operation that may not be; None where it may."""
+        if self.read_only and not harmless(operation):
+            return Refusal(ReadOnly(), "read only")
+        if not self.hibernate and isinstance(operation, Sleep):
+            return Refusal(NotFromNetwork(), NO_HIBERNATION)
+        return None
 
 
 def _within(host: str, among: Networks) -> bool:

@@ -59,6 +59,7 @@ def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Fa
     from gateway.frames import Framing
     from gateway.protocols.lx200.framing import Framer
     from gateway.protocols.lx200.surface import SPECIALS
+    from gateway.protocols.lx200.surface.beginning import BEGINNING
     from gateway.surface import Surface
 
     protocol = load("lx200")
@@ -68,8 +69,8 @@ def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Fa
     halts = {b":Q%c#" % letter: (op.Halt(axis), frozenset(b":M%c#" % other for other in letters))
              for axis, letters in ((1, b"ew"), (2, b"ns")) for letter in letters}
     surface = Surface(protocol, SPECIALS)
-    return Face(surface, lambda now: Framing(Framer(), now), frozenset({b":Q#", b":I#"}), model, settings, halts=halts,
-                ends=(b":Q",))
+    return Face("LX200", surface, lambda now: Framing(Framer(), now), BEGINNING, frozenset({b":Q#", b":I#"}), model,
+                settings, halts=halts, ends=(b":Q",))
 
 
 def _meade_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float]) -> Driven:
@@ -82,6 +83,7 @@ def _meade_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], flo
 
 def _nexstar_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Face:
     from gateway.protocols.nexstar.surface import FORK, GERMAN, SPECIALS, framing, lacks, presented
+    from gateway.protocols.nexstar.surface.beginning import BEGINNING
     from gateway.protocols.nexstar.surface.devices import no_response, passes
     from gateway.surface import Surface
 
@@ -90,7 +92,8 @@ def _nexstar_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> 
     surface = Surface(load("nexstar"), SPECIALS, no_response)
     surface.passes, surface.lacks = passes, lacks
     still = (bytes((motor, way, 0)) for motor in (16, 17) for way in (36, 37, 6, 7))
-    return Face(surface, framing, frozenset(), model, {"precision": "high"}, fit=fit, ends=(b"M", *still))
+    return Face("NexStar", surface, framing, BEGINNING, frozenset(), model, {"precision": "high"}, fit=fit,
+                ends=(b"M", *still))
 
 
 DRIVERS: dict[str, Callable[[Endpoint, MountConfig, Callable[[], float]], Driven]] = {
@@ -109,11 +112,11 @@ def policy(config: MountConfig) -> Policy:
                   unaligned=config.unaligned, silence=config.dead_man, silence_closed=config.dead_man_closed)
 
 
-def access(surface: SurfaceConfig) -> Access:
-    """Who may come in and who may only look, as the operator has it. Raises UserError."""
+def access(surface: SurfaceConfig, config: MountConfig) -> Access:
+    """Who may come in, who may only look, and what nobody may, as the operator has it. Raises UserError."""
     looks = surface.read_only
     return Access(None if surface.allow is None else networks(surface.allow),
-                  looks if isinstance(looks, bool) else networks(looks), surface.max_clients)
+                  looks if isinstance(looks, bool) else networks(looks), surface.max_clients, config.hibernate)
 
 
 def manners(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[Manner]:
@@ -245,7 +248,8 @@ class Gateway:
             j2000 = J2000(self.sky, observatory.unix)
             face = replace(face, equinox=j2000 if surface.equinox == "j2000" else None,
                            manners=tuple(manners(endpoint.protocol, surface, j2000)))
-            self.receptions.append(Reception(self.hub, face, shared, self.clock, changed, number, access(surface)))
+            self.receptions.append(Reception(self.hub, face, shared, self.clock, changed, number,
+                                             access(surface, config)))
             self.faces.append((endpoint.protocol, face))
 
     def begin(self, refresh: bool = True) -> None:

@@ -12,8 +12,8 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
-from gateway.access import harmless
-from gateway.errors import Fault, ReadOnly
+from gateway.access import Rights
+from gateway.errors import Fault
 from gateway.frames import Framing, Unterminated
 from gateway.hub import FRESH, MISSING, Hub
 from gateway.hub.dead_man import Life
@@ -58,8 +58,7 @@ class Client:
         self.transcript = transcript
         self._inbox: deque[tuple[bytes, int, bool]] = deque(maxlen=INBOX)
         self._task: asyncio.Task[None] | None = None
-        #: It moves and sets nothing.
-        self.read_only = False
+        self.rights = Rights()
         self.open = True
         self._begun: dict[asyncio.Future[None], Operation] = {}
         self._deferred: dict[str, asyncio.TimerHandle] = {}
@@ -155,8 +154,9 @@ class Client:
                     answer = self._again(wanted)
                     if answer is not None:
                         continue
-                if self._refused(wanted):
-                    self._plain, fault = False, ReadOnly()
+                fault = self._refused(wanted)
+                if fault is not None:
+                    self._plain = False
                     continue
                 value = self.hub.peek(wanted)
                 if value is MISSING:
@@ -167,16 +167,16 @@ class Client:
                     self._plain = False
                 answer = self._tell(wanted, value)
 
-    def _refused(self, operation: Operation) -> bool:
-        """Whether a client that only looks is told no; it goes to the transcript."""
-        if not self.read_only or harmless(operation):
-            return False
-        self.refuse(type(operation).__name__)
-        return True
+    def _refused(self, operation: Operation) -> Fault | None:
+        """What this client is told no with, where it may not ask for this; it goes to the transcript."""
+        refusal = self.rights.refusal(operation)
+        if refusal is not None:
+            self.refuse(type(operation).__name__, refusal.why)
+        return None if refusal is None else refusal.fault
 
-    def refuse(self, what: str) -> None:
-        """Leave a note of what a client that only looks was refused, once for every host."""
-        self.transcript.note_once(self.name, f"{what} refused: read only", self.name.rpartition(":")[0])
+    def refuse(self, what: str, why: str) -> None:
+        """Leave a note of what a client was refused, once for every host."""
+        self.transcript.note_once(self.name, f"{what} refused: {why}", self.name.rpartition(":")[0])
 
     def _again(self, operation: Operation) -> Any:
         """What this client was told a moment ago; None when that is too long ago."""

@@ -148,6 +148,12 @@ class ReadOnly(Fault):
     words = "Read only."
 
 
+class NotFromNetwork(Fault):
+    """A client that came over a network asked for what only the operator may allow there."""
+
+    words = "Not allowed over a network."
+
+
 class Refused(Fault):
     """The mount itself said no."""
 

@@ -2,24 +2,29 @@
 
 A session is a connection. A new one begins with a copy of the state of that connection from the same host which closed
 last, if that was within a minute: programs that open a connection for every command keep their target that way, and two
-programs connected at the same time do not disturb each other.
+programs connected at the same time do not disturb each other. From a network comes who likes: there a web browser or a
+port scanner is recognised by its first bytes and turned away before anything of it is heard.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from msgspec import Struct
+from msgspec.structs import replace
 
-from gateway.access import MOST_HOSTS, Access, Sealed, TurnedAway
+from gateway.access import MOST_HOSTS, Access, Rights, Sealed, TurnedAway
+from gateway.beginning import Beginning, Piece
 from gateway.clients import Client, Equinox
 from gateway.frames import Framing
 from gateway.hub import Hub
-from gateway.hub.dead_man import Life
 from gateway.operations import Operation
 from gateway.ports import Guest
 from gateway.ports.baud import Trial
+from gateway.ports.guest import HangUp
+from gateway.strangers import Greeting, page
 from gateway.surface import Session, Surface
 
 INHERIT_FOR = 60.0
@@ -41,8 +46,12 @@ class Manner(Struct, frozen=True):
 class Face(Struct, frozen=True):
     """A surface as it is presented on one port."""
 
+    #: The protocol's name where a person reads it.
+    speaks: str
     surface: Surface
     framing: Callable[[Callable[[], float]], Framing]
+    #: What a program may begin with, for ``Beginning``.
+    beginning: re.Pattern[bytes]
     stop_frames: frozenset[bytes]
     model: dict[str, Any]
     settings: dict[str, Any]
@@ -83,11 +92,12 @@ class Reception:
         client.halts = face.halts
         self._clients.add(client)
         if self.access.only_looks(host):
-            client.read_only = True
-            session.shared = Sealed(self.shared, lambda: client.refuse("a setting"))
+            client.rights = Rights(read_only=True)
+            session.shared = Sealed(self.shared, lambda: client.refuse("a setting", "read only"))
         self.hub.transcript.put(name, "+", note=f"surface {self.number}, host {host}")
         lasting = host.removeprefix("pty:") == name
-        visit = _Visit(client, face, lambda: self._leave(name, host, session, client.life, visit), lasting)
+        rights = replace(client.rights, hibernate=self.access.hibernate)
+        visit = _Visit(client, face, lambda: self._leave(name, host, client, visit), lasting, rights)
         self._visits.add(visit)
         return visit
 
@@ -112,11 +122,14 @@ class Reception:
         between = sum(host not in connected and now - at <= HERE for host, (at, _) in self._left.items())
         return between + sum(not visit.lasting or now - visit.heard <= HERE for visit in self._visits)
 
-    def _leave(self, name: str, host: str, session: Session, life: Life, visit: _Visit) -> None:
+    def _leave(self, name: str, host: str, client: Client, visit: _Visit) -> None:
         self._visits.discard(visit)
         self.hub.transcript.put(name, "-")
-        self.hub.dead_man.leave(life)
-        self._left[host] = (self.hub.now(), dict(session.kept))
+        if visit.stranger:
+            self.hub.dead_man.was_nobody(client.life)
+            return
+        self.hub.dead_man.leave(client.life)
+        self._left[host] = (self.hub.now(), dict(client.session.kept))
         for old in [key for key, (at, _) in self._left.items() if self.hub.now() - at > INHERIT_FOR]:
             del self._left[old]
 
@@ -125,12 +138,19 @@ class _Visit:
     """A client together with who it may turn out to be, and what is to be done when it leaves.
 
     ``lasting``: it is a serial line, where nobody is seen to come or go; ``heard`` is the loop time of its last bytes.
+    ``rights`` are those of a client that comes over a network.
     Where many come in at once it waits for its turn, unless it may have come to end a motion.
     """
 
-    def __init__(self, client: Client, face: Face, left: Callable[[], None], lasting: bool) -> None:
+    def __init__(self, client: Client, face: Face, left: Callable[[], None], lasting: bool, rights: Rights) -> None:
         self._client, self._manners, self._left, self.lasting = client, face.manners, left, lasting
+        self._face, self._rights = face, rights
         self._hub, self._ends = client.hub, face.ends
+        #: Whether it has turned out to be no program for telescopes.
+        self.stranger = False
+        self._hang_up: HangUp = lambda last: None
+        #: When the bytes that are being fed came, where that was before now.
+        self._came: float | None = None
         self.host, self.heard = client.life.who, -1e9
         self._begin = b""
         #: What waits for its turn: bytes, and how many stops there had been when they came.
@@ -180,6 +200,37 @@ class _Visit:
 
     def serial(self, change_rate: Callable[[int], int]) -> None:
         self._client.rate = Trial(change_rate)
+
+    def network(self, hang_up: HangUp) -> None:
+        """From here on nothing is heard before it is known that no stranger says it."""
+        client, now = self._client, self._hub.now
+        self._hang_up, self._screen, self._after = hang_up, Beginning(self._face.beginning), self._take
+        client.rights = self._rights
+        client.framing = self._face.framing(lambda: now() if self._came is None else self._came)
+        self._take = self._screened
+
+    def _screened(self, data: bytes, stops: int | None) -> None:
+        """Feed what cannot be a stranger's, as of when it came; turn a stranger away."""
+        now = self._hub.now()
+        pieces = self._screen.hear(Piece(data, now, self._hub.stops if stops is None else stops))
+        if self._screen.stranger is not None:
+            self._turn_away(self._screen.stranger)
+            return
+        if self._screen.over:
+            self._take = self._after
+        for piece in pieces:
+            late = piece.at != now
+            self._came = piece.at if late else None
+            self._after(piece.data, piece.stops if late else stops)
+        self._came = None
+
+    def _turn_away(self, greeting: Greeting) -> None:
+        """Say once what came, and end the connection."""
+        self.stranger, self._take = True, lambda data, stops: None
+        speaks, client = self._face.speaks, self._client
+        client.transcript.note(client.name, f"sends {greeting.words}; this is a port for programs that speak {speaks}: "
+                                            "nothing of it reaches the mount, and the connection is closed")
+        self._hang_up(page(speaks, greeting.head_only) if greeting.http else b"")
 
     def close(self) -> None:
         self._go_on()

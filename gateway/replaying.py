@@ -227,6 +227,8 @@ class _Clients:
         now = bytearray()
         reception = self._gateway.receptions[int(found.group(1)) - 1]
         talk = _Talk(event.side, reception.arrive(event.side, found.group(2), now.extend), now)
+        if self._gateway.endpoints[int(found.group(1)) - 1].where.startswith(("tcp://", "rfc2217://")):
+            talk.guest.network(lambda last: None)  # a stranger's bytes are in no recording
         self._here[event.side] = talk
         self.all.append(talk)
 

@@ -11,6 +11,7 @@ from typing import Any
 from gateway.config import Endpoint, MountConfig
 from gateway.errors import UserError
 from gateway.ports import Guest, Port, open_port
+from gateway.ports.guest import HangUp
 from gateway.tables import load, parse_version
 from gateway.wires import SimulatorWire
 
@@ -77,6 +78,9 @@ class _Caller:
 
     def serial(self, change_rate: Callable[[int], int]) -> None:
         """A simulated mount stays at the rate it was opened with."""
+
+    def network(self, hang_up: HangUp) -> None:
+        """A mount listens to whoever speaks to it."""
 
     def close(self) -> None:
         self._write = lambda data: None

@@ -45,6 +45,8 @@ FLOORS = {
     "line": 5,
     "hub": 5,
     "access": 5,
+    "strangers": 1,
+    "beginning": 2,
     "clients": 5,
     "ports": 5,
     "announce": 5,

@@ -40,6 +40,9 @@ class Echo:
     def serial(self, change_rate: Callable[[int], int]) -> None:
         pass
 
+    def network(self, hang_up: Callable[[bytes], None]) -> None:
+        pass
+
     def close(self) -> None:
         self.closed = True
 

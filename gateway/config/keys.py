@@ -56,6 +56,8 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
         "may a NexStar that is not aligned be sent to axis readings, parked and homed, which leads who knows where?"
         )] = "refuse"
     aux_home: Annotated[bool, _key("home is where the motors' own home switches are, on mounts that have some")] = False
+    hibernate: Annotated[bool, _key("let programs that come over a network (tcp, rfc2217) put the mount to sleep; "
+                                    "on virtual and real serial ports they always may")] = False
     sun: Annotated[float, _key("come no nearer to the Sun while it is up, degrees; 0 for solar work", "DEG",
                                ge=0.0, le=90.0)] = 20.0
     hour_angle_limit: Annotated[Annotated[float, Meta(gt=0.0, le=12.0)] | None, _key(

@@ -72,6 +72,10 @@ class DeadMan:
         self._lives.setdefault(host, []).append(life)
         return life
 
+    def was_nobody(self, life: Life) -> None:
+        """It has turned out to be a stranger's, and counts as if it had never been opened."""
+        self._lives[life.who].remove(life)
+
     def leave(self, life: Life) -> None:
         """It was closed."""
         life.closed = self._hub.now()

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Protocol
 
+#: Ends a connection: these bytes are the last, and the other side is given the time to read them.
+HangUp = Callable[[bytes], None]
+
 
 class Guest(Protocol):
     """Whoever talks to one connection."""
@@ -14,6 +17,9 @@ class Guest(Protocol):
 
     def serial(self, change_rate: Callable[[int], int]) -> None:
         """The connection is a serial port: how to set its baud rate; the one it had is returned."""
+
+    def network(self, hang_up: HangUp) -> None:
+        """The connection came over a network, where anybody may be at the other end: how to end it."""
 
 
 #: (who it is, the host it comes from, how to write to it) -> its guest.

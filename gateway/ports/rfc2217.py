@@ -16,7 +16,7 @@ from typing import Any
 
 from serial.rfc2217 import M_NORMAL, PortManager
 
-from gateway.ports.guest import Arrive
+from gateway.ports.guest import Arrive, HangUp
 
 IAC = b"\xff"
 #: IAC followed by one of these begins Telnet: WILL, WONT, DO, DONT.
@@ -60,7 +60,10 @@ class _Doorman:
 
     def _answer(self, data: bytes) -> None:
         """Send what the real guest writes."""
-        self.write(data if self._telnet is None else data.replace(IAC, IAC + IAC))
+        self.write(self._escaped(data))
+
+    def _escaped(self, data: bytes) -> bytes:
+        return data if self._telnet is None else data.replace(IAC, IAC + IAC)
 
     def _plain(self, data: bytes) -> bytes:
         """The data of a connection that may still become Telnet."""
@@ -91,6 +94,9 @@ class _Doorman:
 
     def serial(self, change_rate: Callable[[int], int]) -> None:
         """There is no serial port behind it."""
+
+    def network(self, hang_up: HangUp) -> None:
+        self._guest.network(lambda last: hang_up(self._escaped(last)))
 
     def close(self) -> None:
         self._guest.close()

@@ -26,6 +26,8 @@ SHARE = 512
 BREATH = 0.05
 #: Connections that may wait to be accepted: programs that open one per command come in crowds.
 BACKLOG = 512
+#: Seconds that whoever is to go is given to read what it was told last.
+PARTING = 2.0
 #: A silent connection is asked for a sign of life after so many seconds, every so many, so many times; replies that
 #: nobody acknowledges (milliseconds) are the same sign. By the names the system has for it; not every one has all.
 ALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPALIVE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 60_000}
@@ -57,6 +59,7 @@ class _Connection(asyncio.BufferedProtocol):
             return
         self._feed = self._guest.feed
         self._port.connections.add(self)
+        self._guest.network(self._hang_up)
 
     def get_buffer(self, sizehint: int) -> bytearray:
         return self._buffer
@@ -68,12 +71,12 @@ class _Connection(asyncio.BufferedProtocol):
         self._replies = None
         if replies:
             self._write(replies[0] if len(replies) == 1 else b"".join(replies))
-        if nbytes == SHARE and self._guest is not None and self._transport is not None:
+        if nbytes == SHARE and self._transport is not None and not self._transport.is_closing():
             self._transport.pause_reading()
             asyncio.get_running_loop().call_later(BREATH, self._go_on)
 
     def _go_on(self) -> None:
-        if self._guest is not None and self._transport is not None:
+        if self._transport is not None and not self._transport.is_closing():
             self._transport.resume_reading()
 
     def _write(self, data: bytes) -> None:
@@ -86,14 +89,34 @@ class _Connection(asyncio.BufferedProtocol):
         """The other side does not read: let it go rather than hold its replies for ever."""
         self.abort()
 
+    def _hang_up(self, last: bytes) -> None:
+        """Say this, and that it was the last; what still comes is thrown away for a while.
+
+        Were the connection closed while bytes of the other side are unread, the system would reset it, and the other
+        side might never read what it was told.
+        """
+        loop = asyncio.get_running_loop()
+        if last:
+            self._write(last)
+        self._dismiss()
+        loop.call_soon(self._say_no_more)  # after the replies to the bytes that are being taken in
+        loop.call_later(PARTING, self.abort)
+
+    def _say_no_more(self) -> None:
+        if self._transport is not None and not self._transport.is_closing():
+            self._transport.write_eof()
+
     def abort(self) -> None:
         self._leave()
         if self._transport is not None:
             self._transport.abort()
 
     def _leave(self) -> None:
-        """Nothing more is heard of it or said to it."""
+        """Nothing more is heard of it or said to it, and it is no connection of the port's any more."""
         self._port.connections.discard(self)
+        self._dismiss()
+
+    def _dismiss(self) -> None:
         guest, self._guest = self._guest, None
         if guest is not None:
             self._feed = lambda data: None

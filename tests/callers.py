@@ -1,0 +1,60 @@
+"""Connections that come over a network, in process: what the port would do is done here, by hand."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterable
+from itertools import cycle
+from typing import Any
+
+from gateway.ports.rfc2217 import over_telnet
+
+
+class Caller:
+    """One connection over ``tcp`` or ``rfc2217``; ``heard`` is all it was told, ``gone`` whether it was ended.
+
+    ``trusted``: over neither, as if nobody could be a stranger there.
+    """
+
+    def __init__(self, reception: Any, transport: str = "tcp", host: str = "127.0.0.1", number: int = 50000,
+                 trusted: bool = False) -> None:
+        self.heard = b""
+        self.gone = False
+        arrive = over_telnet(reception.arrive) if transport == "rfc2217" else reception.arrive
+        self._guest = arrive(f"{host}:{number}", host, self._hear)
+        if not trusted:
+            self._guest.network(self._hang_up)
+
+    def _hear(self, data: bytes) -> None:
+        assert not self.gone, "it is told something after the last"
+        self.heard += data
+
+    def _hang_up(self, last: bytes) -> None:
+        self.heard += last
+        self.gone = True
+        self._guest.close()
+
+    def tell(self, data: bytes) -> None:
+        if not self.gone:
+            self._guest.feed(data)
+
+    async def dribble(self, data: bytes, pauses: Iterable[float]) -> None:
+        """One byte after the other, until the connection is ended."""
+        for byte, pause in zip(data, cycle(pauses), strict=False):
+            if self.gone:
+                return
+            self.tell(bytes((byte,)))
+            await asyncio.sleep(pause)
+
+    async def ask(self, data: bytes, seconds: float = 10.0) -> bytes:
+        """Bytes in -> what is told for them first; nothing after so many seconds."""
+        before = len(self.heard)
+        self.tell(data)
+        end = asyncio.get_running_loop().time() + seconds
+        while len(self.heard) == before and asyncio.get_running_loop().time() < end:
+            await asyncio.sleep(0.01)
+        return self.heard[before:]
+
+    def close(self) -> None:
+        if not self.gone:
+            self._guest.close()

@@ -1,0 +1,78 @@
+"""Debian's Chromium, without a window: tabs are opened through its debugging port, which speaks plain HTTP.
+
+It may reach this computer only, keeps nothing, and asks nobody for anything by itself.
+"""
+
+from __future__ import annotations
+
+import http.client
+import http.server
+import json
+import os
+import threading
+from typing import Any
+from urllib.parse import quote
+
+from .processes import Workshop, requires, wait_until
+
+QUIET = ("--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync",
+         "--disable-default-apps", "--disable-extensions", "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1")
+
+
+class Browser:
+    """One running browser."""
+
+    def __init__(self, workshop: Workshop) -> None:
+        requires("chromium")
+        folder = workshop.folder / "chromium"
+        argv = ["chromium", "--headless", "--disable-gpu", "--disable-dev-shm-usage", *QUIET,
+                f"--user-data-dir={folder}", "--remote-debugging-port=0"]
+        if os.geteuid() == 0:
+            argv.append("--no-sandbox")  # it refuses to run as root otherwise
+        workshop.start([*argv, "about:blank"], {"HOME": str(workshop.folder)})
+        told = folder / "DevToolsActivePort"
+        wait_until("the browser listens", lambda: told.exists() and "\n" in told.read_text(), 60.0)
+        self._port = int(told.read_text().splitlines()[0])
+
+    def _ask(self, method: str, path: str) -> Any:
+        link = http.client.HTTPConnection("127.0.0.1", self._port, timeout=20.0)
+        try:
+            link.request(method, path)
+            return json.loads(link.getresponse().read())
+        finally:
+            link.close()
+
+    def visit(self, url: str) -> str:
+        """Open an address in a new tab; the tab's name."""
+        return str(self._ask("PUT", f"/json/new?{quote(url, safe=':/?=&')}")["id"])
+
+    def shows(self, tab: str) -> tuple[str, str]:
+        """Where a tab has come to: the address, and the title of the page."""
+        return next((page["url"], page["title"]) for page in self._ask("GET", "/json/list") if page["id"] == tab)
+
+
+class Site:
+    """Pages of somebody's, served to this computer; what pages ask for is kept in `asked`."""
+
+    def __init__(self, workshop: Workshop, pages: dict[str, str]) -> None:
+        self.asked: list[str] = []
+        asked = self.asked
+
+        class Handler(http.server.BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                asked.append(self.path)
+                page = pages.get(self.path, "").encode()
+                self.send_response(200)
+                self.send_header("Content-Type", "text/html")
+                self.send_header("Content-Length", str(len(page)))
+                self.end_headers()
+                self.wfile.write(page)
+
+            def log_message(self, *_: object) -> None:
+                """Nothing on standard error."""
+
+        server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
+        workshop.keep(server.server_close)
+        workshop.keep(server.shutdown)
+        self.url = f"http://127.0.0.1:{server.server_port}"
