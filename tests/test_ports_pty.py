@@ -289,7 +289,7 @@ def test_who_opens_it_after_a_flood_reads_none_of_its_answers(tmp_path: Path) ->
     async def program() -> None:
         book: list[str] = []
         port = PtyPort(str(tmp_path / "p"), lambda name, host, write: Visitor(book, write))
-        for _ in range(3):
+        for turn in range(3):
             flood = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
             for _ in range(60):
                 with contextlib.suppress(BlockingIOError):
@@ -298,7 +298,7 @@ def test_who_opens_it_after_a_flood_reads_none_of_its_answers(tmp_path: Path) ->
             with contextlib.suppress(BlockingIOError):
                 os.write(flood, b"?" * 4096)
             os.close(flood)
-            while book[-1:] != ["leaves"]:
+            while book.count("leaves") <= 2 * turn:
                 await asyncio.sleep(0.005)
             late = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
             os.write(late, b"?")
@@ -309,7 +309,7 @@ def test_who_opens_it_after_a_flood_reads_none_of_its_answers(tmp_path: Path) ->
                 await asyncio.sleep(0.005)
             assert heard == b"!"
             os.close(late)
-            while book[-1:] != ["leaves"]:
+            while book.count("leaves") <= 2 * turn + 1:
                 await asyncio.sleep(0.005)
         await port.close()
 
