@@ -35,12 +35,12 @@ def test_what_is_left_of_a_repetition_ends_as_all_of_it_does(cycle: list[bytes],
     assert len(kept) <= SHARE
     assert more.endswith(kept)
     whole, part = Framer(), Framer()
-    whole.feed(share)
-    part.feed(share)
-    heard, shortened = whole.feed(more), part.feed(kept)
+    whole.feed(share, 0.0)
+    part.feed(share, 0.0)
+    heard, shortened = whole.feed(more, 0.0), part.feed(kept, 0.0)
     assert set(heard) == set(shortened)
     assert heard[-1:] == shortened[-1:]
-    assert whole.feed(b":GR#") == part.feed(b":GR#")
+    assert whole.feed(b":GR#", 0.0) == part.feed(b":GR#", 0.0)
 
 
 @pytest.mark.parametrize("more", [b":Mn#" + b":Qn#" * 9, b":Qn#:Mn#" * 20, b":Qn", b"", b"#" * 600])
