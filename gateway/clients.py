@@ -10,14 +10,16 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from gateway.access import Rights
+from gateway.begun import Begun
+from gateway.equinox import Equinox
 from gateway.errors import Fault
 from gateway.frames import Framing, Unterminated
 from gateway.hub import FRESH, MISSING, Hub
 from gateway.hub.dead_man import Life
-from gateway.operations import CancelGoto, Focus, Halt, Operation, Stop
+from gateway.operations import CancelGoto, Halt, Operation, Stop
 from gateway.ports.baud import Trial
 from gateway.surface import Again, Defer, Handling, Session, Speed, Start, Surface
 from gateway.transcript import Transcript
@@ -25,17 +27,8 @@ from gateway.transcript import Transcript
 #: Commands that may wait for their turn in one connection; more than that and the oldest are dropped.
 INBOX = 256
 MEMO = 32
-#: Operations of one connection that may be under way without anybody waiting for them; only an end is begun beyond.
-BEGUN = 16
 #: A half that is asked for within this many seconds of the other one belongs to the same instant.
 PAIR = 1.0
-
-
-class Equinox(Protocol):
-    """Between a surface's coordinates and the hub's of date; None where they are the same."""
-
-    def inward(self, operation: Operation) -> Operation: ...
-    def outward(self, operation: Operation, value: Any) -> Any: ...
 
 
 class Told(NamedTuple):
@@ -60,7 +53,9 @@ class Client:
         self._task: asyncio.Task[None] | None = None
         self.rights = Rights()
         self.open = True
-        self._begun: dict[asyncio.Future[None], Operation] = {}
+        #: Whether the last bytes did nothing but end motions without a reply.
+        self.ended = False
+        self._begun = Begun(self)
         self._deferred: dict[str, asyncio.TimerHandle] = {}
         self._told: dict[type[Operation], Told] = {}
         self._memo: dict[bytes, tuple[bytes, list[type[Operation]]]] = {}
@@ -68,6 +63,8 @@ class Client:
         self._memo_version, self._memo_until = -1, 0.0
         self._spent: list[type[Operation]] = []
         self._plain = True
+        #: Whether the command at hand has ended a motion last.
+        self._halting = False
         self.halts: Mapping[bytes, tuple[Operation, frozenset[bytes]]] = {}
         #: Where the connection is a serial port: its baud rate, and the one to go on with after this answer.
         self.rate: Trial | None = None
@@ -97,17 +94,25 @@ class Client:
                 return
         frames = self.framing(data)
         self._idle = self.framing.idle  # else what comes next may belong to what came before
+        ended: set[bytes] = set()  # by what stands here since anything else was asked for: the same again is no news
+        self.ended = bool(frames)
         for frame in frames:
             if isinstance(frame, Unterminated):
                 self.transcript.note(self.name, frame.words)
             if self.rate is not None and self.surface.protocol.find(frame) is not None:
                 self.rate.understood()
-            stopping = frame in self.stop_frames
-            if stopping:
-                hub.begin_stop()
-            elif frame in self.halts:
-                self._halt(frame)
-                stopping = True
+            if frame in ended:
+                continue
+            stopping = frame in self.stop_frames or frame in self.halts
+            if not stopping:
+                ended.clear()
+                self.ended = False
+            else:
+                ended.add(frame)
+                if frame in self.halts:
+                    self._halt(frame)
+                else:
+                    hub.begin_stop()
             self._inbox.append((frame, hub.stops if stops is None else stops, stopping))
         if self._task is None:
             self._pump()
@@ -117,18 +122,27 @@ class Client:
         while self._inbox and not self.hub.closed:
             frame, stops, stopping = self._inbox.popleft()
             self.transcript.put(self.name, ">", frame)
-            self._spent, self._plain = [], True
+            self._spent, self._plain, self._halting = [], True, False
             steps = self.surface.handle(self.session, frame)
             try:
                 wanted = self._through(steps, None, stops, stopping)
             except StopIteration as end:
-                self._answer(frame, end.value)
+                again = self._again_in_a_row(frame) if self._halting else 0
+                self._answer(frame, end.value * (1 + again) if end.value else None)
                 continue
             except Exception as error:  # a defect must cost one command, never the client's connection
                 self._defect(frame, error)
                 continue
             self._task = self.hub.loop.create_task(self._wait(frame, steps, wanted, stops, stopping))
             return
+
+    def _again_in_a_row(self, frame: bytes) -> int:
+        """How often a halt that has just been asked for follows once more; what was done for it does for all."""
+        count = 0
+        while self._inbox and self._inbox[0][0] == frame:
+            self.transcript.put(self.name, ">", self._inbox.popleft()[0])
+            count += 1
+        return count
 
     def _through(
         self, steps: Handling, answer: Any, stops: int, stopping: bool, fault: Fault | None = None
@@ -141,8 +155,9 @@ class Client:
                 self._plain = False
                 if self._refused(wanted.operation):
                     continue
+                self._halting = isinstance(wanted.operation, Halt | CancelGoto)
                 if not (stopping and isinstance(wanted.operation, Stop | Halt)):
-                    self._begin(wanted.operation, stops)
+                    self._begun.begin(wanted.operation, stops)
             elif isinstance(wanted, Defer):
                 self._plain = False
                 self._defer(wanted)
@@ -201,7 +216,7 @@ class Client:
         while True:
             answer, fault = None, None
             try:
-                answer = self._tell(wanted, await self.hub.perform(self._inward(wanted), stops, self.life))
+                answer = self._tell(wanted, await self.hub.perform(self.inward(wanted), stops, self.life))
             except Fault as error:
                 self.transcript.note(self.name, f"{type(wanted).__name__}: {error}")
                 fault = error
@@ -262,23 +277,7 @@ class Client:
         operation, beginnings = self.halts[frame]
         for waiting in [item for item in self._inbox if item[0] in beginnings]:
             self._inbox.remove(waiting)
-        self._begin(operation, self.hub.stops)
-
-    def _begin(self, operation: Operation, stops: int) -> None:
-        """An operation nobody is told the outcome of: a failure goes to the transcript."""
-        name = type(operation).__name__
-        if len(self._begun) >= BEGUN:
-            ends = isinstance(operation, Halt | CancelGoto) or operation == Focus(0)
-            if not ends or operation in self._begun.values():
-                self.transcript.note_once(self.name, f"commands come faster than the mount takes them: {name} not done",
-                                          self.name.rpartition(":")[0])
-                return
-        task = self.hub.begin(
-            self._inward(operation), stops, lambda fault: self.transcript.note(self.name, f"{name}: {fault}"),
-            self.life,
-        )
-        self._begun[task] = operation
-        task.add_done_callback(lambda done: self._begun.pop(done, None))
+        self._begun.begin(operation, self.hub.stops)
 
     def _defer(self, wanted: Defer) -> None:
         old = self._deferred.pop(wanted.special, None)
@@ -301,7 +300,7 @@ class Client:
         except Exception as error:
             self._defect(special.encode(), error)
 
-    def _inward(self, operation: Operation) -> Operation:
+    def inward(self, operation: Operation) -> Operation:
         return operation if self.equinox is None else self.equinox.inward(operation)
 
     def _outward(self, operation: Operation, value: Any) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 from msgspec.structs import replace
 
@@ -19,6 +19,13 @@ from gateway.operations import (
     Sync,
 )
 from gateway.sky import Sky
+
+
+class Equinox(Protocol):
+    """Between a surface's coordinates and the hub's of date; None where they are the same."""
+
+    def inward(self, operation: Operation) -> Operation: ...
+    def outward(self, operation: Operation, value: Any) -> Any: ...
 
 
 class J2000:

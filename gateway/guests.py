@@ -17,7 +17,9 @@ from msgspec.structs import replace
 
 from gateway.access import MOST_HOSTS, Access, Rights, Sealed, TurnedAway
 from gateway.beginning import Beginning, Piece
-from gateway.clients import Client, Equinox
+from gateway.clients import Client
+from gateway.descriptors import scarce
+from gateway.equinox import Equinox
 from gateway.frames import Framing
 from gateway.hub import Hub
 from gateway.operations import Operation
@@ -75,7 +77,7 @@ class Reception:
         self.number = number
         self.access = access
         self._clients: set[Client] = set()
-        self._turned: set[str] = set()
+        self._turned: set[tuple[str, str]] = set()
         self._left: dict[str, tuple[float, dict[str, Any]]] = {}
         self._visits: set[_Visit] = set()
 
@@ -95,9 +97,8 @@ class Reception:
             client.rights = Rights(read_only=True)
             session.shared = Sealed(self.shared, lambda: client.refuse("a setting", "read only"))
         self.hub.transcript.put(name, "+", note=f"surface {self.number}, host {host}")
-        lasting = host.removeprefix("pty:") == name
         rights = replace(client.rights, hibernate=self.access.hibernate)
-        visit = _Visit(client, face, lambda: self._leave(name, host, client, visit), lasting, rights)
+        visit = _Visit(client, face, lambda: self._leave(name, host, client, visit), _on_line(name, host), rights)
         self._visits.add(visit)
         return visit
 
@@ -108,10 +109,12 @@ class Reception:
             why = "it is not in allow"
         elif len(self._clients) >= self.access.most:
             why = f"there are {self.access.most} clients (max-clients) already"
+        elif not _on_line(name, host) and (words := scarce()):
+            why = words
         else:
             return
-        if host not in self._turned and len(self._turned) < MOST_HOSTS:
-            self._turned.add(host)
+        if (host, why) not in self._turned and len(self._turned) < MOST_HOSTS:
+            self._turned.add((host, why))
             self.hub.transcript.note(name, f"{host} was turned away from surface {self.number}: {why}")
         raise TurnedAway
 
@@ -132,6 +135,11 @@ class Reception:
         self._left[host] = (self.hub.now(), dict(client.session.kept))
         for old in [key for key, (at, _) in self._left.items() if self.hub.now() - at > INHERIT_FOR]:
             del self._left[old]
+
+
+def _on_line(name: str, host: str) -> bool:
+    """Whether a connection is a serial line, real or virtual."""
+    return host.removeprefix("pty:") == name
 
 
 class _Visit:
@@ -156,6 +164,11 @@ class _Visit:
         #: What waits for its turn: bytes, and how many stops there had been when they came.
         self._waiting: list[tuple[bytes, int]] = []
         self._take = self._on_line if lasting else self._listen if face.manners else client.feed
+
+    @property
+    def ended(self) -> bool:
+        """Whether the last bytes did nothing but end motions without a reply."""
+        return self._client.ended and not self._waiting
 
     def feed(self, data: bytes) -> None:
         """Bytes have come."""

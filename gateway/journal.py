@@ -7,10 +7,15 @@ Its protocol is ``JOURNAL_STREAM`` (systemd.exec(5)), the device and inode of th
 from __future__ import annotations
 
 import os
+import re
 from typing import TextIO
 
 #: Syslog's levels, as far as they are used.
 ERROR, WARNING, NOTICE, INFO = 3, 4, 5, 6
+
+
+#: All but a tab and a line's end.
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 
 def in_journal(stream: TextIO) -> bool:
@@ -28,5 +33,9 @@ def level(number: int, stream: TextIO) -> str:
 
 
 def message(text: str, number: int, stream: TextIO) -> str:
-    """A line by the program itself, who says so where the journal does not."""
+    """A line by the program itself, who says so where the journal does not.
+
+    What it tells of may come from a file or a command line: it cannot rewrite the terminal.
+    """
+    text = _CONTROL.sub(lambda found: f"\\x{ord(found.group()):02x}", text)
     return f"<{number}>{text}" if in_journal(stream) else f"mount-gateway: {text}"

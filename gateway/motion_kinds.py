@@ -1,4 +1,7 @@
-"""Which kinds of operations set something moving: decided here once, for every protocol."""
+"""Operations by what they do to the motion of a mount: what begins it, what ends it, which of two counts.
+
+It is decided here once, for every protocol.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,20 @@ from gateway import operations as op
 GOTOS = (op.Goto, op.GotoHorizontal, op.GotoAxes, op.Park, op.Home)
 #: What can set the mount moving: a killed gateway leaves it so.
 MOVING = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
+MOTIONS = (
+    *GOTOS, op.CancelGoto, op.Sync, op.Move, op.MoveAxis, op.Halt, op.Pulse, op.PulseAxis, op.SetTracking, op.TrackRate,
+    op.SetHome, op.Unpark, op.Sleep, op.Wake, op.Focus,
+)  # fmt: skip
+#: Of these the last one counts: what still waits is not carried out any more, so no joystick gets ahead of the line.
+LATEST = (op.Move, op.MoveAxis, op.TrackRate)
+#: What ends a motion before anything else is begun, and what then begins anew when it was half done.
+ENDS = (op.Halt, op.CancelGoto)
+BEGUN_ANEW = (op.Move, op.MoveAxis, op.SetTracking, op.TrackRate)
+
+
+def axis_moved(operation: op.Operation) -> int | None:
+    """The axis that an operation sets moving by hand, or None."""
+    return operation.axis if isinstance(operation, op.Move | op.MoveAxis) else None
 
 
 def begins_motion(operation: object) -> bool:

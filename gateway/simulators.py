@@ -61,6 +61,8 @@ def simulated_wire(endpoint: Endpoint, config: MountConfig) -> SimulatorWire:
 class _Caller:
     """One connection to a simulated mount: all of them talk to the same one, each answer after the latency."""
 
+    ended = False
+
     def __init__(self, simulator: Any, latency: float, write: Callable[[bytes], Any]) -> None:
         self._latency, self._write = latency, write
         self._feed: Callable[[bytes], bytes] = simulator.connection(self._later)

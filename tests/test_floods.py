@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from gateway.assembly import Gateway
-from gateway.clients import BEGUN
-from gateway.ports import tcp
-from gateway.ports.tcp import BREATH, SHARE
+from gateway.begun import BEGUN
+from gateway.ports import pace
+from gateway.ports.pace import BREATH, SHARE
 from tests.bridge import Bridge, Visitor
 from tests.chain import equatorial
 from tests.nexstar_flows import precise, up
@@ -257,7 +257,7 @@ def test_who_does_not_read_is_let_go_without_a_word(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The replies that still come for it are dropped; the event loop would warn of every one of them."""
-    monkeypatch.setattr(tcp, "BREATH", 0.001)  # else it takes two seconds to say enough
+    monkeypatch.setattr(pace, "BREATH", 0.001)  # else it takes two seconds to say enough
 
     async def program(gateway: Gateway) -> None:
         deaf = socket.create_connection(address(gateway))

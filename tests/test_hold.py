@@ -15,7 +15,7 @@ from gateway import operations as op
 from gateway.control.orders import orders
 from gateway.errors import Held
 from gateway.hub.hold import Hold
-from gateway.hub.motions import MOTIONS
+from gateway.motion_kinds import MOTIONS
 from gateway.spherical import wrap180
 from tests.bridge import Bridge
 from tests.virtual import run

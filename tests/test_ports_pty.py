@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import fcntl
 import grp
 import os
+import select
 import stat
 import subprocess
 import sys
@@ -28,6 +30,8 @@ LINUX = pytest.mark.skipif(sys.platform != "linux", reason="the end of a connect
 
 class Visitor:
     """A guest that answers ``?`` with ``!``, and writes down what happens to it in the house's book."""
+
+    ended = False
 
     def __init__(self, book: list[str], write: Callable[[bytes], Any]) -> None:
         self.book, self.write = book, write
@@ -277,3 +281,62 @@ def test_windows_has_none_and_imports_all() -> None:
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=False)
     assert said.stderr == ""
     assert "no pseudo-terminals on this system" in said.stdout
+
+
+@pytest.mark.skipif(not hasattr(select, "epoll"), reason="nothing tells that it is closed")
+def test_who_opens_it_after_a_flood_reads_none_of_its_answers(tmp_path: Path) -> None:
+    """What the flood has left on either side of the terminal is gone: answers nobody read, and those still to come."""
+    async def program() -> None:
+        book: list[str] = []
+        port = PtyPort(str(tmp_path / "p"), lambda name, host, write: Visitor(book, write))
+        for turn in range(3):
+            flood = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+            for _ in range(60):
+                with contextlib.suppress(BlockingIOError):
+                    os.write(flood, b"?" * 4096)
+                await asyncio.sleep(0)
+            with contextlib.suppress(BlockingIOError):
+                os.write(flood, b"?" * 4096)
+            os.close(flood)
+            while book.count("leaves") <= 2 * turn:
+                await asyncio.sleep(0.005)
+            late = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+            os.write(late, b"?")
+            heard = b""
+            for _ in range(20):
+                with contextlib.suppress(BlockingIOError):
+                    heard += os.read(late, 65536)
+                await asyncio.sleep(0.005)
+            assert heard == b"!"
+            os.close(late)
+            while book.count("leaves") <= 2 * turn + 1:
+                await asyncio.sleep(0.005)
+        await port.close()
+
+    asyncio.run(program())
+
+
+@pytest.mark.skipif(not hasattr(select, "epoll"), reason="nothing tells that it is closed")
+def test_the_last_words_of_who_has_closed_it_are_heard_and_not_answered(tmp_path: Path) -> None:
+    async def program() -> None:
+        book: list[str] = []
+        answers: list[bytes] = []
+        port = PtyPort(str(tmp_path / "p"), lambda name, host, write: Visitor(book, write))
+        pair = port._pair
+        brief = os.open(port.path, os.O_RDWR | os.O_NOCTTY)
+        os.write(brief, b"a?b")
+        os.close(brief)
+        assert pair.hung_up()
+        while book[-1:] != ["leaves"]:
+            await asyncio.sleep(0.005)
+        assert book == ["arrives", "a?b", "leaves"]
+        late = os.open(port.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        assert not port._pair.hung_up()
+        await asyncio.sleep(0.02)
+        with contextlib.suppress(BlockingIOError):
+            answers.append(os.read(late, 100))
+        assert answers == []
+        os.close(late)
+        await port.close()
+
+    asyncio.run(program())

@@ -28,6 +28,8 @@ PYSERIAL = pytest.mark.filterwarnings("ignore::DeprecationWarning:serial.*")  # 
 class Echo:
     """A guest that sends back what it hears."""
 
+    ended = False
+
     def __init__(self, write: Callable[[bytes], Any]) -> None:
         self.heard = b""
         self.write = write

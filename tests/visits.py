@@ -33,6 +33,7 @@ class Still:
         self.dead_man = DeadMan(cast(Any, self), 30.0, 5.0)
         self.version = self.stops = 0
         self.closed = False
+        self.motions = self
         self.turnstile = Turnstile(self.loop, lambda: False)
         #: What the host's clock is ahead of the loop's, and the mount's ahead of the host's.
         self._epoch = mount.clock.unix - self.now()
@@ -44,6 +45,9 @@ class Still:
 
     def changed(self) -> None:
         self.version += 1
+
+    def again(self, operation: op.Operation) -> None:
+        """No halt is ever under way: each is done at once."""
 
     def peek(self, operation: op.Operation) -> Any:
         if isinstance(operation, op.Position | op.Slewing) and self.mount.fault is None:

@@ -11,12 +11,15 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
-from gateway import __version__, journal
+from gateway import __version__, journal, streams
 from gateway.cli.helping import EXIT_CODES, Parser, endpoints
 from gateway.errors import UserError
 
 COMMANDS = ("demo", "detect", "run", "stop", "config", "service", "sim", "tables", "explain", "replay", "decode",
             "completion")
+
+#: Of a message, in characters: three lines of a terminal, paths included.
+LONGEST = 500
 
 FIRST = """\
 Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.
@@ -32,19 +35,45 @@ mount-gateway COMMAND --help tells more, with examples.
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run a command -> its exit code: 0 done, 1 not (nothing found, a mount that could not be stopped), 2 bad input."""
+    """Run a command -> its exit code: 0 done, 1 not (nothing found, a mount that could not be stopped), 2 bad input.
+
+    What was to be told on stdout and cannot be is bad input, too; a reader that has had enough is none.
+    """
+    streams.take_up()
+    code = 0
     try:
         words = _bound(sys.argv[1:] if argv is None else argv)
         arguments = parser(words[:1]).parse_args(words)
-        return int(arguments.run(arguments) or 0)
+        code = int(arguments.run(arguments) or 0)
     except UserError as error:
-        print(journal.message(str(error), journal.ERROR, sys.stderr), file=sys.stderr)
-        return 2
+        streams.warn(_shortened(str(error)), journal.ERROR)
+        code = 2
     except KeyboardInterrupt:
-        return 0
-    except BrokenPipeError:
-        sys.stderr.close()
-        return 0
+        code = 0
+    except SystemExit:  # the help was asked for
+        if (failed := streams.flush()) is None:
+            raise
+        return _untold(failed, code)
+    except OSError as error:
+        failed = streams.flush() or (error if streams.of_writing(error) else None)
+        if failed is None:
+            raise
+        return _untold(failed, code)
+    failed = streams.flush()
+    return code if failed is None else _untold(failed, code)
+
+
+def _untold(failed: Exception, code: int) -> int:
+    """The exit code when stdout could not be written to."""
+    if isinstance(failed, BrokenPipeError):
+        return code
+    streams.warn(f"cannot write to stdout: {streams.reason(failed)}", journal.ERROR)
+    return 2
+
+
+def _shortened(text: str) -> str:
+    """A message in which somebody's thousand digits are left out."""
+    return text if len(text) <= LONGEST else f"{text[:LONGEST // 2]} ... {text[-LONGEST // 2:]}"
 
 
 def _bound(argv: list[str]) -> list[str]:

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Coroutine, Sequence
 from typing import TYPE_CHECKING, Any, TextIO
 
-from gateway import journal
+from gateway import journal, streams
 from gateway import operations as op
 from gateway.notify import notify, wanted, watchdog
 from gateway.status import Look, Rate, status
@@ -63,13 +63,12 @@ class Screen:
     def say(self, text: str) -> None:
         """A line on stdout."""
         self.clear()
-        print(text, flush=True)
+        streams.say(text)
 
     def warn(self, text: str) -> None:
         """A line on stderr, where there still is one: a terminal that was closed must not keep a mount moving."""
         self.clear()
-        with contextlib.suppress(OSError, ValueError):
-            print(journal.message(text, journal.WARNING, sys.stderr), file=sys.stderr, flush=True)
+        streams.warn(text, journal.WARNING)
 
 
 def find_terminal() -> TextIO | None:

@@ -20,6 +20,7 @@ from gateway import __version__
 from gateway.cli.live import Screen, find_terminal, look_on
 from gateway.cli.signals import before_suspension, until_signal
 from gateway.config import Config, parse_endpoint
+from gateway.descriptors import make_room
 from gateway.errors import Fault, UserError
 from gateway.notify import notify
 from gateway.transcript import SKY_READY
@@ -84,6 +85,8 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         names = [name for gateway in gateways for name in gateway.names()] if config.discovery else []
         return [offer for offer in offered(names) if offer.wide]
 
+    if words := make_room(_programs(config), len(config.mount) + len(config.surface)):
+        screen.warn(words)
     for mount in config.mount:
         transcript = Transcript(time.time)
         if config.log:
@@ -146,6 +149,11 @@ async def _stand_still(gateways: Sequence[Gateway], screen: Screen) -> None:
     except (Fault, TimeoutError):
         outcome = "the mount has not acknowledged the stop; look at it"
     screen.warn(f"suspended: {outcome}. Programs get no answers until the gateway goes on (fg, or bg)")
+
+
+def _programs(config: Config) -> int:
+    """How many programs may be connected at a time."""
+    return sum(surface.max_clients if "://" in parse_endpoint(surface.at).where else 1 for surface in config.surface)
 
 
 def _recorder(path: str, gateway: Gateway) -> Recorder:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from math import inf
 from typing import Any
 
+from gateway import streams
 from gateway.cli.serving import with_loop
 from gateway.cli.signals import until_signal
 from gateway.config import parse_device, parse_site
@@ -44,7 +46,7 @@ def _sim(arguments: argparse.Namespace) -> int:
     from gateway.simulators import DEFAULT_MODEL, make_simulator, parse_time, running_clock
 
     endpoint = parse_device(arguments.device)
-    if arguments.latency < 0 or arguments.speed <= 0:
+    if not (0 <= arguments.latency < inf and 0 < arguments.speed < inf):
         raise UserError("sim: --latency is 0 or more seconds, --speed more than 0")
     places = arguments.at or ["tcp://127.0.0.1:0"]
     if arguments.baud is not None and (arguments.baud <= 0 or all(place.startswith("tcp:") for place in places)):
@@ -62,7 +64,7 @@ async def _serve_simulator(simulator: Any, name: str, places: list[str], latency
     done = until_signal()
     ports = await serve_simulator(simulator, places, latency, baud)
     for port in ports:
-        print(f"ready {name}@{port.where}", flush=True)
+        streams.say(f"ready {name}@{port.where}")
     await done.wait()
     for port in ports:
         await port.close()

@@ -6,12 +6,14 @@ A ``Source`` remembers where every value was written, so that a message can name
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import tomli
 
+from gateway.config.characters import misspelt
 from gateway.config.checks import Mistake, mistakes
 from gateway.config.describing import keys, named
 from gateway.config.endpoints import misplaced, nearest
@@ -24,6 +26,13 @@ _HINTS = {
     "Invalid value": '; text is written in "quotes", a number with a point: 0.5',
     "Cannot overwrite": "; it is there already, further up",
     "Cannot declare": "; it is there already, further up: several surfaces are [[surface]], several mounts [[mount]]",
+}
+
+
+#: What the parser gives up at that TOML itself allows.
+_BEYOND: dict[type[Exception], str] = {
+    RecursionError: "this is nested too deep; no key here needs more than [ ] around a few values",
+    ValueError: "this number has thousands of digits; no key here takes such a number",
 }
 
 
@@ -73,6 +82,8 @@ def read_tables(path: Path) -> tuple[dict[str, Any], Source]:
     except tomli.TOMLDecodeError as error:
         hint = next((words for start, words in _HINTS.items() if error.msg.startswith(start)), "")
         raise UserError(f"{path}:{error.lineno}: column {error.colno}: {error.msg}{hint}") from None
+    except (RecursionError, ValueError) as error:
+        raise UserError(f"{path}:{_broken_off(text)}: {_BEYOND[type(error)]}") from None
     source = Source(str(path), text)
     if isinstance(tables.get("mount"), dict):
         tables["mount"] = [tables["mount"]]
@@ -81,8 +92,27 @@ def read_tables(path: Path) -> tuple[dict[str, Any], Source]:
     return tables, source
 
 
+def _broken_off(text: str) -> int:
+    """The line, from 1, at which the parser gives up a text that it could not read for another reason than a mistake.
+    """
+    lines = text.split("\n")
+
+    def given_up(line: int) -> bool:
+        try:
+            tomli.loads("\n".join(lines[:line]))
+        except tomli.TOMLDecodeError:  # cut within a statement of several lines
+            return False
+        except (RecursionError, ValueError):
+            return True
+        return False
+
+    return bisect_left(range(1, len(lines)), True, key=given_up) + 1
+
+
 def make_config(tables: dict[str, Any], source: Source) -> Config:
     """Plain tables, ``mount`` being a list of them -> what they say. Raises UserError that names place and key."""
+    for place, words in misspelt(tables):
+        raise _line(source, Mistake(place[:3] if place[0] in TABLES else place[:1], words))
     try:
         config = msgspec.convert(tables, Config)
     except msgspec.ValidationError as error:
@@ -161,5 +191,8 @@ def _title(table: str) -> str:
 
 def _show(value: Any) -> str:
     """A value as TOML has it, shortened."""
-    text = repr(value).lower() if isinstance(value, bool) else repr(value)
+    try:
+        text = repr(value).lower() if isinstance(value, bool) else repr(value)
+    except ValueError:  # Python prints no number of thousands of digits
+        return "this number"
     return text if len(text) <= 60 else f"{text[:57]}..."

@@ -24,7 +24,7 @@ from gateway.hub.derived import Derived
 from gateway.hub.ending import end_motion
 from gateway.hub.guard import Guard
 from gateway.hub.hold import Hold
-from gateway.hub.motions import MOTIONS, Motions
+from gateway.hub.motions import Motions
 from gateway.hub.places import PLACES
 from gateway.hub.refresh import ASK_AGAIN, Refresh
 from gateway.hub.settings import FIRST_ANSWER, SiteAndClock
@@ -33,6 +33,7 @@ from gateway.hub.snapshot import FRESH, MISSING, Kind, Snapshot
 from gateway.hub.sun import Suns
 from gateway.hub.turnstile import Turnstile
 from gateway.line import POSITION, READ, SETTING, STOP, Line
+from gateway.motion_kinds import MOTIONS
 from gateway.mount.motion.end_watch import EndWatch
 from gateway.mount.safety.sync_sum import SyncSum
 from gateway.mount.site.sources import BestSources
@@ -265,6 +266,10 @@ class Hub:
                 await (self.motions.ended(motion) if motion is not None else self.perform(operation, stops))
             except Fault as fault:
                 failed(fault)
+            except Exception as error:  # a defect must not be lost because nobody waits for what came of it
+                self.transcript.note("mount", f"internal error, please report it: {error!r}")
+                if self.motions.busy:
+                    self.begin_stop()  # what failed may have been what should have ended a motion
 
         return self.spawn(finish())
 

@@ -16,30 +16,17 @@ from gateway import operations as op
 from gateway.driver import Later
 from gateway.errors import Fault, Stopped
 from gateway.hub.checks import Checks
+from gateway.hub.halts import Halting, Halts
 from gateway.hub.turn import FIRST, IN_ORDER, RESUMED, Turn
-from gateway.line import MOTION, STOP
-from gateway.motion_kinds import GOTOS, MOVING
+from gateway.line import MOTION, SETTING, STOP
+from gateway.motion_kinds import BEGUN_ANEW, ENDS, GOTOS, LATEST, MOVING, axis_moved
 
 if TYPE_CHECKING:
     from gateway.hub.core import Hub
     from gateway.hub.dead_man import Life
 
-MOTIONS = (
-    *GOTOS, op.CancelGoto, op.Sync, op.Move, op.MoveAxis, op.Halt, op.Pulse, op.PulseAxis, op.SetTracking, op.TrackRate,
-    op.SetHome, op.Unpark, op.Sleep, op.Wake, op.Focus,
-)  # fmt: skip
-#: Of these the last one counts: what still waits is not carried out any more, so no joystick gets ahead of the line.
-LATEST = (op.Move, op.MoveAxis, op.TrackRate)
-#: What ends a motion before anything else is begun, and what then begins anew when it was half done.
-ENDS = (op.Halt, op.CancelGoto)
-BEGUN_ANEW = (op.Move, op.MoveAxis, op.SetTracking, op.TrackRate)
 #: How often a stop is sent again on a line that is up, when its answer was lost.
 STOP_TRIES = 3
-
-
-def axis_moved(operation: op.Operation) -> int | None:
-    """The axis that an operation sets moving by hand, or None."""
-    return operation.axis if isinstance(operation, op.Move | op.MoveAxis) else None
 
 
 def _heed(task: asyncio.Task[Any]) -> None:
@@ -61,8 +48,7 @@ class Motions:
         self._at_turn: asyncio.Task[Any] | None = None
         self._stopping: asyncio.Task[None] | None = None
         self._interruptible: asyncio.Task[Any] | None = None
-        #: Halts that are not done: the same one asked for again is that one.
-        self._halts: dict[op.Operation, asyncio.Task[Any]] = {}
+        self._halts = Halts(hub.now)
         self._jobs: dict[asyncio.Task[Any], op.Operation] = {}
         self._later: dict[op.Operation, asyncio.TimerHandle] = {}
         self._checks = Checks(hub)
@@ -153,19 +139,32 @@ class Motions:
 
     def begin(self, operation: op.Operation, stops: int | None, life: Life | None) -> asyncio.Task[Any]:
         """Put a motion in line behind those before it; from now on it counts as asked for, by ``life``."""
-        self._make_way(operation)
-        overtakes = self._overtakes(operation)
-        same = self._halts.get(operation)
-        if overtakes and same is not None and not same.cancelling():
-            return same
+        same = self.again(operation)
+        if same is not None:
+            return same.task
         task = self._hub.loop.create_task(self._run(operation, self.stops if stops is None else stops, life))
-        if overtakes:
-            self._halts[operation] = task
+        if isinstance(operation, ENDS):
+            self._interrupt(self._halts.begun(operation, self._overtakes(operation), task))
+        else:
+            self._halts.asked += 1
         self._jobs[task] = operation
         self.gotos += isinstance(operation, GOTOS)
         self._hub.snapshot.version += 1  # a goto that was asked for changes what "slewing" answers
         task.add_done_callback(self._ended)
         return task
+
+    def again(self, operation: op.Operation) -> Halting | None:
+        """Take back what it ends -> the equal halt that is not done and does for this one, too; None without any."""
+        self._make_way(operation)
+        same = self._halts.same(operation, self._overtakes(operation)) if isinstance(operation, ENDS) else None
+        if same is not None:
+            self._interrupt(same)
+        return same
+
+    def _interrupt(self, halting: Halting) -> None:
+        """What is only being prepared is begun anew behind a halt that goes first."""
+        if halting.first and self._interruptible is not None:
+            self._interruptible.cancel()
 
     async def woken(self) -> None:
         """Wait for what is to wake the mount, if anything is. Not for motions: it may wait behind them."""
@@ -194,8 +193,6 @@ class Motions:
                 halted = (axis_moved(other), type(other)) == (axis_moved(operation), type(operation))
             if halted or (isinstance(operation, op.CancelGoto) and isinstance(other, GOTOS)):
                 task.cancel()
-        if self._overtakes(operation) and self._interruptible is not None:
-            self._interruptible.cancel()
 
     def _overtakes(self, operation: op.Operation) -> bool:
         """Whether it goes before all that waits; not before a goto, which it may have to end."""
@@ -204,8 +201,7 @@ class Motions:
 
     def _ended(self, task: asyncio.Task[Any]) -> None:
         operation = self._jobs.pop(task)
-        if self._halts.get(operation) is task:
-            del self._halts[operation]
+        self._halts.ended(operation, task)
         self._hub.snapshot.version += 1
         _heed(task)
 
@@ -213,15 +209,17 @@ class Motions:
         task = asyncio.current_task()
         assert task is not None
         wakes = isinstance(operation, op.Wake) and self._hub.driver.asleep  # what is before it would not be heard
-        rank = FIRST if wakes or self._halts.get(operation) is task else IN_ORDER
+        halting = self._halts.find(operation, task)
+        rank = FIRST if wakes or (halting is not None and halting.first) else IN_ORDER
         while True:
             async with self._turn.taken(rank):
                 self._at_turn = task
                 await self._stopped()
                 if self._too_late(operation, stops):
                     raise Stopped
-                work = self._hub.loop.create_task(self._carry_out(operation))
-                self._interruptible = work if isinstance(operation, BEGUN_ANEW) else None
+                work = self._hub.loop.create_task(self._carry_out(operation, halting))
+                waits = isinstance(operation, BEGUN_ANEW) or (halting is not None and halting.hammered)
+                self._interruptible = work if waits else None
                 try:
                     carried_out, value = await work
                     break
@@ -251,14 +249,14 @@ class Motions:
         self._after(operation)
         self._hub.dead_man.began(operation, life)
 
-    async def _carry_out(self, operation: op.Operation) -> tuple[op.Operation, Any]:
+    async def _carry_out(self, operation: op.Operation, halting: Halting | None) -> tuple[op.Operation, Any]:
         """-> the operation as it was admitted, and its answer."""
         operation = await self._checks.admit(operation)
         if isinstance(operation, MOVING):
             await self._hub.before_motion()
         elif isinstance(operation, op.Sleep) and (self._hub.moving or self._hub.driver.unrestored):
             await self.stop()
-        rank = STOP if isinstance(operation, ENDS) else MOTION
+        rank = MOTION if halting is None else SETTING if halting.hammered else STOP
         return operation, await self._hub.drive(self._hub.driver.perform(operation), rank)
 
     async def _go_on(self) -> None:

@@ -12,6 +12,10 @@ HangUp = Callable[[bytes], None]
 class Guest(Protocol):
     """Whoever talks to one connection."""
 
+    @property
+    def ended(self) -> bool:
+        """Whether the last bytes did nothing but end motions without a reply: the same again would be no news."""
+
     def feed(self, data: bytes) -> None: ...
     def close(self) -> None: ...
 

@@ -44,6 +44,8 @@ class PtyPort:
         self.baud = baud
         self._arrive = arrive
         self._guest: Guest | None = None
+        #: Whoever has said what is heard just now has closed it: the answers would be read by the next.
+        self._gone = False
         self._link = Link(path)
         self.path = self._link.path
         self.where = f"pty:{self.path}"
@@ -76,17 +78,25 @@ class PtyPort:
             except OSError:
                 self._leave()
                 return
+            gone = pair.hung_up()
+            if gone:
+                data += pair.last_words()
+                gone = pair.hung_up()  # else some of it may be the next program's already, who waits for an answer
             if self.baud is not None:
                 data = misread(data, speed(pair.master), self.baud)
             if self._guest is None:
                 self._guest = self._arrive(self.path, self.where, self._write)
+            self._gone = gone
             if data:
                 self._guest.feed(data)
+            if gone:
+                self._leave()
+                return
         pair.look_again()
 
     def _write(self, data: bytes) -> None:
         """Nobody may be reading: what does not fit is lost, as on a wire."""
-        if self._guest is None:
+        if self._guest is None or self._gone:
             return
         if self.baud is not None:
             data = misread(data, self.baud, speed(self._pair.master))
@@ -95,7 +105,7 @@ class PtyPort:
 
     def _leave(self) -> None:
         """Nobody has it open any more: the connection ends, and the port is as new for the next."""
-        guest, self._guest = self._guest, None
+        guest, self._guest, self._gone = self._guest, None, False
         if guest is not None:
             guest.close()
         if not self._pair.freshen():
@@ -129,6 +139,8 @@ class _Pair:
             self._held, self._epoll = -1, select.epoll()
             self._epoll.register(self.master, select.EPOLLIN | select.EPOLLET)
             self._epoll.poll(0)  # that nobody has opened it yet is no news
+            self._open = select.poll()
+            self._open.register(self.master, 0)
         asyncio.get_running_loop().add_reader(self._watched, self._wake)
 
     @property
@@ -146,6 +158,19 @@ class _Pair:
         """There is more; it will not be told once more."""
         asyncio.get_running_loop().call_soon(self._wake)
 
+    def hung_up(self) -> bool:
+        """Whether no program has it open; always False where that is not told."""
+        return self._epoll is not None and any(event & select.POLLHUP for _, event in self._open.poll(0))
+
+    def last_words(self) -> bytes:
+        """Everything that is there at this moment."""
+        words = b""
+        while True:
+            try:
+                words += os.read(self.master, CHUNK)
+            except OSError:
+                return words
+
     def freshen(self) -> bool:
         """Forget what the last program has left -> False when it has left it locked.
 
@@ -162,6 +187,7 @@ class _Pair:
             return error.errno != errno.EBUSY
         fcntl.ioctl(slave, termios.TIOCNXCL)
         tty.setraw(slave)  # and throws away what was not read
+        termios.tcflush(slave, termios.TCIFLUSH)  # also what had no room to be read yet
         os.close(slave)
         if self._epoll is not None and any(event & select.EPOLLIN for _, event in self._epoll.poll(0)):
             self.look_again()  # the next program was quick

@@ -47,6 +47,9 @@ _server: Callable[[Any, Any], PortManager] = PortManager
 class _Doorman:
     """A guest in front of the real one, who speaks Telnet with clients that do."""
 
+    #: Telnet counts what it is told: nothing of it is passed over.
+    ended = False
+
     def __init__(self, arrive: Arrive, name: str, host: str, write: Callable[[bytes], Any]) -> None:
         self.write = write
         self._held = b""

@@ -11,19 +11,17 @@ import asyncio
 import contextlib
 import ipaddress
 import socket
+import time
 from collections.abc import Callable
 from typing import cast
 
 from gateway.access import TurnedAway
 from gateway.errors import UserError
 from gateway.ports.guest import Arrive, Guest
+from gateway.ports.pace import SHARE, SKIM, Pace, unrepeated
 
 #: Unread replies a connection may pile up before it is given up.
 SLOW_READER = 65536
-#: Bytes taken from a connection at a time: some hundred commands, a serial line's half second, two milliseconds' work.
-SHARE = 512
-#: Seconds that a connection waits which has sent a whole share at once.
-BREATH = 0.05
 #: Connections that may wait to be accepted: programs that open one per command come in crowds.
 BACKLOG = 512
 #: Seconds that whoever is to go is given to read what it was told last.
@@ -43,6 +41,10 @@ class _Connection(asyncio.BufferedProtocol):
         self._feed: Callable[[bytes], None] = lambda data: None
         self._buffer = bytearray(SHARE)
         self._view = memoryview(self._buffer)
+        #: After a share that only ended motions, that share: what repeats it is passed over.
+        self._share = b""
+        #: What was read together and is taken in share by share.
+        self._rest = b""
         #: While bytes are being taken in: the replies to them, which go out as one.
         self._replies: list[bytes] | None = None
 
@@ -62,21 +64,44 @@ class _Connection(asyncio.BufferedProtocol):
         self._guest.network(self._hang_up)
 
     def get_buffer(self, sizehint: int) -> bytearray:
-        return self._buffer
+        return self._port.skimmed if self._share else self._buffer
 
     def buffer_updated(self, nbytes: int) -> None:
+        if not self._share:
+            self._take(bytes(self._view[:nbytes]), nbytes == SHARE)
+            return
+        self._rest = unrepeated(self._share, bytes(memoryview(self._port.skimmed)[:nbytes]))
+        self._take_share(nbytes >= SHARE)
+
+    def _take(self, data: bytes, more: bool) -> None:
+        """Take bytes in, and then a breath when there may be more at once."""
         replies: list[bytes] = []
         self._replies = replies
-        self._feed(bytes(self._view[:nbytes]))
+        began = time.perf_counter() if more else 0.0
+        self._feed(data)
         self._replies = None
         if replies:
             self._write(replies[0] if len(replies) == 1 else b"".join(replies))
-        if nbytes == SHARE and self._transport is not None and not self._transport.is_closing():
+        if more and self._transport is not None and not self._transport.is_closing():
+            ended = self._guest is not None and self._guest.ended
+            self._share = (self._share + data)[-SHARE:] if ended else b""
             self._transport.pause_reading()
-            asyncio.get_running_loop().call_later(BREATH, self._go_on)
+            loop = asyncio.get_running_loop()
+            loop.call_later(self._port.pace.pause(loop.time(), time.perf_counter() - began), self._go_on)
+        elif self._share:
+            self._share = b""
+
+    def _take_share(self, more: bool) -> None:
+        """The next share of what was read together."""
+        data, self._rest = self._rest[:SHARE], self._rest[SHARE:]
+        self._take(data, more or bool(self._rest))
 
     def _go_on(self) -> None:
-        if self._transport is not None and not self._transport.is_closing():
+        if self._transport is None or self._transport.is_closing():
+            return
+        if self._rest:
+            self._take_share(False)
+        if not self._rest:
             self._transport.resume_reading()
 
     def _write(self, data: bytes) -> None:
@@ -140,6 +165,9 @@ class TcpPort:
     def __init__(self, arrive: Arrive) -> None:
         self.arrive = arrive
         self.connections: set[_Connection] = set()
+        self.pace = Pace()
+        #: Where reads in large pieces go, and are looked at before anybody else reads.
+        self.skimmed = bytearray(SKIM)
         self.where = ""
         self._server: asyncio.Server | None = None
 
@@ -158,6 +186,8 @@ class TcpPort:
                 self._server = await loop.create_server(lambda: _Connection(self), sock=both, backlog=BACKLOG)
             else:
                 self._server = await loop.create_server(lambda: _Connection(self), host, port, backlog=BACKLOG)
+        except UnicodeError:
+            raise UserError(f"cannot listen on {where}: {host!r} is no name of a computer") from None
         except OSError as error:
             reason = "the port is in use" if "in use" in str(error) else error.strerror or str(error)
             if "assign requested" in str(error):
@@ -189,9 +219,11 @@ def split_address(where: str) -> tuple[str, int]:
     """``SCHEME://HOST:PORT`` -> (host, port). Raises UserError."""
     scheme, _, address = where.partition("://")
     host, colon, number = address.rpartition(":")
-    if number.lstrip("-").isdigit() and not 0 <= int(number) <= 65535:
+    digits = number.removeprefix("-")
+    decimal = digits.isdecimal() and digits.isascii()
+    if decimal and (len(digits) > 5 or not 0 <= int(number) <= 65535):
         raise UserError(f"{where}: a port is a number from 0 (any free one) to 65535")
-    if not colon or not number.isdigit() or (":" in host and not (host.startswith("[") and host.endswith("]"))):
+    if not colon or not decimal or (":" in host and not (host.startswith("[") and host.endswith("]"))):
         raise UserError(f"{where}: write {scheme}://HOST:PORT, for example {scheme}://127.0.0.1:4030")
     return host.strip("[]") or "127.0.0.1", int(number)
 

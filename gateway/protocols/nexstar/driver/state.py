@@ -64,6 +64,7 @@ class NexStar(Driver):
                  version: str | None = None) -> None:
         from gateway.protocols.nexstar.driver import SPECIALS  # the specials know this class
 
+        rate_tables()  # read now: when the first arrow comes there may be no file left that can be opened
         self.specials = SPECIALS
         self.now, self.settings = now, settings
         self.named_model = model

@@ -1,0 +1,90 @@
+"""stdout and stderr that cannot be written to: whoever serves goes on, whoever was only to tell something says so."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+GATEWAY = [sys.executable, "-m", "gateway"]
+FULL = pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")
+
+
+def shell(redirected: str, *words: str) -> subprocess.Popen[str]:
+    """A gateway with its standard streams as a shell has led them elsewhere."""
+    return subprocess.Popen(["sh", "-c", f'exec "$@" {redirected}', "sh", *GATEWAY, *words], text=True,
+                            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+@FULL
+@pytest.mark.parametrize(
+    ("redirected", "told"),
+    [
+        (">/dev/full", "mount-gateway: stdout cannot be written to (No space left on device): "),
+        (">&-", "mount-gateway: stdout cannot be written to (Bad file descriptor): "),
+        (">/dev/full 2>/dev/full", ""),
+        ("<&- >&- 2>&-", ""),
+    ],
+)
+@pytest.mark.parametrize("command", ["run", "sim"])
+def test_who_serves_goes_on_and_ends_as_always(command: str, redirected: str, told: str, tmp_path: Path) -> None:
+    port = tmp_path / "port"
+    words = (["sim", "lx200:autostar", "--at", f"pty:{port}"] if command == "sim" else
+             ["run", "--mount", "nexstar:6-8se@sim", "--surface", f"lx200@pty:{port}", "--state", str(tmp_path)])
+    running = shell(redirected, *words)
+    try:
+        question = None
+        until = time.monotonic() + 20.0
+        answer = b""
+        while not answer.endswith(b"#"):
+            assert time.monotonic() < until
+            assert running.poll() is None
+            if question is None:
+                with contextlib.suppress(OSError):
+                    question = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+                    os.write(question, b":GVP#")
+            else:
+                with contextlib.suppress(BlockingIOError):
+                    answer += os.read(question, 64)
+            time.sleep(0.02)
+        os.close(question or 0)
+        running.send_signal(signal.SIGTERM)
+        _, said = running.communicate(timeout=20)
+    finally:
+        running.kill()
+        running.wait()
+    assert running.returncode == 0
+    assert said.startswith(told)
+    assert "Traceback" not in said
+    assert said.count("\n") == bool(told)
+
+
+@FULL
+@pytest.mark.parametrize("redirected", [">/dev/full", ">&-"])
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("words", [["config", "--example"], ["tables", "--check"]])
+def test_who_was_only_to_tell_something_says_why_it_did_not(
+    words: list[str], unbuffered: str, redirected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
+    running = shell(redirected, *words)
+    _, said = running.communicate(timeout=20)
+    assert running.returncode == 2
+    assert said.startswith("mount-gateway: cannot write to stdout: ")
+    assert said.count("\n") == 1
+
+
+def test_a_reader_that_has_had_enough_is_no_fault() -> None:
+    running = shell("", "config", "--example")
+    assert running.stdout is not None
+    running.stdout.close()
+    assert running.stderr is not None
+    assert running.stderr.read() == ""
+    assert running.wait(20) == 0
+    running.stderr.close()
