@@ -189,7 +189,7 @@ LX200_REFUSED: dict[bytes, bytes | None] = {
     b":SMhere#": b"0", b":gT#": b"0",
     b":Mn#": None, b":Mge0500#": None, b":hP#": None, b":hF#": None, b":hS#": None, b":hN#": None, b":hW#": None,
     b":AL#": None, b":AP#": None, b":TQ#": None, b":TL#": None, b":T+#": None, b":Rg10.0#": None, b":F+#": None,
-    b"$Q#": None, b":$QZ+#": None, b":$BA10#": None, b":W1#": None, b":I#": None, b":hI260115220000#": None,
+    b"$Q#": None, b":$QZ+#": None, b":$BA10#": None, b":W1#": None, b":hI260115220000#": None,
 }
 LX200_ALLOWED = [b":GR#", b":GD#", b":GA#", b":D#", b":GVP#", b":GL#", b":GC#", b":GG#", b":GS#", b":Gt#", b":GM#",
                  b":GW#", b":h?#", b":Gr#", b":P#", b":GT#", b"\x06"]
@@ -223,7 +223,7 @@ def test_lx200_clients_that_only_look() -> None:
     run(program())
 
 
-@pytest.mark.parametrize("stop", [b":Q#", b":Qn#"])
+@pytest.mark.parametrize("stop", [b":Q#", b":Qn#", b":I#"])
 def test_whoever_looks_may_stop(stop: bytes) -> None:
     async def program() -> None:
         access = Access(read_only=networks(["10.9.0.0/16"]))
