@@ -220,3 +220,12 @@ def test_a_receiver_without_a_fix_and_small_differences_say_nothing() -> None:
     observatory.mount_says_clock(op.Moment(EVENING, 0.0))
     assert [site.source for site in best.sites()] == [MOUNT, CONFIGURED]
     assert not list(best.contradictions())
+
+
+@pytest.mark.parametrize(("ahead", "contradicts"), [(-7200.0, True), (43200.0, True), (-20 * 86400.0, False)])
+def test_a_computer_that_is_off_by_days_contradicts_nobody(ahead: float, contradicts: bool) -> None:
+    """A Raspberry Pi without a clock of its own begins where it was switched off."""
+    observatory = Observatory(lambda: 0.0, lambda: EVENING + ahead, None)
+    observatory.mount_says_site(op.Place(45.0, 10.0))
+    observatory.mount_says_clock(op.Moment(EVENING, 0.0))
+    assert bool(list(BestSources(observatory).contradictions())) is contradicts

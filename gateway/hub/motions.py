@@ -17,6 +17,7 @@ from gateway.driver import Later
 from gateway.errors import Fault, Stopped
 from gateway.hub.checks import Checks
 from gateway.hub.halts import Halting, Halts
+from gateway.hub.releases import Pressed
 from gateway.hub.turn import FIRST, IN_ORDER, RESUMED, Turn
 from gateway.line import MOTION, SETTING, STOP
 from gateway.motion_kinds import BEGUN_ANEW, ENDS, GOTOS, LATEST, MOVING, axis_moved
@@ -48,7 +49,7 @@ class Motions:
         self._at_turn: asyncio.Task[Any] | None = None
         self._stopping: asyncio.Task[None] | None = None
         self._interruptible: asyncio.Task[Any] | None = None
-        self._halts = Halts(hub.now)
+        self._halts, self._pressed = Halts(hub.now), Pressed()
         self._jobs: dict[asyncio.Task[Any], op.Operation] = {}
         self._later: dict[op.Operation, asyncio.TimerHandle] = {}
         self._checks = Checks(hub)
@@ -90,6 +91,7 @@ class Motions:
         """
         self.stops += 1
         self.owed = True
+        self._pressed.clear()
         speed = self._hub.guard.fastest
         ended = [task for task, job in self._jobs.items() if not job.outlives_stop]
         for task in ended:
@@ -139,6 +141,11 @@ class Motions:
 
     def begin(self, operation: op.Operation, stops: int | None, life: Life | None) -> asyncio.Task[Any]:
         """Put a motion in line behind those before it; from now on it counts as asked for, by ``life``."""
+        if isinstance(operation, op.Move | op.MoveAxis):
+            self._pressed.press(operation.axis, life)
+        during = self._during_goto(operation, life) if isinstance(operation, op.Halt) else None
+        if during is not None:
+            return during
         same = self.again(operation)
         if same is not None:
             return same.task
@@ -152,6 +159,21 @@ class Motions:
         self._hub.snapshot.version += 1  # a goto that was asked for changes what "slewing" answers
         task.add_done_callback(self._ended)
         return task
+
+    def _during_goto(self, halt: op.Halt, life: Life | None) -> asyncio.Task[Any] | None:
+        """What a halt means while a goto waits or is under way; None without one, and where its axis moves by hand."""
+        pressed = self._pressed.release(halt.axis, life)
+        waiting = [task for task, job in self._jobs.items() if isinstance(job, GOTOS) and not task.cancelling()]
+        if not waiting and (halt.axis in self.by_hand or not self._hub.slewing):
+            return None
+        return self._hub.spawn(self._release(halt, waiting[-1:])) if pressed else self.begin_stop()
+
+    async def _release(self, halt: op.Halt, waiting: list[asyncio.Task[Any]]) -> None:
+        """The arrow was over when the goto took its place; where that was refused, it is released after all."""
+        for goto in waiting:
+            await asyncio.wait({goto})
+            if (goto.cancelled() or goto.exception() is not None) and halt.axis in self.by_hand:
+                await self.ended(self.begin(halt, None, None))
 
     def again(self, operation: op.Operation) -> Halting | None:
         """Take back what it ends -> the equal halt that is not done and does for this one, too; None without any."""

@@ -16,8 +16,9 @@ from gateway.spherical import separation
 
 #: Sources that differ by more than this contradict each other: degrees on the Earth, and seconds.
 SITE_MATTERS, CLOCK_MATTERS = 0.5, 120.0
-#: A computer whose clock shows an earlier time than 2024-01-01 has lost it.
-EARLIEST = 1704067200.0
+#: A computer whose clock shows an earlier time than 2024-01-01 has lost it. One that is off by more than a day, which
+#: is no wrong zone and no morning for evening, contradicts nobody: many have no battery and no network.
+EARLIEST, LOST = 1704067200.0, 86400.0
 
 MOUNT, GPS, CONFIGURED, COMPUTER, PROGRAM = (
     "the mount", "its GPS", "the configuration", "this computer", "a program")  # fmt: skip
@@ -97,7 +98,8 @@ class BestSources:
                     yield Contradiction(other.place, unix, f"{who} stands at {_shown(place)}, {other.source} says "
                                                            f"{_shown(other.place)}")
         for time in times[1:]:
-            if abs(time.unix - unix) > CLOCK_MATTERS:
+            apart = abs(time.unix - unix)
+            if apart > CLOCK_MATTERS and not (time.source == COMPUTER and apart > LOST):
                 yield Contradiction(sites[0].place if sites else None, time.unix,
                                     f"the clocks of {by} and of {time.source} differ by {_span(time.unix - unix)}")
 

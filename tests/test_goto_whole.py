@@ -1,0 +1,116 @@
+"""A goto is both axes or none: nothing that comes meanwhile breaks one of them off and leaves the other going."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.spherical import separation
+from tests.bridge import Bridge
+from tests.virtual import run
+
+GOTO = b":Sr08:00:00#:Sd+30*00:00#:MS#"
+GOAL = (120.0, 30.0)
+MOUNTS = [("cge", "nexstar"), ("cpc", "nexstar"), ("6-8se", "nexstar"), ("lx200gps", "lx200"), ("lx200", "lx200")]
+
+
+async def arrives(bridge: Any, seconds: float = 90.0) -> bool:
+    """Whether the mount gets to the goal and stays there; a program polls meanwhile."""
+    client = bridge.client("10.0.0.9")
+    for _ in range(round(seconds)):
+        client.tell(b":GR#")
+        await asyncio.sleep(1.0)
+        if separation(*bridge.sim.truth(), *GOAL) < 0.02:
+            await asyncio.sleep(2.0)
+            return separation(*bridge.sim.truth(), *GOAL) < 0.02
+    return False
+
+
+async def rests(bridge: Any) -> bool:
+    """Whether the tube stays where it points on the sky."""
+    await asyncio.sleep(4.0)
+    before = bridge.sim.truth()
+    await asyncio.sleep(1.0)
+    return separation(*before, *bridge.sim.truth()) < 0.006
+
+
+@pytest.mark.parametrize(("mount", "driven"), MOUNTS)
+@pytest.mark.parametrize("early", [0.0, 0.3, 3.0])
+def test_the_release_of_an_arrow_that_was_over_leaves_the_goto_alone(mount: str, driven: str, early: float) -> None:
+    async def program() -> None:
+        async with Bridge(mount, driven=driven) as bridge:
+            client = bridge.client()
+            client.tell(b":RM#:Me#:Mn#")
+            await asyncio.sleep(2.0)
+            client.tell(GOTO)
+            await asyncio.sleep(early)
+            client.tell(b":Qe#:Qn#")
+            assert await arrives(bridge)
+            assert client.heard.endswith(b"0")
+
+    run(program())
+
+
+@pytest.mark.parametrize(("mount", "driven"), MOUNTS)
+@pytest.mark.parametrize("ends", [b":Qe#", b":Qn#", b":Qe#:Qw#:Qn#:Qs#"])
+def test_a_halt_without_an_arrow_ends_the_goto_as_a_whole(mount: str, driven: str, ends: bytes) -> None:
+    async def program() -> None:
+        async with Bridge(mount, driven=driven) as bridge:
+            client = bridge.client()
+            await client.ask(GOTO, until=b"0")
+            await asyncio.sleep(2.0)
+            assert bridge.sim.slewing
+            client.tell(ends)
+            assert await rests(bridge)
+            assert not bridge.sim.slewing
+            assert separation(*bridge.sim.truth(), *GOAL) > 1.0
+            assert bridge.sim.tracking
+            assert await client.ask(b":D#", until=b"#") == b"#"
+
+    run(program())
+
+
+def test_a_nexstar_program_that_halts_one_axis_ends_the_goto_as_a_whole() -> None:
+    async def program() -> None:
+        async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
+            client = bridge.client()
+            assert await client.ask(b"r55555555,15555555") == b"#"
+            await asyncio.sleep(3.0)
+            assert bridge.sim.slewing
+            assert await client.ask(b"P\x02\x11\x24\x00\x00\x00\x00") == b"#"
+            assert await rests(bridge)
+            assert not bridge.sim.slewing
+            assert bridge.sim.tracking
+
+    run(program())
+
+
+@pytest.mark.parametrize(("mount", "driven"), MOUNTS)
+def test_an_arrow_whose_release_came_with_a_goto_that_is_refused_is_released(mount: str, driven: str) -> None:
+    async def program() -> None:
+        async with Bridge(mount, driven=driven) as bridge:
+            client = bridge.client()
+            client.tell(b":RM#:Mw#")
+            await asyncio.sleep(2.0)
+            client.tell(b":Sr08:00:00#:Sd-80*00:00#:MS#:Qw#")
+            assert await rests(bridge)
+            assert not bridge.hub.motions.axes
+
+    run(program())
+
+
+def test_an_arrow_that_is_pressed_and_released_right_after_a_goto_is_ended() -> None:
+    """That the goto is over may not be known yet when the arrow is pressed."""
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            client = bridge.client()
+            await client.ask(GOTO, until=b"0")
+            assert await arrives(bridge)
+            client.tell(b":RM#:Me#")
+            await asyncio.sleep(0.5)
+            client.tell(b":Qe#")
+            assert await rests(bridge)
+
+    run(program())
