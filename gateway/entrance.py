@@ -1,7 +1,7 @@
 """Where everything from outside comes into a gateway: connections, what they say, the mount's bytes, orders to stop.
 
 As a rule it comes in as it is. Into a gateway that is recorded it comes at the beginning of a turn of the event loop,
-and is written down: what the gateway does follows from what came, at which turn and at what time, and from nothing else.
+and is written down: what the gateway does follows from what came, at which turn and what time, and from nothing else.
 Whatever new thing reaches the hub or a client from a port, a thread, a file or another process has to come this way.
 """
 
@@ -186,6 +186,7 @@ class _Visitor:
             self._guest.serial(change_rate)
 
     def close(self) -> None:
+        self._write = lambda data: None
         self._loop.enter(self._close)
 
     def _close(self) -> None:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.errors import UserError
-from gateway.recording import FORMAT, MARK, MOUNT, RECORDER, WITHOUT_TURNS, escape, is_recording, part_of
+from gateway.recording import FORMAT, MARK, MOUNT, RECORDER, STOPPED, WITHOUT_TURNS, escape, is_recording, part_of
 from gateway.transcript import Entry
 from gateway.turns import TurnLoop
 
@@ -72,7 +72,8 @@ class Recorder:
         self._file, self._size = _open_private(self._path), 0
         self._ends.clear()
         number = WITHOUT_TURNS if self._turns is None else FORMAT
-        self._write(f"{MARK}{number}\n# {json.dumps({**self._settings, 'from': 0.0 if first else round(self._at, 6)})}\n")
+        settings = {**self._settings, "from": 0.0 if first else round(self._at, 6)}
+        self._write(f"{MARK}{number}\n# {json.dumps(settings)}\n")
 
     def _write(self, text: str) -> None:
         """Write to the file, all of it. Raises OSError."""
@@ -146,7 +147,7 @@ class Recorder:
             if cut is not None and stat.S_ISREG(os.fstat(self._file).st_mode):
                 os.ftruncate(self._file, cut)
                 os.lseek(self._file, cut, os.SEEK_SET)
-                self._write(self._last(f"stopped here, it could not be written any more: {reason}"))
+                self._write(self._last(f"{STOPPED}, it could not be written any more: {reason}"))
         self._give_up()
         self._say(f"the recording {self._path} could not be written any more and ends here: {reason}. The gateway goes "
                   "on without it; make room on the disk and start the gateway again to record on")

@@ -23,6 +23,8 @@ FORMAT, WITHOUT_TURNS = 2, 1
 MOUNT = "mount"
 #: Who says the last line of a recording that came to its end.
 RECORDER = "recording"
+#: How that line begins when the recording could not be written any more.
+STOPPED = "stopped here"
 #: What is neither bytes nor of use in words: ``t`` a turn and its number, ``g`` something outside the gateway that it
 #: waited for has come (number, failure), ``l`` the mount's port was lost, ``w`` it could not be written to, ``k`` what
 #: the host's clock showed at 0 s, ``b s q`` the gateway begins, is told to stop the mount, and ends.
@@ -64,6 +66,8 @@ class Recording:
         self.format = _format(parts[0]) or WITHOUT_TURNS
         #: After everything has been read: why that is less than there was, in words; empty when it is all.
         self.cut = ""
+        #: The file that it goes on in, where it does.
+        self.goes_on: Path | None = None
 
     def __iter__(self) -> Iterator[Event]:
         """Everything that happened, read as it is wanted. Raises UserError with file and line."""
@@ -73,12 +77,21 @@ class Recording:
                 for event in self._read(part, file):
                     last = event
                     yield event
-        if self.format > WITHOUT_TURNS and not self.cut:
-            if last is None or (last.side, last.arrow) != (RECORDER, "!"):
-                self.cut = (f"{self.parts[-1]}: the recording breaks off{_when(last)}, because the gateway was killed "
-                            "or still runs: what follows is up to there")
-            elif last.data.startswith(b"stopped"):
-                self.cut = f"{self.parts[-1]}: the recording {last.data.decode('latin-1')}"
+        if not self.cut:
+            self.cut = self._missing(last)
+
+    def _missing(self, last: Event | None) -> str:
+        """Why this is less than there was, by its last line; empty when it is all."""
+        file = self.parts[-1]
+        ended = last is not None and (last.side, last.arrow) == (RECORDER, "!")
+        if self.goes_on is not None:
+            return f"{file}: the recording goes on{_when(last)} in {self.goes_on}"
+        if ended and last is not None and last.data.startswith(STOPPED.encode()):
+            return f"{file}: the recording {last.data.decode('latin-1')}"
+        if ended or self.format == WITHOUT_TURNS:
+            return ""
+        return (f"{file}: the recording breaks off{_when(last)}, because the gateway was killed or still runs: what "
+                "was written is good up to there")
 
     def _read(self, part: Path, file: BinaryIO) -> Iterator[Event]:
         for _ in range(2):
@@ -86,9 +99,9 @@ class Recording:
         number, last = 2, None
         while raw := file.readline(LONGEST_LINE):
             number += 1
-            if not raw.endswith(b"\n") and len(raw) < LONGEST_LINE or raw.startswith(b"\0"):
+            if (not raw.endswith(b"\n") and len(raw) < LONGEST_LINE) or raw.startswith(b"\0"):
                 self.cut = (f"{part}:{number}: the recording is cut off in the middle of a line{_when(last)}: "
-                            "what follows is up to there")
+                            "what was written is good up to there")
                 return
             line = raw.decode("latin-1").rstrip("\n")
             found = _LINE.fullmatch(line)
@@ -128,7 +141,12 @@ def read(path: Path) -> Recording:
             break  # of another run
         parts.append(older)
         settings, first = head, first + 1
-    return Recording(parts[::-1])
+    recording = Recording(parts[::-1])
+    if name != path:
+        newer = part_of(name, int(number) - 1) if int(number) > 1 else name
+        if newer.exists() and is_recording(newer) and _head(newer)["began"] == settings["began"]:
+            recording.goes_on = newer
+    return recording
 
 
 def is_recording(path: Path) -> bool:

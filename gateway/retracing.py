@@ -103,6 +103,11 @@ class RetracedLoop(TurnLoop):
                 self.call_soon(self._enter, event)
         return []
 
+    @property
+    def over(self) -> bool:
+        """The last turn has begun."""
+        return self._next is None
+
     def _enter(self, event: Event) -> None:
         try:
             self._play(event)
@@ -160,6 +165,8 @@ class RetracedWire:
         self.strayed: list[str] = []
         self.requests = 0
         self.ended = False
+        #: Whether the recording has been read to its end: what is asked after that is asked of nobody.
+        self.over: Callable[[], bool] = lambda: False
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
         self.on_data, self.on_lost = on_data, on_lost
@@ -167,6 +174,8 @@ class RetracedWire:
 
     def write(self, data: bytes) -> None:
         if self.ended:
+            return
+        if not self.script and self.over():
             return
         wanted, failure = self.script.popleft() if self.script else (b"", None)
         if data != wanted and len(self.strayed) < TOLD:
@@ -207,10 +216,10 @@ class _Talk:
         self.difference: Difference | None = None
 
     def compare(self, less: bool = False, more: bool = False) -> None:
-        """Forget what is alike; once something is not, or now is told ``less`` or ``more`` by the end, remember that."""
+        """Forget what is alike; once something is not, or ``less`` or ``more`` is told by the end, remember that."""
         common = min(len(self.then), len(self.now))
         if self.difference is None:
-            left = less and len(self.then) > common or more and len(self.now) > common
+            left = (less and len(self.then) > common) or (more and len(self.now) > common)
             if left or self.then[:common] != self.now[:common]:
                 self.difference = Difference(self.name, self.at, bytes(self.then[:SHOWN]), bytes(self.now[:SHOWN]))
             del self.then[:common], self.now[:common]
@@ -236,6 +245,7 @@ class Retracing:
         self._left: list[_Talk] = []
         self._tasks: list[asyncio.Task[None]] = []
         self._host = float("nan")
+        self.wire.over = lambda: loop.over
         gateway.clock = self.clock
         gateway.entrance = self.entrance
 

@@ -39,7 +39,7 @@ QUICK = 0.5
 
 
 def with_loop(fast: bool, serve: Callable[[], Awaitable[int]], recorded: bool = False) -> int:
-    """Run on uvloop where it is installed, else on asyncio's own loop; ``recorded``: on one that can be played again."""
+    """Run on uvloop where it is installed, else on asyncio's own; ``recorded``: on one that can be played again."""
     factory: Callable[[], asyncio.AbstractEventLoop] | None = TurnLoop if recorded else None
     if fast and not recorded:
         try:

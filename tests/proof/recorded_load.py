@@ -40,7 +40,10 @@ async def program(port: int, words: tuple[tuple[bytes, int], ...], random: Rando
             writer.write(random.choices([word for word, _ in words], [often for _, often in words])[0])
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(random.uniform(0.0, 2.0 * pause)):
-                    told += len(await reader.read(4096))
+                    data = await reader.read(4096)
+                    told += len(data)
+                    if not data:
+                        break
                     await asyncio.sleep(2.0)
         writer.close()
     return told
