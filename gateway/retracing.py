@@ -129,16 +129,25 @@ class RetracedEntrance(Entrance):
 
     def __init__(self) -> None:
         self._gates: dict[int, asyncio.Future[None]] = {}
-        self._number = 0
+        self._number, self._released = 0, False
 
     def waiting(self, work: Any) -> Any:
         return self.passed
 
     async def passed(self) -> None:
         """Wait for something outside. Raises OSError when it failed then."""
+        if self._released:
+            return
         self._number += 1
         gate = self._gates[self._number] = asyncio.get_running_loop().create_future()
         await gate
+
+    def release(self) -> None:
+        """Nothing is waited for any more."""
+        self._released = True
+        for gate in self._gates.values():
+            if not gate.done():
+                gate.set_result(None)
 
     def open(self, event: Event) -> None:
         """That came."""
@@ -258,15 +267,22 @@ class Retracing:
         self._host = float(recording.settings["began"])
         self._loop.elapsed = float(recording.settings.get("elapsed", 0.0))
         self.gateway.prepare(lambda dialogue, transcript: Line(self.wire, dialogue, transcript))
-        await self._loop.follow(turns(recording), self._begin, self._play)
-        self._compare()
+        try:
+            await self._loop.follow(turns(recording), self._begin, self._play)
+            self._compare()
+            for talk in self._here.values():
+                talk.compare(less=True)
+                self._settle(talk)
+        finally:
+            await self._end()
+
+    async def _end(self) -> None:
+        """Nobody is there any more, neither the mount nor what the gateway waits for."""
         self.wire.ended = True
-        for talk in self._here.values():
-            talk.compare(less=True)
-            self._settle(talk)
-        if not any(task.done() for task in self._tasks):
-            await asyncio.sleep(AFTERWARDS)
-            assert self.gateway.hub is not None
+        self.entrance.release()
+        await asyncio.sleep(AFTERWARDS)
+        assert self.gateway.hub is not None
+        if not self.gateway.hub.closed:
             await self.gateway.hub.close()
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
