@@ -24,7 +24,8 @@ from gateway.line import Line
 from gateway.ports import Guest
 from gateway.recorded import ROUNDED, RecordedLine, RecordedLoop, RecordedWire
 from gateway.recording import MOUNT, WITHOUT_TURNS, Event, Recording
-from gateway.retracing import Difference, RetracedLoop, Retracing, surface_and_host
+from gateway.retraced import RetracedLoop
+from gateway.retracing import Difference, Retracing, surface_and_host
 from gateway.talk import Dialogue
 from gateway.transcript import SKY_READY, Entry, Transcript
 from gateway.virtual import run

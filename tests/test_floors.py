@@ -77,6 +77,7 @@ FLOORS = {
     "recorder": 5,
     "entrance": 5,
     "recorded": 5,
+    "retraced": 5,
     "retracing": 6,
     "replaying": 6,
     "recording": 3,

@@ -62,6 +62,7 @@ def _live(path: Path, pair: str, *, seconds: float = 5.0, many: int = 30, longes
             assert recorded.gateway.hub is not None
             with contextlib.suppress(Exception):
                 await recorded.gateway.entrance.stop(recorded.gateway.hub.stop)
+            recorded.gateway.entrance.tell("d", recorded.gateway.was_stopped)
             await asyncio.gather(*crowd)
 
     run_busy(night(), path.name)
@@ -84,7 +85,7 @@ def test_not_one_reply_of_a_crowd_is_another(pair: str, tmp_path: Path) -> None:
     assert outcome.replies > 400
     assert outcome.requests > 60
     text = path.read_text("latin-1")
-    for wanted in ("turned away", " mount l pulled out", " mount s", " mount q"):
+    for wanted in ("turned away", " mount l pulled out", " mount s", " mount d", " mount q"):
         assert wanted in text
     assert text.count(" mount k ") == 2
 
