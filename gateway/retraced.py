@@ -1,4 +1,5 @@
-"""What a replay puts in the place of the world: turns and times, a mount, and what a gateway waits for, all as recorded."""
+"""What a replay puts in the place of the world: turns and times, a mount, what a gateway waits for, all as recorded.
+"""
 
 from __future__ import annotations
 
