@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine
-from itertools import count
+from itertools import chain, count
 from typing import Any, Protocol
 
 from gateway.ports import Guest
@@ -71,15 +71,22 @@ class RecordedEntrance(Entrance):
     def __init__(self, loop: TurnLoop, recorder: Recorder) -> None:
         self._loop, self.recorder = loop, recorder
         self._gates = count(1)
+        self._present: set[str] = set()
 
     def arrive(self, reception: Admitting) -> Arrive:
         def arrive(name: str, host: str, write: Callable[[bytes], Any]) -> Guest:
             reception.admit(name, host)
-            visitor = _Visitor(self._loop, self.recorder, name, write)
+            visitor = _Visitor(self._loop, self.recorder, self._unique(name), write, self._present.discard)
             self._loop.enter(visitor.come, reception, host)
             return visitor
 
         return arrive
+
+    def _unique(self, name: str) -> str:
+        """A name that no other connection has: two surfaces may have clients on the same port of the same computer."""
+        unique = next(one for one in chain([name], (f"{name}/{n}" for n in count(2))) if one not in self._present)
+        self._present.add(unique)
+        return unique
 
     def wire(self, wire: Wire) -> Wire:
         return _RecordedWire(wire, self)
@@ -148,8 +155,9 @@ class RecordedEntrance(Entrance):
 class _Visitor:
     """One connection on its way in. The replies to what came at once go out as one."""
 
-    def __init__(self, loop: TurnLoop, recorder: Recorder, name: str, write: Callable[[bytes], Any]) -> None:
-        self._loop, self._recorder, self._name, self._write = loop, recorder, name, write
+    def __init__(self, loop: TurnLoop, recorder: Recorder, name: str, write: Callable[[bytes], Any],
+                 gone: Callable[[str], None]) -> None:
+        self._loop, self._recorder, self._name, self._write, self._gone = loop, recorder, name, write, gone
         self._guest: Guest | None = None
         self._change_rate: Callable[[int], int] | None = None
         self._replies: list[bytes] | None = None
@@ -192,6 +200,7 @@ class _Visitor:
     def _close(self) -> None:
         assert self._guest is not None
         self._guest.close()
+        self._gone(self._name)
 
 
 class _RecordedWire:

@@ -114,7 +114,9 @@ class Retracing:
         """A turn of the recording begins: what was said until now must have been said again."""
         self._compare()
         for event in turn.events:
-            if event.side == MOUNT:
+            if event.arrow == "k":
+                self._host = float(event.data)  # from the beginning of this turn
+            elif event.side == MOUNT:
                 self.wire.then(event)
             elif event.arrow == "+":
                 self._there[event.side] = _Talk(event.side)
@@ -175,8 +177,6 @@ class Retracing:
                 gateway.was_stopped()
             case "q":
                 self._tasks.append(self._loop.create_task(gateway.hub.close()))
-            case "k":
-                self._host = float(event.data)
             case "!" if event.data == SKY_READY.encode():
                 gateway.sky.load()
 

@@ -126,6 +126,30 @@ def test_a_reply_that_is_missing_or_too_much_shows(tmp_path: Path) -> None:
     assert replay(read(path)).differences
 
 
+def test_two_connections_of_one_name_at_a_time_are_told_apart(tmp_path: Path) -> None:
+    """One port of a computer can be connected to two of ours."""
+    path = tmp_path / "night.rec"
+    told = bytearray(), bytearray()
+
+    async def night() -> None:
+        async with Recorded(path, "nexstar:cpc", "lx200") as recorded:
+            await asyncio.sleep(2.0)
+            first, second = (recorded.arrive("10.0.0.1:5000", one.extend) for one in told)
+            for guest, words in ((first, b":Sr01:00:00#"), (second, b":Sr02:00:00#"), (first, b":Gr#")):
+                guest.feed(words)
+            await asyncio.sleep(0.1)
+            first.close()
+            second.feed(b":Gr#")
+            await asyncio.sleep(1.0)
+            second.close()
+            recorded.arrive("10.0.0.1:5000", told[0].extend).feed(b":GVP#")
+            await asyncio.sleep(1.0)
+
+    run_busy(night(), "names")
+    assert told == (b"101:00:00#Autostar#", b"102:00:00#")
+    assert _replayed(path).clients == 3
+
+
 @pytest.mark.parametrize("part", [0.3, 0.77])
 def test_a_recording_that_is_cut_off_replays_up_to_there(
     part: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
