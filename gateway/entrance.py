@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine
 from itertools import chain, count
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from gateway.ports import Guest
 from gateway.ports.guest import Arrive
@@ -21,6 +21,7 @@ from gateway.wires import OnData, OnLost, Wire
 
 #: The host's clock was set when it has gone this much more or less than time has passed, seconds.
 SET = 0.01
+_T = TypeVar("_T")
 
 
 class Admitting(Protocol):
@@ -59,6 +60,10 @@ class Entrance:
     async def stop(self, stop: Callable[[], Coroutine[Any, Any, None]]) -> None:
         """Somebody outside has the mount stopped. Raises Fault."""
         await stop()
+
+    async def order(self, order: Callable[[], Coroutine[Any, Any, str]]) -> str:
+        """Somebody outside has the mount stopped and looked at until it rests."""
+        return await order()
 
     async def end(self, end: Callable[[], Coroutine[Any, Any, None]]) -> None:
         """Let the gateway end."""
@@ -115,11 +120,14 @@ class RecordedEntrance(Entrance):
     async def stop(self, stop: Callable[[], Coroutine[Any, Any, None]]) -> None:
         await asyncio.shield(await self._task("s", stop))  # who gives up waiting does not take the stop back
 
+    async def order(self, order: Callable[[], Coroutine[Any, Any, str]]) -> str:
+        return await asyncio.shield(await self._task("o", order))
+
     async def end(self, end: Callable[[], Coroutine[Any, Any, None]]) -> None:
         await asyncio.shield(await self._task("q", end))
 
-    async def _task(self, arrow: str, work: Callable[[], Coroutine[Any, Any, None]]) -> asyncio.Task[None]:
-        begun: asyncio.Future[asyncio.Task[None]] = self._loop.create_future()
+    async def _task(self, arrow: str, work: Callable[[], Coroutine[Any, Any, _T]]) -> asyncio.Task[_T]:
+        begun: asyncio.Future[asyncio.Task[_T]] = self._loop.create_future()
 
         def go() -> None:
             self.recorder.line(MOUNT, arrow)

@@ -10,9 +10,10 @@ from __future__ import annotations
 import asyncio
 import re
 from collections import deque
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from gateway.assembly import Gateway
+from gateway.control.orders import stopped
 from gateway.errors import UserError
 from gateway.line import Line
 from gateway.ports import Guest
@@ -74,7 +75,7 @@ class Retracing:
         self._coming: deque[_Talk] = deque()
         self._touched: list[_Talk] = []
         self._left: list[_Talk] = []
-        self._tasks: list[asyncio.Task[None]] = []
+        self._tasks: list[asyncio.Task[Any]] = []
         self._host = float("nan")
         self.wire.over = lambda: loop.over
         gateway.clock = self.clock
@@ -173,6 +174,10 @@ class Retracing:
                 gateway.begin()
             case "s":
                 self._tasks.append(self._loop.create_task(gateway.hub.stop()))
+            case "o":
+                self._tasks.append(self._loop.create_task(stopped(gateway.hub)))
+            case "h" | "u":
+                gateway.hub.hold.on = event.arrow == "h"
             case "d":
                 gateway.was_stopped()
             case "q":

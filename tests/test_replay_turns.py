@@ -14,6 +14,7 @@ import pytest
 
 from gateway.access import TurnedAway
 from gateway.cli import main
+from gateway.control.orders import stopped
 from gateway.recording import read
 from gateway.replaying import Outcome, replay
 from gateway.transcript import SKY_READY
@@ -63,6 +64,7 @@ def _live(path: Path, pair: str, *, seconds: float = 5.0, many: int = 30, longes
             with contextlib.suppress(Exception):
                 await recorded.gateway.entrance.stop(recorded.gateway.hub.stop)
             recorded.gateway.entrance.tell("d", recorded.gateway.was_stopped)
+            await recorded.gateway.entrance.order(lambda: stopped(recorded.gateway.hub))
             await asyncio.gather(*crowd)
 
     run_busy(night(), path.name)
@@ -85,7 +87,7 @@ def test_not_one_reply_of_a_crowd_is_another(pair: str, tmp_path: Path) -> None:
     assert outcome.replies > 400
     assert outcome.requests > 60
     text = path.read_text("latin-1")
-    for wanted in ("turned away", " mount l pulled out", " mount s", " mount d", " mount q"):
+    for wanted in ("turned away", " mount l pulled out", " mount s", " mount d", " mount o", " mount q"):
         assert wanted in text
     assert text.count(" mount k ") == 2
 
