@@ -13,7 +13,7 @@ from itertools import chain, count
 from typing import Any, Protocol, TypeVar
 
 from gateway.ports import Guest
-from gateway.ports.guest import Arrive
+from gateway.ports.guest import Arrive, HangUp
 from gateway.recorder import Recorder
 from gateway.recording import MOUNT, escape
 from gateway.turns import BASE, TurnLoop
@@ -168,18 +168,29 @@ class _Visitor:
         self._loop, self._recorder, self._name, self._write, self._gone = loop, recorder, name, write, gone
         self._guest: Guest | None = None
         self._change_rate: Callable[[int], int] | None = None
+        self._hang_up: HangUp | None = None
         self._replies: list[bytes] | None = None
+        #: Pieces that have not come in yet.
+        self._waiting = 0
+
+    @property
+    def ended(self) -> bool:
+        return self._guest is not None and not self._waiting and self._guest.ended
 
     def come(self, reception: Admitting, host: str) -> None:
         self._guest = reception.come(self._name, host, self._tell)
         if self._change_rate is not None:
             self._guest.serial(self._change_rate)
+        if self._hang_up is not None:
+            self._guest.network(self._hang_up)
 
     def feed(self, data: bytes) -> None:
+        self._waiting += 1
         self._loop.enter(self._feed, data)
 
     def _feed(self, data: bytes) -> None:
         assert self._guest is not None
+        self._waiting -= 1
         self._recorder.line(self._name, ">", escape(data))
         replies: list[bytes] = []
         self._replies = replies
@@ -200,6 +211,10 @@ class _Visitor:
         self._change_rate = change_rate
         if self._guest is not None:
             self._guest.serial(change_rate)
+
+    def network(self, hang_up: HangUp) -> None:
+        """To be called before anything is fed."""
+        self._hang_up = hang_up
 
     def close(self) -> None:
         self._write = lambda data: None

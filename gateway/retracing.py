@@ -191,6 +191,8 @@ class Retracing:
         reception = self.gateway.receptions[number - 1]
         name = host.removeprefix("pty:")
         talk.guest = reception.come(name if name.replace(" ", "_") == talk.name else talk.name, host, talk.now.extend)
+        if self.gateway.endpoints[number - 1].where.startswith(("tcp://", "rfc2217://")):
+            talk.guest.network(lambda last: None)
         self._here[talk.name] = talk
         self.clients += 1
 

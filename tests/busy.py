@@ -72,7 +72,9 @@ class Recorded:
 
     def arrive(self, name: str, write: Any) -> Guest:
         """A new connection. Raises TurnedAway."""
-        return self._arrive(name, name.partition(":")[0], write)
+        guest = self._arrive(name, name.partition(":")[0], write)
+        guest.network(lambda last: None)
+        return guest
 
     async def __aenter__(self) -> Recorded:
         await self.gateway.entrance.begin(self.gateway.begin)
