@@ -77,6 +77,8 @@ class Retracing:
         self._left: list[_Talk] = []
         self._tasks: list[asyncio.Task[Any]] = []
         self._host = float("nan")
+        #: The recording goes on to where the gateway was told to end.
+        self._closing = False
         self.wire.over = lambda: loop.over
         gateway.clock = self.clock
         gateway.entrance = self.entrance
@@ -105,7 +107,7 @@ class Retracing:
         self.entrance.release()
         await asyncio.sleep(AFTERWARDS)
         assert self.gateway.hub is not None
-        if not self.gateway.hub.closed:
+        if not self._closing:
             await self.gateway.hub.close()
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
@@ -181,6 +183,7 @@ class Retracing:
             case "d":
                 gateway.was_stopped()
             case "q":
+                self._closing = True
                 self._tasks.append(self._loop.create_task(gateway.hub.close()))
             case "!" if event.data == SKY_READY.encode():
                 gateway.sky.load()
