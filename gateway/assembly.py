@@ -20,6 +20,7 @@ from gateway.config.programs import as_settings, programs, recognisable, settled
 from gateway.control import Control
 from gateway.control.orders import orders
 from gateway.driver import Driver
+from gateway.entrance import Entrance
 from gateway.equinox import J2000
 from gateway.errors import Fault, UserError
 from gateway.guests import Face, Manner, Reception
@@ -174,6 +175,8 @@ class Gateway:
         self.keeping: Keeping | None = None
         self.control: Control | None = None
         self.claim: MountClaim | None = None
+        #: How everything comes in that comes from outside.
+        self.entrance = Entrance()
 
     def remember(self) -> None:
         """Take up what an earlier run has kept on disk, and keep it on. Raises UserError for a mount that is taken."""
@@ -187,10 +190,10 @@ class Gateway:
         if self.keeping is None:
             self.remember()
         self._watch()
-        self.prepare(lambda dialogue, transcript: Line(self._wire(), dialogue, transcript))
+        self.prepare(lambda dialogue, transcript: Line(self.entrance.wire(self._wire()), dialogue, transcript))
         for endpoint, surface, reception in zip(self.endpoints, self.surfaces, self.receptions, strict=True):
             try:
-                self.ports.append(await open_port(endpoint.where, reception.arrive, surface.baud))
+                self.ports.append(await open_port(endpoint.where, self.entrance.arrive(reception), surface.baud))
             except UserError:
                 await self.close()
                 raise
@@ -198,7 +201,9 @@ class Gateway:
             if exposed(port.where) and surface.allow is None and surface.read_only is not True:
                 self.warn(f"{port.where}: there is no password, whoever can reach this port can move the mount; "
                           'allow = ["192.168.1.0/24"] on this surface lets in only those')
-        self.begin()
+        if self.hub is not None and self.hub.hold.on:
+            self.entrance.tell("h", lambda: None)
+        await self.entrance.begin(self.begin)
         await self._admit()
 
     def _watch(self) -> None:
@@ -219,9 +224,13 @@ class Gateway:
 
     def _was_stopped(self) -> None:
         """The watchdog process has stopped the mount while this one did not run: go on from what is seen."""
-        assert self.hub is not None
         self.warn(f"{self.title}: this gateway did not run for a while and its watchdog process stopped the mount; "
                   "the gateway goes on from where the mount is now")
+        self.entrance.tell("d", self.was_stopped)
+
+    def was_stopped(self) -> None:
+        """Another process has stopped the mount."""
+        assert self.hub is not None
         self.hub.line.distrust()
         self.hub.begin_stop()
 
@@ -241,6 +250,7 @@ class Gateway:
             self.keeping.attach(self.hub)
         if self.watched is not None:
             tell_of_motions(self.hub, self.watched)
+        self.hub.before_motion = self.entrance.waiting(self.hub.before_motion)
         changed = (lambda: None) if self.keeping is None else self.keeping.changed
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
             face = FACES[endpoint.protocol](endpoint, surface, config.limits)
@@ -262,7 +272,7 @@ class Gateway:
         """Let ``mount-gateway stop`` in."""
         assert self.hub is not None and self.keeping is not None
         where = [self.keeping.directory, *folders()[0]]
-        self.control = Control(where, self.keeping.name, str(self.mount), orders(self.hub, self.keeping))
+        self.control = Control(where, self.keeping.name, str(self.mount), orders(self.hub, self.keeping, self.entrance))
         try:
             await self.control.open()
         except OSError as error:
@@ -320,7 +330,7 @@ class Gateway:
                 await self.ports.pop().close()
         finally:  # whatever went wrong there, the mount is stopped
             if self.hub is not None:
-                await self.hub.close()
+                await self.entrance.end(self.hub.close)
             if self.keeping is not None:
                 await self.keeping.close()
             if self.control is not None:

@@ -83,7 +83,11 @@ class Reception:
 
     def arrive(self, name: str, host: str, write: Callable[[bytes], Any]) -> Guest:
         """A new connection. Raises TurnedAway."""
-        self._admit(name, host)
+        self.admit(name, host)
+        return self.come(name, host, write)
+
+    def come(self, name: str, host: str, write: Callable[[bytes], Any]) -> Guest:
+        """A new connection that has been admitted."""
         face = self.face
         session = Session(face.model, face.settings, self.clock, self.shared, self.changed)
         at, kept = self._left.get(host, (-1e9, {}))
@@ -102,7 +106,7 @@ class Reception:
         self._visits.add(visit)
         return visit
 
-    def _admit(self, name: str, host: str) -> None:
+    def admit(self, name: str, host: str) -> None:
         """See whether a connection may be, and say once of a host why not. Raises TurnedAway."""
         self._clients = {client for client in self._clients if client.open or client.busy}
         if not self.access.admits(host):

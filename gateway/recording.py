@@ -1,29 +1,42 @@
 """A recording: everything that passed on both sides, as text that a person reads and ``replay`` plays again.
 
-The head says with which settings; then one line is one thing: seconds since the beginning, who, an arrow, bytes. ``>``
-goes towards the mount, ``<`` comes from it; raw chunks as they arrived, requests and replies as they were written.
-``+`` and ``-`` are connections that come and go, ``!`` is a note, ``^`` and ``v`` are the mount's port opened and lost,
-``r`` is the hub's decision to read something anew.
+The head says with which settings; then one line is one thing: seconds, who, an arrow, bytes. ``>`` goes towards the
+mount, ``<`` comes from it; raw chunks as they arrived, requests and replies as they were written. ``ARROWS`` names the
+others. In format 2 every ``t`` line says at which turn of the event loop and at what time the things entered that
+follow it, which is the order in which they took effect; recordings of format 1 have no such lines.
 """
 
 from __future__ import annotations
 
-import contextlib
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple, TextIO
+from typing import Any, BinaryIO, NamedTuple
 
 from gateway.errors import UserError
 from gateway.logline import show
-from gateway.transcript import Entry
 
-MARK = "# mount-gateway recording 1"
+MARK = "# mount-gateway recording "
+#: The format that is written by an event loop whose turns can be told apart, and the one before it.
+FORMAT, WITHOUT_TURNS = 2, 1
 MOUNT = "mount"
-#: A file that has grown to this many bytes is put aside as FILE.1, the older ones as FILE.2 and so on.
-LONGEST, KEPT = 10_000_000, 9
-_LINE = re.compile(r"(\d+\.\d+) (\S+) ([<>+\-!^vr])(?: (.*))?")
+#: Who says the last line of a recording that came to its end.
+RECORDER = "recording"
+#: How that line begins when the recording could not be written any more.
+STOPPED = "stopped here"
+#: What is neither bytes nor of use in words: ``t`` a turn and its number, ``g`` something outside the gateway that it
+#: waited for has come (number, failure), ``l`` the mount's port was lost, ``w`` it could not be written to, ``k`` what
+#: the host's clock showed at 0 s, ``b s q`` the gateway begins, is told to stop the mount, and ends,
+#: ``d`` its watchdog has stopped the mount, ``o`` it is ordered to stop it and see that it rests, ``h u`` the mount is
+#: held and released.
+BOOKKEEPING = "tglwkbsqdohu"
+#: ``+ -`` are connections that come and go, ``!`` is a note, ``^ v`` are the mount's port opened and lost, ``r`` is the
+#: hub's decision to read something anew.
+ARROWS = "<>+-!^vr" + BOOKKEEPING
+#: No line is longer; a file that has a longer one is no recording.
+LONGEST_LINE = 1_000_000
+_LINE = re.compile(rf"(\d+\.\d+) (\S+) ([{re.escape(ARROWS)}])(?: (.*))?")
 
 
 class Event(NamedTuple):
@@ -33,13 +46,6 @@ class Event(NamedTuple):
     side: str
     arrow: str
     data: bytes
-
-
-class Recording(NamedTuple):
-    """``settings`` are those of the head: at least ``began`` (Unix seconds) and ``config``."""
-
-    settings: dict[str, Any]
-    events: list[Event]
 
 
 def escape(data: bytes) -> str:
@@ -53,119 +59,130 @@ def unescape(text: str) -> bytes:
     return re.sub(rb"\\x([0-9a-fA-F]{2})", lambda hit: bytes((int(hit.group(1), 16),)), raw)
 
 
-class Recorder:
-    """A transcript's sink that writes a file. ``now`` is the event loop's clock."""
+class Recording:
+    """The parts of a recording, oldest first. ``settings`` are those of the first head, ``format`` is its number."""
 
-    def __init__(self, path: Path, now: Callable[[], float], settings: dict[str, Any], longest: int = LONGEST) -> None:
-        self._path, self._now, self._settings, self._longest = path, now, settings, longest
-        self._began = now()
-        self._file: TextIO | None = None
-        self._size = 0
-        self._open(at=0.0)
+    def __init__(self, parts: list[Path]) -> None:
+        self.parts = parts
+        self.settings = _head(parts[0])
+        self.format = _format(parts[0]) or WITHOUT_TURNS
+        #: After everything has been read: why that is less than there was, in words; empty when it is all.
+        self.cut = ""
+        #: The file that it goes on in, where it does.
+        self.goes_on: Path | None = None
 
-    def _open(self, at: float) -> None:
-        try:
-            self._file = self._path.open("w", encoding="latin-1", errors="replace", newline="\n")
-        except OSError as error:
-            raise UserError(f"cannot record to {self._path}: {error.strerror}") from None
-        self._size = 0
-        self._write(f"{MARK}\n# {json.dumps({**self._settings, 'from': round(at, 6)})}\n")
+    def __iter__(self) -> Iterator[Event]:
+        """Everything that happened, read as it is wanted. Raises UserError with file and line."""
+        self.cut, last = "", None
+        for part in self.parts:
+            with part.open("rb") as file:
+                for event in self._read(part, file):
+                    last = event
+                    yield event
+        if not self.cut:
+            self.cut = self._missing(last)
 
-    def _write(self, text: str) -> None:
-        if self._file is not None:
-            self._file.write(text)
-            self._size += len(text)
+    def _missing(self, last: Event | None) -> str:
+        """Why this is less than there was, by its last line; empty when it is all."""
+        file = self.parts[-1]
+        ended = last is not None and (last.side, last.arrow) == (RECORDER, "!")
+        if self.goes_on is not None:
+            return f"{file}: the recording goes on{_when(last)} in {self.goes_on}"
+        if ended and last is not None and last.data.startswith(STOPPED.encode()):
+            return f"{file}: the recording {last.data.decode('latin-1')}"
+        if ended or self.format == WITHOUT_TURNS:
+            return ""
+        return (f"{file}: the recording breaks off{_when(last)}, because the gateway was killed or still runs: what "
+                "was written is good up to there")
 
-    def put(self, entry: Entry) -> None:
-        """Write an entry, where it is one of those that a recording holds."""
-        event = _event(entry)
-        if event is None or self._file is None:
-            return
-        at = self._now() - self._began
-        side, arrow, data = event
-        text = data if isinstance(data, str) else escape(data)
-        try:
-            self._write(f"{at:.6f} {side.replace(' ', '_')} {arrow} {text}".rstrip(" ") + "\n")
-            if arrow != ">" or side == MOUNT:
-                self._file.flush()
-            if self._size >= self._longest:
-                self._turn(at)
-        except (OSError, UserError):  # a full disk must not end the night
-            self.close()
-
-    def _turn(self, at: float) -> None:
-        """Put the file aside and begin the next one."""
-        self.close()
-        for number in range(KEPT - 1, 0, -1):
-            with contextlib.suppress(OSError):
-                _part(self._path, number).replace(_part(self._path, number + 1))
-        self._path.replace(_part(self._path, 1))
-        self._open(at)
-
-    def close(self) -> None:
-        """Nothing is written from now on."""
-        file, self._file = self._file, None
-        if file is not None:
-            with contextlib.suppress(OSError):
-                file.close()
+    def _read(self, part: Path, file: BinaryIO) -> Iterator[Event]:
+        for _ in range(2):
+            file.readline(LONGEST_LINE)
+        number, last = 2, None
+        while raw := file.readline(LONGEST_LINE):
+            number += 1
+            if (not raw.endswith(b"\n") and len(raw) < LONGEST_LINE) or raw.startswith(b"\0"):
+                self.cut = (f"{part}:{number}: the recording is cut off in the middle of a line{_when(last)}: "
+                            "what was written is good up to there")
+                return
+            line = raw.decode("latin-1").rstrip("\n")
+            found = _LINE.fullmatch(line)
+            if found is None:
+                if not line:
+                    continue
+                raise UserError(f"{part}:{number}: {line[:60]!r} is no line of a recording: SECONDS WHO ARROW BYTES")
+            at, side, arrow, text = found.groups()
+            data = unescape(text or "") if arrow in "<>" else (text or "").encode("latin-1")
+            last = Event(float(at), side, arrow, data)
+            yield last
 
 
-def _part(path: Path, number: int) -> Path:
+def _when(last: Event | None) -> str:
+    return f" after {last.at:.3f} s" if last is not None else ""
+
+
+def part_of(path: Path, number: int) -> Path:
+    """The file that a part is put aside as."""
     return path.with_name(f"{path.name}.{number}")
 
 
-def _event(entry: Entry) -> tuple[str, str, bytes | str] | None:
-    """What a recording holds of an entry: raw chunks instead of what was cut out of them."""
-    side, arrow, data, note = entry.side, entry.arrow, entry.data, entry.note
-    if arrow == "raw":
-        return side, "<" if side == MOUNT else ">", data
-    if arrow in ("<", ">"):
-        cut = arrow == ("<" if side == MOUNT else ">")
-        return None if cut else (side, arrow, data)
-    return side, arrow, note.replace("\n", " ")
-
-
 def read(path: Path) -> Recording:
-    """Read a recording with the parts that were put aside before it. Raises UserError with file and line."""
-    parts = [path]
-    while _part(path, len(parts)).exists():
-        parts.append(_part(path, len(parts)))
-    settings: dict[str, Any] = {}
-    events: list[Event] = []
-    for part in reversed(parts):
-        head, more = _read_part(part)
-        settings = settings or head
-        events += more
-    return Recording(settings, events)
+    """A recording up to the end of this file, with the parts that were put aside before it.
+
+    Raises UserError with file and line.
+    """
+    settings, parts = _head(path), [path]
+    base, dot, number = str(path).rpartition(".")
+    first, name = (int(number) + 1, Path(base)) if dot and number.isdecimal() else (1, path)
+    while settings["from"] or first == 1:
+        older = part_of(name, first)
+        if not older.exists() or not is_recording(older):
+            break
+        head = _head(older)
+        if head["began"] != settings["began"]:
+            break  # of another run
+        parts.append(older)
+        settings, first = head, first + 1
+    recording = Recording(parts[::-1])
+    if name != path:
+        newer = part_of(name, int(number) - 1) if int(number) > 1 else name
+        if newer.exists() and is_recording(newer) and _head(newer)["began"] == settings["began"]:
+            recording.goes_on = newer
+    return recording
 
 
 def is_recording(path: Path) -> bool:
     """Whether a file begins as a recording does. Raises UserError when it cannot be read."""
+    return _format(path) is not None
+
+
+def _format(path: Path) -> int | None:
+    """The number of a recording's format; None for a file that is no recording. Raises UserError."""
     try:
         with path.open("rb") as file:
-            return file.read(len(MARK)) == MARK.encode()
+            line = file.readline(len(MARK) + 8).decode("latin-1")
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}") from None
+    number = line.removeprefix(MARK).rstrip("\n")
+    if not line.startswith(MARK) or not number.isdecimal():
+        return None
+    if int(number) not in (FORMAT, WITHOUT_TURNS):
+        raise UserError(f"{path}: this recording has format {number}, which is newer than this version of "
+                        f"mount-gateway: it reads up to format {FORMAT}")
+    return int(number)
 
 
-def _read_part(path: Path) -> tuple[dict[str, Any], list[Event]]:
+def _head(path: Path) -> dict[str, Any]:
+    """The settings that a part of a recording begins with. Raises UserError."""
     if not is_recording(path):
         raise UserError(f"{path}: this is no recording of mount-gateway (run --record {path} makes one)")
-    lines = path.read_text("latin-1").split("\n")
+    with path.open("rb") as file:
+        file.readline(LONGEST_LINE)
+        line = file.readline(LONGEST_LINE)
     try:
-        settings = json.loads(lines[1].removeprefix("# "))
+        settings: dict[str, Any] = json.loads(line.decode("latin-1").removeprefix("# "))
         if not {"began", "config", "from"} <= set(settings):
             raise ValueError
-    except (IndexError, ValueError, TypeError):
+    except (ValueError, TypeError, RecursionError):
         raise UserError(f"{path}:2: the settings of the recording cannot be read") from None
-    events = []
-    for number, line in enumerate(lines[2:], 3):
-        found = _LINE.fullmatch(line)
-        if found is None:
-            if number == len(lines) or not line:  # cut off by a crash, or the end
-                continue
-            raise UserError(f"{path}:{number}: {line[:60]!r} is no line of a recording: SECONDS WHO ARROW BYTES")
-        at, side, arrow, text = found.groups()
-        data = (text or "").encode("latin-1") if arrow in "+-!^vr" else unescape(text or "")
-        events.append(Event(float(at), side, arrow, data))
-    return settings, events
+    return settings

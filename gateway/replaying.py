@@ -1,18 +1,20 @@
 """Replaying a recording: its times are the clock, its mount bytes are the mount, its clients ask again.
 
-Every client must receive the bytes that it received then. The line sends its requests in the recorded order and at the
-recorded times; the hub decides as it did, for it lives on what the mount and the clients say and on nothing else.
+Every client must receive the bytes that it received then. A recording that tells at which turns of the event loop all
+came is played turn by turn (``retracing``). Of an older one, or one of another version, the order is guessed: the line
+sends its requests in the recorded order and at the recorded times, and the hub decides as it did.
 """
 
 from __future__ import annotations
 
 import asyncio
-import re
+import sys
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import msgspec
 
+from gateway import __version__
 from gateway import operations as op
 from gateway.assembly import Gateway
 from gateway.config import MountConfig, SurfaceConfig
@@ -21,7 +23,9 @@ from gateway.keeping import Past
 from gateway.line import Line
 from gateway.ports import Guest
 from gateway.recorded import ROUNDED, RecordedLine, RecordedLoop, RecordedWire
-from gateway.recording import MOUNT, Event, Recording
+from gateway.recording import MOUNT, WITHOUT_TURNS, Event, Recording
+from gateway.retraced import RetracedLoop
+from gateway.retracing import Difference, Retracing, surface_and_host
 from gateway.talk import Dialogue
 from gateway.transcript import SKY_READY, Entry, Transcript
 from gateway.virtual import run
@@ -33,31 +37,52 @@ TURNS = 60
 AFTERWARDS = 1.0
 
 
-class Difference(NamedTuple):
-    """The first byte at which a client was told something else: what it received then, and now."""
-
-    client: str
-    at: float
-    then: bytes
-    now: bytes
-
-
 class Outcome(NamedTuple):
-    """``strayed`` are the moments at which the gateway asked the mount something else than it did then."""
+    """``strayed`` are the moments at which the gateway asked the mount something else than it did then.
+
+    ``guessed`` tells why the order of events could not be followed exactly; empty when it was.
+    """
 
     clients: int
     replies: int
     requests: int
     differences: list[Difference]
     strayed: list[str]
+    guessed: str = ""
 
 
 def replay(recording: Recording) -> Outcome:
     """Play a recording again. Raises UserError for one whose beginning is missing."""
     if recording.settings["from"]:
-        raise UserError("the beginning of this recording was rotated away: it can be decoded, or replayed with --sim")
-    outcome: Outcome = run(_replay(recording), lambda: RecordedLoop(recording.events))
-    return outcome
+        raise UserError(f"{recording.parts[0]}: the recording's beginning is missing, it was deleted when the files "
+                        "became too many (record-keep) or is in files that are not here: it can be decoded, "
+                        "or replayed with --sim")
+    why = _guess(recording)
+    if not why:
+        with asyncio.Runner(loop_factory=RetracedLoop) as runner:
+            return runner.run(_retrace(recording))
+    events = list(recording)
+    outcome: Outcome = run(_replay(recording, events), lambda: RecordedLoop(events))
+    return outcome._replace(guessed=why)
+
+
+def _guess(recording: Recording) -> str:
+    """Why the order in which things took effect must be guessed; empty when it can be followed."""
+    if recording.format == WITHOUT_TURNS:
+        return "the recording is of an older format, which does not tell the order in which commands took effect"
+    recorded = recording.settings.get("version"), recording.settings.get("python")
+    here = __version__, "{}.{}".format(*sys.version_info)
+    if recorded != here:
+        return "it was recorded by mount-gateway {} on Python {}, and this is {} on {}".format(*recorded, *here)
+    return ""
+
+
+async def _retrace(recording: Recording) -> Outcome:
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, RetracedLoop)
+    played = Retracing(_gateway(recording, loop.time), loop)
+    await played.run(recording)
+    return Outcome(played.clients, played.replies, played.wire.requests, played.differences, played.wire.strayed)
 
 
 def _gateway(recording: Recording, clock: Callable[[], float]) -> Gateway:
@@ -74,14 +99,14 @@ def _gateway(recording: Recording, clock: Callable[[], float]) -> Gateway:
     return gateway
 
 
-async def _replay(recording: Recording) -> Outcome:
+async def _replay(recording: Recording, events: list[Event]) -> Outcome:
     loop = asyncio.get_running_loop()
     assert isinstance(loop, RecordedLoop)
 
     def now() -> float:
         return loop.time() - loop.began
 
-    wire = RecordedWire(recording.events, now)
+    wire = RecordedWire(events, now)
     gateway = _gateway(recording, lambda: float(recording.settings["began"]) + now())
     lines: list[RecordedLine] = []
 
@@ -94,7 +119,7 @@ async def _replay(recording: Recording) -> Outcome:
     clients = _Clients(gateway)
     gateway.begin(refresh=False)  # the recording decides
     asked = 0
-    for cause, requests in _causes(recording.events):
+    for cause, requests in _causes(events):
         await loop.until(cause.at)
         at_once = sum(at <= cause.at + ROUNDED for at in requests)
         lines[0].allow(at_once)
@@ -112,9 +137,9 @@ async def _replay(recording: Recording) -> Outcome:
         asked += len(requests)
     await asyncio.sleep(AFTERWARDS)
     await gateway.close()
-    total = sum(1 for event in recording.events if event.side == MOUNT and event.arrow == ">")
-    replies = sum(1 for event in recording.events if event.side != MOUNT and event.arrow == "<")
-    return Outcome(len(clients.all), replies, total, clients.compare(recording.events), wire.strayed)
+    total = sum(1 for event in events if event.side == MOUNT and event.arrow == ">")
+    replies = sum(1 for event in events if event.side != MOUNT and event.arrow == "<")
+    return Outcome(len(clients.all), replies, total, clients.compare(events), wire.strayed)
 
 
 def replay_on_simulator(recording: Recording, show: Callable[[str], object]) -> None:
@@ -147,7 +172,7 @@ async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> 
     gateway.sky.load()
     clients = _Clients(gateway)
     gateway.begin()
-    for event in recording.events:
+    for event in recording:
         await asyncio.sleep(max(0.0, event.at - now()))
         if event.side != MOUNT:
             clients.play(event)
@@ -221,13 +246,11 @@ class _Clients:
                 self._here[event.side].guest.feed(event.data)
 
     def _come(self, event: Event) -> None:
-        found = re.fullmatch(r"surface (\d+), host (.*)", event.data.decode("latin-1"))
-        if found is None:
-            raise UserError(f"recording, {event.at:.6f} s: a connection without its surface and host")
+        number, host = surface_and_host(event)
         now = bytearray()
-        reception = self._gateway.receptions[int(found.group(1)) - 1]
-        talk = _Talk(event.side, reception.arrive(event.side, found.group(2), now.extend), now)
-        if self._gateway.endpoints[int(found.group(1)) - 1].where.startswith(("tcp://", "rfc2217://")):
+        reception = self._gateway.receptions[number - 1]
+        talk = _Talk(event.side, reception.come(event.side, host, now.extend), now)  # it was not turned away then
+        if self._gateway.endpoints[number - 1].where.startswith(("tcp://", "rfc2217://")):
             talk.guest.network(lambda last: None)  # a stranger's bytes are in no recording
         self._here[event.side] = talk
         self.all.append(talk)

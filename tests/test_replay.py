@@ -13,7 +13,8 @@ import pytest
 from gateway.assembly import Gateway
 from gateway.config import MountConfig, SurfaceConfig
 from gateway.line import Line
-from gateway.recording import Recorder, read
+from gateway.recorder import Recorder
+from gateway.recording import read
 from gateway.replaying import Outcome, replay
 from gateway.simulators import make_simulator
 from gateway.transcript import Transcript
@@ -96,6 +97,14 @@ def test_every_client_receives_the_same_bytes_again(pair: str, tmp_path: Path) -
     assert outcome.strayed == []
     assert outcome.clients == 9
     assert outcome.replies > 150 and outcome.requests > 50 and len(told) > 1000
+
+
+def test_a_recording_of_an_older_format_replays() -> None:
+    outcome = _replayed(Path(__file__).parent / "recordings" / "format-1.rec")
+    assert outcome.differences == []
+    assert outcome.strayed == []
+    assert (outcome.clients, outcome.replies, outcome.requests) == (9, 79, 96)
+    assert "older format" in outcome.guessed
 
 
 def test_another_answer_of_the_mount_shows(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,37 +23,65 @@ def add(commands: Any) -> None:
 
 
 def _decode(arguments: argparse.Namespace) -> int:
-    from gateway.assembly import DRIVERS, FACES
-    from gateway.captures import chunks
-    from gateway.config import Endpoint, MountConfig, SurfaceConfig, parse_endpoint
-    from gateway.decode import decode, guess
-    from gateway.recording import MOUNT, is_recording, read
-    from gateway.safety import Limits
+    from gateway.captures import Capture, Chunk, is_text
+    from gateway.decode import NoConversation, decode, folded, guess
+    from gateway.recording import MOUNT
 
     path = arguments.file
-    found = chunks(path)
+    capture = Capture(path)
+    recording = capture.recording
     protocols: dict[str, str] = {}
+    surfaces: list[str] = []
     began = None
-    if is_recording(path):
-        settings = read(path).settings
-        began = settings["began"]
-        protocols[MOUNT] = parse_endpoint(settings["config"]["mount"]["at"]).protocol
-        surfaces = [parse_endpoint(surface["at"]).protocol for surface in settings["config"]["surface"]]
-        for chunk in found:
-            if chunk.arrow == "+":
-                number = int(chunk.data.split(b",")[0].split()[-1])
-                protocols[chunk.side] = surfaces[number - 1]
+    if recording is not None:
+        began = recording.settings["began"]
+        protocols[MOUNT] = _protocol(recording.settings["config"]["mount"])
+        surfaces = [_protocol(surface) for surface in recording.settings["config"]["surface"]]
     else:
-        protocol = arguments.protocol or guess(found)
+        sample = capture.sample()
+        if capture.bare and not arguments.protocol and is_text(sample):
+            raise UserError(f"{path}: this is text, and no capture of a serial line; decode reads recordings of "
+                            "run --record, pyserial's spy://, socat -x, and the bare bytes that a client sent "
+                            "(with --protocol whatever they look like)")
+        protocol = arguments.protocol or guess(sample)
         if protocol is None:
             raise UserError(f"{path}: nothing in it was sent by a client; name the protocol with --protocol")
         protocols["client"] = protocol
 
-    def talk(side: str) -> tuple[str, Any, Any]:
-        protocol = protocols.get(side, protocols.get(MOUNT, "lx200"))
-        face = FACES[protocol](Endpoint(protocol, "-"), SurfaceConfig(at="-"), Limits())
-        dialogue = DRIVERS[protocol](Endpoint(protocol, "-"), MountConfig(at="-"), time.monotonic)[2]
-        return protocol, face.framing, dialogue
+    def introduced() -> Iterator[Chunk]:
+        """The chunks, where it is known of each connection on which surface it came in."""
+        for chunk in capture:
+            if chunk.arrow == "+":
+                number = int(chunk.data.split(b",")[0].split()[-1])
+                protocols[chunk.side] = surfaces[number - 1]
+            yield chunk
 
-    print("\n".join(decode(found, talk, began)))
+    def talk(side: str) -> tuple[str, Any, Any]:
+        return _talk(protocols.get(side, protocols.get(MOUNT, "lx200")))
+
+    lines = decode(introduced(), talk, began)
+    try:
+        for line in folded(lines) if capture.bare else lines:
+            print(line)
+    except NoConversation as error:
+        raise UserError(f"{path}: {error}") from None
+    if recording is not None and recording.cut:
+        print(recording.cut)
     return 0
+
+
+def _protocol(settings: dict[str, Any]) -> str:
+    from gateway.config import parse_endpoint
+
+    return parse_endpoint(settings["at"]).protocol
+
+
+def _talk(protocol: str) -> tuple[str, Any, Any]:
+    """A protocol with its framing and its dialogue."""
+    from gateway.assembly import DRIVERS, FACES
+    from gateway.config import Endpoint, MountConfig, SurfaceConfig
+    from gateway.safety import Limits
+
+    face = FACES[protocol](Endpoint(protocol, "-"), SurfaceConfig(at="-"), Limits())
+    dialogue = DRIVERS[protocol](Endpoint(protocol, "-"), MountConfig(at="-"), time.monotonic)[2]
+    return protocol, face.framing, dialogue

@@ -26,10 +26,16 @@ def _replay(arguments: argparse.Namespace) -> int:
     recording = read(arguments.file)
     if arguments.sim:
         replay_on_simulator(recording, print)
+        if recording.cut:
+            print(recording.cut)
         return 0
     outcome = replay(recording)
     for words in [*outcome.strayed[:10], *in_words(outcome.differences)]:
         print(words)
+    if recording.cut:
+        print(recording.cut)
+    if outcome.differences and outcome.guessed:
+        print(f"the order of events was guessed, so that what is different may be due to that: {outcome.guessed}")
     verdict = "the same bytes" if not outcome.differences else f"{len(outcome.differences)} were told something else"
     print(f"{outcome.clients} connections, {outcome.replies} replies, {outcome.requests} requests: {verdict}")
     return 1 if outcome.differences else 0

@@ -38,4 +38,5 @@ def add(commands: Any) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     config, _ = settings(arguments)
     watchdog = start_watchdog(config)  # before anything heavy is imported
-    return with_loop(arguments.loop == "fast", lambda: serve_mounts(config, watchdog=watchdog))
+    return with_loop(arguments.loop == "fast", lambda: serve_mounts(config, watchdog=watchdog),
+                     any(mount.record for mount in config.mount))

@@ -13,10 +13,8 @@ import sys
 import time
 from collections.abc import Awaitable, Callable, Sequence
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from gateway import __version__
 from gateway.cli.live import Screen, find_terminal, look_on
 from gateway.cli.signals import before_suspension, until_signal
 from gateway.config import Config, parse_endpoint
@@ -24,11 +22,12 @@ from gateway.descriptors import make_room
 from gateway.errors import Fault, UserError
 from gateway.notify import notify
 from gateway.transcript import SKY_READY
+from gateway.turns import TurnLoop
 
 if TYPE_CHECKING:
     from gateway.announce import Offer
     from gateway.assembly import Gateway
-    from gateway.recording import Recorder
+    from gateway.recorder import Recorder
     from gateway.watchdog import Watchdog
 
 #: How long a mount may take to say its first word (a hand control's worst), and to say all that it is asked.
@@ -39,10 +38,10 @@ SUSPEND = 4.0
 QUICK = 0.5
 
 
-def with_loop(fast: bool, serve: Callable[[], Awaitable[int]]) -> int:
-    """Run on uvloop where it is installed, else on asyncio's own loop."""
-    factory: Callable[[], asyncio.AbstractEventLoop] | None = None
-    if fast:
+def with_loop(fast: bool, serve: Callable[[], Awaitable[int]], recorded: bool = False) -> int:
+    """Run on uvloop where it is installed, else on asyncio's own; ``recorded``: on one that can be played again."""
+    factory: Callable[[], asyncio.AbstractEventLoop] | None = TurnLoop if recorded else None
+    if fast and not recorded:
         try:
             import uvloop
 
@@ -69,6 +68,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     """
     from gateway.announce import Announcement, offered
     from gateway.assembly import Gateway
+    from gateway.cli.recorded import host_clock, record
     from gateway.sky import Sky
     from gateway.transcript import Transcript
 
@@ -78,6 +78,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     if watchdog is not None:
         watchdog.warn = screen.warn
     gateways: list[Gateway] = []
+    recorders: list[Recorder] = []
     onlookers: list[asyncio.Task[None]] = []
     announcement = Announcement(screen.warn, lambda text: gateways[0].transcript.note("mount", text))
 
@@ -93,10 +94,11 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
             from gateway.logline import printer
 
             transcript.sinks.append(printer(parse_endpoint(mount.at).protocol, sys.stderr, mount.name))
-        gateways.append(Gateway(mount, config.of(mount), transcript, sky, warn=screen.warn, watchdog=watchdog))
+        clock = host_clock() if mount.record else time.time
+        gateways.append(Gateway(mount, config.of(mount), transcript, sky, clock, screen.warn, watchdog))
         gateways[-1].remember()
         if mount.record:
-            transcript.sinks.append(_recorder(mount.record, gateways[-1]).put)
+            recorders.append(record(mount.record, gateways[-1]))
     before_suspension(lambda: _stand_still(gateways, screen))
     try:
         for gateway in gateways:
@@ -109,6 +111,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
 
         def sky_ready() -> None:
             gc.freeze()
+            sky.use()
             for gateway in gateways:
                 gateway.transcript.note("mount", SKY_READY)
 
@@ -136,15 +139,18 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
         if watchdog is not None:
             watchdog.close()
+        for recorder in recorders:
+            recorder.close()
     return 0
 
 
 async def _stand_still(gateways: Sequence[Gateway], screen: Screen) -> None:
     """Before this process is suspended: stop what moves, and say what was done."""
-    moving = [gateway.hub for gateway in gateways if gateway.hub is not None and gateway.hub.motions.busy]
+    moving = [(gateway.entrance, gateway.hub) for gateway in gateways
+              if gateway.hub is not None and gateway.hub.motions.busy]
     try:
         async with asyncio.timeout(SUSPEND):
-            await asyncio.gather(*(hub.stop() for hub in moving))
+            await asyncio.gather(*(entrance.stop(hub.stop) for entrance, hub in moving))
         outcome = "the mount was stopped" if moving else "the mount was not moving"
     except (Fault, TimeoutError):
         outcome = "the mount has not acknowledged the stop; look at it"
@@ -156,23 +162,14 @@ def _programs(config: Config) -> int:
     return sum(surface.max_clients if "://" in parse_endpoint(surface.at).where else 1 for surface in config.surface)
 
 
-def _recorder(path: str, gateway: Gateway) -> Recorder:
-    import msgspec
-
-    from gateway.recording import Recorder
-
-    config = {"mount": gateway.config, "surface": gateway.surfaces}
-    settings = {"began": time.time(), "config": config, "past": gateway.past, "version": __version__}
-    return Recorder(Path(path), asyncio.get_running_loop().time, msgspec.to_builtins(settings))
-
-
 def _from_the_thread(work: Callable[[], object]) -> Callable[[], None]:
     """What another thread may call to have something done on this one, as long as there is a loop."""
     loop = asyncio.get_running_loop()
+    todo = (lambda: loop.enter(work)) if isinstance(loop, TurnLoop) else work
 
     def call() -> None:
         with contextlib.suppress(RuntimeError):  # the loop is closed: nobody wants to know
-            loop.call_soon_threadsafe(work)
+            loop.call_soon_threadsafe(todo)
 
     return call
 

@@ -17,7 +17,7 @@ from gateway.errors import UserError
 GROUPS = {
     "safety": ("lowest", "highest", "sun", "hour-angle-limit", "sync-limit", "unaligned", "dead-man", "dead-man-closed",
                "watchdog"),
-    "how it runs": ("wait", "log", "status", "record", "state"),
+    "how it runs": ("wait", "log", "status", "record", "record-keep", "state"),
     "simulated mounts": ("latency", "speed"),
 }
 MOUNT = "about the mount"

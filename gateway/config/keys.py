@@ -70,6 +70,8 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
                                       "/var/lib/mount-gateway")] = None
     record: Annotated[str | None, _key("write everything that passes to a file that replay plays again", "FILE",
                                        "/var/tmp/night.rec")] = None
+    record_keep: Annotated[int, _key("how many files of 10 MB a recording has at most; the oldest is deleted", "N",
+                                     ge=1, le=10000)] = 20
     latency: Annotated[float, _key("seconds that a simulated mount takes to answer", "S", ge=0.0, le=3.0)] = 0.0
     speed: Annotated[float, _key("a simulated mount slews this many times faster than real", "TIMES",
                                  gt=0.0, le=1000.0)] = 1.0

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 
 from gateway import hold as on_disk
 from gateway.control.server import Order
+from gateway.entrance import Entrance
 from gateway.errors import Fault
 from gateway.hub import Hub
 from gateway.hub.rest import SIGHT, come_to_rest
@@ -23,25 +24,29 @@ ACKNOWLEDGED = 5.0
 LONGEST = ACKNOWLEDGED + SIGHT + 2.0
 
 
-def orders(hub: Hub, keeping: Keeping) -> Mapping[str, Order]:
+def orders(hub: Hub, keeping: Keeping, entrance: Entrance = Entrance()) -> Mapping[str, Order]:
     """By word."""
 
     async def stop() -> str:
-        return await stopped(hub)
+        return await entrance.order(lambda: stopped(hub))
 
     async def hold() -> str:
-        hub.hold.on = True
-        answer, trouble = await asyncio.gather(stopped(hub), _on_disk(keeping, held=True))
+        entrance.tell("h", lambda: _hold(hub, True))
+        answer, trouble = await asyncio.gather(entrance.order(lambda: stopped(hub)), _on_disk(keeping, held=True))
         if answer != STOPPED:
             return f"failed not stopped: {answer.removeprefix('failed ')}; it is held from now on{trouble}"
         return f"failed it is stopped and held{trouble}" if trouble else HELD
 
     async def release() -> str:
         trouble = await _on_disk(keeping, held=False)
-        hub.hold.on = False
+        entrance.tell("u", lambda: _hold(hub, False))
         return f"failed it is released{trouble}" if trouble else RELEASED
 
     return {"stop": stop, "hold": hold, "release": release}
+
+
+def _hold(hub: Hub, on: bool) -> None:
+    hub.hold.on = on
 
 
 async def stopped(hub: Hub) -> str:

@@ -107,7 +107,7 @@ class _Connection(asyncio.BufferedProtocol):
     def _write(self, data: bytes) -> None:
         if self._replies is not None:
             self._replies.append(data)
-        elif self._transport is not None:
+        elif self._transport is not None and not self._transport.is_closing():
             self._transport.write(data)
 
     def pause_writing(self) -> None:

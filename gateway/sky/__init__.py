@@ -46,6 +46,7 @@ class Sky:
     def __init__(self) -> None:
         self._closed = Almanac()
         self._exact: Almanac | None = None
+        self._in_use = True
         self._frames: dict[tuple[Almanac, float], Frame] = {}
         self.failure = ""
         """Why ERFA could not be loaded, in words; empty while all is well."""
@@ -53,17 +54,26 @@ class Sky:
     @property
     def ready(self) -> bool:
         """True once the exact answers are in use."""
-        return self._exact is not None
+        return self._exact is not None and self._in_use
 
-    def start(self, done: Callable[[], object] = lambda: None) -> None:
-        """Load ERFA and the Earth's rotation on a daemon thread, which calls ``done`` at the end; returns at once."""
+    def start(self, done: Callable[[], object] | None = None) -> None:
+        """Load ERFA and the Earth's rotation on a daemon thread; returns at once.
+
+        Where the thread calls ``done`` at the end, the exact answers are not in use before somebody calls ``use``.
+        """
         import threading  # with `load`'s import, all that would make this module slow to import
 
         def work() -> None:
             self.load()
-            done()
+            if done is not None:
+                done()
 
+        self._in_use = done is None
         threading.Thread(target=work, name="sky", daemon=True).start()
+
+    def use(self) -> None:
+        """From now on the exact answers are given."""
+        self._in_use = True
 
     def load(self) -> None:
         """What `start` does, in the caller's own time. Never raises: sets `ready`, or `failure`."""
@@ -148,7 +158,7 @@ class Sky:
     def _almanac(self, unix: float) -> Almanac:
         """The best there is for a date."""
         exact = self._exact
-        return exact if exact is not None and _EXACT_FROM <= unix < _EXACT_TO else self._closed
+        return exact if exact is not None and self._in_use and _EXACT_FROM <= unix < _EXACT_TO else self._closed
 
     def _frame(self, unix: float) -> tuple[float, Frame]:
         """The minute a moment lies in and the Earth's frame at its start, kept for the next caller.

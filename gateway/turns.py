@@ -1,0 +1,110 @@
+"""An event loop whose turns can be told apart, so that what happened in them can happen again.
+
+Within a turn time stands still, and what comes from outside enters at the beginning of one, in the order in which it
+came. Everything else a program does on this loop follows from that: whoever knows at which turn and time what entered
+can have it all again, callback by callback. Times are whole microseconds, so that they survive being written down.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import selectors
+import time
+from collections import deque
+from collections.abc import Callable
+from itertools import count
+from typing import Any
+
+#: The loop's time at its beginning, seconds.
+BASE = 1000.0
+#: Timers of the same moment and less than this apart are due together, seconds.
+RESOLUTION = 1e-9
+
+Wait = Callable[[float | None], list[Any]]
+
+
+class _Turning(selectors.DefaultSelector):
+    """A selector that tells its loop that a turn begins."""
+
+    loop: TurnLoop
+
+    def select(self, timeout: float | None = None) -> list[Any]:
+        return self.loop.begin_turn(timeout, super().select)
+
+
+class _Timer(asyncio.TimerHandle):
+    """Of two timers of the same moment the older one comes first, whatever else the loop has to do."""
+
+    __slots__ = ("number",)
+
+    def __init__(self, number: int, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.number = number
+
+    def __lt__(self, other: object) -> bool:
+        assert isinstance(other, _Timer)
+        return (self.when(), self.number) < (other.when(), other.number)
+
+
+class TurnLoop(asyncio.SelectorEventLoop):
+    """``elapsed`` is the time of this turn in seconds since the loop began, ``turn`` its number.
+
+    ``on_time`` are called whenever time has gone on. ``clock`` is the real time in seconds.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock, self._origin = clock, clock()
+        self.elapsed, self.turn = 0.0, 0
+        self.on_time: list[Callable[[], None]] = []
+        self._entering: deque[tuple[Callable[..., object], tuple[Any, ...]]] = deque()
+        self._timers = count()
+        selector = _Turning()
+        selector.loop = self
+        super().__init__(selector)
+        self._clock_resolution = RESOLUTION
+
+    def time(self) -> float:
+        return BASE + self.elapsed
+
+    @property
+    def real(self) -> float:
+        """Seconds since the loop began, at this very moment."""
+        return self._clock() - self._origin
+
+    def enter(self, callback: Callable[..., object], *arguments: Any) -> None:
+        """Have something from outside done at the beginning of the next turn. To be called on the loop's thread."""
+        self._entering.append((callback, arguments))
+
+    def begin_turn(self, timeout: float | None, wait: Wait) -> list[Any]:
+        """Wait for something to do for up to ``timeout`` seconds of this turn's time -> what the system tells."""
+        idle = timeout != 0 and not self._entering
+        if not idle:
+            timeout = 0
+        elif timeout is not None:
+            timeout = max(0.0, timeout - (self.real - self.elapsed))
+        events = wait(timeout)
+        self.turn += 1
+        elapsed = max(self.elapsed, round(self.real, 6))
+        if idle or self._entering or self._due(elapsed):
+            self.elapsed = elapsed
+            for tell in self.on_time:
+                tell()
+        while self._entering:
+            callback, arguments = self._entering.popleft()
+            self.call_soon(callback, *arguments)
+        return events
+
+    def _due(self, elapsed: float) -> bool:
+        """Whether a timer has come."""
+        timers: list[asyncio.TimerHandle] = self._scheduled  # type: ignore[attr-defined]  # asyncio has no public way
+        return bool(timers) and timers[0].when() < BASE + elapsed + RESOLUTION
+
+    def call_at(  # type: ignore[override]  # the library's own signature needs a newer Python to be written down
+        self, when: float, callback: Callable[..., object], *args: Any, context: Any = None
+    ) -> asyncio.TimerHandle:
+        import heapq
+
+        timer = _Timer(next(self._timers), when, callback, args, self, context)
+        heapq.heappush(self._scheduled, timer)  # type: ignore[attr-defined]
+        timer._scheduled = True  # type: ignore[attr-defined]
+        return timer

@@ -1,0 +1,85 @@
+"""A busy computer on virtual time: every turn of the event loop takes a while, and whoever sleeps wakes late."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Coroutine
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from gateway.assembly import Gateway
+from gateway.cli.recorded import record
+from gateway.config import MountConfig, SurfaceConfig
+from gateway.entrance import HostClock
+from gateway.line import Line
+from gateway.ports import Guest
+from gateway.recorder import Recorder
+from gateway.simulators import make_simulator
+from gateway.transcript import Transcript
+from gateway.turns import TurnLoop, Wait
+from gateway.wires import SimulatorWire
+
+#: 2026-01-15 22:00 UTC
+EVENING = 1768514400.0
+
+
+class BusyLoop(TurnLoop):
+    """Takes its whims from ``random``."""
+
+    def __init__(self, random: Random) -> None:
+        self.passed, self._random = 0.0, random
+        super().__init__(lambda: self.passed)
+
+    def begin_turn(self, timeout: float | None, wait: Wait) -> list[Any]:
+        def jump(seconds: float | None) -> list[Any]:
+            assert seconds is not None, "nothing will ever happen again"
+            self.passed += seconds + self._random.expovariate(500.0 if seconds else 5000.0)
+            return []
+
+        return super().begin_turn(timeout, jump)
+
+
+def run_busy(program: Coroutine[Any, Any, Any], seed: object) -> Any:
+    """Run a coroutine on a busy computer."""
+    with asyncio.Runner(loop_factory=lambda: BusyLoop(Random(str(seed)))) as runner:
+        return runner.run(program)
+
+
+class Pluggable(SimulatorWire):
+    """A simulated mount whose cable comes off."""
+
+    async def open(self, on_data: Any, on_lost: Any) -> None:
+        self.lose = lambda: on_lost("pulled out")
+        await super().open(on_data, on_lost)
+
+
+class Recorded:
+    """A gateway with one surface in this process, recorded in ``path``; ``ahead`` is how far its host's clock is."""
+
+    def __init__(self, path: Path, mount: str, presented: str, longest: int = 10_000_000, **surface: Any) -> None:
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, BusyLoop)
+        self.loop, self.ahead = loop, 0.0
+        clock = HostClock(loop, lambda: EVENING + loop.passed + self.ahead, lambda: loop.passed)
+        surfaces = [SurfaceConfig(at=f"{presented}@tcp://:0", **surface)]
+        self.gateway = Gateway(MountConfig(at=f"{mount}@sim"), surfaces, Transcript(clock), clock=clock)
+        self.wire = Pluggable("sim", make_simulator(self.gateway.mount, clock=clock, speed=3.0).connection, 0.0131)
+        self.recorder: Recorder = record(str(path), self.gateway, longest)
+        entrance = self.gateway.entrance
+        self.gateway.prepare(lambda dialogue, to: Line(entrance.wire(self.wire), dialogue, to))
+        self._arrive = entrance.arrive(self.gateway.receptions[0])
+
+    def arrive(self, name: str, write: Any) -> Guest:
+        """A new connection. Raises TurnedAway."""
+        guest = self._arrive(name, name.partition(":")[0], write)
+        guest.network(lambda last: None)
+        return guest
+
+    async def __aenter__(self) -> Recorded:
+        await self.gateway.entrance.begin(self.gateway.begin)
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.gateway.close()
+        self.recorder.close()

@@ -1,0 +1,97 @@
+"""Whatever is decoded: little memory, little output for what is no conversation, one line that says so."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from gateway.cli import main
+
+#: Decodes a file, and says last how much memory that took at most, in kB.
+PROGRAM = """
+import sys
+from gateway.cli import main
+code = main(["decode", *sys.argv[1:]])
+print(next(line for line in open("/proc/self/status") if line.startswith("VmHWM")).split()[1], file=sys.stderr)
+sys.exit(code)
+"""
+
+
+def _decode(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, list[str], str]:
+    code = main(["decode", *arguments])
+    said = capsys.readouterr()
+    return code, said.out.splitlines(), said.err
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the system tells the memory there")
+@pytest.mark.parametrize("protocol", ["lx200", "nexstar"])
+def test_twenty_megabytes_of_junk_take_little(protocol: str, tmp_path: Path) -> None:
+    path = tmp_path / "junk"
+    path.write_bytes(Random(1).randbytes(20_000_000))
+    done = subprocess.run([sys.executable, "-c", PROGRAM, "--protocol", protocol, str(path)], capture_output=True,
+                          text=True, timeout=60.0)
+    *said, memory = done.stderr.splitlines()
+    assert done.returncode == 2
+    assert "no conversation in the" in said[-1] and "the rest was not decoded" in said[-1]
+    assert int(memory) < 80_000
+    assert len(done.stdout) < 500_000
+
+
+@pytest.mark.parametrize("text", ["# Title\n\nWords: some of them, and more.\n" * 40, "e t z\nJ L\n" * 400])
+def test_a_text_file_is_no_capture(text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "README.md"
+    path.write_text(text)
+    code, lines, errors = _decode(capsys, str(path))
+    assert (code, lines) == (2, [])
+    assert "this is text, and no capture" in errors
+    assert len(errors.splitlines()) == 1
+
+
+@pytest.mark.parametrize("sent", [b":GR#:GD#:Sr 05:34:32#\r\n:MS#\r\n" * 3, b"#:GR#", b"eeztJ", b"\x06:GVP#"])
+def test_bare_bytes_of_a_client_are_decoded(sent: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "capture"
+    path.write_bytes(sent)
+    code, lines, errors = _decode(capsys, str(path))
+    assert (code, errors) == (0, "")
+    assert not any("no command" in line for line in lines)
+
+
+def test_what_is_repeated_without_times_is_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "capture"
+    path.write_bytes(b":GR#" * 5000 + b":GD#:GD#")
+    code, lines, _ = _decode(capsys, str(path))
+    assert code == 0
+    assert [" ".join(line.split()[2:3]) for line in lines] == [":GR#", "4999", ":GD#", ":GD#"]
+    assert lines[1].strip() == "the same 4999 times more"
+
+
+def test_a_spy_log_and_a_socat_log_are_read_line_by_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    spy, socat = tmp_path / "spy", tmp_path / "socat"
+    spy.write_text("000000.002 TX   0000  3A 47 52 23                                       :GR#\n"
+                   "000000.020 RX   0000  30 35 3A 33 34 3A 33 32  23                       05:34:32#\n")
+    socat.write_text("> 2026/01/15 22:00:00.000100  length=4 from=0 to=3\n 3a 47 52 23\n--\n"
+                     "< 2026/01/15 22:00:00.020100  length=9 from=0 to=8\n 30 35 3a 33 34 3a 33 32 23\n--\n")
+    for path in (spy, socat):
+        code, lines, _ = _decode(capsys, str(path))
+        assert code == 0
+        assert len(lines) == 2
+        assert ":GR#" in lines[0] and "ra=83.6333" in lines[1]
+
+
+def test_a_client_that_sends_noise_is_counted_in_a_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "night.rec"
+    config = '{"mount": {"at": "lx200@sim"}, "surface": [{"at": "lx200@tcp://:0"}]}'
+    head = (f'# mount-gateway recording 1\n# {{"began": 0, "from": 0, "past": {{}}, "config": {config}}}\n'
+            "0.1 10.0.0.1:1 + surface 1, host 10.0.0.1\n")
+    path.write_text(head + "0.2 10.0.0.1:1 > :noise#\n" * 3000 + "0.3 10.0.0.1:1 > :GR#\n0.4 10.0.0.1:1 -\n")
+    code, lines, _ = _decode(capsys, str(path))
+    assert code == 0
+    assert len(lines) == 1 + 1000 + 1 + 1 + 1
+    assert "2000 more that are no commands" in lines[-2]
+    assert ":GR#" in lines[-3]
