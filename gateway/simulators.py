@@ -37,19 +37,22 @@ def running_clock(start: float | None) -> Callable[[], float]:
 
 
 def make_simulator(endpoint: Endpoint, *, clock: Callable[[], float], site: tuple[float, float] = DEFAULT_SITE,
-                   aligned: bool = True, speed: float = 1.0) -> Any:
-    """The simulated mount that an endpoint names. Raises UserError for a version the model never had."""
+                   aligned: bool = True, speed: float = 1.0, **settings: Any) -> Any:
+    """The simulated mount that an endpoint names; ``settings`` are those of one protocol's simulator alone.
+
+    Raises UserError for a version the model never had.
+    """
     model = endpoint.model or DEFAULT_MODEL[endpoint.protocol]
     if endpoint.protocol == "lx200":
         from gateway.protocols.lx200.simulator import Meade
 
-        return Meade(model, clock=clock, site=site, aligned=aligned, speed=speed)
+        return Meade(model, clock=clock, site=site, aligned=aligned, speed=speed, **settings)
     from gateway.protocols.nexstar.simulator import HandControl
 
     if endpoint.version and not endpoint.version.startswith("starsense-"):
         parse_version(endpoint.version)
     return HandControl(model, endpoint.version or load("nexstar").models[model]["versions"][-1], clock=clock,
-                       site=site, aligned=aligned, speed=speed)
+                       site=site, aligned=aligned, speed=speed, **settings)
 
 
 def simulated_wire(endpoint: Endpoint, config: MountConfig) -> SimulatorWire:

@@ -8,8 +8,8 @@ model, what it answers is what real ones were seen to answer, quirks included. W
 - A command with an argument that lost its ``#`` is refused with everything up to the next one, and nothing that comes
   with it sets the telescope moving.
 - It answers after ``:hP#`` on every model, and any motion command takes a parked telescope into service.
-- While an LX200GPS sleeps (``:hN#``) it answers as before, but its motors have no power: nothing turns until ``:hW#`` or
-  ``:I#``. It says yes (``0``) to ``:MS#`` and ``:MA#`` all the same.
+- While an LX200GPS sleeps (``:hN#``) it answers as before, but its motors have no power: nothing turns until ``:hW#``
+  or ``:I#``. It says yes (``0``) to ``:MS#`` and ``:MA#`` all the same.
 - ``:GW#`` tells how the telescope stands, in land mode too (``PN1`` on a wedge). With ``land_tells_altaz`` it tells
   ``AN1`` there instead: nobody has seen what a real one does.
 - The classics and the Autostar begin in low precision, the LX200GPS in high.
@@ -17,6 +17,7 @@ model, what it answers is what real ones were seen to answer, quirks included. W
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -24,6 +25,7 @@ from gateway.errors import UserError
 from gateway.frames import Suspect, Unterminated
 from gateway.kinematics import Mechanics
 from gateway.motion_kinds import may_begin_motion
+from gateway.motors import RAMP_SECONDS
 from gateway.mount_geometry import Build, Pair, Sky
 from gateway.protocols.lx200 import sim_answers, sim_library, sim_motion, sim_parts, sim_settings, sim_tracking
 from gateway.protocols.lx200.framing import Framer
@@ -60,12 +62,14 @@ SITES = 4
 class Meade:
     """One simulated telescope. ``site`` is latitude and longitude east in degrees, ``utc_offset`` local minus UTC.
 
-    ``clock`` gives Unix seconds and is the only source of time. Raises UserError for a model that does not exist.
+    ``clock`` gives Unix seconds and is the only source of time. The motors gather and lose speed as real ones do; with
+    ``ramps`` False they change it at once, for whoever reckons with plain rates. Raises UserError for a model that does
+    not exist.
     """
 
     def __init__(self, model: str = "autostar", *, clock: Callable[[], float], site: Pair = (45.0, 10.0),
                  utc_offset: float = 0.0, aligned: bool = True, speed: float = 1.0,
-                 land_tells_altaz: bool = False) -> None:
+                 land_tells_altaz: bool = False, ramps: bool = True) -> None:
         self.protocol = load("lx200")
         if model not in self.protocol.models:
             raise UserError(f"no LX200 model is called {model!r}; there are {', '.join(self.protocol.models)}")
@@ -91,6 +95,7 @@ class Meade:
         build = Build.WEDGE if self.letter == "P" else Build.ALTAZ
         self.mechanics = Mechanics(build, Sky(*site), self.now, self.start(build))
         self.mechanics.speed = speed
+        self.mechanics.acceleration = self.row["max_rate"] / RAMP_SECONDS if ramps else math.inf
         self.power_on()
         self._framer = self.framer()
 
