@@ -13,7 +13,7 @@ import math
 from gateway.axis_motion import AxisMotion
 from gateway.motors import APPROACH_RATE, Leg
 from gateway.mount_geometry import Build, Geometry, Pair, Sky
-from gateway.spherical import SIDEREAL_RATE, wrap180, wrap360
+from gateway.spherical import wrap180, wrap360
 
 
 class Mechanics(AxisMotion):
