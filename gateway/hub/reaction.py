@@ -1,6 +1,6 @@
 """How long it takes to see where the mount is and to bring it to rest, on the line that there is.
 
-Seconds, from what an exchange typically takes, and from what motors need. What cannot be had sooner must be known before.
+Seconds, from what an exchange typically takes and what motors need. What cannot be had sooner must be known before.
 """
 
 from __future__ import annotations
@@ -20,8 +20,6 @@ EXCHANGES = 3
 #: Motors do not stop at once: one that slows down evenly for a second runs on as far as in half a second at its speed.
 #: No mount tells how it slows down; about a second from full speed is what owners see, and slower motors need less.
 RUN_ON = 0.5
-#: Nor do they reach their speed at once: what is measured in the first second is not yet all of it.
-RUN_UP = 1.0
 #: Exchanges from the end of one axis to the end of the other, which alone may lead where both together do not.
 BETWEEN = 2.0
 
@@ -49,3 +47,4 @@ def overdue(hub: Hub, elapsed: float) -> float:
 def between(hub: Hub) -> float:
     """From the end of one of two axes to the end of the other; 0 where at most one moves."""
     return BETWEEN * hub.line.typical if len(hub.motions.axes) > 1 else 0.0
+
