@@ -1,8 +1,8 @@
 """A night at a mount on virtual time: a program polls, guides and sends it about; every answer is judged by the truth.
 
-The truth here is where the simulated mount takes itself to point when it is asked: its clock is set to whole seconds, so
-that is not quite where it really points. What the program is told must be one of those of the last second, to a unit of
-the wire formats in between: nothing may drift, however long the night.
+The truth here is where the simulated mount takes itself to point when it is asked: its clock is set to whole seconds,
+so that is not quite where it really points. What the program is told must be one of those of the last second, to a unit
+of the wire formats in between: nothing may drift, however long the night.
 """
 
 from __future__ import annotations
