@@ -135,7 +135,7 @@ def order(made: Mechanics, now: float, chance: Random) -> None:
 
 
 @pytest.mark.parametrize("build", list(Build))
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_whatever_is_ordered_no_motor_jumps(build: Build, seed: int) -> None:
     """Places follow speeds, and speeds change at twice the acceleration at most: off one order and on to another."""
     chance, made = Random(seed), mount(build, on=True)
