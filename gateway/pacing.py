@@ -30,7 +30,7 @@ class Pace:
         self._waiting += data[: LONGEST - len(self._waiting)]
         if self._timer is None and self._waiting:
             loop = asyncio.get_running_loop()
-            self._due = max(loop.time(), self._due) + self._byte
+            self._due = loop.time() + self._byte
             self._timer = loop.call_at(self._due, self._arrived)
 
     def _arrived(self) -> None:
