@@ -7,6 +7,8 @@ lead from those speeds to the ordered ones. So every motion is continuous, whate
 
 from __future__ import annotations
 
+import math
+
 from gateway.motors import RAMP_SECONDS, Axis
 from gateway.mount_geometry import Build, Geometry, Pair, Sky
 from gateway.spherical import SIDEREAL_RATE, wrap180, wrap360
@@ -106,7 +108,8 @@ class AxisMotion:
         run_on = False
         for motor, told in zip(self._axes.values(), self._ordered_speeds(since), strict=True):
             if motor.leg is None or motor.leg.started == since:  # else it goes on with its way
-                run_on = motor.ramp_from(since, told) != 0.0 or run_on
+                quickest = math.sqrt(self.acceleration * motor.acceleration) * RAMP_SECONDS
+                run_on = motor.ramp_from(since, told, quickest) != 0.0 or run_on
         if self._held and run_on:
             self._aim = self._from_axes(since, self._positions, self.correction)
             self.flipped = abs(wrap180(self._positions[1] + self.correction[1])) > 90.0

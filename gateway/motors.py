@@ -134,9 +134,12 @@ class Axis:
         self.taken = self.drive = False
         self.rate, self.added, self.leg, self.goal = 0.0, 0.0, None, None
 
-    def ramp_from(self, now: float, told: float) -> float:
-        """Begin to change from ``speed`` to what was told -> how far it runs on, degrees."""
-        change = self.speed - told
+    def ramp_from(self, now: float, told: float, quickest: float) -> float:
+        """Begin to change from ``speed`` to what was told -> how far it runs on, degrees.
+
+        Nothing is quicker than ``quickest``, though in the zenith the azimuth would have to be.
+        """
+        change = max(-quickest, min(quickest, self.speed)) - max(-quickest, min(quickest, told))
         settled = abs(change) <= INSTANT or math.isinf(self.acceleration)
         self.ramp = SETTLED if settled else Ramp(now, change, self.acceleration)
         run_on = self.ramp.left(now)

@@ -153,3 +153,15 @@ def test_whatever_is_ordered_no_motor_jumps(build: Build, seed: int) -> None:
             assert abs(moved / step - 0.5 * (speeds[axis] + then[axis])) < slack, (now - START, axis)
             assert abs(then[axis] - speeds[axis]) < 2.0 * ACCELERATION * step + slack, (now - START, axis)
         before, speeds = here, then
+
+
+def test_the_zenith_asks_for_no_speed_that_a_motor_lacks() -> None:
+    """There the azimuth of what is tracked turns round in no time: it must not be run on from for minutes."""
+    made = mount(Build.ALTAZ, on=True)
+    made.goto_axes(START, 10.0, 90.0)
+    for quarter in range(4 * 120):
+        made.axes(START + quarter / 4.0)
+    assert not made.runs_on(START + 120.0)
+    made.track(START + 120.0, False)
+    stood = made.axes(START + 122.0)
+    assert made.axes(START + 200.0) == stood
