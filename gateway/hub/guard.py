@@ -35,7 +35,7 @@ CLOSELY = 3.0
 RISEN = 0.2
 #: A goto that ends at a limit may overshoot by so much; so much nearer to the Sun is no jitter.
 OVERSHOOT, NEARER = 0.05, 0.05
-#: How long a mount may run on after it was told to end a motion: what it is seen to do from then on counts.
+#: How long a mount may run on after it was told to end a motion: what it does meanwhile is not held against it.
 COASTING = 1.0
 #: How old the last position may be when a mount that moves by hand does not tell the next one, seconds.
 BLIND = 1.0
@@ -123,7 +123,7 @@ class Guard:
             before = measured(hub, before.at, before.seen)
             self._farthest = list(before.suns)
         self._before = after = measured(hub, now, seen, before)
-        if before is None or before.at < self._coasts_until or len(before.suns) != len(after.suns):
+        if before is None or now < self._coasts_until or len(before.suns) != len(after.suns):
             self._farthest = list(after.suns)
             return
         status = hub.snapshot.value(op.GetStatus)
