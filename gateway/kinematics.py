@@ -1,41 +1,29 @@
 """The mechanics of a simulated mount: two motors as functions of time, tracking, slewing and moved by hand.
 
 It knows no protocol and owns no clock: every method takes ``now`` in Unix seconds. Between two calls the
-axes move by formula, never by steps, so nothing depends on how often one looks. Angles are degrees, rates
-degrees a second of time. What a motor does is one of: rest, a rate, a goto, or following the sky.
+axes move by formula (``axis_motion.py``), never by steps, so nothing depends on how often one looks. Angles are
+degrees, rates degrees a second of time. What a motor does is one of: rest, a rate, a goto, or following the sky;
+it gathers and loses speed on the way from one to the other.
 """
 
 from __future__ import annotations
 
 import math
 
-from gateway.motors import APPROACH_RATE, Axis, Leg
+from gateway.axis_motion import AxisMotion
+from gateway.motors import APPROACH_RATE, Leg
 from gateway.mount_geometry import Build, Geometry, Pair, Sky
-from gateway.spherical import SIDEREAL_RATE, wrap180, wrap360
+from gateway.spherical import wrap180, wrap360
 
 
-class Mechanics:
-    """A mount. ``correction`` is what a sync adds to the axes before they are believed; the truth has none.
-
-    ``suspended_since`` is when a motor was first told something else than tracking, or None.
-    """
+class Mechanics(AxisMotion):
+    """A mount. ``suspended_since`` is when a motor was first told something else than tracking, or None."""
 
     def __init__(self, build: Build, sky: Sky, now: float, axes: Pair) -> None:
-        self.build, self.sky = build, sky
-        self.fastest = 4.0  # degrees a second
+        super().__init__(build, sky, now, axes)
         self.speed = 1.0  # gotos are that much faster
-        self._drive_rate = SIDEREAL_RATE  # what tracking keeps up with
-        self.correction: Pair = (0.0, 0.0)
-        self.flipped = False
         self.suspended_since: float | None = None
-        self._axes = {1: Axis(axes[0], now), 2: Axis(axes[1], now)}
         self._on, self._sense = False, 1
-        self._aim: Pair = (0.0, 0.0)
-        self._held = False  # in alt-az both axes follow the aim
-
-    @property
-    def geometry(self) -> Geometry:
-        return Geometry(self.build, self.sky.latitude)
 
     def axes(self, now: float) -> Pair:
         """Where the motor axes are: the first in [0, 360), the second in [-180, 180)."""
@@ -43,9 +31,25 @@ class Mechanics:
         first, second = self._where(now)
         return wrap360(first), wrap180(second)
 
+    def speeds(self, now: float) -> Pair:
+        """How fast the motor axes turn, degrees a second."""
+        self.advance(now)
+        return self._speeds(now)
+
     def truth(self, now: float) -> Pair:
-        """Right ascension and declination of date that the tube really points at."""
-        return self._from_axes(now, self.axes(now), (0.0, 0.0))
+        """Right ascension and declination of date that the tube really points at, wherever it believes to stand."""
+        hour_angle, dec = Geometry(self.build, self.ground.latitude).sky(*self.axes(now))
+        return wrap360(self.ground.sidereal(now) - hour_angle), dec
+
+    def runs_on(self, now: float) -> bool:
+        """Whether a motor is still on its way to the speed that it was told, rest being one."""
+        self.advance(now)
+        self._begin_ramps()
+        return any(now < motor.ramp.ends for motor in self._axes.values())
+
+    def moving(self, now: float) -> bool:
+        """Whether a motor turns for anything but tracking: a goto, a hand rate, guiding, or what it runs on."""
+        return self.runs_on(now) or any(motor.ordered for motor in self._axes.values())
 
     def believed(self, now: float) -> Pair:
         """The same as the mount believes it, past the pole with a declination beyond 90 degrees."""
@@ -97,20 +101,18 @@ class Mechanics:
 
     def goto_sky(self, now: float, ra: float, dec: float) -> None:
         """Slew to a place the mount believes in, which moves on meanwhile; on arrival track it, if on."""
-        self.advance(now)
-        here = self._where(now)
+        self._settle(now)
         hour_angle = wrap180(self.sky.sidereal(now) - ra)
         self.flipped = self.geometry.other_side(hour_angle)
         self._aim, self._held = (ra, dec), False
-        self._set_out(now, here, self._aimed(now), fixed=False)
+        self._set_out(now, self._aimed(now), fixed=False)
 
     def goto_axes(self, now: float, first: float, second: float) -> None:
         """Slew to axis positions; tracking, if on, begins there."""
-        self.advance(now)
-        here = self._where(now)
+        self._settle(now)
         self._held = False
         self.flipped = self.build is Build.GERMAN and wrap180(second - 90.0) > 0.0
-        self._set_out(now, here, (first, second), fixed=True)
+        self._set_out(now, (first, second), fixed=True)
 
     def goto_axis(self, now: float, axis: int, position: float, slow: bool = False) -> None:
         """Slew one motor alone; it rests there. The other motor keeps its last rate."""
@@ -181,14 +183,15 @@ class Mechanics:
             return
         self.cancel(now)
         first, second = self.axes(now)
-        truth = self.geometry.sky(first, second)
+        truth = Geometry(self.build, self.ground.latitude).sky(first, second)
         believed = self.geometry.sky(first + self.correction[0], second + self.correction[1])
         self._settle(now)
         self.build, self.flipped, self._held = build, False, False
-        there, thought = self.geometry.axes(*truth, False), self.geometry.axes(*believed, False)
+        there = Geometry(build, self.ground.latitude).axes(*truth, False)
+        thought = self.geometry.axes(*believed, False)
         self.correction = wrap180(thought[0] - there[0]), wrap180(thought[1] - there[1])
         for motor, position in zip(self._axes.values(), there, strict=True):
-            motor.position, motor.rate = position, 0.0
+            motor.position, motor.rate, motor.speed = position, 0.0, 0.0
         self._follow(now)
 
     def advance(self, now: float) -> None:
@@ -205,41 +208,10 @@ class Mechanics:
             else:
                 self._arrive(due[0])
 
-    def _where(self, now: float) -> Pair:
-        aimed = self._aimed(now)
-        found = []
-        for motor, aim in zip(self._axes.values(), aimed, strict=True):
-            if motor.leg is not None:
-                found.append((aim if motor.goal is None else motor.goal) - motor.leg.remaining(now))
-            else:
-                rate = motor.added + motor.pulse + (0.0 if self._held else motor.rate)
-                found.append((aim if self._held else motor.position) + rate * (now - motor.since))
-        return found[0], found[1]
-
-    def _aimed(self, now: float) -> Pair:
-        """The axes that point at the aim, by what the mount believes."""
-        ra, dec = self._aim
-        if self._held:
-            ra += (SIDEREAL_RATE - self._drive_rate) * (now - self._axes[1].since)
-        first, second = self.geometry.axes(wrap180(self.sky.sidereal(now) - ra), dec, self.flipped)
-        return first - self.correction[0], second - self.correction[1]
-
-    def _from_axes(self, now: float, axes: Pair, correction: Pair) -> Pair:
-        hour_angle, dec = self.geometry.sky(axes[0] + correction[0], axes[1] + correction[1])
-        return wrap360(self.sky.sidereal(now) - hour_angle), dec
-
     def _settle(self, now: float) -> None:
         """Bring everything up to now, so that what the axes are told next begins where they are."""
         self.advance(now)
         self._note(now)
-
-    def _note(self, now: float) -> None:
-        here = self._where(now)
-        nudged = any(motor.added or motor.pulse for motor in self._axes.values())
-        for motor, position in zip(self._axes.values(), here, strict=True):
-            motor.position, motor.since = position, now
-        if self._held and (nudged or self._drive_rate != SIDEREAL_RATE):
-            self._aim = self._from_axes(now, here, self.correction)
 
     def _follow(self, now: float) -> None:
         """Tracking (or rest) from where the axes are."""
@@ -250,7 +222,7 @@ class Mechanics:
         if self.build is not Build.ALTAZ:
             self._axes[1].rate = self._sense * self._drive_rate * self._on
         elif self._on and not self._held:
-            here = self._where(now)
+            here = self._positions
             self._aim = self._from_axes(now, here, self.correction)
             self.flipped = abs(wrap180(here[1] + self.correction[1])) > 90.0
         self._held = self._on and self.build is Build.ALTAZ
@@ -269,15 +241,15 @@ class Mechanics:
             self.suspended_since = now
 
     def _leg(self, now: float, axis: int, here: float, there: float, fast: float | None = None) -> Leg:
-        slow = APPROACH_RATE * self.speed
-        return Leg(now, self.geometry.travel(axis, here, there), fast or self.fastest * self.speed, slow)
+        slow, distance = APPROACH_RATE * self.speed, self.geometry.travel(axis, here, there)
+        return Leg(now, distance, fast or self.fastest * self.speed, slow, self.acceleration * self.speed**2)
 
-    def _set_out(self, now: float, here: Pair, there: Pair, fixed: bool) -> None:
+    def _set_out(self, now: float, there: Pair, fixed: bool) -> None:
+        """Begin a goto from where the axes were noted to be."""
         self.suspended_since = None
         for number, motor in self._axes.items():
             motor.rest()
-            motor.position, motor.since = here[number - 1], now
-            motor.leg = self._leg(now, number, here[number - 1], there[number - 1])
+            motor.leg = self._leg(now, number, motor.position, there[number - 1])
             motor.goal = there[number - 1] if fixed else None
 
     def _arrive(self, now: float) -> None:
@@ -291,8 +263,7 @@ class Mechanics:
 
     def _aim_anew(self, now: float) -> None:
         """After a change of what is believed: follow what is in view now, slew on to the same place."""
-        here = self._axes[1].position, self._axes[2].position
         if self._held:
-            self._aim = self._from_axes(now, here, self.correction)
+            self._aim = self._from_axes(now, self._positions, self.correction)
         elif any(motor.leg is not None and motor.goal is None for motor in self._axes.values()):
-            self._set_out(now, here, self._aimed(now), fixed=False)
+            self._set_out(now, self._aimed(now), fixed=False)

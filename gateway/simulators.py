@@ -10,13 +10,16 @@ from typing import Any
 
 from gateway.config import Endpoint, MountConfig
 from gateway.errors import UserError
-from gateway.ports import Guest, Port, open_port
+from gateway.pacing import Pace
+from gateway.ports import Arrive, Port, open_port
 from gateway.ports.guest import HangUp
 from gateway.tables import load, parse_version
-from gateway.wires import SimulatorWire
+from gateway.wires import BAUD, SimulatorWire
 
 DEFAULT_MODEL = {"nexstar": "6-8se", "lx200": "autostar"}
 DEFAULT_SITE = (45.0, 10.0)
+#: Places whose bytes take no time of their own.
+NETWORK = ("tcp:", "rfc2217:")
 
 
 def parse_time(text: str) -> float:
@@ -37,19 +40,22 @@ def running_clock(start: float | None) -> Callable[[], float]:
 
 
 def make_simulator(endpoint: Endpoint, *, clock: Callable[[], float], site: tuple[float, float] = DEFAULT_SITE,
-                   aligned: bool = True, speed: float = 1.0) -> Any:
-    """The simulated mount that an endpoint names. Raises UserError for a version the model never had."""
+                   aligned: bool = True, speed: float = 1.0, **settings: Any) -> Any:
+    """The simulated mount that an endpoint names; ``settings`` are those of one protocol's simulator alone.
+
+    Raises UserError for a version the model never had.
+    """
     model = endpoint.model or DEFAULT_MODEL[endpoint.protocol]
     if endpoint.protocol == "lx200":
         from gateway.protocols.lx200.simulator import Meade
 
-        return Meade(model, clock=clock, site=site, aligned=aligned, speed=speed)
+        return Meade(model, clock=clock, site=site, aligned=aligned, speed=speed, **settings)
     from gateway.protocols.nexstar.simulator import HandControl
 
     if endpoint.version and not endpoint.version.startswith("starsense-"):
         parse_version(endpoint.version)
     return HandControl(model, endpoint.version or load("nexstar").models[model]["versions"][-1], clock=clock,
-                       site=site, aligned=aligned, speed=speed)
+                       site=site, aligned=aligned, speed=speed, **settings)
 
 
 def simulated_wire(endpoint: Endpoint, config: MountConfig) -> SimulatorWire:
@@ -59,20 +65,28 @@ def simulated_wire(endpoint: Endpoint, config: MountConfig) -> SimulatorWire:
 
 
 class _Caller:
-    """One connection to a simulated mount: all of them talk to the same one, each answer after the latency."""
+    """One connection to a simulated mount: all of them talk to the same one, each answer after the latency.
+
+    With ``baud`` its bytes take their time in both directions.
+    """
 
     ended = False
 
-    def __init__(self, simulator: Any, latency: float, write: Callable[[bytes], Any]) -> None:
+    def __init__(self, simulator: Any, latency: float, baud: int | None, write: Callable[[bytes], Any]) -> None:
         self._latency, self._write = latency, write
-        self._feed: Callable[[bytes], bytes] = simulator.connection(self._later)
+        self._answer: Callable[[bytes], bytes] = simulator.connection(self._later)
+        self.feed: Callable[[bytes], None] = self._heard
+        self._paces: list[Pace] = []
+        if baud is not None:
+            self._paces = [Pace(baud, self._heard), Pace(baud, write)]
+            self.feed, self._write = self._paces[0].send, self._paces[1].send
 
     def _later(self, seconds: float, answer: bytes) -> None:
         """Some answers come after a while."""
         asyncio.get_running_loop().call_later(self._latency + seconds, lambda: self._write(answer))
 
-    def feed(self, data: bytes) -> None:
-        answer = self._feed(data)
+    def _heard(self, data: bytes) -> None:
+        answer = self._answer(data)
         if answer and self._latency:
             asyncio.get_running_loop().call_later(self._latency, lambda: self._write(answer))
         elif answer:
@@ -86,12 +100,19 @@ class _Caller:
 
     def close(self) -> None:
         self._write = lambda data: None
+        for pace in self._paces:
+            pace.close()
 
 
 async def serve_simulator(simulator: Any, places: list[str], latency: float, baud: int | None = None) -> list[Port]:
-    """Open a simulated mount for other programs; with ``baud`` its serial ports understand that rate only."""
+    """Open a simulated mount for other programs, as many at once as come; all of them see the same one.
 
-    def arrive(name: str, host: str, write: Callable[[bytes], Any]) -> Guest:
-        return _Caller(simulator, latency, write)
+    Serial ports and pseudo-terminals have the pace of 9600 baud, or of ``baud``: then they understand that rate only.
+    TCP ports have the pace of ``baud``, else none.
+    """
 
-    return [await open_port(place, arrive, baud) for place in places]
+    def arrivals(pace: int | None) -> Arrive:
+        return lambda name, host, write: _Caller(simulator, latency, pace, write)
+
+    return [await open_port(place, arrivals(baud or (None if place.startswith(NETWORK) else BAUD)), baud)
+            for place in places]

@@ -44,15 +44,19 @@ class Bridge:
                  config: dict[str, Any] | None = None, driven: str = "nexstar", presented: str = "lx200",
                  surface_version: str | None = None, start: float = EVENING, host_ahead: float = 0.0,
                  state: Path | None = None, on: Bridge | None = None, in_thread: InThread | None = None,
-                 access: Access = Access()) -> None:
-        """With ``state`` a directory for what is kept; ``on`` the same mount as another gateway's, which has ended."""
+                 access: Access = Access(), ramps: bool = True) -> None:
+        """With ``state`` a directory for what is kept; ``on`` the same mount as another gateway's, which has ended.
+
+        ``ramps`` False is a mount whose motors change their speed at once, for tests that reckon with plain rates.
+        """
         loop = asyncio.get_running_loop()
         self._began = loop.time() if on is None else on._began
         self.clock = lambda: start + loop.time() - self._began
         self.host = lambda: self.clock() + host_ahead
         self.settings = MountConfig(at="-", **(config or {}))
         endpoint = Endpoint(driven, "sim", mount, version)
-        self.sim = on.sim if on else make_simulator(endpoint, clock=self.clock, site=site, aligned=aligned, speed=speed)
+        self.sim = on.sim if on else make_simulator(endpoint, clock=self.clock, site=site, aligned=aligned, speed=speed,
+                                                    ramps=ramps)
         self.transcript = Transcript(self.clock)
         self.entries: list[Entry] = []
         self.transcript.sinks.append(self.entries.append)

@@ -1,7 +1,8 @@
 """A night at a mount on virtual time: a program polls, guides and sends it about; every answer is judged by the truth.
 
-The truth is where the simulated mount really points at the moments it is asked. What the program is told must be one of
-those of the last second, to a unit of the wire formats in between: nothing may drift, however long the night.
+The truth here is where the simulated mount takes itself to point when it is asked: its clock is set to whole seconds,
+so that is not quite where it really points. What the program is told must be one of those of the last second, to a unit
+of the wire formats in between: nothing may drift, however long the night.
 """
 
 from __future__ import annotations
@@ -13,7 +14,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from gateway.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation, sidereal_time, wrap180, wrap360
+from gateway.spherical import (
+    fold_declination,
+    horizon_to_hour_angle,
+    hour_angle_to_horizon,
+    separation,
+    sidereal_time,
+    wrap180,
+    wrap360,
+)
 from tests.bridge import Bridge, Visitor
 
 LATENCY = 0.05
@@ -69,7 +78,7 @@ class Truth:
 
     def _note(self, data: bytes) -> bytes:
         answer: bytes = self._feed(data)
-        ra, dec = self._bridge.sim.mechanics.truth(self._bridge.sim.now)
+        ra, dec = fold_declination(*self._bridge.sim.mechanics.believed(self._bridge.sim.now))
         for name, value, requests in (("ra", ra, (b"e", b":GR#")), ("dec", dec, (b"e", b":GD#"))):
             if data in requests:
                 self._asked[name].append((self._bridge.clock(), value))
@@ -195,8 +204,9 @@ async def night(plan: Plan, seconds: float, goto_every: float, seed: int,
             now = bridge.clock()
             if slewing:
                 slewing = await program.slewing()
-                if not slewing and separation(*bridge.sim.truth(), *target) > 30 * ARCSECOND:
-                    record.wrong.append(f"at {now - began:.0f} s: a goto to {target} ended at {bridge.sim.truth()}")
+                here = fold_declination(*bridge.sim.mechanics.believed(now))
+                if not slewing and separation(*here, *target) > 30 * ARCSECOND:
+                    record.wrong.append(f"at {now - began:.0f} s: a goto to {target} ended at {here}")
             elif now >= due_goto:
                 target, slewing, due_goto = _target(bridge, chance), True, now + goto_every
                 await program.goto(*target)

@@ -132,7 +132,7 @@ def test_a_slew_arrives_and_tracks(model: str, site: tuple[float, float]) -> Non
 @pytest.mark.parametrize("model", ["lx200", "lx200-16"])
 def test_arrows_of_a_polar_mount(model: str, site: tuple[float, float]) -> None:
     for direction, axis, sign in ((b"n", 1, 1), (b"s", 1, -1), (b"e", 0, 1), (b"w", 0, -1)):
-        sim, clock = meade(model, site)
+        sim, clock = meade(model, site, ramps=False)
         before = sim.truth()
         sim.feed(b":RM#:M" + direction + b"#")
         clock.now += 2

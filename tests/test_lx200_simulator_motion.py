@@ -79,7 +79,7 @@ def test_the_others_stop_and_go_by_their_letters(model: str) -> None:
 def test_arrows_of_a_fork(model: str, site: tuple[float, float]) -> None:
     """North and south move in altitude, west with and east against azimuth."""
     for letter, axis, sign in ((b"n", 1, 1), (b"s", 1, -1), (b"w", 0, 1), (b"e", 0, -1)):
-        sim, clock = meade(model, site)
+        sim, clock = meade(model, site, ramps=False)
         before = sim.mechanics.axes(sim.now)
         sim.feed(b":RM#:M" + letter + b"#")
         clock.now += 3
@@ -108,7 +108,7 @@ def test_guiding_adds_to_tracking(model: str) -> None:
 
 
 def test_rates_of_an_lx200gps() -> None:
-    sim, clock = meade("lx200gps")
+    sim, clock = meade("lx200gps", ramps=False)
     sim.feed(b":RS#")
     for command, axis, rate in ((b":RE03.0#:Mn#", 1, 3.0), (b":RA02.0#:Mw#", 0, 2.0), (b":RA00.0#:Mw#", 0, 8.0)):
         before = sim.mechanics.axes(sim.now)

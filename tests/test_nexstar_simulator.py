@@ -387,7 +387,7 @@ def test_fork_limits_are_silent() -> None:
 
 @pytest.mark.parametrize(("latitude", "west", "mode"), [(45.0, "24", 2), (-34.0, "25", 3)])
 def test_directions_of_a_german_mount(latitude: float, west: str, mode: int) -> None:
-    bench = Bench("cge", site=(latitude, 10.0))
+    bench = Bench("cge", site=(latitude, 10.0), ramps=False)
     assert bench(b"t") == bytes((mode,)) + b"#"
     for hour_angle, side in ((30.0, "E"), (-30.0, "W")):
         ra = (sidereal_time(bench.now, 10.0) - hour_angle) % 360
@@ -417,7 +417,7 @@ def test_the_side_of_the_pier_in_the_south_from_5_28_on() -> None:
 
 
 def test_a_fork_moves_by_hand_as_azimuth_and_altitude() -> None:
-    bench = Bench(site=(45.0, 10.0))
+    bench = Bench(site=(45.0, 10.0), ramps=False)
     bench(b"T\x00")
     bench("50 02 10 24 07 00 00 00")
     bench("50 02 11 25 07 00 00 00")
@@ -444,7 +444,7 @@ def test_tracking_codes_are_no_rates() -> None:
 
 
 def test_variable_rates() -> None:
-    bench = Bench(site=(45.0, 10.0))
+    bench = Bench(site=(45.0, 10.0), ramps=False)
     bench(b"T\x00")
     bench("50 03 10 06 02 58 00 00")  # 150 arcseconds a second
     bench("50 04 11 07 02 58 00 00")  # the same in the finer form, downwards

@@ -11,7 +11,7 @@ import pytest
 
 from gateway import operations as op
 from gateway.errors import BelowHorizon, TooHigh
-from gateway.spherical import hour_angle_to_horizon
+from gateway.truth import truth_of
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -21,10 +21,7 @@ LIMITS = {"lowest": 20.0, "highest": 80.0}
 
 def altitude(bridge: Any) -> float:
     """How high the tube really points, degrees."""
-    now = bridge.clock()
-    mechanics = bridge.sim.mechanics
-    ra, dec = mechanics.truth(now)
-    return hour_angle_to_horizon(mechanics.sky.sidereal(now) - ra, dec, mechanics.sky.latitude)[1]
+    return truth_of(bridge.sim).altitude
 
 
 def notes(bridge: Any) -> list[str]:

@@ -170,7 +170,7 @@ def test_north_is_north_also_when_it_ends_a_goto_to_the_other_side_of_the_pier(a
             await bridge.hub.perform(op.Goto((sidereal + 40.0) % 360.0, 20.0))
             await asyncio.sleep(3.0)
             client.tell(b":RS#" + arrow)
-            await asyncio.sleep(1.0)
+            await asyncio.sleep(2.5)  # from the full speed of the goto to that of the arrow
             before = bridge.sim.mechanics.truth(bridge.clock())[1]
             await asyncio.sleep(0.5)
             assert (bridge.sim.mechanics.truth(bridge.clock())[1] - before) * way > 1.0

@@ -16,6 +16,7 @@ from gateway import operations as op
 from gateway.assembly import Gateway
 from gateway.cli import main, serving
 from gateway.config import Config, Endpoint, MountConfig, SurfaceConfig
+from gateway.motors import RAMP_SECONDS
 from gateway.simulators import make_simulator
 from gateway.spherical import separation
 from gateway.wires import SimulatorWire
@@ -27,7 +28,8 @@ GOTO = b":Sr07:00:00#:Sd+30*00:00#:MS#"
 
 
 async def still(sim: Any, seconds: float = 1.0) -> bool:
-    """Whether the tube stays where it is on the sky."""
+    """Whether the tube stays where it is on the sky, once the motors have run down."""
+    await asyncio.sleep(RAMP_SECONDS)
     before = sim.truth()
     await asyncio.sleep(seconds)
     return separation(*before, *sim.truth()) < 0.001 * seconds
@@ -323,6 +325,11 @@ class Moving:
         time.sleep(0.1)
         return abs(self._declination() - before) > 100
 
+    def rests(self) -> bool:
+        """Whether it stands still, once the motors have run down."""
+        time.sleep(RAMP_SECONDS)
+        return not self.moves()
+
     def _declination(self) -> int:
         """By the mount's own word, in 2^-32 turns over 256."""
         return int(ask(self.mount, b"e")[9:15], 16)
@@ -340,20 +347,20 @@ def test_stop_with_and_without_a_gateway(
     assert stop("--mount", "nexstar@elsewhere")[1].startswith("nothing to stop")
     assert moving.moves()
     assert stop("--mount", moving.endpoint) == (0, f"{moving.endpoint}: stopped")
-    assert not moving.moves()
+    assert moving.rests()
     assert moving.tracking()
     moving.move()
     moving.gateway.end(signal.SIGKILL)
     assert moving.moves()
     moving.begin()
-    assert not moving.moves()
+    assert moving.rests()
     assert moving.tracking()
     moving.move()
     moving.gateway.end(signal.SIGKILL)
     assert moving.gateway.said == f"mount-gateway: {moving.endpoint}: the last run ended in motion: it is stopped first"
     assert moving.moves()
     assert stop() == (0, f"{moving.endpoint}: stopped")
-    assert not moving.moves()
+    assert moving.rests()
     assert moving.tracking()
     assert stop() == (0, "nothing to stop: no gateway runs, and none ended in motion")
     assert sorted(path.suffix for path in tmp_path.iterdir()) == [".lock"]

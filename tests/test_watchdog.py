@@ -17,6 +17,7 @@ import pytest
 from gateway.assembly import Gateway
 from gateway.config import MountConfig
 from gateway.hub.ending import stop_commands
+from gateway.motors import RAMP_SECONDS
 from gateway.watchdog.client import LASTED, PROGRAM, available
 from gateway.watchdog.process import SILENCE, Mount, Watch
 from gateway.wires import on_the_wire
@@ -114,6 +115,7 @@ def test_ctrl_z_stops_the_mount_and_suspends_then(watch: Callable[[str, str], Wa
     deadline = time.monotonic() + PATIENCE
     while ") T " not in state.read_text():
         assert time.monotonic() < deadline
+    time.sleep(RAMP_SECONDS)  # the motors run down
     assert watched.speed() < 0.05
     watched.gateway.process.send_signal(signal.SIGCONT)
     watched.gateway.end()

@@ -154,6 +154,9 @@ async def _stand_still(gateways: Sequence[Gateway], screen: Screen) -> None:
         outcome = "the mount was stopped" if moving else "the mount was not moving"
     except (Fault, TimeoutError):
         outcome = "the mount has not acknowledged the stop; look at it"
+    for gateway in gateways:
+        if gateway.watched is not None:
+            gateway.watched.renew()  # else the watchdog process, which hears no more now, takes it for moving
     screen.warn(f"suspended: {outcome}. Programs get no answers until the gateway goes on (fg, or bg)")
 
 

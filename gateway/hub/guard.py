@@ -16,6 +16,7 @@ from gateway import operations as op
 from gateway.errors import Fault, Unsupported
 from gateway.hub.alarm import Alarm
 from gateway.hub.looks import Look, measured, sample
+from gateway.hub.rates import Rates
 from gateway.hub.reaction import SHORTEST, between, interval, overdue, to_stop
 from gateway.mount.safety.sync_sum import SyncSum
 from gateway.safety import leaving, past_meridian
@@ -34,7 +35,7 @@ CLOSELY = 3.0
 RISEN = 0.2
 #: A goto that ends at a limit may overshoot by so much; so much nearer to the Sun is no jitter.
 OVERSHOOT, NEARER = 0.05, 0.05
-#: How long a mount may coast after it was told to end a motion: what it does meanwhile is not held against it.
+#: How long a mount may run on after it was told to end a motion: what it does meanwhile is not held against it.
 COASTING = 1.0
 #: How old the last position may be when a mount that moves by hand does not tell the next one, seconds.
 BLIND = 1.0
@@ -49,7 +50,7 @@ class Guard:
         self._hub = hub
         self._alarm = Alarm(hub.loop, self._late)
         self._before: Look | None = None
-        self._speed = self._across = 0.0
+        self._rates, self._across = Rates(), 0.0
         self._limits = hub.policy.limits
         self._farthest: list[float] = []
         self._restless_until = self._coasts_until = self._stopped_at = -1e9
@@ -76,13 +77,13 @@ class Guard:
             limits = replace(limits, lowest=-90.0, highest=90.0)
         self._limits, self._helpless, self._coasts_until = limits, False, -1e9
         self._astray = self.dips
-        self._speed = 0.0
+        told = self._hub.driver.speed(operation.rate) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
+        self._rates.began(self._hub.now(), told)
         if isinstance(operation, op.Sync):
             self._before, self._farthest = None, []
         elif self._before is not None and not (self._hub.moving or self.restless):
             self._before = replace(self._before, at=self._hub.now())
         if isinstance(operation, op.Move | op.MoveAxis):
-            self._speed = self._hub.driver.speed(operation.rate)
             by_hand = self._hub.motions.by_hand
             if by_hand.get(operation.axis) != operation:  # else where it leads has been seen, or is feared already
                 self._fear_all({**by_hand, operation.axis: operation})
@@ -145,7 +146,6 @@ class Guard:
             or self._suns(before, after, elapsed)
             or self._meridian(before, after, elapsed, status)
         )
-        self._speed = 0.0  # from the second look on, what is measured is the whole rate
         if reason:
             self._act(reason)
 
@@ -185,11 +185,6 @@ class Guard:
         """
         return self._hub.slewing and not self._hub.motions.axes and not self._astray
 
-    def _rate(self, change: float, elapsed: float) -> float:
-        """How fast it may be going on, degrees a second."""
-        rate = abs(change) / elapsed
-        return max(rate, self._speed) if rate > 0.2 * self._speed else rate
-
     @property
     def _alone(self) -> float:
         """How far one of two axes leads while the other has been ended already, degrees."""
@@ -226,7 +221,7 @@ class Guard:
         if before.altitude is None or after.altitude is None:
             return ""
         change = after.altitude - before.altitude
-        rate = self._rate(change, elapsed)
+        rate = self._rates.ahead("altitude", change, after.at, elapsed)
         margin = self._margin(rate, elapsed) - OVERSHOOT * self._going
         if leaving(self._limits, before.altitude, after.altitude, margin):
             return f"the altitude limit ({after.altitude:.1f} degrees)"
@@ -240,7 +235,7 @@ class Guard:
         """Nearer than the limit, and nearer than it was farthest since: a slow approach counts like a fast one."""
         limit = self._hub.suns.limit
         for number, (first, second) in enumerate(zip(before.suns, after.suns, strict=True)):
-            rate = self._rate(second - first, elapsed)
+            rate = self._rates.ahead(f"sun {number}", second - first, after.at, elapsed)
             if second >= limit + self._margin(rate, elapsed):
                 self._farthest[number] = second
                 if second < first:
@@ -268,7 +263,7 @@ class Guard:
             if not side:
                 return ""
         first, second = past_meridian(before.hour_angle, side), past_meridian(after.hour_angle, side)
-        rate = self._rate(second - first, elapsed)
+        rate = self._rates.ahead("meridian", second - first, after.at, elapsed)
         if second > first and second > limit - self._margin(rate, elapsed):
             return f"the hour angle limit ({second / 15.0:.2f} hours past the meridian)"
         if second > first:

@@ -1,6 +1,6 @@
-"""How long it takes to see where the mount is and to stop it, on the line that there is.
+"""How long it takes to see where the mount is and to bring it to rest, on the line that there is.
 
-Seconds, from what an exchange typically takes. What cannot be had sooner than that must be known before.
+Seconds, from what an exchange typically takes and what motors need. What cannot be had sooner must be known before.
 """
 
 from __future__ import annotations
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 SHORTEST = 0.15
 #: Exchanges that pass before a stop has effect: the one that told the position, one on the wire, the first of the stop.
 EXCHANGES = 3
+#: Motors do not stop at once: one that slows down evenly for a second runs on as far as in half a second at its speed.
+#: No mount tells how it slows down; about a second from full speed is what owners see, and slower motors need less.
+RUN_ON = 0.5
 #: Exchanges from the end of one axis to the end of the other, which alone may lead where both together do not.
 BETWEEN = 2.0
 
@@ -27,20 +30,21 @@ def interval(hub: Hub) -> float:
 
 
 def to_stop(hub: Hub) -> float:
-    """From where a position was true to the effect of the stop that it calls for."""
-    return (EXCHANGES + hub.driver.position_reads - 1) * hub.line.typical
+    """From where a position was true to where the stop that it calls for brings it to rest."""
+    return (EXCHANGES + hub.driver.position_reads - 1) * hub.line.typical + RUN_ON
 
 
 def reaction(hub: Hub) -> float:
-    """From one look to the effect of the next."""
+    """From one look to the rest that the next one brings."""
     return interval(hub) + to_stop(hub)
 
 
 def overdue(hub: Hub, elapsed: float) -> float:
     """The same when the last two looks were so far apart: the next one may be as late."""
-    return max(reaction(hub), elapsed + EXCHANGES * hub.line.typical)
+    return max(reaction(hub), elapsed + EXCHANGES * hub.line.typical + RUN_ON)
 
 
 def between(hub: Hub) -> float:
     """From the end of one of two axes to the end of the other; 0 where at most one moves."""
     return BETWEEN * hub.line.typical if len(hub.motions.axes) > 1 else 0.0
+

@@ -172,10 +172,10 @@ class Watch:
 
 
 def send_stops(mounts: list[Mount]) -> None:
-    """The stops of all mounts side by side, command by command."""
+    """The stops of all mounts side by side, command by command; whoever takes a mount meanwhile is not talked into."""
     for place in range(max((len(mount.stop) for mount in mounts), default=0)):
         for mount in mounts:
-            if place < len(mount.stop):
+            if place < len(mount.stop) and not mount.taken_over():
                 mount.send(mount.stop[place])
         time.sleep(BETWEEN)
 

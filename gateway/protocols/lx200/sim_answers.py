@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from gateway.mount_geometry import Build
 from gateway.protocols.lx200.nmea import rmc
 from gateway.spherical import hour_angle_to_horizon, wrap180
 
@@ -73,8 +74,9 @@ def letter(sim: Meade, name: str, _: Values) -> bytes:
 
 
 def status(sim: Meade, name: str, _: Values) -> bytes:
-    """:GW - three characters, no #."""
-    build = "P" if sim.letter == "P" else "A"
+    """:GW - how it stands, whether it tracks, whether it is aligned: three characters, no #."""
+    polar = sim.mechanics.build is Build.WEDGE and not (sim.letter == "L" and sim.land_tells_altaz)
+    build = "P" if polar else "A"
     tracks = sim.mechanics.tracking(sim.now) or sim.mechanics.slewing(sim.now)
     return f"{build}{'T' if tracks else 'N'}{'P' if sim.parked else int(sim.aligned)}".encode()
 

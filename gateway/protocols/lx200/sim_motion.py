@@ -69,10 +69,10 @@ def slew_axes(sim: Meade, goal: Pair) -> None:
 
 
 def take_up(sim: Meade) -> None:
-    """In service again, if it was parked or asleep; no arrow is pressed."""
+    """In service again, if it was parked; no arrow is pressed."""
     release(sim)
-    if sim.parked or sim.asleep:
-        sim.parked = sim.asleep = False
+    if sim.parked:
+        sim.parked = False
         sim.track(sim.letter != "L")
 
 

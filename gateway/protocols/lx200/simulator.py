@@ -7,12 +7,17 @@ model, what it answers is what real ones were seen to answer, quirks included. W
   and nothing else meanwhile, to a caller that gave ``later``; to any other it is done at once.
 - A command with an argument that lost its ``#`` is refused with everything up to the next one, and nothing that comes
   with it sets the telescope moving.
-- It answers after ``:hP#`` on every model. Any motion command takes a parked or sleeping telescope into service.
+- It answers after ``:hP#`` on every model, and any motion command takes a parked telescope into service.
+- While an LX200GPS sleeps (``:hN#``) it answers as before, but its motors have no power: nothing turns until ``:hW#``
+  or ``:I#``. It says yes (``0``) to ``:MS#`` and ``:MA#`` all the same.
+- ``:GW#`` tells how the telescope stands, in land mode too (``PN1`` on a wedge). With ``land_tells_altaz`` it tells
+  ``AN1`` there instead: nobody has seen what a real one does.
 - The classics and the Autostar begin in low precision, the LX200GPS in high.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -20,6 +25,7 @@ from gateway.errors import UserError
 from gateway.frames import Suspect, Unterminated
 from gateway.kinematics import Mechanics
 from gateway.motion_kinds import may_begin_motion
+from gateway.motors import RAMP_SECONDS
 from gateway.mount_geometry import Build, Pair, Sky
 from gateway.protocols.lx200 import sim_answers, sim_library, sim_motion, sim_parts, sim_settings, sim_tracking
 from gateway.protocols.lx200.framing import Framer
@@ -34,6 +40,10 @@ Later = Callable[[float, bytes], None]
 NAK = b"\x15"
 #: What is understood while the telescope is busy with itself.
 WHILE_BUSY = frozenset({"Q", "h?", "ACK"})
+#: What turns a motor -> the answer of one whose motors have no power, because it sleeps.
+TURNS_MOTORS: dict[str, bytes] = {
+    **dict.fromkeys(("MS", "MA", "Aa"), b"0"), **dict.fromkeys(("Mn", "Ms", "Me", "Mw", "Mg", "hP", "hS", "hF"), b""),
+}  # fmt: skip
 #: Beyond the manual, yet known to these; other forms beyond it are known to none.
 BEYOND = {
     "Mg": {"autostar", "lx200gps"}, "GW": {"autostar", "lx200gps"}, "GVF": {"autostar"}, "hI": {"lx200gps"},
@@ -52,11 +62,14 @@ SITES = 4
 class Meade:
     """One simulated telescope. ``site`` is latitude and longitude east in degrees, ``utc_offset`` local minus UTC.
 
-    ``clock`` gives Unix seconds and is the only source of time. Raises UserError for a model that does not exist.
+    ``clock`` gives Unix seconds and is the only source of time. The motors gather and lose speed as real ones do; with
+    ``ramps`` False they change it at once, for whoever reckons with plain rates. Raises UserError for a model that does
+    not exist.
     """
 
     def __init__(self, model: str = "autostar", *, clock: Callable[[], float], site: Pair = (45.0, 10.0),
-                 utc_offset: float = 0.0, aligned: bool = True, speed: float = 1.0) -> None:
+                 utc_offset: float = 0.0, aligned: bool = True, speed: float = 1.0,
+                 land_tells_altaz: bool = False, ramps: bool = True) -> None:
         self.protocol = load("lx200")
         if model not in self.protocol.models:
             raise UserError(f"no LX200 model is called {model!r}; there are {', '.join(self.protocol.models)}")
@@ -78,9 +91,11 @@ class Meade:
         self.busy_until = 0.0
         self.seeking, self.home = False, 0
         self.parked, self.asleep = False, False
+        self.land_tells_altaz = land_tells_altaz
         build = Build.WEDGE if self.letter == "P" else Build.ALTAZ
         self.mechanics = Mechanics(build, Sky(*site), self.now, self.start(build))
         self.mechanics.speed = speed
+        self.mechanics.acceleration = self.row["max_rate"] / RAMP_SECONDS if ramps else math.inf
         self.power_on()
         self._framer = self.framer()
 
@@ -125,6 +140,8 @@ class Meade:
             values = picture.decode(frame)
         except ValueError:
             return self._no(command)
+        if self.asleep and command.name in TURNS_MOTORS:
+            return TURNS_MOTORS[command.name]
         reply = HANDLERS[command.name](self, command.name, values) or b""
         return self._take_time(command.name, reply, later)
 
@@ -174,8 +191,8 @@ class Meade:
         return (180.0 if self.site[0] >= 0 else 0.0), (0.0 if build is Build.WEDGE else 45.0)
 
     def track(self, on: bool) -> None:
-        """Follow the sky, or stand still."""
-        self.mechanics.track(self.now, on, self.mechanics.geometry.pole)
+        """Follow the sky, or stand still: asleep it can only do the latter."""
+        self.mechanics.track(self.now, on and not self.asleep, self.mechanics.geometry.pole)
 
     def forget(self) -> None:
         """Lose the alignment: the tube is taken to stand where it should at power-on."""

@@ -13,11 +13,13 @@ business of whoever carries the bytes. Where the manual is silent:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 from gateway.errors import UserError
 from gateway.kinematics import Mechanics
+from gateway.motors import RAMP_SECONDS
 from gateway.mount_geometry import Build, Pair, Sky
 from gateway.protocols.nexstar.framing import Framer
 from gateway.protocols.nexstar.sim_clock import CLOCKS, GPS, RTC, Handler
@@ -43,8 +45,9 @@ class HandControl:
     """One simulated mount. ``site`` is latitude and longitude east in degrees, ``utc_offset`` in hours.
 
     ``clock`` gives Unix seconds and is the only source of time. ``version`` is as the manual writes it, or
-    ``starsense-1.20``; without one it is the model's newest. ``wedge`` puts a fork on one. Raises UserError
-    for a model or version that does not exist.
+    ``starsense-1.20``; without one it is the model's newest. ``wedge`` puts a fork on one. The motors gather
+    and lose speed as real ones do; with ``ramps`` False they change it at once, for whoever reckons with plain
+    rates. Raises UserError for a model or version that does not exist.
     """
 
     def __init__(
@@ -60,6 +63,7 @@ class HandControl:
         wedge: bool = False,
         focuser: bool = False,
         starsense: bool = False,
+        ramps: bool = True,
     ) -> None:
         protocol = load("nexstar")
         if model not in protocol.models:
@@ -82,7 +86,7 @@ class HandControl:
         self.zone, self.daylight, self.rtc_ahead = utc_offset, 0, 0.0
         self.aligned: bool = aligned
         self.asleep, self.mode = False, OFF
-        self._set_up(wedge, rates["fastest"], speed)
+        self._set_up(wedge, rates["fastest"], speed, ramps)
 
     def _know_version(self, version: str | None, starsense: bool) -> None:
         """What ``V`` shows, and which commands are known for it."""
@@ -104,7 +108,7 @@ class HandControl:
         first, last = self.row.get("shifted", ("1.0", "0.0"))
         self.shifted = parse_version(first) <= self.version <= parse_version(last)
 
-    def _set_up(self, wedge: bool, fastest: float, speed: float) -> None:
+    def _set_up(self, wedge: bool, fastest: float, speed: float, ramps: bool) -> None:
         """Point somewhere sensible: a fork at the equator's highest point, a German mount at the pole."""
         build = Build.GERMAN if self.german else Build.WEDGE if wedge else Build.ALTAZ
         north = self.site[0] >= 0
@@ -113,6 +117,7 @@ class HandControl:
             start = 180.0 if north else 0.0, 45.0 if build is Build.ALTAZ else 0.0
         self.mechanics: Mechanics = Mechanics(build, Sky(*self.site), self.now, start)
         self.mechanics.fastest, self.mechanics.speed = fastest, speed
+        self.mechanics.acceleration = fastest / RAMP_SECONDS if ramps else math.inf
         self.encoder_offset = [0.0, 0.0]
         if self.aligned:
             self.track(ALTAZ if build is Build.ALTAZ else EQ_NORTH if north else EQ_SOUTH)

@@ -72,6 +72,7 @@ def unpark(mount: Meade, _: Unpark) -> Steps:
     if mount.parked and mount.knows("I"):
         with contextlib.suppress(NoAnswer):
             yield from ask(mount, "I")
+        mount.asleep_as_told = False
     elif mount.parked and not mount.tells_status:
         raise Unsupported("This telescope comes back into service with the next goto.")
     mount.parked = False
@@ -81,10 +82,12 @@ def unpark(mount: Meade, _: Unpark) -> Steps:
 
 
 def sleep(mount: Meade, _: Sleep) -> Steps:
-    """:hN"""
+    """:hN - from then on nothing is sent that would turn a motor: a telescope that sleeps says yes and stays."""
     yield from ask(mount, "hN")
+    mount.asleep_as_told = True
 
 
 def wake(mount: Meade, _: Wake) -> Steps:
     """:hW"""
     yield from ask(mount, "hW")
+    mount.asleep_as_told = False

@@ -74,9 +74,11 @@ def read_status(mount: Meade) -> Steps:
     """:GW where the telescope knows it, else ACK."""
     if mount.tells_status:
         answer = yield from ask(mount, "GW")
-        _learn_letter(mount, answer["build"])
-        mount.aligned = answer["aligned"] not in "0"
         tracks = answer["tracking"] == "T"
+        if tracks or answer["build"] in "PG" or mount.home_letter == "A" or not (yield from _in_land_mode()):
+            _learn_letter(mount, answer["build"])
+        mount.aligned = answer["aligned"] not in "0"
+        mount.asleep_as_told = mount.asleep_as_told and not tracks  # somebody has woken it at its keys
     else:
         answer = yield from _probe("ACK")
         if answer is None:
@@ -85,6 +87,16 @@ def read_status(mount: Meade) -> Steps:
         mount.aligned, tracks = True, answer["mode"] != "L" and not mount.parked
     mount.tracking = own_mode(mount) if tracks else Tracking.OFF
     return None
+
+
+def _in_land_mode() -> Steps:
+    """Whether the alignment mode is L.
+
+    Of a polar telescope whose tracking is off for that reason, ``:GW#`` may tell an A. How it stands is then what it
+    said before; if somebody has taken it off its wedge, the alignment mode is an A.
+    """
+    answer = yield from _probe("ACK")
+    return answer is not None and answer["mode"] == "L"
 
 
 def own_mode(mount: Meade) -> Tracking:

@@ -8,7 +8,7 @@ from typing import Any
 from msgspec import Struct
 
 from gateway.driver import Ask, Driver, Pause, Steps
-from gateway.errors import Busy, Unsupported
+from gateway.errors import Busy, Refused, Unsupported
 from gateway.operations import Place, Rate, Tracking
 from gateway.tables import load
 
@@ -16,6 +16,8 @@ SIDEREAL = 15.041067  # arcseconds a second
 BUSY_RETRIES, BUSY_WAIT = 6, 0.4
 #: What takes a telescope long, in seconds at most: a classic calculates its planets, an LX200GPS finds its satellites.
 LONG = {"SC": 14.0, "gT": 600.0}
+#: What turns a motor, which has no power while the telescope sleeps.
+TURNS_MOTORS = frozenset({"MS", "MA", "Mn", "Ms", "Me", "Mw", "Mg", "hP", "hS", "hF"})
 #: All that is understood while it seeks its home; a Meade that is asked anything else says NAK, or nothing.
 WHILE_SEEKING = frozenset({"hS", "hF", "Q", "h?"})
 _NAMES = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
@@ -67,6 +69,8 @@ class Meade(Driver):
         """What no Meade tells, as after switching it on: that may have happened while the line was lost."""
         #: It seeks its home; ``fastest`` is what :Sw was sent last, degrees a second.
         self.seeking = False
+        #: It was told to sleep: its motors have no power, though it may say yes to a goto.
+        self.asleep_as_told = False
         self.fastest: int | None = None
         #: Axes with a rate of their own (:RA :RE); the guide rate sent last (:Rg); whether it corrects periodic errors.
         self.free_axes: set[int] = set()
@@ -125,11 +129,16 @@ def rate_command(rate: Rate) -> str:
 
 
 def ask(mount: Meade, command: str, **values: Any) -> Steps:
-    """Send a command; a busy telescope (NAK) is waited for, a few times. Raises Unsupported for what it lacks."""
+    """Send a command; a busy telescope (NAK) is waited for, a few times.
+
+    Raises Unsupported for what it lacks, and Refused for what would turn a motor of one that sleeps.
+    """
     if not mount.knows(command):
         raise Unsupported(f"This model knows no {command if command == 'ACK' else f':{command}#'}.")
     if mount.seeking and command not in WHILE_SEEKING:
         raise Busy("The mount seeks its home.")
+    if mount.asleep_as_told and command in TURNS_MOTORS:
+        raise Refused("The mount is asleep: wake it first.")
     for attempt in range(BUSY_RETRIES):
         try:
             return (yield Ask(command, {**values, "low": mount.low}, LONG.get(command), command in LONG))

@@ -1,0 +1,70 @@
+"""Motors need a second to their speed and a second back: no limit is crossed for it. Judged by the physical truth."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.hub.rates import Rates
+from gateway.truth import sampled
+from tests.bridge import Bridge
+from tests.virtual import run
+
+#: What a place is known to, and a mount at rest may differ by while it tracks, degrees.
+JITTER = 0.02
+
+
+def lowest_reached(model: str, driven: str, lowest: float, latency: float, words: bytes) -> float:
+    """A program holds an arrow and shows life -> how low the tube came."""
+    seen: list[float] = []
+
+    async def program() -> None:
+        async with Bridge(model, driven=driven, latency=latency, config={"lowest": lowest}) as bridge:
+            client = bridge.client()
+            client.tell(words)
+            async with sampled(bridge.sim, lambda truth: seen.append(truth.altitude)):
+                for _ in range(60):
+                    client.tell(b":GR#")
+                    await asyncio.sleep(0.1)
+                assert not bridge.hub.moving
+
+    run(program())
+    return min(seen)
+
+
+@pytest.mark.parametrize(("model", "driven", "lowest", "latency"), [
+    ("lx200", "lx200", 35.8, 0.02),  # the second look comes while it still gathers speed: 1 degree beyond, before
+    ("lx200gps", "lx200", 33.4, 0.1),
+    ("6-8se", "nexstar", 40.0, 0.02),
+    ("cge", "nexstar", 44.2, 0.25),  # from the pole: it falls faster and faster, 0.24 degrees beyond, before
+    ("cge", "nexstar", 41.8, 0.02),
+])
+def test_an_arrow_at_full_speed_ends_before_the_limit(model: str, driven: str, lowest: float, latency: float) -> None:
+    assert lowest_reached(model, driven, lowest, latency, b":RS#:Ms#") >= lowest - JITTER
+
+
+def test_it_is_not_stopped_sooner_than_that_takes() -> None:
+    """Four degrees and a half a second from 45: a look in half a second, and a way of half a second to rest."""
+    assert lowest_reached("6-8se", "nexstar", 30.0, 0.02, b":RS#:Ms#") < 30.0 + 4.6 * 1.5
+
+
+@pytest.mark.parametrize(("change", "now", "elapsed", "ahead"), [
+    (0.5, 10.5, 0.5, 4.0),  # half a second after it began: a degree a second so far, and four it was told
+    (0.04, 10.5, 0.5, 0.08),  # a way past the limit
+    (2.0, 12.0, 0.5, 4.0),  # later what is seen is all of it
+    (0.5, 12.0, 0.5, 1.0),
+])
+def test_what_a_change_means_while_motors_gather_speed(change: float, now: float, elapsed: float, ahead: float) -> None:
+    rates = Rates()
+    rates.began(10.0, 4.0)
+    assert rates.ahead("altitude", -change, now, elapsed) == pytest.approx(ahead)
+
+
+def test_what_has_grown_may_grow_as_much_again() -> None:
+    rates = Rates()
+    rates.began(0.0, 0.0)
+    assert rates.ahead("altitude", 0.5, 5.0, 1.0) == pytest.approx(0.5)
+    assert rates.ahead("altitude", 1.5, 6.0, 1.0) == pytest.approx(2.5)
+    assert rates.ahead("altitude", 1.0, 7.0, 1.0) == pytest.approx(1.0)
+    assert rates.ahead("sun 0", 3.0, 8.0, 1.0) == pytest.approx(3.0)  # of another limit nothing is known yet
