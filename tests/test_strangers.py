@@ -14,7 +14,8 @@ import pytest
 from gateway.assembly import Gateway
 from gateway.config import MountConfig, SurfaceConfig
 from gateway.line import Line
-from gateway.recording import Recorder, read
+from gateway.recorder import Recorder
+from gateway.recording import read
 from gateway.replaying import replay
 from gateway.simulators import make_simulator
 from gateway.transcript import Transcript
