@@ -114,3 +114,53 @@ def test_an_arrow_that_is_pressed_and_released_right_after_a_goto_is_ended() -> 
             assert await rests(bridge)
 
     run(program())
+
+
+@pytest.mark.parametrize(("mount", "driven"), MOUNTS)
+@pytest.mark.parametrize("meanwhile", [b":TL#", b":TS#", b":ST59.0#", b":TQ#", b":Mge0500#", b":Mgn1000#", b":RG#:RM#"])
+def test_a_rate_or_a_pulse_that_comes_meanwhile_leaves_the_goto_whole(
+    mount: str, driven: str, meanwhile: bytes
+) -> None:
+    async def program() -> None:
+        async with Bridge(mount, driven=driven) as bridge:
+            client = bridge.client()
+            await client.ask(GOTO, until=b"0")
+            await asyncio.sleep(2.0)
+            assert bridge.sim.slewing
+            client.tell(meanwhile)
+            assert await arrives(bridge)
+            dropped = [entry.note for entry in bridge.entries if "the guide pulse is dropped" in entry.note]
+            assert bool(dropped) is meanwhile.startswith(b":Mg")
+
+    run(program())
+
+
+@pytest.mark.parametrize("ended", [False, True])
+def test_a_rate_that_came_during_a_goto_runs_when_it_is_over(ended: bool) -> None:
+    """The Moon's: 14.685 arcseconds a second; also when the goto was stopped."""
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            client = bridge.client()
+            await client.ask(GOTO, until=b"0")
+            await asyncio.sleep(2.0)
+            client.tell(b":TL#")
+            if ended:
+                client.tell(b":Q#")
+                await asyncio.sleep(5.0)
+            else:
+                assert await arrives_near(bridge)
+            before, began = bridge.sim.truth()[0], bridge.clock()
+            await asyncio.sleep(20.0)
+            drift = (bridge.sim.truth()[0] - before) * 3600.0 / (bridge.clock() - began)
+            assert drift == pytest.approx(15.041 - 14.685, abs=0.02)
+
+    run(program())
+
+
+async def arrives_near(bridge: Any) -> bool:
+    """The same of a mount that does not follow the stars afterwards."""
+    client = bridge.client("10.0.0.9")
+    for _ in range(60):
+        client.tell(b":GR#:D#")
+        await asyncio.sleep(1.0)
+    return separation(*bridge.sim.truth(), *GOAL) < 0.1

@@ -186,3 +186,22 @@ def test_a_restart_ceases_current_operations(motion: bytes) -> None:
             assert bridge.sim.tracking
 
     run(program())
+
+
+def test_a_stop_ends_the_pulse_that_a_motor_times_itself() -> None:
+    """AUX 0x26 lasts up to 2.55 s and what is left of nine seconds would follow."""
+    async def program() -> None:
+        async with Bridge("evolution", "5.31") as bridge:
+            client = bridge.client()
+            client.tell(b":Mgn9000#")
+            await asyncio.sleep(1.0)
+            assert bridge.sim.mechanics.pulsing(bridge.clock(), 2)
+            client.tell(b":Q#")
+            await asyncio.sleep(0.6)
+            assert not bridge.sim.mechanics.pulsing(bridge.clock(), 2)
+            sent = len(bridge.sent())
+            await asyncio.sleep(10.0)
+            assert not [data for data in bridge.sent()[sent:] if data[:1] == b"P"]
+            assert bridge.sim.tracking
+
+    run(program())

@@ -7,6 +7,7 @@ axis (east in the south) and north on the second, which is what programs mean by
 from __future__ import annotations
 
 from gateway.driver import Later, Steps
+from gateway.errors import Refused
 from gateway.operations import Halt, Move, MoveAxis, Operation, Pulse, PulseAxis, Rate, SetGuideRate, Stop
 from gateway.protocols.lx200.driver.state import SIDEREAL, SPEEDS, Meade, ask, rate_command
 
@@ -137,6 +138,8 @@ def pulse_axis(mount: Meade, operation: PulseAxis) -> Steps:
 
 
 def _pulse(mount: Meade, axis: int, letter: str, ms: int, rate: float | None) -> Steps:
+    if mount.goto is not None:
+        raise Refused("The mount is slewing: the guide pulse is dropped.")
     if mount.knows("Rg"):
         yield from _guide_at(mount, mount.guide_rate if rate is None else rate)
     if mount.knows("Mg") and mount.product:

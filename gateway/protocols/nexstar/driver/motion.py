@@ -8,7 +8,7 @@ a chain of small gotos.
 from __future__ import annotations
 
 from gateway.driver import Ask, Later, Steps
-from gateway.errors import Fault, Unsupported
+from gateway.errors import Fault, Refused, Unsupported
 from gateway.operations import (
     Backlash,
     Direction,
@@ -26,7 +26,7 @@ from gateway.operations import (
     Tracking,
 )
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.goto import clear_the_way, need_alignment
+from gateway.protocols.nexstar.driver.goto import Arrived, clear_the_way, need_alignment
 from gateway.protocols.nexstar.driver.position import pier_side
 from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.spherical import fold_declination
@@ -107,7 +107,7 @@ def halt(mount: NexStar, operation: Halt) -> Steps:
     yield Ask(f"slew_{_AXIS[operation.axis]}_pos", {"rate": 0})
     mount.moving.pop(operation.axis, None)
     if not mount.moving:
-        yield from tracking.restore(mount)
+        yield from (tracking.restore(mount) if mount.remembered is not None else tracking.keep_rate(mount))
 
 
 def stop(mount: NexStar, _: Stop) -> Steps:
@@ -128,7 +128,14 @@ def stop(mount: NexStar, _: Stop) -> Steps:
     mount.moving.clear()
     if going is None:
         yield Ask("M")
-    yield from tracking.restore(mount)
+    running = [axis for axis, ends in mount.pulse_ends.items() if ends > mount.now()]
+    mount.pulse_ends.clear()
+    for axis in running:  # a motor times its pulse itself: one of rate 0 takes its place
+        yield Ask("pulse", {"device": 15 + axis, "rate": 0, "ticks": 1})
+    yield from (tracking.restore(mount) if mount.remembered is not None or going is not None
+                else tracking.keep_rate(mount))
+    if going is not None and mount.rate.name != "sidereal":
+        yield Later(0.0, Arrived(then=""))  # the hand control goes on at the sidereal rate
 
 
 # --- hand controls before 1.6 -----------------------------------------------------------------------------------
@@ -181,6 +188,8 @@ def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
     axis, sign = operation.axis, operation.sense
     if operation.ms <= 0:
         return
+    if mount.goto is not None:
+        raise Refused("The mount is slewing: the guide pulse is dropped.")
     if mount.motors and min(mount.motors.values()) >= PULSE_FIRMWARE:
         mount.pulsing[axis] = (sign * (operation.rate or mount.guide_rates[axis]), operation.ms)
         yield from next_pulse(mount, NextPulse(axis))
@@ -200,6 +209,7 @@ def next_pulse(mount: NexStar, operation: NextPulse) -> Steps:
     if piece <= 0:
         return
     percent = max(-100, min(100, round(100 * rate)))
+    mount.pulse_ends[operation.axis] = mount.now() + piece / 1000.0
     yield Ask("pulse", {"device": 15 + operation.axis, "rate": percent, "ticks": max(1, round(piece / 10))})
     if left > piece:
         mount.pulsing[operation.axis] = (rate, left - piece)
@@ -211,6 +221,7 @@ def end_pulse(mount: NexStar, operation: EndPulse) -> Steps:
     if operation.axis in mount.pulsing:
         yield Ask(f"slew_{_AXIS[operation.axis]}_pos", {"rate": 0})
         mount.pulsing.pop(operation.axis, None)
+        yield from tracking.keep_rate(mount)
 
 
 # --- mechanics --------------------------------------------------------------------------------------------------

@@ -91,6 +91,8 @@ class NexStar(Driver):
         self.steps: dict[int, float] = {}
         self.guide_rates = {1: settings.guide_rate, 2: settings.guide_rate}  # of pulses, until they are set
         self.pulsing: dict[int, tuple[float, int]] = {}
+        #: When the pulse that a motor times itself is over, axis by axis.
+        self.pulse_ends: dict[int, float] = {}
         # position
         self.last: Equatorial | None = None
         #: Whether its declination was beyond 90 degrees when it was told last.

@@ -153,6 +153,13 @@ def restore(mount: NexStar) -> Steps:
         yield Later(VERIFY_AFTER, VerifyTracking(mode=mode.value))
 
 
+def keep_rate(mount: NexStar) -> Steps:
+    """A gentle motion ends with rate 0 to the motor: a drive rate that is not the hand control's own is sent again."""
+    mode = mount.tracking or Tracking.OFF
+    if mode.equatorial and mount.remembered is None and mount.rate.name != "sidereal":
+        yield from _send_rate(mount)
+
+
 class VerifyTracking(Operation, frozen=True):
     """Internal: a hand control may ignore ``T`` sent right after motion."""
 
@@ -178,6 +185,8 @@ def track_rate(mount: NexStar, operation: TrackRate) -> Steps:
     mode = own_mode(mount)
     if mode is None or not mode.equatorial or not mount.knows("rate_azm_pos"):
         return  # in alt-az both axes follow the sky: the rate is kept, the tracking stays the mount's
+    if mount.goto is not None:
+        return  # it would end the goto of one axis; it is sent when the goto is over
     if mount.remembered is not None or (mount.tracking or Tracking.OFF) is Tracking.OFF:
         return  # it is sent when tracking comes back
     if operation.name == "sidereal":
