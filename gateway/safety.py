@@ -59,6 +59,15 @@ def check_hour_angle(limits: Limits, hour_angle: float) -> None:
         raise PastMeridian
 
 
+def check_shaft(limits: Limits, first: float) -> None:
+    """The same by the first axis of a German mount, which reads 90 degrees with the counterweight shaft down.
+
+    Past the meridian the shaft stands above level. Raises PastMeridian.
+    """
+    if limits.hour_angle is not None and abs(wrap180(first - 90.0)) - 90.0 > limits.hour_angle + _AT_LIMIT:
+        raise PastMeridian
+
+
 def leaving(limits: Limits, before: float, now: float, margin: float) -> bool:
     """Whether an altitude is outside the limits, or will be within ``margin`` degrees, and is getting worse.
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from gateway.truth import truth_of
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -90,5 +91,27 @@ def test_a_side_that_was_not_told_is_none(version: str, latitude: float) -> None
         async with Bridge("cge" if version == "4.10" else "cgem", version, site=(latitude, 10.0)) as bridge:
             assert bridge.driver.tube_side("") is None
             assert {bridge.driver.tube_side("E"), bridge.driver.tube_side("W")} == {"E", "W"}
+
+    run(program())
+
+
+@pytest.mark.parametrize(("mount", "site"), [("cge", (45.0, 10.0)), ("cgx", (-35.0, 10.0))])
+@pytest.mark.parametrize("asked", [
+    b"b%08X,%08X" % (340 * 2**32 // 360, 40 * 2**32 // 360), b"BEAAB,238E", b"P\x04\x10\x02\xea\xaa\xab\x00"])
+def test_axis_gotos_come_no_farther_past_the_meridian_than_allowed(
+    mount: str, site: tuple[float, float], asked: bytes
+) -> None:
+    """340 and 330 degrees of the first axis: the counterweight shaft 20 and 30 degrees above level. AUX 0x02, too."""
+    async def program() -> None:
+        config = {"hour_angle_limit": 0.5, "lowest": -90.0, "sun": 0.0}
+        async with Bridge(mount, site=site, presented="nexstar", surface=mount, config=config) as bridge:
+            client = bridge.client()
+            await client.ask(asked, 3.0)
+            worst = -180.0
+            for _ in range(120):
+                await asyncio.sleep(0.5)
+                client.tell(b"e")
+                worst = max(worst, truth_of(bridge.sim).past_meridian)
+            assert worst < 7.5 + 0.5, worst
 
     run(program())

@@ -19,7 +19,7 @@ from gateway.hub.sun import UP
 from gateway.mount.safety.sync_sum import check_sum
 from gateway.mount_geometry import Pair
 from gateway.paths import clear
-from gateway.safety import Limits, check_altitude, check_hour_angle, check_sync, leaving
+from gateway.safety import Limits, check_altitude, check_hour_angle, check_shaft, check_sync, leaving
 from gateway.spherical import fold_declination, separation, wrap180
 
 if TYPE_CHECKING:
@@ -158,6 +158,10 @@ class Checks:
             hub.transcript.note_once("mount", "site unknown: axis gotos are not checked")
             return
         check_altitude(limits, hub.derived.horizon(op.Equatorial(goal.ra, goal.dec)).alt)
+        if hub.driver.german:
+            check_shaft(limits, wanted.az)
+        else:
+            check_hour_angle(limits, hub.derived.sidereal_time() - goal.ra)
         await self._check_way(limits, op.Equatorial(goal.ra, goal.dec), (wanted.az, wanted.alt))
 
     async def _check_way(self, limits: Limits, goal: op.Equatorial, axes: Pair | None = None) -> None:
