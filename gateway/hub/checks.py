@@ -7,6 +7,7 @@ afterwards is the guard's business (``guard.py``).
 
 from __future__ import annotations
 
+import asyncio
 from itertools import product
 from math import ceil
 from typing import TYPE_CHECKING
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
 #: A position older than that says nothing about where a motion begins.
 OLD_POSITION = 6.0
+#: Seconds that a sync waits for the end of a goto, and between two looks at it.
+NEARLY, PAUSE = 2.5, 0.2
 #: Degrees of an axis between the places of a way that are looked at.
 STRIDE = 2.0
 
@@ -75,6 +78,7 @@ class Checks:
             self._check_contradictions(limits, op.Equatorial(operation.ra, operation.dec))
             return hub.derived.to_mount(operation)
         elif isinstance(operation, op.Sync):
+            await self._goto_ends()
             if hub.moving:
                 raise Refused("The mount moves: nothing is centred, sync when it rests.")
             if (await hub.read(op.GetStatus())).aligned:
@@ -84,6 +88,13 @@ class Checks:
                 check_sum(hub.policy.limits.sync, hub.synced, here, wanted)
             return hub.derived.to_mount(operation)
         return operation
+
+    async def _goto_ends(self) -> None:
+        """Wait a moment for the end of a goto: programs that compare positions take it for over a little too early."""
+        hub = self._hub
+        until = hub.now() + NEARLY
+        while hub.slewing and not hub.motions.axes and hub.now() < until and await hub.anew(op.Slewing()):
+            await asyncio.sleep(PAUSE)
 
     async def _check_aligned(self, operation: op.Operation) -> None:
         """A hand control without alignment acknowledges whatever it is told and does nothing, or moves who knows where.
