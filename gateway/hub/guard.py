@@ -18,6 +18,8 @@ from gateway.hub.alarm import Alarm
 from gateway.hub.looks import Look, measured, sample
 from gateway.hub.rates import Rates
 from gateway.hub.reaction import SHORTEST, between, interval, overdue, to_stop
+from gateway.mount.motion.ends import Sample
+from gateway.mount.safety.stalled import StallWatch
 from gateway.mount.safety.sync_sum import SyncSum
 from gateway.safety import leaving, past_meridian
 from gateway.spherical import separation
@@ -48,7 +50,7 @@ class Guard:
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
-        self._alarm = Alarm(hub.loop, self._late)
+        self._alarm, self._stalls = Alarm(hub.loop, self._late), StallWatch()
         self._before: Look | None = None
         self._rates, self._across = Rates(), 0.0
         self._limits = hub.policy.limits
@@ -118,7 +120,7 @@ class Guard:
         if before is not None and now - before.at < SHORTEST:
             return
         self._alarm.off()
-        self._hub.ends.look(sample(hub, now, seen))
+        self._look_at_axes(sample(hub, now, seen))
         if before is not None and before.altitude is None:  # the site may have become known since
             before = measured(hub, before.at, before.seen)
             self._farthest = list(before.suns)
@@ -148,6 +150,20 @@ class Guard:
         )
         if reason:
             self._act(reason)
+
+    def _look_at_axes(self, here: Sample) -> None:
+        """Whether what was ended rests, and whether what was begun by hand moves."""
+        hub = self._hub
+        hub.ends.look(here)
+        status = hub.snapshot.value(op.GetStatus)
+        judged = status is not None and status.aligned and not hub.driver.stepping
+        moving = hub.motions.by_hand if judged else {}
+        ordered = {axis: hub.driver.speed(one.rate) for axis, one in moving.items()}
+        stalled = self._stalls.look(here, ordered, hub.line.typical * hub.driver.position_reads)
+        if stalled is not None:
+            hub.transcript.note("mount", f"stopped: axis {stalled} was told to move, and its position shows nothing of "
+                                         "it; look at the mount (a stalled motor, a cable?)")
+            hub.begin_stop()
 
     def unseen(self) -> None:
         """The mount did not tell where it is (an LX200GPS seeking home is busy): a motion by hand ends, seen or not."""
