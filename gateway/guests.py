@@ -26,6 +26,7 @@ from gateway.operations import Operation
 from gateway.ports import Guest
 from gateway.ports.baud import Trial
 from gateway.ports.guest import HangUp
+from gateway.ports.pace import SHARE
 from gateway.strangers import Greeting, page
 from gateway.surface import Session, Surface
 
@@ -167,6 +168,9 @@ class _Visit:
         self._begin = b""
         #: What waits for its turn: bytes, and how many stops there had been when they came.
         self._waiting: list[tuple[bytes, int]] = []
+        #: While it sends more than is read at a time: how many stops there had been when that began. Nobody knows
+        #: when it was sent what comes next, and what was sent before a stop begins no motion after it.
+        self._behind: int | None = None
         self._take = self._on_line if lasting else self._listen if face.manners else client.feed
 
     @property
@@ -176,13 +180,16 @@ class _Visit:
 
     def feed(self, data: bytes) -> None:
         """Bytes have come."""
+        behind = self._behind
+        if behind is not None or len(data) >= SHARE:
+            self._behind = None if len(data) < SHARE else self._hub.stops if behind is None else behind
         urgent = any(end in data for end in self._ends)
         piled_up = sum(len(piece) for piece, _ in self._waiting) + len(data) > PATIENCE
         if urgent or (self._waiting and piled_up) or (not self._waiting and self._hub.turnstile.open()):
             self._go_on()
-            self._take(data, None)
+            self._take(data, behind)
             return
-        self._waiting.append((data, self._hub.stops))
+        self._waiting.append((data, self._hub.stops if behind is None else behind))
         if len(self._waiting) == 1:
             self._hub.turnstile.enter(self._go_on)
 

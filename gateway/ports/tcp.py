@@ -68,33 +68,45 @@ class _Connection(asyncio.BufferedProtocol):
 
     def buffer_updated(self, nbytes: int) -> None:
         if not self._share:
-            self._take(bytes(self._view[:nbytes]), nbytes == SHARE)
+            data = bytes(self._view[:nbytes])
+            if nbytes < SHARE:
+                self._answer(data)
+            else:
+                self._answer_share(data)
             return
         self._rest = unrepeated(self._share, bytes(memoryview(self._port.skimmed)[:nbytes]))
         self._take_share(nbytes >= SHARE)
 
-    def _take(self, data: bytes, more: bool) -> None:
-        """Take bytes in, and then a breath when there may be more at once."""
+    def _answer(self, data: bytes) -> None:
+        """Take bytes in; the replies to them go out as one."""
         replies: list[bytes] = []
         self._replies = replies
-        began = time.perf_counter() if more else 0.0
         self._feed(data)
         self._replies = None
         if replies:
             self._write(replies[0] if len(replies) == 1 else b"".join(replies))
-        if more and self._transport is not None and not self._transport.is_closing():
-            ended = self._guest is not None and self._guest.ended
-            self._share = (self._share + data)[-SHARE:] if ended else b""
-            self._transport.pause_reading()
-            loop = asyncio.get_running_loop()
-            loop.call_later(self._port.pace.pause(loop.time(), time.perf_counter() - began), self._go_on)
-        elif self._share:
-            self._share = b""
+
+    def _answer_share(self, data: bytes) -> None:
+        """The same where there may be more at once: others are read before this connection is again."""
+        began = time.perf_counter()
+        self._answer(data)
+        took = time.perf_counter() - began
+        if self._transport is None or self._transport.is_closing():
+            return
+        ended = self._guest is not None and self._guest.ended
+        self._share = (self._share + data)[-SHARE:] if ended else b""
+        self._transport.pause_reading()
+        loop = asyncio.get_running_loop()
+        loop.call_later(self._port.pace.pause(loop.time(), took), self._go_on)
 
     def _take_share(self, more: bool) -> None:
         """The next share of what was read together."""
         data, self._rest = self._rest[:SHARE], self._rest[SHARE:]
-        self._take(data, more or bool(self._rest))
+        if more or self._rest:
+            self._answer_share(data)
+        else:
+            self._answer(data)
+            self._share = b""
 
     def _go_on(self) -> None:
         if self._transport is None or self._transport.is_closing():
