@@ -14,6 +14,8 @@ from gateway.operations import Equatorial
 from gateway.spherical import separation, wrap180
 
 _AT_LIMIT = 1.0 / 3600.0
+#: Altitude of a Sun that may still shine into a tube: refraction, the disk, and a horizon that lies lower than the eye.
+SUN_IS_UP = -1.0
 #: Farther past the meridian than that, a tube has gone round under the pole and not against the pier.
 _AROUND_THE_POLE = 90.0
 

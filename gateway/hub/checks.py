@@ -16,7 +16,7 @@ from gateway import operations as op
 from gateway.errors import Fault, NearSun, NotAligned, Refused, Unsupported
 from gateway.hub import ways
 from gateway.hub.reaction import SHORTEST, reaction
-from gateway.hub.sun import UP
+from gateway.mount.safety.contradictions import check_contradictions
 from gateway.mount.safety.sync_sum import check_sum
 from gateway.mount_geometry import Pair
 from gateway.paths import clear
@@ -75,7 +75,7 @@ class Checks:
             limits = hub.policy.limits.narrowed(operation.lowest, operation.highest)
             self._check_goto(limits, operation)
             await self._check_way(limits, op.Equatorial(operation.ra, operation.dec))
-            self._check_contradictions(limits, op.Equatorial(operation.ra, operation.dec))
+            check_contradictions(hub.sources, hub.derived.sky, limits, op.Equatorial(operation.ra, operation.dec))
             return hub.derived.to_mount(operation)
         elif isinstance(operation, op.Sync):
             await self._goto_ends()
@@ -130,25 +130,6 @@ class Checks:
         status = hub.snapshot.value(op.GetStatus)
         if status is not None and status.equatorial and hub.driver.tube_side("E") is None:
             check_hour_angle(limits, hub.derived.sidereal_time() - seen.ra)
-
-    def _check_contradictions(self, limits: Limits, goal: op.Equatorial) -> None:
-        """Where sources of site or time contradict each other, what either of them forbids is not begun.
-
-        Raises BelowHorizon, TooHigh or NearSun, with who says what.
-        """
-        hub, sky = self._hub, self._hub.derived.sky
-        for place, unix, words in hub.sources.contradictions():
-            if place is None:
-                continue
-            altitude = sky.horizon(goal.ra, goal.dec, place.latitude, place.longitude, unix)[1]
-            sun = sky.sun(unix)
-            try:
-                check_altitude(limits, altitude)
-                if separation(goal.ra, goal.dec, *sun) < hub.suns.limit and sky.horizon(
-                        *sun, place.latitude, place.longitude, unix)[1] >= UP:
-                    raise NearSun
-            except Fault as fault:
-                raise type(fault)(f"{fault} {words[0].upper()}{words[1:]}.") from None
 
     async def _check_axes(self, wanted: op.GotoAxes, high_enough: bool = False) -> None:
         """Axis readings: a place over the horizon on a fork, one on the sky on an equatorial mount whose site is known.

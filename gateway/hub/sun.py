@@ -10,11 +10,10 @@ from collections.abc import Callable
 
 from gateway import operations as op
 from gateway.hub.derived import Derived
+from gateway.safety import SUN_IS_UP
 from gateway.spherical import separation
 from gateway.transcript import Transcript
 
-#: Up is what may still shine into a tube: refraction, the disk, and a horizon that lies lower than the eye.
-UP = -1.0
 DAY = 86400.0
 #: The Sun moves a twenty-thousandth of a degree a second against the stars: one place is good for a minute.
 KEPT = 60.0
@@ -57,7 +56,7 @@ class Suns:
         """The Sun of one moment; None when it is down. Without a site it counts as up."""
         sky = self._derived.sky
         ra, dec = sky.sun(unix)
-        if site is not None and sky.horizon(ra, dec, site.latitude, site.longitude, unix)[1] < UP:
+        if site is not None and sky.horizon(ra, dec, site.latitude, site.longitude, unix)[1] < SUN_IS_UP:
             return None
         return op.Equatorial(ra, dec)
 

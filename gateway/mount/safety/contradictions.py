@@ -1,0 +1,32 @@
+"""Where sources of site or time contradict each other, what one of them forbids is not begun.
+
+What is under way already is ended by the best source alone: whoever is wrong must not stop a mount that is right.
+"""
+
+from __future__ import annotations
+
+from gateway.errors import Fault, NearSun
+from gateway.mount.site.sources import BestSources
+from gateway.operations import Equatorial
+from gateway.safety import SUN_IS_UP, Limits, check_altitude
+from gateway.sky import Sky
+from gateway.spherical import separation
+
+
+def check_contradictions(sources: BestSources, sky: Sky, limits: Limits, goal: Equatorial) -> None:
+    """A goto to ``goal`` by every source that contradicts the best one.
+
+    Raises BelowHorizon, TooHigh or NearSun, with who says what.
+    """
+    for place, unix, words in sources.contradictions():
+        if place is None:
+            continue
+        altitude = sky.horizon(goal.ra, goal.dec, place.latitude, place.longitude, unix)[1]
+        sun = sky.sun(unix)
+        risen = sky.horizon(*sun, place.latitude, place.longitude, unix)[1] >= SUN_IS_UP
+        try:
+            check_altitude(limits, altitude)
+            if risen and separation(goal.ra, goal.dec, *sun) < limits.sun:
+                raise NearSun
+        except Fault as fault:
+            raise type(fault)(f"{fault} {words[0].upper()}{words[1:]}.") from None
