@@ -92,28 +92,27 @@ class Motions:
         self.stops += 1
         self.owed = True
         self._pressed.clear()
-        speed = self._hub.guard.fastest
         ended = [task for task, job in self._jobs.items() if not job.outlives_stop]
         for task in ended:
             task.cancel()
         for operation in [planned for planned in self._later if not planned.outlives_stop]:
             self._later.pop(operation).cancel()
         if self._stopping is None or self._stopping.done():  # else it is being done: nothing can have begun since
-            self._stopping = self._hub.spawn(self._stop(ended, speed))
+            self._stopping = self._hub.spawn(self._stop(ended))
             self._stopping.add_done_callback(_heed)
         return self._stopping
 
     def stop_again(self) -> None:
         """Send a stop once more that was seen to have had no effect; what was asked for since is not ended by it."""
         if self._stopping is None or self._stopping.done():
-            self._stopping = self._hub.spawn(self._stop([], 0.0))
+            self._stopping = self._hub.spawn(self._stop([]))
             self._stopping.add_done_callback(_heed)
 
     async def stop(self) -> None:
         """The same, and wait until the mount has acknowledged it. Raises Fault."""
         await asyncio.shield(self.begin_stop())
 
-    async def _stop(self, ended: list[asyncio.Task[Any]], speed: float) -> None:
+    async def _stop(self, ended: list[asyncio.Task[Any]]) -> None:
         if ended:
             await asyncio.wait(ended)
         for attempt in range(STOP_TRIES):
@@ -126,10 +125,10 @@ class Motions:
                 if self._hub.driver.asleep and not down:  # it stands still, and hears of nothing
                     break
                 if attempt == STOP_TRIES - 1 or down:
-                    self._hub.ends.sent((1, 2), speed)  # it stays owed: the next position shows whether it must be
+                    self._hub.ends.sent((1, 2), self._hub.guard.fastest)  # it stays owed, while it is seen to move
                     raise
         self.owed = False
-        self._hub.ends.sent((1, 2), speed)
+        self._hub.ends.sent((1, 2), self._hub.guard.fastest)
         self._at_rest()
 
     def _at_rest(self) -> None:
