@@ -116,6 +116,9 @@ def test_a_mount_that_hears_no_stop_at_all_is_told_of() -> None:
             assert await seconds_to_rest(bridge, 25.0) == 25.0
             warned = [entry.note for entry in bridge.entries if entry.note.startswith("WARNING: the mount goes on")]
             assert 1 <= len(warned) <= 2
+            await seconds_to_rest(bridge, 90.0)
+            assert not bridge.hub.ends.pending, "it is not fought for without end"
+            assert bridge.sent().count(b":Q#") <= 9
 
     run(program())
 

@@ -1,7 +1,7 @@
 """Looks after an end that was sent until the positions prove it, and has it sent again while they do not.
 
 A motion that is begun meanwhile takes its place: what moves then is wanted. Nothing is known of who moves a mount, so
-an end is sent a few times and then told of; it is never fought for without end in silence.
+an end is sent a few times, told of, and then left: it is not fought for without end.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from gateway.mount.motion.ends import TIMES, Ending, Sample, Step, next_step
 
 #: How many of the last positions are remembered.
 REMEMBERED = 6
+#: After so many times it is left alone: perhaps somebody at the hand control moves it. Limits hold all the same.
+AT_MOST = TIMES + 3
 
 
 class EndWatch:
@@ -53,7 +55,8 @@ class EndWatch:
         if step is Step.DONE:
             self.ending = None
         elif step is not Step.LOOK:
-            self.ending = ending.again(self._now())
+            again = ending.again(self._now())
+            self.ending = again if len(again.sent) < AT_MOST else None
             self._warn(f"WARNING: the mount goes on moving though it was told {TIMES} times to stop: switch it off"
                        if step is Step.ALARM else "the mount has not stopped: the stop is sent again")
             self._send(ending.axes)
