@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -54,6 +55,8 @@ def test_who_serves_goes_on_and_ends_as_always(command: str, redirected: str, to
                     answer += os.read(question, 64)
             time.sleep(0.02)
         os.close(question or 0)
+        if told:  # it is said with the first line that could not be written, a moment after the port is there
+            select.select([running.stderr], [], [], 20.0)
         running.send_signal(signal.SIGTERM)
         _, said = running.communicate(timeout=20)
     finally:
