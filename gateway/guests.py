@@ -37,6 +37,10 @@ HERE = 10.0
 PATIENCE = 512
 
 
+#: Seconds after which whoever has sent a whole share has caught up: what comes then was sent then.
+CAUGHT_UP = 5.0
+
+
 class Manner(Struct, frozen=True):
     """How a connection that begins with the bytes ``first`` is treated, because only one program begins so."""
 
@@ -171,6 +175,7 @@ class _Visit:
         #: While it sends more than is read at a time: how many stops there had been when that began. Nobody knows
         #: when it was sent what comes next, and what was sent before a stop begins no motion after it.
         self._behind: int | None = None
+        self._behind_at = -1e9
         self._take = self._on_line if lasting else self._listen if face.manners else client.feed
 
     @property
@@ -181,8 +186,16 @@ class _Visit:
     def feed(self, data: bytes) -> None:
         """Bytes have come."""
         behind = self._behind
-        if behind is not None or len(data) >= SHARE:
-            self._behind = None if len(data) < SHARE else self._hub.stops if behind is None else behind
+        if behind is not None and self._hub.now() - self._behind_at > CAUGHT_UP:
+            behind = self._behind = None
+        self._feed(data, behind)
+        if len(data) >= SHARE:
+            self._behind, self._behind_at = self._hub.stops if behind is None else behind, self._hub.now()
+        elif behind is not None:
+            self._behind = None
+
+    def _feed(self, data: bytes, behind: int | None) -> None:
+        """Take bytes in at once or in their turn; ``behind`` is how many stops there were when they may have come."""
         urgent = any(end in data for end in self._ends)
         piled_up = sum(len(piece) for piece, _ in self._waiting) + len(data) > PATIENCE
         if urgent or (self._waiting and piled_up) or (not self._waiting and self._hub.turnstile.open()):

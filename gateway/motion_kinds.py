@@ -8,8 +8,8 @@ from __future__ import annotations
 from gateway import operations as op
 
 GOTOS = (op.Goto, op.GotoHorizontal, op.GotoAxes, op.Park, op.Home)
-#: What can set the mount moving: a killed gateway leaves it so.
-MOVING = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
+#: What can set the mount moving: a killed gateway leaves it so. An LX200GPS that is to note its home looks for it.
+MOVING = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis, op.SetHome)
 MOTIONS = (
     *GOTOS, op.CancelGoto, op.Sync, op.Move, op.MoveAxis, op.Halt, op.Pulse, op.PulseAxis, op.SetTracking, op.TrackRate,
     op.SetHome, op.Unpark, op.Sleep, op.Wake, op.Focus,

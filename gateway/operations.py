@@ -347,9 +347,7 @@ class Home(Operation, frozen=True):
 
 
 class SetHome(Operation, frozen=True):
-    """The present position is home."""
-
-    outlives_stop = True
+    """The present position is home; a mount with marks on its axes may turn to look for them."""
 
 
 class HomeState(Read, frozen=True):

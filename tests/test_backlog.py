@@ -54,3 +54,18 @@ def test_whoever_has_caught_up_moves_the_mount_again() -> None:
             assert bridge.hub.motions.axes == {1}
 
     run(program())
+
+
+def test_a_long_piece_is_forgotten_when_its_time_is_over() -> None:
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            client, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
+            client.tell(b":GR#" * (SHARE // 4))
+            await asyncio.sleep(30.0)
+            other.tell(b":Q#")
+            await asyncio.sleep(30.0)
+            client.tell(b":RM#:Me#")
+            await asyncio.sleep(1.0)
+            assert bridge.hub.motions.axes == {1}
+
+    run(program())

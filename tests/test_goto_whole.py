@@ -185,3 +185,69 @@ def test_a_sync_in_the_last_moment_of_a_goto_waits_for_its_end(mount: str, drive
             assert told[:5] == b"08:04" or told[:5] == b"08:03", told
 
     run(program())
+
+
+@pytest.mark.parametrize(("mount", "driven"), MOUNTS)
+@pytest.mark.parametrize("held", [0.0, 0.06, 0.1, 0.3, 0.45, 0.8])
+@pytest.mark.parametrize("when", ["during a goto", "just after one", "the second axis"])
+def test_an_arrow_that_is_released_soon_after_a_goto_was_interrupted_leaves_nothing_moving(
+    mount: str, driven: str, held: float, when: str
+) -> None:
+    """The mount may have heard of the arrow and not yet acknowledged it, and the goto may seem to be under way."""
+    async def program() -> None:
+        async with Bridge(mount, driven=driven, config={"lowest": -90.0, "sun": 0.0}) as bridge:
+            client = bridge.client()
+            await client.ask(GOTO, until=b"0")
+            if when == "just after one":
+                while separation(*bridge.sim.truth(), *GOAL) > 0.001:
+                    client.tell(b":GR#")
+                    await asyncio.sleep(0.1)
+            else:
+                await asyncio.sleep(2.0)
+            if when == "the second axis":
+                client.tell(b":RM#:Me#")
+                await asyncio.sleep(1.0)
+            client.tell(b":RM#:Mn#")
+            await asyncio.sleep(held)
+            client.tell(b":Qn#")
+            await asyncio.sleep(0.5)
+            client.tell(b":Qe#")
+            assert await rests(bridge)
+            assert not bridge.hub.motions.axes
+            await asyncio.sleep(2.0)
+            assert bridge.sim.tracking
+
+    run(program())
+
+
+@pytest.mark.parametrize(("mount", "driven"), MOUNTS)
+def test_an_arrow_that_the_dead_man_ended_takes_no_halt_away(mount: str, driven: str) -> None:
+    async def program() -> None:
+        async with Bridge(mount, driven=driven, config={"dead_man_closed": 1.0}) as bridge:
+            first = bridge.client()
+            first.tell(b":RM#:Me#")
+            await asyncio.sleep(1.0)
+            first.close()
+            await asyncio.sleep(6.0)
+            assert not bridge.hub.motions.axes
+            second = bridge.client()
+            await second.ask(GOTO, until=b"0")
+            await asyncio.sleep(3.0)
+            second.tell(b":Qe#")
+            assert await rests(bridge)
+            assert separation(*bridge.sim.truth(), *GOAL) > 1.0
+
+    run(program())
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.05, 0.3])
+def test_a_stop_ends_the_search_for_home(delay: float) -> None:
+    async def program() -> None:
+        async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:
+            client = bridge.client()
+            client.tell(b":hS#")
+            await asyncio.sleep(delay)
+            client.tell(b":Q#")
+            assert await rests(bridge)
+
+    run(program())

@@ -53,7 +53,7 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
         "axis readings to park at, degrees (default: azimuth 0, altitude 0; the pole on an equatorial mount)",
         "AZ,ALT", [0.0, 0.0])] = None
     unaligned: Annotated[Literal["refuse", "allow"], _key(
-        "may a NexStar that is not aligned be sent to axis readings, parked and homed, which leads who knows where?"
+        "may a NexStar that is not aligned be sent to axis readings, parked and homed? Its axes point anywhere then"
         )] = "refuse"
     aux_home: Annotated[bool, _key("home is where the motors' own home switches are, on mounts that have some")] = False
     hibernate: Annotated[bool, _key("let programs that come over a network (tcp, rfc2217) put the mount to sleep; "

@@ -142,6 +142,8 @@ class Motions:
         """Put a motion in line behind those before it; from now on it counts as asked for, by ``life``."""
         if isinstance(operation, op.Move | op.MoveAxis):
             self._pressed.press(operation.axis, life)
+        elif isinstance(operation, GOTOS):
+            self._pressed.goto()
         during = self._during_goto(operation, life) if isinstance(operation, op.Halt) else None
         if during is not None:
             return during
@@ -163,7 +165,7 @@ class Motions:
         """What a halt means while a goto waits or is under way; None without one, and where its axis moves by hand."""
         pressed = self._pressed.release(halt.axis, life)
         waiting = [task for task, job in self._jobs.items() if isinstance(job, GOTOS) and not task.cancelling()]
-        if not waiting and (halt.axis in self.by_hand or not self._hub.slewing):
+        if not waiting and (self.by_hand or not self._hub.slewing):  # an arrow that was begun has ended the goto
             return None
         return self._hub.spawn(self._release(halt, waiting[-1:])) if pressed else self.begin_stop()
 

@@ -13,22 +13,30 @@ if TYPE_CHECKING:
 
 
 class Pressed:
-    """The axes that each host's programs have set moving by hand and not released."""
+    """The axes that each host's programs have set moving by hand and not released, and the gotos asked for before."""
 
     def __init__(self) -> None:
-        self._pressed: set[tuple[str, int]] = set()
+        self._pressed: dict[tuple[str, int], int] = {}
+        self._gotos = 0
+
+    def goto(self) -> None:
+        """A goto was asked for: what is pressed from now on is newer."""
+        self._gotos += 1
 
     def press(self, axis: int, life: Life | None) -> None:
         """An arrow of this axis was pressed."""
         if life is not None:
-            self._pressed.add((life.who, axis))
+            self._pressed[life.who, axis] = self._gotos
 
     def release(self, axis: int, life: Life | None) -> bool:
-        """It was released -> whether this program had pressed it."""
-        mine = life is not None and (life.who, axis) in self._pressed
-        if life is not None:
-            self._pressed.discard((life.who, axis))
-        return mine
+        """It was released -> whether this program had pressed it, and a goto was asked for since.
+
+        Without a program it is the gateway that ends the axis: then nobody's arrow is pressed there any more.
+        """
+        if life is None:
+            self._pressed = {key: gotos for key, gotos in self._pressed.items() if key[1] != axis}
+            return False
+        return self._pressed.pop((life.who, axis), self._gotos) < self._gotos
 
     def clear(self) -> None:
         """A stop has ended them all."""

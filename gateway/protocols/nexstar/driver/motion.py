@@ -101,8 +101,10 @@ def move_axis(mount: NexStar, operation: MoveAxis) -> Steps:
 
 def halt(mount: NexStar, operation: Halt) -> Steps:
     """Rate 0 on one axis; after the last one tracking comes back, once."""
-    mount.steps.pop(operation.axis, None)
+    stepped = mount.steps.pop(operation.axis, None)
     if mount.stepping:
+        if stepped is not None:
+            yield Ask("M")  # the last small goto may lead far in azimuth; the other axis takes its next one by itself
         return
     yield Ask(f"slew_{_AXIS[operation.axis]}_pos", {"rate": 0})
     mount.moving.pop(operation.axis, None)
