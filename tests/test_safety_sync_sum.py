@@ -29,9 +29,29 @@ async def sync_north(bridge: Any, degrees: float) -> Exception | None:
 def test_the_sum_is_taken_on_the_sky() -> None:
     assert SyncSum().added(op.Equatorial(350.0, 60.0), op.Equatorial(10.0, 60.0)).east == pytest.approx(10.0)
     assert SyncSum(3.0, 1.0).added(op.Equatorial(0.0, 0.0), op.Equatorial(0.0, 3.0)).size == pytest.approx(5.0)
-    check_sum(15.0, SyncSum(0.0, 20.0), op.Equatorial(0.0, 20.0), op.Equatorial(0.0, 12.0))  # it makes it smaller
+    check_sum(15.0, SyncSum(0.0, 20.0), op.Equatorial(0.0, 20.0), op.Equatorial(0.0, 12.0), False)  # towards 0
     with pytest.raises(SyncTooFar):
-        check_sum(15.0, SyncSum(0.0, 14.0), op.Equatorial(0.0, 20.0), op.Equatorial(0.0, 22.0))
+        check_sum(15.0, SyncSum(0.0, 14.0), op.Equatorial(0.0, 20.0), op.Equatorial(0.0, 22.0), False)
+
+
+@pytest.mark.parametrize(("mount", "taken"), [("cge", False), ("cpc", True)])
+def test_near_the_pole_right_ascension_counts_in_full_on_an_equatorial_mount(mount: str, taken: bool) -> None:
+    """56 degrees of right ascension at declination 75 are 14 on the sky, and turn a polar axis by 56."""
+    async def program() -> None:
+        async with Bridge(mount, config={"sun": 0.0}) as bridge:
+            client = bridge.client()
+            await client.ask(b":Sr06:00:00#:Sd+75*00:00#:MS#", until=b"0")
+            for _ in range(60):
+                client.tell(b":D#")
+                await asyncio.sleep(1.0)
+            here = await bridge.hub.perform(op.Position())
+            try:
+                await bridge.hub.perform(op.Sync(here.ra + 56.0, here.dec))
+                assert taken
+            except SyncTooFar:
+                assert not taken
+
+    run(program())
 
 
 @pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200")])

@@ -62,7 +62,7 @@ def test_the_mark_is_there_before_the_motion_and_gone_after_it(tmp_path: Path, m
 def test_what_does_not_move_the_mount_leaves_no_mark(tmp_path: Path) -> None:
     async def program() -> None:
         async with Bridge(state=tmp_path) as bridge:
-            for command in (b":GR#", b":Q#", b":RS#", b":SMx#", b":TS#", b":AL#", b":AA#", b":F+#", b":hS#"):
+            for command in (b":GR#", b":Q#", b":RS#", b":SMx#", b":TS#", b":AL#", b":AA#", b":F+#"):
                 bridge.client().tell(command)
                 await asyncio.sleep(1)
                 assert _mark(tmp_path) is None, command

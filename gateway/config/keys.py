@@ -65,7 +65,8 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     dead_man: Annotated[float, _key("a program that is silent this long loses the arrows it holds down, seconds", "S",
                                     gt=0.0, le=3600.0)] = 30.0
     dead_man_closed: Annotated[float, _key(
-        "the same, when its connection is closed and none from its host has come", "S", gt=0.0, le=3600.0)] = 5.0
+        "the same, when its connection is closed and its computer has opened no other since", "S",
+        gt=0.0, le=3600.0)] = 5.0
     state: Annotated[str | None, _key("directory for what is kept (default: where your system has it)", "PATH",
                                       "/var/lib/mount-gateway")] = None
     record: Annotated[str | None, _key("write everything that passes to a file that replay plays again", "FILE",

@@ -81,11 +81,12 @@ class Checks:
             await self._goto_ends()
             if hub.moving:
                 raise Refused("The mount moves: nothing is centred, sync when it rests.")
-            if (await hub.read(op.GetStatus())).aligned:
+            status = await hub.read(op.GetStatus())
+            if status.aligned:
                 here = await hub.read(op.Position())
                 wanted = op.Equatorial(operation.ra, operation.dec)
                 check_sync(hub.policy.limits, here, wanted)
-                check_sum(hub.policy.limits.sync, hub.synced, here, wanted)
+                check_sum(hub.policy.limits.sync, hub.synced, here, wanted, status.equatorial)
             return hub.derived.to_mount(operation)
         return operation
 

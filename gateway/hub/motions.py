@@ -322,7 +322,7 @@ class Motions:
             status, here = snapshot.value(op.GetStatus), snapshot.value(op.Position)
             if status is not None and status.aligned and here is not None:
                 there = self._hub.derived.from_mount(op.Equatorial(operation.ra, operation.dec))
-                self._hub.synced = self._hub.synced.added(here, there)
+                self._hub.synced = self._hub.synced.added(here, there, status.equatorial)
             aligns = (op.GetStatus,) if status is not None and not status.aligned else ()
             snapshot.forget(op.Position, op.HorizontalPosition, op.AxisPosition, *aligns)
         elif isinstance(operation, op.SetTracking | op.Unpark | op.Sleep | op.Wake):

@@ -1,7 +1,9 @@
 """How far all syncs since the alignment have moved the sky together: small ones add up.
 
 The limits go by where the mount believes to point. Each sync may be off by the limit for syncs (``sync-limit``), and so
-may their sum, but no more: four of 14 degrees would put the horizon 56 degrees away. A new alignment begins anew.
+may their sum, but no more: four of 14 degrees would put the horizon 56 degrees away. On an equatorial mount a sync
+near the pole that is small on the sky turns the whole sky about it, so there right ascension counts in full. A new
+alignment begins anew.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from gateway.spherical import wrap180
 
 
 class SyncSum(Struct, frozen=True, omit_defaults=True):
-    """The net offset, degrees on the sky towards the east and the north."""
+    """The net offset, degrees towards the east (on the sky, or of the first axis of an equatorial mount) and north."""
 
     east: float = 0.0
     north: float = 0.0
@@ -26,14 +28,14 @@ class SyncSum(Struct, frozen=True, omit_defaults=True):
         """Degrees."""
         return hypot(self.east, self.north)
 
-    def added(self, present: Equatorial, wanted: Equatorial) -> SyncSum:
+    def added(self, present: Equatorial, wanted: Equatorial, equatorial: bool = False) -> SyncSum:
         """With one more sync: from where the mount believed to point to where it was told to."""
-        middle = cos(radians((present.dec + wanted.dec) / 2.0))
+        middle = 1.0 if equatorial else cos(radians((present.dec + wanted.dec) / 2.0))
         return SyncSum(self.east + wrap180(wanted.ra - present.ra) * middle, self.north + wanted.dec - present.dec)
 
 
-def check_sum(limit: float, so_far: SyncSum, present: Equatorial, wanted: Equatorial) -> None:
+def check_sum(limit: float, so_far: SyncSum, present: Equatorial, wanted: Equatorial, equatorial: bool) -> None:
     """Raises SyncTooFar for a sync that takes the net offset beyond the limit, unless it makes it smaller."""
-    then = so_far.added(present, wanted)
+    then = so_far.added(present, wanted, equatorial)
     if then.size > limit and then.size > so_far.size:
         raise SyncTooFar(f"Sync refused: {then.size:.0f} degrees off with those since the alignment.")
