@@ -213,7 +213,7 @@ class Hub:
     def _end_again(self, axes: frozenset[int]) -> None:
         """An end that was sent is sent once more: the mount was seen to go on moving."""
         if len(axes) > 1:
-            self.motions.stop_again()
+            self.motions.send_stop()
             return
 
         async def send() -> None:

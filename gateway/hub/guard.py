@@ -120,7 +120,10 @@ class Guard:
         if before is not None and now - before.at < SHORTEST:
             return
         self._alarm.off()
-        self._look_at_axes(sample(hub, now, seen))
+        if hub.ends.pending or hub.motions.by_hand:
+            self._look_at_axes(sample(hub, now, seen))
+        else:
+            self._stalls.clear()
         if before is not None and before.altitude is None:  # the site may have become known since
             before = measured(hub, before.at, before.seen)
             self._farthest = list(before.suns)

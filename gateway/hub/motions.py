@@ -97,16 +97,14 @@ class Motions:
             task.cancel()
         for operation in [planned for planned in self._later if not planned.outlives_stop]:
             self._later.pop(operation).cancel()
+        return self.send_stop(ended)
+
+    def send_stop(self, ended: list[asyncio.Task[Any]] | None = None) -> asyncio.Task[None]:
+        """Send a stop when these tasks have ended. By itself it ends nothing that was asked for, only what moves."""
         if self._stopping is None or self._stopping.done():  # else it is being done: nothing can have begun since
-            self._stopping = self._hub.spawn(self._stop(ended))
+            self._stopping = self._hub.spawn(self._stop(ended or []))
             self._stopping.add_done_callback(_heed)
         return self._stopping
-
-    def stop_again(self) -> None:
-        """Send a stop once more that was seen to have had no effect; what was asked for since is not ended by it."""
-        if self._stopping is None or self._stopping.done():
-            self._stopping = self._hub.spawn(self._stop([]))
-            self._stopping.add_done_callback(_heed)
 
     async def stop(self) -> None:
         """The same, and wait until the mount has acknowledged it. Raises Fault."""

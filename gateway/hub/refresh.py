@@ -128,8 +128,8 @@ class Refresh:
         """Ask the mount again. That it was decided to is recorded: a replay asks when this run did."""
         hub = self._hub
         hub.transcript.put("hub", "r", note=kind.__name__)
-        if kind in self._own:
-            await (hub.settings.renew_clock() if kind is op.GetClock else hub.settings.renew_site())
+        if kind is op.GetSite or kind is op.GetClock:
+            await hub.settings.renew(kind)
             return
         try:
             await hub.anew(kind())

@@ -142,7 +142,7 @@ class SiteAndClock:
         """Where the mount's clock must not be set, the gateway's is. Raises NoDevice."""
         if await self._to_be_told(False, "clock"):
             await self._hub.drive(self._hub.driver.perform(operation), SETTING)
-            await self.renew_clock()
+            await self.renew(op.GetClock)
             return
         seen = await self._get_gps(op.GetGps())
         if not seen.linked or seen.unix is None:
@@ -185,24 +185,16 @@ class SiteAndClock:
         hub.transcript.note_once("mount", f"the mount is aligned: the {what} that was set is kept in the gateway")
         return False
 
-    async def renew_clock(self) -> None:
-        """Read the mount's clock again."""
+    async def renew(self, kind: type[op.GetSite | op.GetClock]) -> None:
+        """Read the mount's site or clock again; what somebody has set there is in force here as well."""
+        hub = self._hub
         try:
-            value = await self._hub.drive(self._hub.driver.perform(op.GetClock()), READ)
+            value = await hub.drive(hub.driver.perform(kind()), READ)
         except Fault:
             return
-        self._news(self._observatory.mount_says_clock(value), "clock")
-
-    async def renew_site(self) -> None:
-        """Read the mount's site again."""
-        try:
-            value = await self._hub.drive(self._hub.driver.perform(op.GetSite()), READ)
-        except Fault:
-            return
-        self._news(self._observatory.mount_says_site(value), "site")
-
-    def _news(self, changed: bool, what: str) -> None:
-        """Somebody has set it at the mount: programs are told that from now on, and the limits go by it."""
-        if changed:
-            self._hub.transcript.note("mount", f"the {what} was changed at the mount; it is in force here, too")
-            self._hub.snapshot.version += 1
+        of_clock = kind is op.GetClock
+        told = self._observatory.mount_says_clock if of_clock else self._observatory.mount_says_site
+        if told(value):
+            what = "clock" if of_clock else "site"
+            hub.transcript.note("mount", f"the {what} was changed at the mount; it is in force here, too")
+            hub.snapshot.version += 1

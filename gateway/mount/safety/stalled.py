@@ -38,6 +38,10 @@ class StallWatch:
     def __init__(self) -> None:
         self._courses: dict[int, Course] = {}
 
+    def clear(self) -> None:
+        """Nothing moves by hand."""
+        self._courses.clear()
+
     def look(self, sample: Sample, ordered: Mapping[int, float], round_trip: float) -> int | None:
         """-> the axis of which too little is seen, or None. ``ordered``: degrees a second of each axis by hand."""
         courses: dict[int, Course] = {}
