@@ -31,7 +31,7 @@ class Begun:
         """An operation nobody is told the outcome of: a failure goes to the transcript."""
         client, name = self._client, type(operation).__name__
         halts = isinstance(operation, Halt | CancelGoto)
-        if halts and client.hub.motions.again(operation) is not None:
+        if halts and client.hub.motions.again(operation):
             return
         ends = halts or operation == Focus(0)
         if len(self._operations) >= BEGUN and (not ends or operation in self._operations.values()):

@@ -18,7 +18,7 @@ from gateway.equinox import Equinox
 from gateway.errors import Fault
 from gateway.frames import Framing, Unterminated
 from gateway.hub import FRESH, MISSING, Hub
-from gateway.hub.dead_man import Life
+from gateway.mount.safety.dead_man import HostActivity
 from gateway.operations import CancelGoto, Halt, Operation, Stop
 from gateway.ports.baud import Trial
 from gateway.surface import Again, Defer, Handling, Session, Speed, Start, Surface
@@ -44,7 +44,7 @@ class Client:
 
     def __init__(self, name: str, hub: Hub, surface: Surface, session: Session, framing: Framing,
                  write: Callable[[bytes], Any], stop_frames: frozenset[bytes], equinox: Equinox | None,
-                 transcript: Transcript, life: Life) -> None:
+                 transcript: Transcript, life: HostActivity) -> None:
         self.life = life
         self.name, self.hub, self.surface, self.session = name, hub, surface, session
         self.framing, self.write, self.stop_frames, self.equinox = framing, write, stop_frames, equinox

@@ -99,7 +99,7 @@ class Reception:
         if self.hub.now() - at <= INHERIT_FOR:
             session.kept = dict(kept)
         client = Client(name, self.hub, face.surface, session, face.framing(self.hub.now), write, face.stop_frames,
-                        face.equinox, self.hub.transcript, self.hub.dead_man.arrive(host))
+                        face.equinox, self.hub.transcript, self.hub.presence.arrive(host))
         client.halts = face.halts
         self._clients.add(client)
         if self.access.only_looks(host):
@@ -138,9 +138,9 @@ class Reception:
         self._visits.discard(visit)
         self.hub.transcript.put(name, "-")
         if visit.stranger:
-            self.hub.dead_man.was_nobody(client.life)
+            self.hub.presence.was_nobody(client.life)
             return
-        self.hub.dead_man.leave(client.life)
+        self.hub.presence.leave(client.life)
         self._left[host] = (self.hub.now(), dict(client.session.kept))
         for old in [key for key, (at, _) in self._left.items() if self.hub.now() - at > INHERIT_FOR]:
             del self._left[old]

@@ -53,7 +53,7 @@ def recall(hub: Hub, past: Past) -> None:
     hub.synced = past.kept.synced
     if past.left is not None:
         hub.driver.recall(past.left.memory, moving=True)
-        hub.motions.owed = True
+        hub.motions.owe_stop()
 
 
 def selected_site(shared: dict[str, Any]) -> Place | None:

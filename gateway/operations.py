@@ -119,6 +119,14 @@ class Identity(Struct, frozen=True):
     motors: tuple[str, ...] = ()
 
 
+class Pulsed(Struct, frozen=True):
+    """A guide pulse was begun: seconds until it is over, whether the motor ``ends`` it by itself, milliseconds left."""
+
+    seconds: float
+    ends: bool
+    left: int = 0
+
+
 # --- reads ----------------------------------------------------------------------------------------------------
 
 

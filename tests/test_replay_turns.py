@@ -47,7 +47,7 @@ async def _program(recorded: Recorded, number: int, words: tuple[bytes, ...], un
         guest.close()
 
 
-def _live(path: Path, pair: str, *, seconds: float = 5.0, many: int = 30, longest: int = 10_000_000) -> None:
+def _live(path: Path, pair: str, *, seconds: float = 8.0, many: int = 30, longest: int = 10_000_000) -> None:
     mount, presented, words = PAIRS[pair]
 
     async def night() -> None:

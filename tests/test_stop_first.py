@@ -7,7 +7,6 @@ import asyncio
 import pytest
 
 from gateway.driver import Ask
-from gateway.hub.turn import FIRST, Turn
 from gateway.line import STOP
 from tests.bridge import Bridge
 from tests.virtual import run
@@ -122,30 +121,6 @@ def test_a_stop_that_is_no_longer_wanted_repeats_nothing() -> None:
             await asyncio.sleep(1.0)
             assert bridge.sent().count(b":Mn#") == 1
             assert bridge.sent().count(b":RM#") == 1
-
-    run(program())
-
-
-def test_a_turn_goes_by_rank_and_survives_those_who_no_longer_want_it() -> None:
-    async def program() -> None:
-        turn, had = Turn(), list[str]()
-
-        async def want(name: str, rank: int) -> None:
-            async with turn.taken(rank):
-                had.append(name)
-                await asyncio.sleep(1.0)
-
-        loop = asyncio.get_running_loop()
-        tasks = []
-        for name, rank in (("runs", 2), ("second", 2), ("gone", FIRST), ("third", 2), ("first", FIRST)):
-            tasks.append(loop.create_task(want(name, rank)))
-            await asyncio.sleep(0)
-        tasks[2].cancel()
-        await asyncio.sleep(1.5)
-        tasks[4].cancel()  # while it has the turn
-        await asyncio.gather(*tasks, return_exceptions=True)
-        assert had == ["runs", "first", "second", "third"]
-        await asyncio.wait_for(want("again", 2), 2.0)
 
     run(program())
 

@@ -16,8 +16,8 @@ from gateway.config import Endpoint, SurfaceConfig
 from gateway.errors import Fault
 from gateway.guests import Reception
 from gateway.hub import MISSING
-from gateway.hub.dead_man import DeadMan, Life
 from gateway.hub.turnstile import Turnstile
+from gateway.mount.safety.dead_man import HostActivity, Presence
 from gateway.safety import Limits
 from gateway.transcript import Transcript
 from tests.fixture import Mount
@@ -30,7 +30,7 @@ class Still:
         self.mount, self.loop = mount, asyncio.get_running_loop()
         self.now = self.loop.time
         self.transcript = Transcript(self.clock)
-        self.dead_man = DeadMan(cast(Any, self), 30.0, 5.0)
+        self.presence = Presence(self.now)
         self.version = self.stops = 0
         self.closed = False
         self.motions = self
@@ -60,7 +60,7 @@ class Still:
     def fresh_until(self, kinds: list[type[op.Operation]]) -> float:
         return self.now() + 0.5
 
-    async def perform(self, operation: op.Operation, stops: int | None = None, life: Life | None = None) -> Any:
+    async def perform(self, operation: op.Operation, stops: int | None = None, life: HostActivity | None = None) -> Any:
         await asyncio.sleep(0)
         self.mount.clock = op.Moment(self.clock() + self._ahead, self.mount.clock.offset)
         answer = self.mount.perform(operation)
@@ -73,7 +73,7 @@ class Still:
         self.spawn(self.perform(op.Stop()))
 
     def begin(self, operation: op.Operation, stops: int, failed: Callable[[Fault], None],
-              life: Life) -> asyncio.Task[None]:
+              life: HostActivity) -> asyncio.Task[None]:
         async def finish() -> None:
             try:
                 await self.perform(operation, stops)

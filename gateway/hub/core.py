@@ -9,22 +9,21 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 from msgspec import Struct
 
 from gateway import operations as op
-from gateway.driver import Ask, Driver, Steps
-from gateway.driving import carry_out
-from gateway.errors import Fault, NoAnswer, Refused
+from gateway.driver import Driver, Steps
+from gateway.errors import Fault, NoAnswer
 from gateway.hub.belief import Belief
-from gateway.hub.dead_man import DeadMan, Life
+from gateway.hub.checks import Checks
 from gateway.hub.derived import Derived
 from gateway.hub.ending import end_motion
+from gateway.hub.executor import HubExecutor
 from gateway.hub.guard import Guard
 from gateway.hub.hold import Hold
-from gateway.hub.motions import Motions
 from gateway.hub.places import PLACES
 from gateway.hub.refresh import ASK_AGAIN, Refresh
 from gateway.hub.settings import FIRST_ANSWER, SiteAndClock
@@ -35,6 +34,9 @@ from gateway.hub.turnstile import Turnstile
 from gateway.line import POSITION, READ, SETTING, STOP, Line
 from gateway.motion_kinds import MOTIONS
 from gateway.mount.motion.end_watch import EndWatch
+from gateway.mount.motion.reconciler import Reconciler
+from gateway.mount.safety.dead_man import HostActivity, Presence
+from gateway.mount.safety.supervisor import Supervisor
 from gateway.mount.safety.sync_sum import SyncSum
 from gateway.mount.site.sources import BestSources
 from gateway.observatory import Observatory
@@ -89,12 +91,13 @@ class Hub:
         self.synced = SyncSum()
         self.ends = EndWatch(self.now, self._end_again, lambda text: transcript.note("mount", text))
         self.guard, self.hold = Guard(self), Hold()
-        self.dead_man = DeadMan(self, policy.silence, policy.silence_closed)
-        self.motions = Motions(self, follow_ups)
+        self.checks, self.executor = Checks(self), HubExecutor(self)
+        self.presence = Presence(self.now)
+        self.supervisor = Supervisor(self.presence, policy.silence, policy.silence_closed, self.perform,
+                                     self.executor.note)
+        self.motions = Reconciler(driver, self.executor, follow_ups)
         self.slumber = Slumber(driver, self.now, lambda: self.motions.waking)
         self.refresh = Refresh(self)
-        #: How many exchanges the operation took that was carried out last.
-        self.exchanges = 0
         self.settings = SiteAndClock(self)
         #: Called when something that outlives the gateway may have changed; awaited before the mount is set moving.
         self.changed: Callable[[], None] = lambda: None
@@ -120,6 +123,7 @@ class Hub:
         self.closed = True
         self.identified.set()  # whoever waits for that is to hear that nothing comes
         self.motions.close()
+        self.supervisor.close()
         for task in [*self._tasks, *self._sharing.values()]:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -239,7 +243,7 @@ class Hub:
         for kind in kinds:
             self.snapshot.asked[kind] = now
 
-    async def perform(self, operation: op.Operation, stops: int | None = None, life: Life | None = None) -> Any:
+    async def perform(self, operation: op.Operation, stops: int | None = None, life: HostActivity | None = None) -> Any:
         """Carry out an operation for ``life``. ``stops`` is the count of stops when it was asked for. Raises Fault."""
         if type(operation) in FRESH:
             if self.driver.asleep:
@@ -257,7 +261,7 @@ class Hub:
         return await self.drive(self.driver.perform(operation), SETTING)
 
     def begin(self, operation: op.Operation, stops: int, failed: Callable[[Fault], None],
-              life: Life) -> asyncio.Future[None]:
+              life: HostActivity) -> asyncio.Future[None]:
         """Carry out an operation that nobody waits for; ``failed`` is told when it was not."""
         motion = self.motions.begin(operation, stops, life) if isinstance(operation, MOTIONS) else None
 
@@ -321,7 +325,7 @@ class Hub:
                 if isinstance(operation, op.Position):
                     self.guard.unseen()
                 raise
-            self.refresh.cost(type(operation), self.exchanges)
+            self.refresh.cost(type(operation), self.executor.exchanges)
         if isinstance(operation, op.Slewing):
             if self.slewing and not value:
                 await self._settled()
@@ -343,7 +347,7 @@ class Hub:
         try:
             while not self.moving:
                 if (await asyncio.wait({reading}, timeout=A_MOMENT))[0]:
-                    self.refresh.cost(type(operation), self.exchanges)
+                    self.refresh.cost(type(operation), self.executor.exchanges)
                     return reading.result()
             return None
         finally:
@@ -352,6 +356,7 @@ class Hub:
     async def _settled(self) -> None:
         """A goto has just ended: nobody is told so before the position is known where it ended."""
         self.guard.arrived()
+        self.motions.arrived()
         self.snapshot.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
         await self.read(op.Position())
 
@@ -365,25 +370,5 @@ class Hub:
             return None
 
     async def drive(self, steps: Steps, rank: int) -> Any:
-        """Carry out a driver's generator: exchanges, pauses, things to do later."""
-        self.exchanges = exchanges = 0
-
-        async def exchange(ask: Ask) -> Mapping[str, Any]:
-            nonlocal exchanges
-            self.slumber.admit(ask, rank)
-            answer, times = await self.belief.exchange(ask, rank)
-            self.slumber.answered(ask)
-            exchanges += times
-            return answer
-
-        try:
-            value = await carry_out(steps, exchange, self.motions.plan)
-            self.exchanges = exchanges
-            return value
-        except (Fault, asyncio.CancelledError):
-            raise
-        except Exception as error:  # a defect in a driver must cost one operation, never the gateway
-            self.transcript.note("mount", f"internal error, please report it: {error!r}")
-            if rank != STOP and self.motions.busy:
-                self.begin_stop()  # nobody knows what moves now; a stop that fails is tried again by itself
-            raise Refused(f"Internal error: {error!r}") from error
+        """Carry out a driver's generator: exchanges, pauses, things to do later. Raises Fault."""
+        return await self.executor.drive(steps, rank)

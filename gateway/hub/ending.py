@@ -25,7 +25,7 @@ STOP, SETTLE, BLIND = 4.0, 2.5, 0.2
 
 async def end_motion(hub: Hub) -> None:
     """Stop whatever moves and put tracking back; takes seconds at most, and raises nothing."""
-    hub.motions.stops += 1  # what still waits in a connection is not begun any more
+    hub.motions.no_more()  # what still waits in a connection is not begun any more
     if hub.motions.busy and hub.line.state != "opening":
         await _stop(hub)
     with contextlib.suppress(TimeoutError):
@@ -47,7 +47,7 @@ async def _stop_blindly(hub: Hub) -> None:
     """The bytes of a stop, without waiting for answers."""
     with contextlib.suppress(Exception):  # the last thing tried
         for command in stop_commands(hub.driver, hub.line.dialogue):
-            hub.line.wire.write(command)
+            hub.line.talk.send(command)
             await asyncio.sleep(BLIND)
 
 

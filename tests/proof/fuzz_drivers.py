@@ -280,7 +280,7 @@ def _weigh(bridge: Bridge, findings: Findings, driven: str) -> None:
     for what, size, most in (
         ("buffer", len(hub.line.talk._buffer), 4096), ("queue", len(hub.line._queue), 200),
         ("tasks", len(hub._tasks), 200),
-        ("jobs", len(hub.motions._jobs), 200), ("driver", held - len(driver.specials), 200),
+        ("jobs", len(hub.motions.wanted.pending), 200), ("driver", held - len(driver.specials), 200),
         ("urgent", len(hub.line._urgent), 200),
     ):  # fmt: skip
         if size > most:

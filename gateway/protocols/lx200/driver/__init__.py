@@ -23,5 +23,5 @@ SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
     )
 }
 FOLLOW_UPS: dict[type[Any], Callable[[Any, Any], Any]] = {
-    motion.EndPulse: motion.end_pulse, motion.NextPulse: motion.next_pulse, home.SeekOn: home.seek_on,
-}  # fmt: skip
+    home.SeekOn: home.seek_on,
+}

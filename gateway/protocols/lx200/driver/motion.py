@@ -6,9 +6,9 @@ axis (east in the south) and north on the second, which is what programs mean by
 
 from __future__ import annotations
 
-from gateway.driver import Later, Steps
+from gateway.driver import Steps
 from gateway.errors import Refused
-from gateway.operations import Halt, Move, MoveAxis, Operation, Pulse, PulseAxis, Rate, SetGuideRate, Stop
+from gateway.operations import Halt, Move, MoveAxis, Pulse, PulseAxis, Pulsed, Rate, SetGuideRate, Stop
 from gateway.protocols.lx200.driver.state import SIDEREAL, SPEEDS, Meade, ask, rate_command
 
 #: Faster than that an LX200GPS takes degrees a second; slower ones are its guide rate.
@@ -95,7 +95,8 @@ def _guide_at(mount: Meade, fraction: float) -> Steps:
 
 def halt(mount: Meade, operation: Halt) -> Steps:
     """:Q… of the arrow that was pressed; both of the axis when none is known to be."""
-    letter = mount.moving.pop(operation.axis, None)
+    pulsed, moved = mount.pulsing.pop(operation.axis, None), mount.moving.pop(operation.axis, None)
+    letter = moved or pulsed
     letters = [letter] if letter else (["e", "w"] if operation.axis == 1 else ["n", "s"])
     for one in letters:
         yield from ask(mount, f"Q{one}")
@@ -113,28 +114,15 @@ def stop(mount: Meade, _: Stop) -> Steps:
 # --- guiding ----------------------------------------------------------------------------------------------------
 
 
-class EndPulse(Operation, frozen=True):
-    """Internal: a guide pulse timed by the gateway is over. Ranks as a stop."""
-
-    axis: int
-
-
-class NextPulse(Operation, frozen=True):
-    """Internal: the rest of a guide pulse longer than :Mg can tell."""
-
-    letter: str
-    ms: int
-
-
 def pulse(mount: Meade, operation: Pulse) -> Steps:
-    """:Mg where the model has it, else guide rate for that long."""
-    yield from _pulse(mount, operation.direction.axis, operation.direction.value, operation.ms, None)
+    """-> Pulsed. :Mg where the model has it, four digits at most; else guide rate, which has to be ended."""
+    return (yield from _pulse(mount, operation.direction.axis, operation.direction.value, operation.ms, None))
 
 
 def pulse_axis(mount: Meade, operation: PulseAxis) -> Steps:
-    """The same by motor sense, at a rate of its own where the model takes one."""
+    """-> Pulsed. The same by motor sense, at a rate of its own where the model takes one."""
     letter = _letter(mount, operation.axis, operation.sense)
-    yield from _pulse(mount, operation.axis, letter, operation.ms, operation.rate)
+    return (yield from _pulse(mount, operation.axis, letter, operation.ms, operation.rate))
 
 
 def _pulse(mount: Meade, axis: int, letter: str, ms: int, rate: float | None) -> Steps:
@@ -143,27 +131,10 @@ def _pulse(mount: Meade, axis: int, letter: str, ms: int, rate: float | None) ->
     if mount.knows("Rg"):
         yield from _guide_at(mount, mount.guide_rate if rate is None else rate)
     if mount.knows("Mg") and mount.product:
-        yield from next_pulse(mount, NextPulse(letter, ms))
-        return
+        piece = min(ms, LONGEST_PULSE)
+        yield from ask(mount, "Mg", direction=letter, ms=piece)
+        return Pulsed(piece / 1000.0, ends=True, left=ms - piece)
     yield from ask(mount, "RG")
     yield from ask(mount, f"M{letter}")
     mount.pulsing[axis] = letter
-    yield Later(ms / 1000.0, EndPulse(axis), urgent=True)
-
-
-def next_pulse(mount: Meade, operation: NextPulse) -> Steps:
-    """One piece of at most four digits, then the next, unless a goto has begun."""
-    if mount.goto is not None:
-        return
-    piece = min(operation.ms, LONGEST_PULSE)
-    yield from ask(mount, "Mg", direction=operation.letter, ms=piece)
-    if operation.ms > piece:
-        yield Later(piece / 1000.0, NextPulse(operation.letter, operation.ms - piece))
-
-
-def end_pulse(mount: Meade, operation: EndPulse) -> Steps:
-    """:Q…, unless a stop already did it."""
-    letter = mount.pulsing.get(operation.axis)
-    if letter is not None:
-        yield from ask(mount, f"Q{letter}")
-        mount.pulsing.pop(operation.axis, None)
+    return Pulsed(ms / 1000.0, ends=False)

@@ -27,6 +27,4 @@ FOLLOW_UPS: dict[type[Any], Callable[[Any, Any], Any]] = {
     goto.Arrived: goto.arrived,
     tracking.VerifyTracking: tracking.verify,
     motion.StepOn: motion.step_on,
-    motion.EndPulse: motion.end_pulse,
-    motion.NextPulse: motion.next_pulse,
 }

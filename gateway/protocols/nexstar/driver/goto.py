@@ -68,12 +68,9 @@ def _to_axes(mount: NexStar, az: float, alt: float, then: str | None) -> Steps:
 
 def clear_the_way(mount: NexStar) -> Steps:
     """End what moves now: the newer goto wins, as at the keypad. Hand motion and pulses: rate 0; ``M`` until ``L`` = 0.
-
-    The rest of a motor's own pulse is forgotten: a rate that came during the goto would end it on that axis.
     """
     mount.steps.clear()
-    timed_here = {axis for axis, (_, left) in mount.pulsing.items() if not left}
-    for axis in sorted({*mount.moving, *timed_here}):
+    for axis in sorted({*mount.moving, *mount.pulsing}):
         yield Ask(f"slew_{'azm' if axis == 1 else 'alt'}_pos", {"rate": 0})
         mount.moving.pop(axis, None)
     mount.pulsing.clear()

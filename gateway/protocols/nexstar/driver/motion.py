@@ -21,6 +21,7 @@ from gateway.operations import (
     PierSide,
     Pulse,
     PulseAxis,
+    Pulsed,
     Rate,
     Stop,
     Tracking,
@@ -108,6 +109,8 @@ def halt(mount: NexStar, operation: Halt) -> Steps:
         return
     yield Ask(f"slew_{_AXIS[operation.axis]}_pos", {"rate": 0})
     mount.moving.pop(operation.axis, None)
+    mount.pulsing.discard(operation.axis)
+    yield from _end_pulses(mount, [operation.axis])
     if not mount.moving:
         yield from (tracking.restore(mount) if mount.remembered is not None else tracking.keep_rate(mount))
 
@@ -130,14 +133,18 @@ def stop(mount: NexStar, _: Stop) -> Steps:
     mount.moving.clear()
     if going is None:
         yield Ask("M")
-    running = [axis for axis, ends in mount.pulse_ends.items() if ends > mount.now()]
-    mount.pulse_ends.clear()
-    for axis in running:  # a motor times its pulse itself: one of rate 0 takes its place
-        yield Ask("pulse", {"device": 15 + axis, "rate": 0, "ticks": 1})
+    yield from _end_pulses(mount, [1, 2])
     yield from (tracking.restore(mount) if mount.remembered is not None or going is not None
                 else tracking.keep_rate(mount))
     if going is not None and mount.rate.name != "sidereal":
         yield Later(0.0, Arrived(then=""))  # the hand control goes on at the sidereal rate
+
+
+def _end_pulses(mount: NexStar, axes: list[int]) -> Steps:
+    """A motor times its guide pulse itself: one of rate 0 takes the place of one that still runs."""
+    for axis in axes:
+        if mount.pulse_ends.pop(axis, 0.0) > mount.now():
+            yield Ask("pulse", {"device": 15 + axis, "rate": 0, "ticks": 1})
 
 
 # --- hand controls before 1.6 -----------------------------------------------------------------------------------
@@ -168,62 +175,34 @@ def step_on(mount: NexStar, _: StepOn) -> Steps:
 # --- guiding ----------------------------------------------------------------------------------------------------
 
 
-class EndPulse(Operation, frozen=True):
-    """Internal: a guide pulse timed by the gateway is over. Ranks as a stop."""
-
-    axis: int
-
-
-class NextPulse(Operation, frozen=True):
-    """Internal: the rest of a guide pulse longer than the motor's 2.55 s."""
-
-    axis: int
-
-
 def pulse(mount: NexStar, operation: Pulse) -> Steps:
-    """A guide pulse in a sky direction."""
-    yield from pulse_axis(mount, PulseAxis(operation.direction.axis, sense(mount, operation.direction), operation.ms))
+    """-> Pulsed: a guide pulse in a sky direction."""
+    axis, sign = operation.direction.axis, sense(mount, operation.direction)
+    return (yield from pulse_axis(mount, PulseAxis(axis, sign, operation.ms)))
 
 
 def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
-    """AUX 0x26 where both motors have it; else guide rate for that long; in alt-az there is no such fallback."""
+    """-> Pulsed. AUX 0x26 where both motors have it, at most 2.55 s at a time; else guide rate, which has to be ended.
+
+    In alt-az there is no such fallback.
+    """
     axis, sign = operation.axis, operation.sense
     if operation.ms <= 0:
-        return
+        return None
     if mount.goto is not None:
         raise Refused("The mount is slewing: the guide pulse is dropped.")
     if mount.motors and min(mount.motors.values()) >= PULSE_FIRMWARE:
-        mount.pulsing[axis] = (sign * (operation.rate or mount.guide_rates[axis]), operation.ms)
-        yield from next_pulse(mount, NextPulse(axis))
-        return
+        percent = max(-100, min(100, round(100 * sign * (operation.rate or mount.guide_rates[axis]))))
+        piece = min(operation.ms, LONGEST_PULSE)
+        mount.pulse_ends[axis] = mount.now() + piece / 1000.0
+        yield Ask("pulse", {"device": 15 + axis, "rate": percent, "ticks": max(1, round(piece / 10))})
+        return Pulsed(piece / 1000.0, ends=True, left=operation.ms - piece)
     if not (mount.tracking or Tracking.OFF).equatorial or mount.stepping:
         raise Unsupported("This mount cannot be guided in alt-az: its motors know no guide pulses.")
-    mount.pulsing[axis] = (sign, 0)
+    mount.pulsing.add(axis)
     side = "pos" if sign > 0 else "neg"
     yield Ask(f"slew_{_AXIS[axis]}_{side}", {"rate": int(mount.rates["guide"])})
-    yield Later(operation.ms / 1000.0, EndPulse(axis), urgent=True)
-
-
-def next_pulse(mount: NexStar, operation: NextPulse) -> Steps:
-    """One piece of at most 2.55 s, then the next."""
-    rate, left = mount.pulsing.pop(operation.axis, (0.0, 0))
-    piece = min(left, LONGEST_PULSE)
-    if piece <= 0:
-        return
-    percent = max(-100, min(100, round(100 * rate)))
-    mount.pulse_ends[operation.axis] = mount.now() + piece / 1000.0
-    yield Ask("pulse", {"device": 15 + operation.axis, "rate": percent, "ticks": max(1, round(piece / 10))})
-    if left > piece:
-        mount.pulsing[operation.axis] = (rate, left - piece)
-        yield Later(piece / 1000.0, NextPulse(operation.axis))
-
-
-def end_pulse(mount: NexStar, operation: EndPulse) -> Steps:
-    """Rate 0, unless a stop already did it."""
-    if operation.axis in mount.pulsing:
-        yield Ask(f"slew_{_AXIS[operation.axis]}_pos", {"rate": 0})
-        mount.pulsing.pop(operation.axis, None)
-        yield from tracking.keep_rate(mount)
+    return Pulsed(operation.ms / 1000.0, ends=False)
 
 
 # --- mechanics --------------------------------------------------------------------------------------------------

@@ -90,7 +90,8 @@ class NexStar(Driver):
         self.restores = 0
         self.steps: dict[int, float] = {}
         self.guide_rates = {1: settings.guide_rate, 2: settings.guide_rate}  # of pulses, until they are set
-        self.pulsing: dict[int, tuple[float, int]] = {}
+        #: The axes that a guide pulse turns which has to be ended by a command.
+        self.pulsing: set[int] = set()
         #: When the pulse that a motor times itself is over, axis by axis.
         self.pulse_ends: dict[int, float] = {}
         # position

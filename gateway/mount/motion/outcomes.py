@@ -1,0 +1,123 @@
+"""What is wanted once an order has come to its end: done by the mount, refused, or taken back.
+
+The counterpart of ``apply``: pure functions again. What the mount has acknowledged becomes ``motion``; a guide pulse
+leaves its end or its rest behind as an order of the gateway's own; a release that waited for a goto counts if that was
+refused.
+"""
+
+from __future__ import annotations
+
+from msgspec.structs import replace
+
+from gateway import operations as op
+from gateway.motion_kinds import ENDS
+from gateway.mount.motion.apply import pulses
+from gateway.mount.motion.wanted import (
+    FIRST,
+    AxisMotion,
+    ByHand,
+    FocusMotion,
+    GuidePulse,
+    Halted,
+    Order,
+    Slew,
+    Theirs,
+    Wanted,
+)
+
+
+def over(wanted: Wanted, order: Order) -> Wanted:
+    """Without an order that has come to its end, however it did."""
+    pending = tuple(other for other in wanted.pending if other.number != order.number)
+    return replace(wanted, pending=pending, active=0 if wanted.active == order.number else wanted.active)
+
+
+def done(wanted: Wanted, order: Order, now: float) -> Wanted:
+    """The same of one that the mount has carried out; of a halt it is noted when."""
+    wanted = over(wanted, order)
+    if not isinstance(order.operation, ENDS) or order.follow_up:
+        return wanted
+    others = tuple(one for one in wanted.halted if one.operation != order.operation)
+    return replace(wanted, halted=(*others, Halted(order.operation, now, order.asked, order.repeats)))
+
+
+def refused(wanted: Wanted, order: Order) -> Wanted:
+    """The same of one that came to nothing; an arrow that was released meanwhile is to be released after all."""
+    wanted = over(wanted, order)
+    if isinstance(order.operation, ENDS):
+        wanted = replace(wanted, halted=tuple(one for one in wanted.halted if one.operation != order.operation))
+    released = [other for other in wanted.pending if other.unless == order.number]
+    if not released:
+        return wanted
+    pending = tuple(replace(other, unless=0, rank=FIRST) if other.unless == order.number else other
+                    for other in wanted.pending
+                    if other.unless != order.number or getattr(other.operation, "axis", 0) in wanted.by_hand)
+    return replace(wanted, pending=pending)
+
+
+def taken(wanted: Wanted, order: Order, operation: op.Operation, now: float, speed: float) -> Wanted:
+    """What moves, once the mount has acknowledged an operation in the form in which it was admitted.
+
+    ``speed``: of a motion by hand, degrees a second.
+    """
+    match operation:
+        case op.Goto() | op.GotoHorizontal() | op.GotoAxes() | op.Park() | op.Home():
+            void = {other.number for other in wanted.pending if other.unless == order.number or pulses(other)}
+            pending = tuple(other for other in wanted.pending if other.number not in void)
+            return replace(wanted, motion=Slew(operation, order.by, now), slews=wanted.slews + 1, pulses=(),
+                           pending=pending)
+        case op.Move() | op.MoveAxis():
+            return _with(_without_pulses(wanted, operation.axis), operation.axis,
+                         AxisMotion(operation, order.by, now, speed))
+        case op.Halt() if order.follow_up:
+            return wanted
+        case op.Halt():
+            return _with(wanted, operation.axis, None)
+        case op.CancelGoto():
+            return replace(wanted, motion=Theirs()) if isinstance(wanted.motion, Slew) else wanted
+        case op.Sleep():
+            return replace(wanted, motion=Theirs())
+        case op.Focus(direction=direction):
+            return replace(wanted, focus=FocusMotion(operation, order.by, now) if direction else None)
+    return wanted
+
+
+def at_rest(wanted: Wanted) -> Wanted:
+    """A stop was carried out."""
+    return replace(wanted, motion=Theirs(), owed=False)
+
+
+def arrived(wanted: Wanted) -> Wanted:
+    """The goto under way is over, wherever it ended."""
+    return replace(wanted, motion=Theirs()) if isinstance(wanted.motion, Slew) else wanted
+
+
+def pulsed(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: float) -> Wanted:
+    """A guide pulse was begun: its end, or its rest, becomes due; ``number`` is that of the order for it."""
+    axis, until = pulses(order), now + pulse.seconds
+    assert axis is not None
+    others = tuple(one for one in wanted.pulses if one.axis != axis)
+    wanted = replace(wanted, pulses=(*others, GuidePulse(axis, until)))
+    if not pulse.ends:
+        end = Order(number, op.Halt(axis), rank=FIRST, at=until, follow_up=True, urgent=True)
+        return replace(wanted, pending=(*wanted.pending, end))
+    if pulse.left:
+        operation = replace(order.operation, ms=pulse.left)
+        rest = replace(order, number=number, operation=operation, at=until, follow_up=True)
+        return replace(wanted, pending=(*wanted.pending, rest))
+    return wanted
+
+
+def _with(wanted: Wanted, axis: int, motion: AxisMotion | None) -> Wanted:
+    """What moves by hand, with one axis as it is now."""
+    by_hand = wanted.motion if isinstance(wanted.motion, ByHand) else ByHand()
+    by_hand = replace(by_hand, first=motion) if axis == 1 else replace(by_hand, second=motion)
+    if isinstance(wanted.motion, Slew) and motion is None:
+        return wanted
+    return replace(wanted, motion=by_hand if by_hand.first or by_hand.second else Theirs())
+
+
+def _without_pulses(wanted: Wanted, axis: int) -> Wanted:
+    """An arrow takes the place of a guide pulse: its end must not end the arrow."""
+    pending = tuple(order for order in wanted.pending if pulses(order) != axis or order.number == wanted.active)
+    return replace(wanted, pending=pending, pulses=tuple(one for one in wanted.pulses if one.axis != axis))

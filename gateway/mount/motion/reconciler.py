@@ -1,0 +1,368 @@
+"""Brings a mount to do what is wanted: the only one that sends what moves it, one operation after the other.
+
+Orders change what is wanted (``apply``), ``next_operation`` names what is to be done, the driver does it, and its
+outcome changes what is wanted again. An operation that is not wanted any more is given up between two exchanges. A stop
+waits for the exchange on the wire and for nothing else: not for a setting that survives it, which goes on meanwhile.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from functools import partial
+from itertools import count
+from typing import Any
+
+from msgspec.structs import replace
+
+from gateway import operations as op
+from gateway.driver import Driver, Later
+from gateway.errors import Fault, Stopped
+from gateway.line import MOTION, SETTING, STOP
+from gateway.motion_kinds import ENDS, MOVING
+from gateway.mount.motion import outcomes
+from gateway.mount.motion.apply import apply, does_for, interrupted, stopped, take_back
+from gateway.mount.motion.executor import Executor
+from gateway.mount.motion.next_operation import next_moment, next_operation
+from gateway.mount.motion.wanted import FIRST, IN_ORDER, RESUMED, Order, Theirs, Wanted
+from gateway.mount.safety.dead_man import HostActivity
+
+#: How often a stop is sent again on a line that is up, when its answer was lost.
+STOP_TRIES = 3
+
+
+class Reconciler:
+    """``wanted`` is replaced here alone. ``follow_ups`` are the driver's own operations, by their type."""
+
+    def __init__(self, driver: Driver, executor: Executor,
+                 follow_ups: dict[type[Any], Callable[[Any, Any], Any]]) -> None:
+        self.wanted = Wanted()
+        self._driver, self._executor, self._follow_ups = driver, executor, follow_ups
+        self._loop = asyncio.get_running_loop()
+        self._numbers = count(1)
+        self._outcomes: dict[int, asyncio.Future[Any]] = {}
+        self._work: asyncio.Task[tuple[op.Operation, Any]] | None = None
+        self._active = 0
+        self._stopping: asyncio.Task[None] | None = None
+        self._timer: asyncio.TimerHandle | None = None
+        self._closed = False
+
+    # --- what is known ----------------------------------------------------------------------------------------------
+
+    @property
+    def by_hand(self) -> dict[int, op.Move | op.MoveAxis]:
+        """What moves by hand, axis by axis."""
+        return self.wanted.by_hand
+
+    @property
+    def axes(self) -> set[int]:
+        """The axes that move by hand."""
+        return set(self.wanted.by_hand)
+
+    @property
+    def stops(self) -> int:
+        """How many stops there were."""
+        return self.wanted.stops
+
+    @property
+    def gotos(self) -> int:
+        """Grows whenever a goto was asked for, and when it is under way."""
+        return self.wanted.gotos + self.wanted.slews
+
+    @property
+    def owed(self) -> bool:
+        """Whether the mount has a stop to come that it has not acknowledged."""
+        return self.wanted.owed
+
+    @property
+    def ending(self) -> bool:
+        """Whether a stop or a halt is not done yet."""
+        return self.wanted.owed or any(isinstance(order.operation, ENDS) for order in self.wanted.pending)
+
+    @property
+    def goto_waits(self) -> bool:
+        """Whether a goto was asked for that the mount has not acknowledged yet."""
+        return bool(self.wanted.waiting_gotos)
+
+    @property
+    def waking(self) -> bool:
+        """Whether the mount was asked to wake, and has not acknowledged it yet."""
+        return any(isinstance(order.operation, op.Wake) for order in self.wanted.pending)
+
+    @property
+    def busy(self) -> bool:
+        """Whether anything moves, is about to, or is to be ended later: all that a stop would end or put right."""
+        coming = any(not order.operation.outlives_stop for order in self.wanted.pending)
+        return self.wanted.owed or coming or self._executor.moving or self._driver.unrestored
+
+    # --- orders -----------------------------------------------------------------------------------------------------
+
+    def begin(self, operation: op.Operation, stops: int | None, by: HostActivity | None) -> asyncio.Future[Any]:
+        """Take an order -> its outcome; from now on it counts as asked for. ``stops``: their count when it was."""
+        if self._closed or self._too_late(operation, stops):
+            return self._decided(None)
+        wakes = isinstance(operation, op.Wake) and self._driver.asleep  # what is before it would not be heard
+        order = Order(next(self._numbers), operation, by, rank=FIRST if wakes else IN_ORDER)
+        before = self.wanted
+        try:
+            after = apply(before, order, self._loop.time(), self._executor.slewing)
+        except Fault as fault:
+            return self._decided(fault)
+        if after.stops != before.stops:
+            return self.begin_stop()
+        asked = any(one.number == order.number for one in after.pending)
+        if asked:
+            self._outcomes[order.number] = self._future()
+        self._want(after)
+        same = order if asked else does_for(after, operation)
+        outcome = self._outcomes.get(same.number) if same is not None else None
+        self._go_on()
+        return outcome if outcome is not None else self._decided(done=True)
+
+    def _too_late(self, operation: op.Operation, stops: int | None) -> bool:
+        """Whether a stop has come since it was asked for."""
+        lasts = isinstance(operation, op.Halt) or operation.outlives_stop
+        return stops is not None and stops != self.wanted.stops and not lasts
+
+    def again(self, operation: op.Operation) -> bool:
+        """Take back what a halt ends -> whether an equal one that is not done does for this one, too."""
+        if self._executor.slewing or self.wanted.waiting_gotos:
+            return False
+        self._want(take_back(self.wanted, operation))
+        same = does_for(self.wanted, operation)
+        if same is not None:
+            self._want(interrupted(self.wanted, same))
+        self._go_on()
+        return same is not None
+
+    def plan(self, later: Later) -> None:
+        """Have a follow-up performed after some seconds; the same one planned again replaces the first."""
+        order = Order(next(self._numbers), later.operation, at=self._loop.time() + later.seconds, follow_up=True)
+        others = tuple(one for one in self.wanted.pending if not (
+            one.follow_up and one.operation == later.operation and one.number != self.wanted.active))
+        self._want(replace(self.wanted, pending=(*others, order)))
+        self._go_on()
+
+    async def ended(self, outcome: asyncio.Future[Any]) -> Any:
+        """Wait for the outcome of an order. Raises Fault, and Stopped when a stop or a newer order came first."""
+        try:
+            return await asyncio.shield(outcome)
+        except asyncio.CancelledError:
+            if outcome.cancelled():
+                raise Stopped from None
+            raise
+
+    async def woken(self) -> None:
+        """Wait for what is to wake the mount, if anything is. Not for motions: it may wait behind them."""
+        waking = [self._outcomes[order.number] for order in self.wanted.pending
+                  if isinstance(order.operation, op.Wake) and order.number in self._outcomes]
+        if waking:
+            await asyncio.wait(waking)
+
+    async def settle(self) -> None:
+        """Wait for what outlives a stop: hand controls may need to be told twice to track again."""
+        while self._executor.served and self.wanted.pending:
+            await asyncio.sleep(0.05)
+
+    def arrived(self) -> None:
+        """The goto under way is seen to be over."""
+        self._want(outcomes.arrived(self.wanted))
+
+    def _future(self) -> asyncio.Future[Any]:
+        outcome = self._loop.create_future()
+        outcome.add_done_callback(_heed)
+        return outcome
+
+    def _decided(self, fault: Fault | None = None, *, done: bool = False) -> asyncio.Future[Any]:
+        """The outcome of what needs nothing to be done, is refused, or comes too late."""
+        outcome = self._future()
+        if done:
+            outcome.set_result(None)
+        elif fault is not None:
+            outcome.set_exception(fault)
+        else:
+            outcome.cancel()
+        return outcome
+
+    # --- stops ------------------------------------------------------------------------------------------------------
+
+    def no_more(self) -> None:
+        """What was asked for before now is not begun any more."""
+        self.wanted = replace(self.wanted, stops=self.wanted.stops + 1)
+
+    def owe_stop(self) -> None:
+        """Something that an earlier run of the gateway set moving is to stand still."""
+        self.wanted = replace(self.wanted, owed=True)
+
+    def begin_stop(self) -> asyncio.Task[None]:
+        """End every motion: what runs or waits dies now, and the stop goes to the line first.
+
+        It is owed until the mount has acknowledged it: a lost answer or a lost line does not cancel it.
+        """
+        work = self._work
+        self._want(stopped(self.wanted))
+        given_up = work if work is not None and work.cancelling() else None
+        return self.send_stop(given_up)
+
+    def send_stop(self, given_up: asyncio.Task[Any] | None = None) -> asyncio.Task[None]:
+        """Send a stop when this task has ended. By itself it ends nothing that was asked for, only what moves."""
+        if self._stopping is None or self._stopping.done():  # else it is being done: nothing can have begun since
+            self._stopping = self._loop.create_task(self._stop(given_up))
+            self._stopping.add_done_callback(self._has_stopped)
+        return self._stopping
+
+    async def stop(self) -> None:
+        """The same, and wait until the mount has acknowledged it. Raises Fault."""
+        await asyncio.shield(self.begin_stop())
+
+    async def _stop(self, given_up: asyncio.Task[Any] | None) -> None:
+        if given_up is not None:
+            await asyncio.wait({given_up})
+        executor = self._executor
+        for attempt in range(STOP_TRIES):
+            try:
+                await executor.drive(self._driver.perform(op.Stop()), STOP)
+                break
+            except Fault as fault:
+                executor.note(f"stop: {fault}")
+                if self._driver.asleep and not executor.down:  # it stands still, and hears of nothing
+                    break
+                if attempt == STOP_TRIES - 1 or executor.down:
+                    executor.stop_sent()  # it stays owed, while it is seen to move
+                    raise
+        executor.stop_sent()
+        self._want(outcomes.at_rest(self.wanted))
+        executor.at_rest()
+
+    def _has_stopped(self, task: asyncio.Task[None]) -> None:
+        _heed(task)
+        self._go_on()
+
+    # --- carrying out -----------------------------------------------------------------------------------------------
+
+    def _want(self, wanted: Wanted) -> None:
+        """Replace what is wanted; whoever asked for what is not any more is told, and work on it is given up."""
+        before, self.wanted = self.wanted, wanted
+        if before.pending is not wanted.pending:
+            left = {order.number for order in wanted.pending}
+            for order in before.pending:
+                if order.number not in left and (outcome := self._outcomes.pop(order.number, None)) is not None:
+                    if order.unless:
+                        outcome.set_result(None)  # the release of an arrow that was over
+                    else:
+                        outcome.cancel()
+            if self._work is not None and (wanted.active != self._active or self._active not in left):
+                self._work.cancel()
+        self._executor.wanted_changed()
+
+    def _go_on(self) -> None:
+        """Begin what is due, unless something is being done; else look again when something is due."""
+        if self._closed or self._work is not None or (self._stopping is not None and not self._stopping.done()):
+            return
+        order = next_operation(self.wanted, self._loop.time())
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if order is not None:
+            self.wanted = replace(self.wanted, active=order.number)
+            self._active = order.number
+            self._work = self._loop.create_task(self._carry_out(order))
+            self._work.add_done_callback(partial(self._has_ended, order))
+        elif (moment := next_moment(self.wanted)) is not None:
+            self._timer = self._loop.call_at(moment, self._go_on)
+
+    async def _carry_out(self, order: Order) -> tuple[op.Operation, Any]:
+        """-> the operation as it was admitted, and its answer."""
+        executor, operation = self._executor, order.operation
+        if order.follow_up:
+            special = self._follow_ups.get(type(operation))
+            steps = special(self._driver, operation) if special else self._driver.perform(operation)
+            return operation, await executor.drive(steps, STOP if order.urgent else MOTION)
+        operation = await executor.admit(operation)
+        if isinstance(operation, MOVING):
+            await executor.before_motion()
+        elif isinstance(operation, op.Sleep) and (executor.moving or self._driver.unrestored):
+            await self.stop()
+        rank = MOTION if not isinstance(operation, ENDS) else SETTING if order.hammered else STOP
+        return operation, await executor.drive(self._driver.perform(operation), rank)
+
+    def _has_ended(self, order: Order, work: asyncio.Task[tuple[op.Operation, Any]]) -> None:
+        """An operation was carried out, failed, or was given up."""
+        self._work, self._active = None, 0
+        order = next((one for one in self.wanted.pending if one.number == order.number), replace(order, rank=-1))
+        outcome = self._outcomes.pop(order.number, None)
+        if work.cancelled():
+            if order.rank == RESUMED and not self._closed:
+                self._was_interrupted(order, outcome)
+            elif outcome is not None:
+                outcome.cancel()
+                self._want(outcomes.over(self.wanted, order))
+        elif (error := work.exception()) is not None:
+            self._has_failed(order, error, outcome)
+        elif order.rank >= 0:
+            operation, value = work.result()
+            if outcome is not None:
+                outcome.set_result(value)
+            self._has_been_taken(order, operation, value)
+        self._go_on()
+
+    def _was_interrupted(self, order: Order, outcome: asyncio.Future[Any] | None) -> None:
+        """It is begun anew behind what goes first; perhaps the mount has heard of it already."""
+        if outcome is not None:
+            self._outcomes[order.number] = outcome
+        if isinstance(order.operation, op.Move | op.MoveAxis):
+            self._moves(order, order.operation)
+
+    def _has_failed(self, order: Order, error: BaseException, outcome: asyncio.Future[Any] | None) -> None:
+        if outcome is not None:
+            outcome.set_exception(error)
+        if order.rank < 0:  # nobody wants it any more
+            return
+        self._want(outcomes.refused(self.wanted, order))
+        half_begun = order.rank == RESUMED and isinstance(order.operation, MOVING)
+        not_ended = isinstance(order.operation, ENDS) and not (self._driver.asleep and not order.follow_up)
+        if order.follow_up:
+            self._executor.note(f"{type(order.operation).__name__}: {error}")
+        if (not_ended or half_begun) and isinstance(error, Fault):  # whatever should have ended, or may move, must end
+            self.begin_stop()
+
+    def _has_been_taken(self, order: Order, operation: op.Operation, value: Any) -> None:
+        """The mount has acknowledged it."""
+        now = self._loop.time()
+        self._want(outcomes.done(self.wanted, order, now))
+        if isinstance(value, op.Pulsed):
+            self._want(outcomes.pulsed(self.wanted, order, value, next(self._numbers), now))
+            if not value.ends:
+                self._executor.expect_end(now + value.seconds)
+        if order.follow_up:
+            self._executor.followed_up()
+        else:
+            self._moves(order, operation)
+
+    def _moves(self, order: Order, operation: op.Operation) -> None:
+        before = self.wanted
+        self._executor.begins(operation)
+        speed = self._driver.speed(operation.rate) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
+        self._want(outcomes.taken(before, order, operation, self._loop.time(), speed))
+        self._executor.taken(operation, before)
+
+    async def go_on_alone(self) -> None:
+        """One axis was ended: what still moves must be allowed without it."""
+        try:
+            await self._executor.still_allowed()
+        except Fault as fault:
+            self._executor.note(f"stopped: {fault}")
+            self.begin_stop()
+
+    def close(self) -> None:
+        """Forget everything that was planned or waits."""
+        self._closed = True
+        if self._timer is not None:
+            self._timer.cancel()
+        self._want(replace(self.wanted, pending=(), active=0, motion=Theirs()))
+
+
+def _heed(outcome: asyncio.Future[Any]) -> None:
+    """Mark the exception as retrieved, so that asyncio does not log one for which nobody waits."""
+    if not outcome.cancelled():
+        outcome.exception()

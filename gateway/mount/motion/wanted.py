@@ -1,0 +1,148 @@
+"""What is wanted of a mount: one frozen value, replaced as a whole by ``apply`` and by nothing else.
+
+``pending`` holds what was asked for and not carried out yet, ``motion`` what the mount was told and has acknowledged.
+Orders change the first, outcomes move them to the second; what moves otherwise than it was told belongs to the person
+beside the mount, and nobody here wants anything of it (``Theirs``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec import Struct
+
+from gateway.motion_kinds import GOTOS
+from gateway.mount.safety.dead_man import HostActivity
+from gateway.operations import Focus, Goto, GotoAxes, GotoHorizontal, Home, Move, MoveAxis, Operation, Park
+
+#: What ends a motion, or must come before it; what was interrupted for that; everything else.
+FIRST, RESUMED, IN_ORDER = range(3)
+#: So many repetitions of a halt in a row go before everything else, each within so many seconds of the one before.
+AT_ONCE, AGAIN = 1, 1.0
+
+
+class Order(Struct, frozen=True):
+    """Something that was asked for and is not done.
+
+    ``number`` counts the orders, ``by`` is the connection it came from, ``at`` the loop time before which it is not
+    due. A ``follow_up`` is the gateway's own, and ``urgent`` when it ends a motion. ``unless`` is the number of a goto
+    after whose beginning it is void. Of a halt it is known whether it ``overtakes`` what waits, and the
+    ``repeats`` of an equal one before it while nothing else was asked for (``asked`` counts that).
+    """
+
+    number: int
+    operation: Operation
+    by: HostActivity | None = None
+    rank: int = IN_ORDER
+    at: float = 0.0
+    follow_up: bool = False
+    urgent: bool = False
+    unless: int = 0
+    overtakes: bool = False
+    repeats: int = 0
+    asked: int = 0
+
+    @property
+    def hammered(self) -> bool:
+        """Whether it is a halt that comes again and again, and can wait for its turn."""
+        return self.repeats > AT_ONCE
+
+    @property
+    def survives_stop(self) -> bool:
+        """Whether a stop leaves it alone: it is no motion, or ends one."""
+        return self.urgent or self.operation.outlives_stop
+
+
+class AxisMotion(Struct, frozen=True):
+    """One axis moves by hand: as told, by whom, since when, and how fast, degrees a second."""
+
+    operation: Move | MoveAxis
+    by: HostActivity | None
+    since: float
+    speed: float
+
+
+class ByHand(Struct, frozen=True):
+    """Motion by hand on one axis or both."""
+
+    first: AxisMotion | None = None
+    second: AxisMotion | None = None
+
+    def __iter__(self) -> Iterator[tuple[int, AxisMotion]]:
+        """The axes that move, each with its motion."""
+        return ((axis, motion) for axis, motion in ((1, self.first), (2, self.second)) if motion is not None)
+
+
+class Slew(Struct, frozen=True):
+    """A goto with both of its axes: as it was sent, by whom, since when."""
+
+    operation: Goto | GotoHorizontal | GotoAxes | Park | Home
+    by: HostActivity | None
+    since: float
+
+
+class Theirs(Struct, frozen=True):
+    """Nobody here wants anything: what moves, moves by somebody else's hand, or tracks."""
+
+
+class FocusMotion(Struct, frozen=True):
+    """The focuser moves; a stop of the mount leaves it alone."""
+
+    operation: Focus
+    by: HostActivity | None
+    since: float
+
+
+class GuidePulse(Struct, frozen=True):
+    """A guide pulse under way on an axis, until this loop time."""
+
+    axis: int
+    until: float
+
+
+class Press(Struct, frozen=True):
+    """A host's arrow on an axis is pressed; how many gotos had been asked for then."""
+
+    who: str
+    axis: int
+    gotos: int
+
+
+class Halted(Struct, frozen=True):
+    """A halt that is done: when, how much had been asked for, how many equal ones were done before it."""
+
+    operation: Operation
+    at: float
+    asked: int
+    repeats: int
+
+
+class Wanted(Struct, frozen=True):
+    """``active`` is the number of the order that is being carried out, 0 for none.
+
+    ``stops`` and ``gotos`` count those asked for so far, ``slews`` the gotos that the mount has acknowledged, ``asked``
+    whatever ends nothing. A stop is ``owed`` until the mount has acknowledged it.
+    """
+
+    motion: Theirs | Slew | ByHand = Theirs()
+    focus: FocusMotion | None = None
+    pending: tuple[Order, ...] = ()
+    pulses: tuple[GuidePulse, ...] = ()
+    pressed: tuple[Press, ...] = ()
+    halted: tuple[Halted, ...] = ()
+    owed: bool = False
+    active: int = 0
+    stops: int = 0
+    gotos: int = 0
+    slews: int = 0
+    asked: int = 0
+
+    @property
+    def by_hand(self) -> dict[int, Move | MoveAxis]:
+        """What moves by hand, axis by axis."""
+        return {axis: motion.operation for axis, motion in self.motion} if isinstance(self.motion, ByHand) else {}
+
+    @property
+    def waiting_gotos(self) -> list[Order]:
+        """The gotos that were asked for and that the mount has not acknowledged."""
+        return [order for order in self.pending if isinstance(order.operation, GOTOS)]

@@ -1,0 +1,74 @@
+"""Looks after the motions that need somebody at the other end, and ends those of programs that are gone."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+from gateway.errors import Fault
+from gateway.mount.motion.wanted import ByHand, Wanted
+from gateway.mount.safety.dead_man import EVERY, TRACKING, Presence, Supervised, missing
+from gateway.operations import Focus, Halt, Operation
+
+
+class Supervisor:
+    """``silence`` and ``closed`` are the seconds allowed on an open connection and after the last one was closed.
+
+    ``perform`` carries out the operation that ends a motion; ``note`` leaves a line in the log.
+    """
+
+    def __init__(self, presence: Presence, silence: float, closed: float, perform: Callable[[Operation], Any],
+                 note: Callable[[str], None]) -> None:
+        self._presence, self._silence, self._closed = presence, silence, closed
+        self._perform, self._note = perform, note
+        self._loop = asyncio.get_running_loop()
+        self._wanted = Wanted()
+        self._watching: asyncio.TimerHandle | None = None
+        self._ended: set[Supervised] = set()
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    def look_after(self, wanted: Wanted) -> None:
+        """This is wanted from now on."""
+        self._wanted = wanted
+        if self._watching is None and supervised(wanted):
+            self._watching = self._loop.call_later(EVERY, self._look)
+
+    def close(self) -> None:
+        """Nothing is looked after any more."""
+        if self._watching is not None:
+            self._watching.cancel()
+
+    def _look(self) -> None:
+        self._watching = None
+        motions = supervised(self._wanted)
+        for gone in missing(motions, self._presence, self._loop.time(), self._silence, self._closed):
+            if gone.motion not in self._ended:
+                self._ended.add(gone.motion)
+                what = "the focuser" if isinstance(gone.motion.ends, Focus) else "its motion"
+                self._note(f"{gone.motion.by.who} {gone.why}: {what} is stopped")
+                self._spawn(self._end(gone.motion.ends))
+        self._ended.intersection_update(motions)
+        self.look_after(self._wanted)
+
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
+        task = self._loop.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _end(self, operation: Operation) -> None:
+        try:
+            await self._perform(operation)
+        except Fault as fault:
+            self._note(f"it did not stop: {fault}")
+
+
+def supervised(wanted: Wanted) -> list[Supervised]:
+    """The motions that somebody must be there for."""
+    found = []
+    if isinstance(wanted.motion, ByHand):
+        found += [Supervised(Halt(axis), motion.by, motion.since) for axis, motion in wanted.motion
+                  if motion.by is not None and motion.speed > TRACKING]
+    if wanted.focus is not None and wanted.focus.by is not None:
+        found.append(Supervised(Focus(0), wanted.focus.by, wanted.focus.since))
+    return found
