@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gateway.assembly import Gateway
@@ -27,6 +27,7 @@ def test_whose_share_takes_long_costs_the_others_no_more() -> None:
 
 @given(st.lists(st.sampled_from([b":Qn#", b":Qs#", b":Qe#", b":Qw#", b":Q#"]), min_size=1, max_size=9),
        st.integers(0, 40), st.integers(1, 2000))
+@example([b":Qs#", b":Qs#", b":Qn#", b":Qs#", b":Qs#", b":Qs#"], 0, 513)
 def test_what_is_left_of_a_repetition_ends_as_all_of_it_does(cycle: list[bytes], begin: int, length: int) -> None:
     """A whole number of cycles is left out: what is framed begins where it would have, and at least one is kept."""
     stream = b"".join(cycle) * 800

@@ -39,9 +39,15 @@ class Pace:
 
 def period(share: bytes) -> int:
     """After how many bytes these begin anew; 0 when they do not within half of them."""
-    tail = share[-TAIL:]
-    length = len(share) - TAIL - share.rfind(tail, 0, len(share) - 1)
-    return length if 0 < length <= len(share) // 2 and share[length:] == share[:-length] else 0
+    end, tail = len(share) - 1, share[-TAIL:]
+    while (begins := share.rfind(tail, 0, end)) >= 0:
+        length = len(share) - TAIL - begins
+        if length > len(share) // 2:
+            return 0
+        if share[length:] == share[:-length]:
+            return length
+        end = begins + TAIL - 1  # the tail stands more than once in what is repeated
+    return 0
 
 
 def unrepeated(share: bytes, more: bytes) -> bytes:
