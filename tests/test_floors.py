@@ -20,7 +20,6 @@ FLOORS = {
     "codecs": 1,
     "pictures": 1,
     "transcript": 1,
-    "safety": 1,
     "kinematics": 2,
     "mount_geometry": 2,
     "motors": 2,
@@ -58,7 +57,7 @@ FLOORS = {
     "guests": 5,
     "state": 5,
     "mark": 5,
-    "mount": 4,
+    "mount": 5,
     "watchdog": 5,
     "keeping": 5,
     "hold": 5,
@@ -154,3 +153,34 @@ def test_the_lower_floors_name_no_protocol() -> None:
         if FLOORS[name] < 5 and name != "protocols" and imported.startswith("gateway.protocols.")
     ]
     assert wrong == []
+
+
+def test_what_belongs_to_one_mount_knows_no_hub() -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {imported}"
+        for path in (ROOT / "mount").rglob("*.py")
+        for imported in _imports(path)
+        if imported.startswith("gateway.hub")
+    ]
+    assert wrong == []
+
+
+def test_what_belongs_to_one_mount_imports_in_no_circle() -> None:
+    """What is imported for types alone counts as well."""
+    files = {".".join(("gateway", *path.relative_to(ROOT).with_suffix("").parts)): path
+             for path in (ROOT / "mount").rglob("*.py") if path.name != "__init__.py"}
+    left = {name: {one for one in _modules_of(path) if one in files} for name, path in files.items()}
+    while free := {name for name, needs in left.items() if not needs & left.keys()}:
+        left = {name: needs for name, needs in left.items() if name not in free}
+    assert left == {}
+
+
+def _modules_of(path: Path) -> set[str]:
+    """Every module imported in a file, also where it is named after the package that it is in."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return names

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 from gateway import operations as op
 from gateway.driver import Later
 from gateway.errors import Fault, Stopped
-from gateway.hub.checks import Checks
 from gateway.hub.halts import Halting, Halts
 from gateway.hub.releases import Pressed
 from gateway.hub.turn import FIRST, IN_ORDER, RESUMED, Turn
@@ -52,7 +51,7 @@ class Motions:
         self._halts, self._pressed = Halts(hub.now), Pressed()
         self._jobs: dict[asyncio.Task[Any], op.Operation] = {}
         self._later: dict[op.Operation, asyncio.TimerHandle] = {}
-        self._checks = Checks(hub)
+        self._checks = hub.checks
 
     @property
     def axes(self) -> set[int]:
