@@ -28,12 +28,12 @@ from gateway.hub import Hub, Policy
 from gateway.hub.ending import stop_commands
 from gateway.keeping import Keeping, Past, recall, selected_site
 from gateway.line import Line
+from gateway.mount.safety.limits import Limits
 from gateway.mount_claim import MountClaim
 from gateway.observatory import Observatory
 from gateway.ports import Port, open_port
 from gateway.ports.tcp import exposed
 from gateway.runtime import folders
-from gateway.safety import Limits
 from gateway.sky import Sky
 from gateway.state import FORMAT, Kept, Marked, to_shared
 from gateway.tables import load

@@ -13,9 +13,9 @@ from gateway import operations as op
 from gateway.codecs import Codec
 from gateway.driver import Ask, Driver, Steps
 from gateway.errors import Fault, UserError
-from gateway.hub.derived import Derived
-from gateway.hub.places import PLACES
 from gateway.logline import meaning, show
+from gateway.mount.site.astrometry import SiteAstrometry
+from gateway.mount.site.ephemeris_reads import PLACES
 from gateway.observatory import Observatory
 from gateway.pairs import effective, outcome, taken
 from gateway.recording import unescape
@@ -85,7 +85,7 @@ def _run(surface_at: Endpoint, mount_at: Endpoint, frame: bytes) -> list[str]:
     """The command carried out on a mount that only answers."""
     from gateway.assembly import DRIVERS, FACES
     from gateway.config import MountConfig, SurfaceConfig
-    from gateway.safety import Limits
+    from gateway.mount.safety.limits import Limits
 
     face = FACES[surface_at.protocol](surface_at, SurfaceConfig(at="-"), Limits())
     driver, _, dialogue = DRIVERS[mount_at.protocol](mount_at, MountConfig(at="-"), time.monotonic)
@@ -130,7 +130,7 @@ class _StandIn:
 
     def __init__(self, driver: Driver, dialogue: Any, lines: list[str]) -> None:
         self.driver, self.dialogue, self.lines = driver, dialogue, lines
-        self.derived = Derived(Sky(), Observatory(time.monotonic, time.time, _SITE), "jnow")
+        self.derived = SiteAstrometry(Sky(), Observatory(time.monotonic, time.time, _SITE), "jnow")
 
     def perform(self, operation: op.Operation) -> Any:
         if isinstance(operation, op.SiderealTime):

@@ -11,9 +11,9 @@ from gateway.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.guests import Reception
 from gateway.hub import Hub, Policy
 from gateway.line import Line
+from gateway.mount.safety.limits import Limits
 from gateway.observatory import Observatory
 from gateway.ports import Guest
-from gateway.safety import Limits
 from gateway.sky import Sky
 from gateway.transcript import Entry, Transcript
 from gateway.wires import OnData, OnLost

@@ -16,10 +16,12 @@ from gateway.clients import PAIR
 from gateway.config import Endpoint, SurfaceConfig
 from gateway.errors import Fault, Unsupported
 from gateway.guests import Face
-from gateway.hub.derived import Derived
-from gateway.hub.places import PLACES
+from gateway.mount.safety.altitude import check_altitude
+from gateway.mount.safety.limits import Limits
+from gateway.mount.safety.sync_sum import check_sync
+from gateway.mount.site.astrometry import SiteAstrometry
+from gateway.mount.site.ephemeris_reads import PLACES
 from gateway.observatory import Observatory
-from gateway.safety import Limits, check_altitude, check_sync
 from gateway.sky import Sky
 from gateway.surface import Again, Defer, Session, Speed, Start
 
@@ -67,7 +69,7 @@ class Mount:
             raise Unsupported
         if type(operation) in PLACES:
             observatory = Observatory(lambda: self.clock.unix, lambda: self.clock.unix, self.site)
-            return PLACES[type(operation)](Derived(self.sky, observatory, "jnow"), operation)
+            return PLACES[type(operation)](SiteAstrometry(self.sky, observatory, "jnow"), operation)
         if isinstance(operation, op.SiderealTime):
             return self.sky.sidereal_time(self.clock.unix, self.site.longitude)
         if isinstance(operation, op.Goto):

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from gateway import operations as op
-from gateway.hub.derived import Derived
+from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.sky import Sky
 from gateway.sky.earth import EarthRotation
 from gateway.spherical import separation, wrap180
@@ -134,7 +134,7 @@ def test_what_the_hub_derives(exact: Sky, scene: Any) -> None:
     for index in range(20):
         moment, lat, lon = (float(column[index]) for column in (scene.moments, scene.lat, scene.lon))
         there = SimpleNamespace(site=lambda lat=lat, lon=lon: op.Place(lat, lon), unix=lambda moment=moment: moment)
-        derived = Derived(exact, there, "j2000")  # type: ignore[arg-type]
+        derived = SiteAstrometry(exact, there, "j2000")  # type: ignore[arg-type]
         date, j2000, horizon = (tuple(map(float, rows[:, index])) for rows in (scene.date, scene.j2000, scene.horizon))
         seen = derived.horizon(op.Equatorial(*date))
         goto = derived.equatorial(op.GotoHorizontal(*horizon))

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from gateway import operations as op
-from gateway.hub.places import PLACES
+from gateway.mount.site.ephemeris_reads import PLACES
 from gateway.tables import load
 from tests.driven import CHECKS, outcomes
 from tests.virtual import run

@@ -195,7 +195,7 @@ class _SecondFace:
         from gateway.assembly import FACES
         from gateway.config import Endpoint, SurfaceConfig
         from gateway.guests import Reception
-        from gateway.safety import Limits
+        from gateway.mount.safety.limits import Limits
 
         face = FACES["nexstar"](Endpoint("nexstar", "-", "6-8se"), SurfaceConfig(at="-"), Limits())
         self.reception = Reception(bridge.hub, face, {"sites": {}}, bridge.clock, lambda: None)

@@ -12,8 +12,8 @@ import pytest
 
 from gateway import operations as op
 from gateway.errors import Fault
-from gateway.hub.looks import Look, measured
 from gateway.line import READ
+from gateway.mount.motion.seen import PositionSample, Seen
 from gateway.protocols.lx200.simulator import Meade
 from tests.bridge import EVENING, Bridge
 from tests.proof.fuzz_bytes import KINDS
@@ -185,10 +185,10 @@ def test_a_look_from_before_the_site_was_known_is_measured_again_from_the_sun_to
         async with Bridge(start=EVENING - 10 * 3600.0) as bridge:
             guard = bridge.hub.guard
             seen = await bridge.hub.read(op.Position())
-            guard._before, guard._farthest = Look(bridge.hub.now() - 1.0, seen, None, None, []), []
+            guard.seen = Seen(last=PositionSample(bridge.hub.now() - 1.0, seen))
             guard._coasts_until = 0.0
-            assert measured(bridge.hub, bridge.hub.now(), seen).suns
+            assert bridge.hub.suns.distances(seen)
             guard.look(seen)
-            assert guard._farthest
+            assert guard.seen.farthest
 
     run(program())

@@ -14,8 +14,8 @@ from gateway import hold as on_disk
 from gateway import operations as op
 from gateway.control.orders import orders
 from gateway.errors import Held
-from gateway.hub.hold import Hold
 from gateway.motion_kinds import MOTIONS
+from gateway.mount.safety.held import Hold
 from gateway.spherical import wrap180
 from tests.bridge import Bridge
 from tests.virtual import run

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gateway import errors
 from gateway import operations as op
-from gateway.safety import Limits
+from gateway.mount.safety.limits import Limits
 from tests.fixture import Mount, Talk
 
 TARGET = b":Sr05:34:32#:Sd+22*00:52#"

@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from gateway import operations as op
-from gateway.hub.alarm import Alarm
+from gateway.mount.safety.stop_deadline import StopDeadline
 from tests.bridge import Bridge
 from tests.test_safety_altitude import altitude, extremes, notes
 from tests.test_safety_by_hand import DOWN, UP, ready
@@ -77,16 +77,16 @@ def test_a_motion_that_was_ended_in_time_alarms_nobody() -> None:
 def test_the_nearest_of_two_limits_rings_and_a_later_one_does_not_put_it_off() -> None:
     async def program() -> None:
         rung: list[str] = []
-        alarm = Alarm(asyncio.get_running_loop(), rung.append)
-        alarm.within(2.0, "second")
-        alarm.within(1.0, "first")
-        alarm.within(3.0, "third")
+        deadline = StopDeadline(asyncio.get_running_loop(), rung.append)
+        deadline.arm(2.0, "second")
+        deadline.arm(1.0, "first")
+        deadline.arm(3.0, "third")
         await asyncio.sleep(0.99)
         assert rung == []
         await asyncio.sleep(5.0)
         assert rung == ["first"]
-        alarm.within(1.0, "another")
-        alarm.off()
+        deadline.arm(1.0, "another")
+        deadline.disarm()
         await asyncio.sleep(2.0)
         assert rung == ["first"]
 

@@ -8,8 +8,8 @@ import pytest
 from msgspec.structs import replace
 
 from gateway import operations as op
-from gateway.hub import ways
-from gateway.safety import Limits
+from gateway.mount.safety import slew_paths
+from gateway.mount.safety.limits import Limits
 from tests.bridge import Bridge
 from tests.test_safety_altitude import altitude, extremes, notes
 from tests.test_safety_by_hand import polled, ready
@@ -76,7 +76,7 @@ def test_a_fork_may_turn_half_round_either_way(azimuth: float, turns: list[float
         async with Bridge("6-8se") as bridge:
             here = await bridge.hub.read(op.Position())
             there = bridge.hub.derived.horizon(here).az + azimuth, 40.0
-            found = ways.possible(bridge.hub, False, here, op.Equatorial(0.0, 0.0), there, {False})
+            found = slew_paths.possible(bridge.hub.derived, False, False, here, op.Equatorial(0.0, 0.0), there, {False})
             assert [turn[0] for _, turn in found] == pytest.approx(turns)
 
     run(program())

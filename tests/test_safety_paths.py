@@ -9,9 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.errors import PastMeridian
+from gateway.mount.safety.altitude import leaving
+from gateway.mount.safety.limits import Limits
+from gateway.mount.safety.meridian import check_hour_angle, past_meridian
 from gateway.mount_geometry import Pair
 from gateway.paths import STEP, clear, one_rests, together
-from gateway.safety import Limits, check_hour_angle, leaving, past_meridian
 from gateway.spherical import separation, to_vector
 
 angles = st.floats(-180.0, 180.0)

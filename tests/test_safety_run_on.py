@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway.hub.rates import Rates
+from gateway.mount.safety.stop_timing import ahead
 from gateway.truth import sampled
 from tests.bridge import Bridge
 from tests.virtual import run
@@ -49,22 +49,20 @@ def test_it_is_not_stopped_sooner_than_that_takes() -> None:
     assert lowest_reached("6-8se", "nexstar", 30.0, 0.02, b":RS#:Ms#") < 30.0 + 4.6 * 1.5
 
 
-@pytest.mark.parametrize(("change", "now", "elapsed", "ahead"), [
+@pytest.mark.parametrize(("change", "now", "elapsed", "reckoned"), [
     (0.5, 10.5, 0.5, 4.0),  # half a second after it began: a degree a second so far, and four it was told
     (0.04, 10.5, 0.5, 0.08),  # a way past the limit
     (2.0, 12.0, 0.5, 4.0),  # later what is seen is all of it
     (0.5, 12.0, 0.5, 1.0),
 ])
-def test_what_a_change_means_while_motors_gather_speed(change: float, now: float, elapsed: float, ahead: float) -> None:
-    rates = Rates()
-    rates.began(10.0, 4.0)
-    assert rates.ahead("altitude", -change, now, elapsed) == pytest.approx(ahead)
+def test_what_a_change_means_while_motors_gather_speed(
+    change: float, now: float, elapsed: float, reckoned: float
+) -> None:
+    assert ahead(change / elapsed, None, 4.0, now - elapsed - 10.0, now - 10.0) == pytest.approx(reckoned)
 
 
-def test_what_has_grown_may_grow_as_much_again() -> None:
-    rates = Rates()
-    rates.began(0.0, 0.0)
-    assert rates.ahead("altitude", 0.5, 5.0, 1.0) == pytest.approx(0.5)
-    assert rates.ahead("altitude", 1.5, 6.0, 1.0) == pytest.approx(2.5)
-    assert rates.ahead("altitude", 1.0, 7.0, 1.0) == pytest.approx(1.0)
-    assert rates.ahead("sun 0", 3.0, 8.0, 1.0) == pytest.approx(3.0)  # of another limit nothing is known yet
+@pytest.mark.parametrize(("rate", "earlier", "reckoned"), [
+    (0.5, None, 0.5), (1.5, 0.5, 2.5), (1.0, 1.5, 1.0), (3.0, None, 3.0),
+])
+def test_what_has_grown_may_grow_as_much_again(rate: float, earlier: float | None, reckoned: float) -> None:
+    assert ahead(rate, earlier, 0.0, 5.0, 6.0) == pytest.approx(reckoned)

@@ -10,7 +10,8 @@ from msgspec.structs import replace
 
 from gateway import operations as op
 from gateway.hub.refresh import OWN_AGE
-from gateway.safety import Limits
+from gateway.mount.motion.seen import Seen
+from gateway.mount.safety.limits import Limits
 from tests.bridge import Bridge
 from tests.test_safety_altitude import altitude, extremes, notes
 from tests.test_safety_by_hand import UP, polled, ready
@@ -189,7 +190,7 @@ def test_of_two_axes_the_one_that_is_ended_last_must_not_lead_beyond_it_alone(he
             await bridge.hub.perform(op.MoveAxis(2, 1, op.Rate(key=9)))
             look = bridge.hub.guard.look
             bridge.hub.guard.look = lambda seen: None  # only what is told here is looked at
-            bridge.hub.guard._before = None
+            bridge.hub.guard.seen = Seen()
             for step in range(3):
                 seen = bridge.hub.derived.equatorial(op.GotoHorizontal(200.0 + 3.0 * step, height - 0.05 * step))
                 look(op.Equatorial(seen.ra, seen.dec))

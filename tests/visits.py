@@ -18,7 +18,7 @@ from gateway.guests import Reception
 from gateway.hub import MISSING
 from gateway.hub.turnstile import Turnstile
 from gateway.mount.safety.dead_man import HostActivity, Presence
-from gateway.safety import Limits
+from gateway.mount.safety.limits import Limits
 from gateway.transcript import Transcript
 from tests.fixture import Mount
 

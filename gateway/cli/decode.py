@@ -80,7 +80,7 @@ def _talk(protocol: str) -> tuple[str, Any, Any]:
     """A protocol with its framing and its dialogue."""
     from gateway.assembly import DRIVERS, FACES
     from gateway.config import Endpoint, MountConfig, SurfaceConfig
-    from gateway.safety import Limits
+    from gateway.mount.safety.limits import Limits
 
     face = FACES[protocol](Endpoint(protocol, "-"), SurfaceConfig(at="-"), Limits())
     dialogue = DRIVERS[protocol](Endpoint(protocol, "-"), MountConfig(at="-"), time.monotonic)[2]

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct
 
-from gateway.safety import Limits
+from gateway.mount.safety.limits import Limits
 
 
 def _key(words: str, shown: str = "", example: Any = None, *, flag: bool = True, **limits: Any) -> Meta:

@@ -18,29 +18,28 @@ from gateway import operations as op
 from gateway.driver import Driver, Steps
 from gateway.errors import Fault, NoAnswer
 from gateway.hub.belief import Belief
-from gateway.hub.checks import Checks
-from gateway.hub.derived import Derived
 from gateway.hub.ending import end_motion
 from gateway.hub.executor import HubExecutor
-from gateway.hub.guard import Guard
-from gateway.hub.hold import Hold
-from gateway.hub.places import PLACES
 from gateway.hub.refresh import ASK_AGAIN, Refresh
+from gateway.hub.rules import make_rules
 from gateway.hub.settings import FIRST_ANSWER, SiteAndClock
 from gateway.hub.slumber import Slumber
 from gateway.hub.snapshot import FRESH, MISSING, Kind, Snapshot
-from gateway.hub.sun import Suns
 from gateway.hub.turnstile import Turnstile
 from gateway.line import POSITION, READ, SETTING, STOP, Line
 from gateway.motion_kinds import MOTIONS
 from gateway.mount.motion.end_watch import EndWatch
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.safety.dead_man import HostActivity, Presence
+from gateway.mount.safety.held import Hold
+from gateway.mount.safety.limits import Limits
+from gateway.mount.safety.sun import SunAvoidance
 from gateway.mount.safety.supervisor import Supervisor
 from gateway.mount.safety.sync_sum import SyncSum
+from gateway.mount.site.astrometry import SiteAstrometry
+from gateway.mount.site.ephemeris_reads import PLACES
 from gateway.mount.site.sources import BestSources
 from gateway.observatory import Observatory
-from gateway.safety import Limits
 from gateway.sky import Sky
 from gateway.transcript import Transcript
 
@@ -80,19 +79,19 @@ class Hub:
         self.now = self.loop.time
         self.sources = BestSources(observatory)
         #: Astronomy by the best sources, for the limits and for horizon coordinates; and by what programs are told.
-        self.derived = Derived(sky, self.sources, policy.equinox)
-        self.told = Derived(sky, observatory, policy.equinox)
+        self.derived = SiteAstrometry(sky, self.sources, policy.equinox)
+        self.told = SiteAstrometry(sky, observatory, policy.equinox)
         self.snapshot = Snapshot()
         self.belief = Belief(line, self.now, driver.hurry)
         #: The mount has said who it is; it has said where and when it is, as far as it can.
         self.identified, self.settled = asyncio.Event(), asyncio.Event()
-        self.suns = Suns(self.derived, transcript, policy.limits.sun, self.settled.is_set)
+        self.suns = SunAvoidance(self.derived, transcript, policy.limits.sun, self.settled.is_set)
         #: How far the syncs since the alignment have moved the sky together.
         self.synced = SyncSum()
         self.ends = EndWatch(self.now, self._end_again, lambda text: transcript.note("mount", text))
-        self.guard, self.hold = Guard(self), Hold()
-        self.checks, self.executor = Checks(self), HubExecutor(self)
-        self.presence = Presence(self.now)
+        self.hold = Hold()
+        self.guard, self.checks = make_rules(self)
+        self.executor, self.presence = HubExecutor(self), Presence(self.now)
         self.supervisor = Supervisor(self.presence, policy.silence, policy.silence_closed, self.perform,
                                      self.executor.note)
         self.motions = Reconciler(driver, self.executor, follow_ups)

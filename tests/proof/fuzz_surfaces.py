@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 from gateway.assembly import FACES
 from gateway.clients import INBOX, MEMO, Client
 from gateway.config import Endpoint, SurfaceConfig
-from gateway.safety import Limits
+from gateway.mount.safety.limits import Limits
 from gateway.sky import Sky
 from gateway.tables import load
 from gateway.transcript import MOST, Entry

@@ -6,9 +6,11 @@ What is under way already is ended by the best source alone: whoever is wrong mu
 from __future__ import annotations
 
 from gateway.errors import Fault, NearSun
+from gateway.mount.safety.altitude import check_altitude
+from gateway.mount.safety.limits import Limits
+from gateway.mount.safety.sun import SUN_IS_UP
 from gateway.mount.site.sources import BestSources
 from gateway.operations import Equatorial
-from gateway.safety import SUN_IS_UP, Limits, check_altitude
 from gateway.sky import Sky
 from gateway.spherical import separation
 

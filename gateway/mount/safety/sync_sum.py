@@ -13,8 +13,9 @@ from math import cos, hypot, radians
 from msgspec import Struct
 
 from gateway.errors import SyncTooFar
+from gateway.mount.safety.limits import Limits
 from gateway.operations import Equatorial
-from gateway.spherical import wrap180
+from gateway.spherical import separation, wrap180
 
 
 class SyncSum(Struct, frozen=True, omit_defaults=True):
@@ -32,6 +33,13 @@ class SyncSum(Struct, frozen=True, omit_defaults=True):
         """With one more sync: from where the mount believed to point to where it was told to."""
         middle = 1.0 if equatorial else cos(radians((present.dec + wanted.dec) / 2.0))
         return SyncSum(self.east + wrap180(wanted.ra - present.ra) * middle, self.north + wanted.dec - present.dec)
+
+
+def check_sync(limits: Limits, present: Equatorial, wanted: Equatorial) -> None:
+    """Raises SyncTooFar for a sync that would move the sky by more than the limit."""
+    distance = separation(present.ra, present.dec, wanted.ra, wanted.dec)
+    if distance > limits.sync:
+        raise SyncTooFar(f"Sync refused: {distance:.0f} degrees from the present position.")
 
 
 def check_sum(limit: float, so_far: SyncSum, present: Equatorial, wanted: Equatorial, equatorial: bool) -> None:

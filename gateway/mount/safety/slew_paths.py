@@ -9,15 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import copysign
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from gateway import operations as op
+from gateway.mount.safety.limits import Limits
+from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount_geometry import Build, Geometry, Pair
-from gateway.safety import Limits
 from gateway.spherical import wrap180
-
-if TYPE_CHECKING:
-    from gateway.hub.core import Hub
 
 Way = tuple[Pair, Pair]
 #: By how much a sync may have displaced what the axes of a fork read from where they point.
@@ -32,60 +30,62 @@ class Circle(NamedTuple):
     radius: float
 
 
-def circles(hub: Hub, limits: Limits, equatorial: bool, over: bool) -> list[Circle]:
+def circles(astrometry: SiteAstrometry, limits: Limits, equatorial: bool, over: bool) -> list[Circle]:
     """The forbidden ones. A fork in alt-az goes straight up or down: only back over the zenith (``over``) it comes
     higher than both ends of its way.
     """
-    if hub.sources.site() is None:
+    if astrometry.observatory.site() is None:
         return []
     zenith, nadir = (0.0, 90.0), (0.0, -90.0)
     if equatorial:
-        geometry = _geometry(hub, Build.GERMAN)
+        geometry = _geometry(astrometry, Build.GERMAN)
         zenith, nadir = geometry.axes(0.0, geometry.latitude, False), geometry.axes(180.0, -geometry.latitude, False)
     high = Circle(90.0, zenith, (90.0 - limits.highest) * (equatorial or over))
     low = Circle(-90.0, nadir, (90.0 + limits.lowest) * equatorial)
     return [circle for circle in (high, low) if circle.radius > 0.0]
 
 
-def reading(hub: Hub, sun: op.Equatorial, equatorial: bool) -> Pair:
+def reading(astrometry: SiteAstrometry, sun: op.Equatorial, equatorial: bool) -> Pair:
     """The Sun as the axes of this mount would read, pointing at it the first of the two ways."""
     if equatorial:
-        return _geometry(hub, Build.GERMAN).axes(_hour_angle(hub, sun), sun.dec, False)
-    seen = hub.derived.horizon(sun) if hub.sources.site() is not None else op.Horizontal(sun.ra, sun.dec)
+        return _geometry(astrometry, Build.GERMAN).axes(_hour_angle(astrometry, sun), sun.dec, False)
+    seen = astrometry.horizon(sun) if astrometry.observatory.site() is not None else op.Horizontal(sun.ra, sun.dec)
     return seen.az, seen.alt
 
 
 def possible(
-    hub: Hub, equatorial: bool, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, others: set[bool]
+    astrometry: SiteAstrometry, german: bool, equatorial: bool, here: op.Equatorial, goal: op.Equatorial,
+    axes: Pair | None, others: set[bool]
 ) -> list[Way]:
     """The ways from here to the goal, or to ``axes`` where the readings are given that the mount is to go to.
 
     ``others`` says whether the axes may be at the first of the two ways to point (False), at the other one, or both.
     """
     if not equatorial:
-        return [way for other in others for way in _either_way_round(_fork(hub, here, goal, axes, other))]
-    german = hub.driver.german is True and hub.sources.site() is not None
-    geometry = _geometry(hub, Build.GERMAN if german else Build.WEDGE)
-    ways = [_polar(hub, geometry, here, goal, axes, other) for other in others]
+        return [way for other in others for way in _either_way_round(_fork(astrometry, here, goal, axes, other))]
+    german = german and astrometry.observatory.site() is not None
+    geometry = _geometry(astrometry, Build.GERMAN if german else Build.WEDGE)
+    ways = [_polar(astrometry, geometry, here, goal, axes, other) for other in others]
     return ways if german else [round_ for way in ways for round_ in _either_way_round(way)]
 
 
-def _fork(hub: Hub, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, other: bool) -> Way:
+def _fork(astrometry: SiteAstrometry, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, other: bool) -> Way:
     """Of an alt-az fork; without a site, as if on a wedge. At the zenith only ``axes`` tell where it turns to."""
-    if hub.sources.site() is None:
+    if astrometry.observatory.site() is None:
         start, end = op.Horizontal(here.ra, here.dec), op.Horizontal(goal.ra, goal.dec)
     else:
-        start = hub.derived.horizon(here)
-        end = op.Horizontal(*axes) if axes is not None else hub.derived.horizon(goal)
+        start = astrometry.horizon(here)
+        end = op.Horizontal(*axes) if axes is not None else astrometry.horizon(goal)
     first, second = _pointing(start.az, start.alt, other)
     return (first, second), (wrap180(end.az - first), end.alt - second)
 
 
 def _polar(
-    hub: Hub, geometry: Geometry, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, other: bool
+    astrometry: SiteAstrometry, geometry: Geometry, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None,
+    other: bool
 ) -> Way:
     """Of an equatorial mount; a German one goes to the side of its goal."""
-    begin, end = _hour_angle(hub, here), _hour_angle(hub, goal)
+    begin, end = _hour_angle(astrometry, here), _hour_angle(astrometry, goal)
     if geometry.build is Build.GERMAN:
         there = axes or geometry.axes(end, goal.dec, geometry.other_side(end))
     elif axes is not None:
@@ -109,11 +109,11 @@ def _either_way_round(way: Way) -> Iterator[Way]:
         yield start, (first - copysign(360.0, first), second)
 
 
-def _geometry(hub: Hub, build: Build) -> Geometry:
-    place = hub.sources.site()
+def _geometry(astrometry: SiteAstrometry, build: Build) -> Geometry:
+    place = astrometry.observatory.site()
     return Geometry(build, place.latitude if place is not None else 0.0)
 
 
-def _hour_angle(hub: Hub, seen: op.Equatorial) -> float:
+def _hour_angle(astrometry: SiteAstrometry, seen: op.Equatorial) -> float:
     """From the meridian; without a site, from some hour circle."""
-    return wrap180((hub.derived.sidereal_time() if hub.sources.site() is not None else 0.0) - seen.ra)
+    return wrap180((astrometry.sidereal_time() if astrometry.observatory.site() is not None else 0.0) - seen.ra)

@@ -25,7 +25,7 @@ class SiteAndTime(Protocol):
     def host(self) -> float: ...
 
 
-class Derived:
+class SiteAstrometry:
     """Astronomy at this mount's site and by its clock. ``equinox`` is what the mount's coordinates mean."""
 
     def __init__(self, sky: Sky, observatory: SiteAndTime, equinox: str) -> None:

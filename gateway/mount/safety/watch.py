@@ -1,0 +1,254 @@
+"""Looks at every position the mount tells, and has what leads beyond a limit ended.
+
+Whoever moves the mount is watched: programs, somebody at the keypad, tracking. Every position is folded into what was
+seen (``seen.py``), the rules are asked (``allow.py``), and what will be beyond a limit before the next look and a stop
+can come in time is stopped now. Motion is stopped; tracking that carries the tube there is switched off.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import Any, NamedTuple
+
+from msgspec.structs import replace
+
+from gateway import operations as op
+from gateway.errors import Fault, Unsupported
+from gateway.mount.motion import seen as fold
+from gateway.mount.motion.end_watch import EndWatch
+from gateway.mount.motion.seen import NEVER, PositionSample, Seen
+from gateway.mount.safety.aligned import UNWATCHED
+from gateway.mount.safety.allow import allow, first_stretch
+from gateway.mount.safety.inputs import MountInputs
+from gateway.mount.safety.stalled import StallWatch
+from gateway.mount.safety.stop_deadline import StopDeadline
+from gateway.mount.safety.stop_timing import SHORTEST
+from gateway.mount.safety.sun import farthest
+from gateway.mount.safety.unknown_position import blind
+from gateway.mount.safety.view import RESTLESS, Verdict, View
+
+#: A position that changes so many times faster than the mount can move was told anew: an alignment, at its keys.
+ANEW = 3.0
+#: How long a mount that somebody moves at its keys is watched closely.
+CLOSELY = 3.0
+#: How long a mount may run on after it was told to end a motion: what it does meanwhile is not held against it.
+COASTING = 1.0
+#: How old the pier side may grow, and the word of the mount that it is not aligned.
+SIDE_AGE = STATUS_AGE = 5.0
+
+
+class Actions(NamedTuple):
+    """What the watch may do: stop the mount, switch its tracking off, ask it something, forget the syncs so far."""
+
+    stop: Callable[[], object]
+    tracking_off: Callable[[], Awaitable[object]]
+    status: Callable[[], Awaitable[op.Status]]
+    ask_status: Callable[[], object]
+    ask_side: Callable[[], object]
+    forget_syncs: Callable[[], object]
+    spawn: Callable[[Coroutine[Any, Any, None]], object]
+
+
+class LimitWatch:
+    """``look`` is called with every position, ``began`` with every motion that the mount has acknowledged."""
+
+    def __init__(self, mount: MountInputs, actions: Actions, ends: EndWatch, loop: asyncio.AbstractEventLoop) -> None:
+        self._mount, self._do, self._ends = mount, actions, ends
+        self._deadline, self._stalls = StopDeadline(loop, self._late), StallWatch()
+        self.seen = Seen()
+        self._limits = mount.limits()
+        self._restless_until = self._coasts_until = self._stopped_at = NEVER
+        self._switching = self._helpless = self._astray = False
+        #: When the last motion was ended.
+        self.rests_since = NEVER
+        #: Whether the way of the goto that is being begun leads beyond an altitude limit.
+        self.dips = False
+
+    @property
+    def restless(self) -> bool:
+        """Whether the mount moves though nobody here has told it to."""
+        return self._mount.now() < self._restless_until
+
+    @property
+    def upright(self) -> bool:
+        """False from when the tube was seen to sink when it was lifted to the end of the next goto."""
+        return self.seen.upright
+
+    @property
+    def fastest(self) -> float:
+        """How fast the mount may be moving now because it was told to, degrees a second; 0 where nothing moves."""
+        moving = self._mount.moving()
+        if moving.slewing:
+            return self.seen.across or self._mount.fastest
+        return max((self._mount.speed(one) for one in moving.by_hand.values()), default=0.0)
+
+    # --- what is told to it -----------------------------------------------------------------------------------------
+
+    def began(self, operation: op.Operation) -> None:
+        """A motion has begun; what was seen last is where it began, unless the mount moved already."""
+        mount, moving = self._mount, self._mount.moving()
+        limits = mount.limits()
+        if isinstance(operation, op.Goto | op.GotoHorizontal | op.Move):
+            limits = limits.narrowed(operation.lowest, operation.highest)
+        elif isinstance(operation, op.Park) and (mount.own_park or mount.driver.destination(operation) is None):
+            limits = limits.at_any_altitude()
+        self._limits, self._helpless, self._coasts_until = limits, False, NEVER
+        self._astray = self.dips
+        told = mount.speed(operation) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
+        if isinstance(operation, op.Sync):
+            self.seen = replace(self.seen, before=None, last=None, farthest=())
+        self.seen = fold.begin(self.seen, mount.now(), told, at_rest=not (moving.anything or self.restless))
+        if not isinstance(operation, op.Move | op.MoveAxis):
+            self._deadline.disarm()
+        elif moving.by_hand.get(operation.axis) != operation:  # else where it leads was seen, or is reckoned with
+            speed = sum(mount.speed(one) for one in {**moving.by_hand, operation.axis: operation}.values())
+            self._heed(first_stretch(self._view(), mount.now(), speed))
+
+    def arrived(self) -> None:
+        """A goto is over. One that was stopped on its way has not brought the tube upright."""
+        moving = self._mount.moving()
+        if not (moving.ending or moving.by_hand):
+            self.seen = replace(self.seen, upright=True)
+
+    def halted(self) -> None:
+        """One axis was ended: if it is a goto that goes on, its way is not the one that was checked."""
+        self._astray = True
+
+    def ended(self) -> None:
+        """A motion by hand was ended, or all were."""
+        self._deadline.disarm()
+        self.rests_since = self._mount.now()
+        self._coasts_until = self._mount.now() + COASTING
+
+    def unseen(self) -> None:
+        """The mount did not tell where it is."""
+        mount, now = self._mount, self._mount.now()
+        reason = blind(mount.moving(), mount.readings.age(op.Position, now), now - self._stopped_at)
+        if reason:
+            self._stopped_at = now
+            self._stop(f"stopped: {reason}")
+
+    # --- looking ----------------------------------------------------------------------------------------------------
+
+    def look(self, place: op.Equatorial) -> None:
+        """Compare a position with the one before, and act."""
+        now, last = self._mount.now(), self.seen.last
+        if last is not None and now - last.at < SHORTEST:
+            return
+        self._deadline.disarm()
+        self._look_at_axes(now, place)
+        if last is not None and last.altitude is None:  # the site may have become known since
+            last = self._measured(last.at, last.place)
+            self.seen = fold.first(self.seen, last)
+        sample = self._measured(now, place, last)
+        if last is None or now < self._coasts_until or len(last.suns) != len(sample.suns):
+            self.seen = fold.first(self.seen, sample)
+            return
+        status = self._mount.readings.value(op.GetStatus)
+        if status is not None and not status.aligned:
+            self.seen = replace(self.seen, before=None, last=sample)
+            self._not_aligned(now)
+            return
+        self.seen = fold.see(self.seen, sample)
+        self._notice(now, status)
+        view = self._view()
+        verdict = allow(view)
+        self.seen = replace(self.seen, farthest=farthest(view))
+        self._heed(verdict)
+
+    def _measured(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
+        mount = self._mount
+        return fold.measured(mount.astrometry, mount.suns.distances, now, place, before, mount.timing.lag,
+                             mount.moving().by_hand.get(2))
+
+    def _not_aligned(self, now: float) -> None:
+        self._mount.transcript.note_once("mount", UNWATCHED)
+        if self._mount.readings.age(op.GetStatus, now) > STATUS_AGE:
+            self._do.ask_status()
+
+    def _notice(self, now: float, status: op.Status | None) -> None:
+        """Whether somebody else moves the mount, it was aligned anew, or the tube is beyond the pole or the zenith."""
+        mount, moving, last = self._mount, self._mount.moving(), self.seen.last
+        if self.seen.across > RESTLESS and not moving.anything:
+            self._restless_until = now + CLOSELY
+        if self.seen.across > ANEW * mount.fastest:
+            self._do.forget_syncs()
+        if status is not None and last is not None and last.lifting is not None:
+            self.seen = fold.lifted(self.seen, status.equatorial, mount.speed(last.lifting))
+        if not moving.anything and self._limits.lowest > -90.0:
+            self._limits = mount.limits()
+
+    def _view(self) -> View:
+        mount, moving = self._mount, self._mount.moving()
+        status = mount.readings.value(op.GetStatus)
+        watches = self._limits.hour_angle is not None and status is not None and status.equatorial
+        side = self._side() if watches and mount.driver.german and not moving.slewing else None
+        return View(self.seen, self._limits, mount.timing, moving, mount.suns.limit, status, mount.driver.german, side,
+                    self._astray)
+
+    def _side(self) -> str | None:
+        """The side of the pier by the last word on it, which is asked for anew when it grows old."""
+        mount = self._mount
+        if mount.readings.age(op.PierSide, mount.now()) > SIDE_AGE:
+            self._do.ask_side()
+        return mount.driver.tube_side(mount.readings.value(op.PierSide) or "")
+
+    def _look_at_axes(self, now: float, place: op.Equatorial) -> None:
+        """Whether what was ended rests, and whether what was begun by hand moves."""
+        mount, by_hand = self._mount, self._mount.moving().by_hand
+        if not (self._ends.pending or by_hand):
+            self._stalls.clear()
+            return
+        status = mount.readings.value(op.GetStatus)
+        here = fold.axis_sample(mount.astrometry, status, getattr(mount.driver, "low", False), now, place)
+        self._ends.look(here)
+        judged = status is not None and status.aligned and not mount.driver.stepping
+        ordered = {axis: mount.speed(one) for axis, one in by_hand.items()} if judged else {}
+        stalled = self._stalls.look(here, ordered, mount.timing.exchange * mount.timing.reads)
+        if stalled is not None:
+            self._stop(f"stopped: axis {stalled} was told to move, and its position shows nothing of it; look at the "
+                       "mount (a stalled motor, a cable?)")
+
+    # --- acting -----------------------------------------------------------------------------------------------------
+
+    def _heed(self, verdict: Verdict) -> None:
+        if verdict.reason:
+            self._act(verdict.reason)
+        elif verdict.within is not None:
+            self._deadline.arm(verdict.within, verdict.limit)
+
+    def _late(self, limit: str) -> None:
+        """By its last known speed the mount is about to reach a limit, and it has not been seen since."""
+        if self._mount.moving().anything or self.restless:
+            self._act(f"{limit}, reckoned by its speed")
+
+    def _act(self, reason: str) -> None:
+        """Stop what moves; where nobody moves the mount, it is tracking, and that goes off."""
+        if self._mount.moving().anything or self.restless:
+            self._stop(f"stopped at {reason}")
+        elif not (self._switching or self._helpless):
+            self._switching = True
+            self._do.spawn(self._tracking_off(reason))
+
+    def _stop(self, words: str) -> None:
+        self._mount.transcript.note("mount", words)
+        self._do.stop()
+
+    async def _tracking_off(self, reason: str) -> None:
+        say = self._mount.transcript
+        try:
+            if (await self._do.status()).tracking is op.Tracking.OFF:
+                say.note("mount", f"WARNING: the mount rests and comes to {reason}")
+                self._helpless = True
+                return
+            await self._do.tracking_off()
+            say.note("mount", f"tracking is off: it came to {reason}")
+        except Unsupported:
+            self._helpless = True
+            say.note_once("mount", "the tracking of this mount cannot be switched off at a limit")
+            self._stop(f"stopped at {reason}")
+        except Fault as fault:
+            say.note("mount", f"tracking goes on beyond {reason}: {fault}")
+        finally:
+            self._switching = False

@@ -1,0 +1,52 @@
+"""Where things stand now: catalogue places, planets, places on the Moon. No mount is asked; site and clock are enough.
+
+Every function takes the astronomy of this mount and the operation it answers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from gateway import operations as op
+from gateway.errors import BelowHorizon, Unsupported
+from gateway.mount.site.astrometry import SiteAstrometry
+
+
+def of_date(astrometry: SiteAstrometry, wanted: op.OfDate) -> op.Equatorial:
+    """A catalogue place, precession and nutation counted."""
+    return op.Equatorial(*astrometry.sky.to_of_date(wanted.ra, wanted.dec, astrometry.observatory.unix()))
+
+
+def of_catalog(astrometry: SiteAstrometry, wanted: op.OfCatalog) -> op.Equatorial:
+    """The other way round."""
+    return op.Equatorial(*astrometry.sky.to_j2000(wanted.ra, wanted.dec, astrometry.observatory.unix()))
+
+
+def zenith(astrometry: SiteAstrometry, wanted: op.Zenith) -> op.Equatorial:
+    """The sidereal time and the latitude, as a J2000 place."""
+    return of_catalog(astrometry, op.OfCatalog(astrometry.sidereal_time(), astrometry.place().latitude))
+
+
+def planet(astrometry: SiteAstrometry, wanted: op.PlanetPlace) -> op.Equatorial:
+    """From the Earth's centre: parallax (0.5' for Venus at its nearest) is less than what the series are good to."""
+    seen = astrometry.sky.planet(wanted.name, astrometry.observatory.unix())
+    if seen is None:
+        raise Unsupported("The planets are not worked out yet.")
+    return op.Equatorial(*seen)
+
+
+def on_moon(astrometry: SiteAstrometry, wanted: op.MoonPlace) -> op.Equatorial:
+    """Only while the middle of the Moon is above the horizon."""
+    site, unix = astrometry.place(), astrometry.observatory.unix()
+    ra, dec, _ = astrometry.sky.moon(unix, site.latitude, site.longitude)
+    if astrometry.sky.horizon(ra, dec, site.latitude, site.longitude, unix)[1] < 0.0:
+        raise BelowHorizon("The Moon is below the horizon.")
+    if wanted.latitude is not None and wanted.longitude is not None:
+        ra, dec = astrometry.sky.on_moon(unix, site.latitude, site.longitude, wanted.latitude, wanted.longitude)
+    return op.Equatorial(ra, dec)
+
+
+PLACES: dict[type[op.Operation], Callable[[SiteAstrometry, Any], op.Equatorial]] = {
+    op.OfDate: of_date, op.OfCatalog: of_catalog, op.Zenith: zenith, op.PlanetPlace: planet, op.MoonPlace: on_moon,
+}  # fmt: skip

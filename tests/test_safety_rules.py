@@ -1,0 +1,119 @@
+"""The rules over what is going on, one by one: values in, a verdict out. No mount, no loop."""
+
+from __future__ import annotations
+
+import pytest
+from msgspec.structs import replace
+
+from gateway import operations as op
+from gateway.mount.motion.moving import Moving
+from gateway.mount.motion.seen import PositionSample, Seen, begin, first, see
+from gateway.mount.safety.aligned import needs_alignment
+from gateway.mount.safety.allow import allow, first_stretch
+from gateway.mount.safety.altitude import altitude
+from gateway.mount.safety.limits import Limits
+from gateway.mount.safety.meridian import meridian
+from gateway.mount.safety.stop_timing import StopTiming
+from gateway.mount.safety.sun import farthest, near_sun
+from gateway.mount.safety.unknown_position import blind
+from gateway.mount.safety.view import View
+
+HERE = op.Equatorial(10.0, 20.0)
+DOWN = op.Move(op.Direction.SOUTH, op.Rate(name="max"))
+#: An exchange of 50 ms, a look every 0.4 s: 0.4 + 3 * 0.05 + 0.5 s from one look to rest.
+TIMING = StopTiming(0.05, 1, 0.4)
+EQUATORIAL = op.Status(op.Tracking.EQ_NORTH, aligned=True, equatorial=True)
+
+
+def seen(*samples: PositionSample) -> Seen:
+    """One position a second, long after the motion began."""
+    now = first(Seen(), samples[0])
+    for sample in samples[1:]:
+        now = see(now, sample)
+    return now
+
+
+def sinking(start: float, rate: float, step: float = 0.5) -> Seen:
+    """Two looks at a tube that sinks by so many degrees a second."""
+    return seen(PositionSample(100.0, HERE, start), PositionSample(100.0 + step, HERE, start - rate * step))
+
+
+def view(now: Seen, limits: Limits, moving: Moving = Moving(False, {2: DOWN})) -> View:
+    return View(now, limits, TIMING, moving, limits.sun, EQUATORIAL, german=False)
+
+
+@pytest.mark.parametrize(("lowest", "stops"), [(20.0, True), (10.0, False)])
+def test_what_sinks_is_stopped_where_the_next_look_would_be_too_late(lowest: float, stops: bool) -> None:
+    """4 degrees a second from 23 degrees: 1.15 s at least until it rests, so 4.6 degrees and more are needed."""
+    verdict = altitude(view(sinking(25.0, 4.0), Limits(lowest=lowest)))
+    assert bool(verdict.reason) is stops
+    if not stops:
+        assert verdict.within == pytest.approx((23.0 - 10.0) / 4.0 - TIMING.to_stop)
+
+
+def test_what_leads_out_of_a_forbidden_place_is_allowed() -> None:
+    assert not altitude(view(sinking(5.0, -4.0), Limits(lowest=20.0))).reason
+
+
+def test_a_goto_knows_where_it_ends() -> None:
+    assert not altitude(view(sinking(22.0, 4.0), Limits(lowest=19.99), Moving(True, {}))).reason
+
+
+def test_a_sun_that_is_far_is_followed_and_one_that_is_near_is_remembered() -> None:
+    far = seen(PositionSample(0.0, HERE, suns=(60.0,)), PositionSample(1.0, HERE, suns=(59.0,)))
+    assert not near_sun(view(far, Limits())).reason
+    assert farthest(view(far, Limits())) == (59.0,)
+    near = replace(seen(PositionSample(0.0, HERE, suns=(19.0,)), PositionSample(1.0, HERE, suns=(18.96,))),
+                   farthest=(19.0,))
+    assert not near_sun(view(near, Limits())).reason
+    creeping = see(replace(near, farthest=farthest(view(near, Limits()))), PositionSample(2.0, HERE, suns=(18.92,)))
+    assert near_sun(view(creeping, Limits())).reason == "the Sun (19 degrees from it)"
+
+
+@pytest.mark.parametrize(("german", "side", "reason"), [
+    (False, None, True), (True, "W", True), (True, "E", False), (True, None, False), (None, None, False),
+])
+def test_past_the_meridian_it_counts_on_which_side_of_the_pier_the_tube_is(
+    german: bool | None, side: str | None, reason: bool
+) -> None:
+    moved = seen(PositionSample(0.0, HERE, 40.0, 28.0), PositionSample(1.0, HERE, 40.0, 29.0))
+    looked = replace(view(moved, Limits(hour_angle=30.0)), german=german, side=side)
+    assert bool(meridian(looked).reason) is reason
+
+
+def test_of_several_deadlines_the_soonest_counts() -> None:
+    moved = seen(PositionSample(0.0, HERE, 60.0, 0.0, (80.0,)), PositionSample(1.0, HERE, 59.0, 0.0, (79.0,)))
+    verdict = allow(view(moved, Limits(lowest=0.0)))
+    assert (verdict.reason, verdict.limit) == ("", "the altitude limit")
+    assert verdict.within == pytest.approx(59.0 - TIMING.to_stop)
+
+
+def test_a_motion_that_begins_is_to_be_seen_before_it_can_come_to_a_limit() -> None:
+    looked = view(seen(PositionSample(50.0, HERE, 30.0)), Limits(lowest=10.0, sun=0.0))
+    assert first_stretch(looked, 50.0, 2.0).within == pytest.approx(20.0 / 2.0 - TIMING.to_stop)
+    assert first_stretch(looked, 50.0, 0.05).within is None
+
+
+def test_a_motion_from_rest_begins_where_it_was_seen_last_and_forgets_how_fast_that_was() -> None:
+    before = sinking(40.0, 1.0)
+    assert begin(before, 130.0, 4.0, at_rest=True).last == replace(before.last, at=130.0)
+    assert begin(before, 130.0, 4.0, at_rest=False).last == before.last
+    assert begin(before, 130.0, 4.0, at_rest=False).changes is None
+
+
+@pytest.mark.parametrize(("moving", "age", "since", "ends"), [
+    (Moving(False, {2: DOWN}), 1.5, 9.0, True), (Moving(False, {2: DOWN}), 0.5, 9.0, False),
+    (Moving(False, {2: DOWN}), 1.5, 0.5, False), (Moving(True, {}), 1.5, 9.0, False),
+])
+def test_only_what_moves_by_hand_ends_where_no_position_comes(
+    moving: Moving, age: float, since: float, ends: bool
+) -> None:
+    assert bool(blind(moving, age, since)) is ends
+
+
+def test_axis_readings_need_an_alignment_unless_the_owner_allows_them() -> None:
+    assert needs_alignment(op.Park(), sync_aligns=False, unaligned="refuse")
+    assert not needs_alignment(op.Park(), sync_aligns=False, unaligned="allow")
+    assert needs_alignment(op.Sync(1.0, 2.0), sync_aligns=False, unaligned="allow")
+    assert not needs_alignment(op.Sync(1.0, 2.0), sync_aligns=True, unaligned="refuse")
+    assert not needs_alignment(op.Move(op.Direction.SOUTH, op.Rate(key=1)), sync_aligns=False, unaligned="refuse")
