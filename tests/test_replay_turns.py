@@ -47,7 +47,7 @@ async def _program(recorded: Recorded, number: int, words: tuple[bytes, ...], un
         guest.close()
 
 
-def _live(path: Path, pair: str, *, seconds: float = 8.0, many: int = 30, longest: int = 10_000_000) -> None:
+def _live(path: Path, pair: str, *, seconds: float = 5.0, many: int = 30, longest: int = 10_000_000) -> None:
     mount, presented, words = PAIRS[pair]
 
     async def night() -> None:
@@ -81,7 +81,7 @@ def _replayed(path: Path) -> Outcome:
 @pytest.mark.parametrize("pair", PAIRS)
 def test_not_one_reply_of_a_crowd_is_another(pair: str, tmp_path: Path) -> None:
     path = tmp_path / "night.rec"
-    _live(path, pair)
+    _live(path, pair, seconds=7.0)
     outcome = _replayed(path)
     assert outcome.clients > 60
     assert outcome.replies > 400
@@ -94,7 +94,7 @@ def test_not_one_reply_of_a_crowd_is_another(pair: str, tmp_path: Path) -> None:
 
 def test_every_part_of_a_recording_replays_up_to_its_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "night.rec"
-    _live(path, "lx200 on nexstar", longest=60_000)
+    _live(path, "lx200 on nexstar", longest=80_000, seconds=8.0)
     parts = sorted(tmp_path.glob("night.rec.*"), key=lambda part: int(part.suffix[1:]), reverse=True)
     assert len(parts) >= 3
     replies = [_replayed(part).replies for part in [*parts, path]]

@@ -1,0 +1,252 @@
+"""What orders and their outcomes make of what is wanted: values in, values out, no mount."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec.structs import replace
+
+from gateway import operations as op
+from gateway.errors import Refused
+from gateway.motion_kinds import GOTOS
+from gateway.mount.motion import outcomes
+from gateway.mount.motion.apply import apply, does_for, stopped, take_back
+from gateway.mount.motion.next_operation import next_moment, next_operation
+from gateway.mount.motion.wanted import ByHand, Order, Slew, Theirs, Wanted
+from gateway.mount.safety.dead_man import HostActivity
+
+FAST = op.Rate(name="max")
+NORTH, EAST = op.Move(op.Direction.NORTH, FAST), op.Move(op.Direction.EAST, FAST)
+GOTO, OTHER = op.Goto(10.0, 20.0), op.Goto(200.0, -5.0)
+PULSE = op.PulseAxis(1, 1, 500)
+KINDS = [NORTH, EAST, op.MoveAxis(2, -1, FAST), GOTO, OTHER, op.Park(), PULSE, op.Pulse(op.Direction.SOUTH, 200),
+         op.Halt(1), op.Halt(2), op.CancelGoto(), op.SetTracking(on=False), op.TrackRate(name="lunar"), op.Sleep(),
+         op.Wake(), op.Focus(1), op.Sync(1.0, 2.0)]
+
+
+class Desk:
+    """Orders come in, and are carried out one by one; ``done`` lists them."""
+
+    def __init__(self) -> None:
+        self.wanted, self.now, self.numbers, self.done = Wanted(), 0.0, 0, list[op.Operation]()
+        self.slewing = False
+
+    def ask(self, *operations: op.Operation, by: HostActivity | None = None) -> Desk:
+        for operation in operations:
+            self.numbers += 1
+            self.wanted = apply(self.wanted, Order(self.numbers, operation, by), self.now, self.slewing)
+        return self
+
+    def begin(self) -> Order | None:
+        """What is due, which is being carried out from now on."""
+        order = next_operation(self.wanted, self.now)
+        self.wanted = replace(self.wanted, active=order.number if order else 0)
+        return order
+
+    def finish(self, order: Order, answer: op.Pulsed | None = None, *, failed: bool = False) -> None:
+        """The mount has acknowledged it, or refused."""
+        if failed:
+            self.wanted = outcomes.refused(self.wanted, order)
+            return
+        self.done.append(order.operation)
+        self.wanted = outcomes.done(self.wanted, order, self.now)
+        if answer is not None:
+            self.numbers += 1
+            self.wanted = outcomes.pulsed(self.wanted, order, answer, self.numbers, self.now)
+        self.wanted = outcomes.taken(self.wanted, order, order.operation, self.now, 4.0)
+        self.slewing = isinstance(self.wanted.motion, Slew)
+
+    def do(self, answer: op.Pulsed | None = None) -> op.Operation:
+        order = self.begin()
+        assert order is not None
+        self.finish(order, answer)
+        return order.operation
+
+
+def waiting(desk: Desk) -> list[op.Operation]:
+    return [order.operation for order in desk.wanted.pending]
+
+
+def test_what_was_asked_for_is_done_in_that_order_and_ends_come_first() -> None:
+    desk = Desk().ask(op.SetTracking(on=False), NORTH, EAST)
+    assert desk.do() == op.SetTracking(on=False)
+    desk.ask(op.Halt(2))
+    assert desk.do() == op.Halt(2)
+    assert desk.do() == EAST
+    assert desk.wanted.by_hand == {1: EAST}
+    assert desk.begin() is None and next_moment(desk.wanted) is None
+
+
+def test_a_newer_rate_takes_the_place_of_one_that_waits_and_not_of_one_under_way() -> None:
+    slow = op.Move(op.Direction.NORTH, op.Rate(name="center"))
+    desk = Desk().ask(NORTH, slow)
+    assert waiting(desk) == [slow]
+    first = desk.begin()
+    assert first is not None
+    desk.ask(NORTH)
+    assert waiting(desk) == [slow, NORTH]
+    desk.finish(first)
+    assert desk.do() == NORTH
+
+
+def test_a_stop_ends_all_but_what_is_no_motion() -> None:
+    desk = Desk().ask(NORTH, GOTO, PULSE, op.TrackRate(name="solar"), op.Sync(1.0, 1.0))
+    desk.wanted = stopped(desk.wanted)
+    assert waiting(desk) == [op.TrackRate(name="solar")]
+    assert desk.wanted.owed and desk.wanted.stops == 1
+    assert outcomes.at_rest(desk.wanted).motion == Theirs()
+    assert not outcomes.at_rest(desk.wanted).owed
+
+
+@pytest.mark.parametrize("halt", [op.Halt(1), op.Halt(2)])
+def test_a_halt_without_an_arrow_ends_a_goto_as_a_whole(halt: op.Operation) -> None:
+    for under_way in (False, True):
+        desk = Desk().ask(GOTO)
+        if under_way:
+            desk.do()
+        desk.ask(halt)
+        assert desk.wanted.owed and desk.wanted.stops == 1
+        assert waiting(desk) == []
+
+
+def test_the_release_of_an_arrow_from_before_the_goto_changes_nothing() -> None:
+    hand, other = HostActivity("10.0.0.1", 0.0), HostActivity("10.0.0.2", 0.0)
+    desk = Desk().ask(NORTH, by=hand)
+    desk.do()
+    desk.ask(GOTO, by=hand)
+    desk.do()
+    desk.ask(op.Halt(2), by=hand)
+    assert isinstance(desk.wanted.motion, Slew) and not desk.wanted.owed
+    desk.ask(op.Halt(2), by=other)
+    assert desk.wanted.owed
+
+
+def test_an_arrow_is_released_after_all_when_the_goto_was_refused() -> None:
+    hand = HostActivity("10.0.0.1", 0.0)
+    desk = Desk().ask(NORTH, by=hand)
+    desk.do()
+    goto = (desk.ask(GOTO, by=hand).begin())
+    desk.ask(op.Halt(2), by=hand)
+    assert goto is not None and not desk.wanted.owed
+    desk.finish(goto, failed=True)
+    assert desk.do() == op.Halt(2)
+    assert desk.wanted.motion == Theirs()
+
+
+def test_equal_halts_are_one_and_one_that_is_hammered_waits_for_its_turn() -> None:
+    desk = Desk().ask(op.Halt(1), op.Halt(1), op.Halt(1))
+    assert waiting(desk) == [op.Halt(1)]
+    ranks = []
+    for _ in range(4):
+        order = desk.ask(op.Halt(1)).begin()
+        assert order is not None
+        ranks.append(order.hammered)
+        desk.finish(order)
+    assert ranks == [False, False, True, True]
+    desk.ask(NORTH, op.Halt(1))
+    assert does_for(desk.wanted, op.Halt(1)) is not None
+    assert not desk.wanted.pending[-1].hammered
+
+
+def test_an_arrow_that_is_being_prepared_is_begun_anew_behind_the_halt_of_the_other_axis() -> None:
+    desk = Desk().ask(EAST)
+    desk.begin()
+    desk.ask(op.Halt(2))
+    assert desk.wanted.active == 0
+    assert desk.do() == op.Halt(2)
+    assert desk.do() == EAST
+
+
+def test_pulses_of_one_axis_follow_one_another_and_end_in_time() -> None:
+    desk = Desk().ask(PULSE, op.PulseAxis(1, -1, 300), op.PulseAxis(2, 1, 300))
+    assert desk.do(op.Pulsed(0.5, ends=False)) == PULSE
+    assert desk.do(op.Pulsed(0.3, ends=True)) == op.PulseAxis(2, 1, 300)
+    assert desk.begin() is None
+    assert next_moment(desk.wanted) == 0.5
+    desk.now = 0.5
+    assert desk.do() == op.Halt(1)
+    assert desk.do(op.Pulsed(0.3, ends=True)) == op.PulseAxis(1, -1, 300)
+
+
+def test_the_rest_of_a_long_pulse_follows_and_a_halt_ends_it() -> None:
+    long = op.PulseAxis(1, 1, 6000)
+    desk = Desk().ask(long)
+    desk.do(op.Pulsed(2.55, ends=True, left=3450))
+    desk.now = 2.55
+    assert desk.do(op.Pulsed(2.55, ends=True, left=900)) == op.PulseAxis(1, 1, 3450)
+    desk.ask(op.Halt(1))
+    assert waiting(desk) == [op.Halt(1)] and desk.wanted.pulses == ()
+
+
+def test_an_arrow_takes_the_place_of_a_pulse_whose_end_does_not_end_it() -> None:
+    desk = Desk().ask(PULSE)
+    desk.do(op.Pulsed(0.5, ends=False))
+    desk.ask(EAST)
+    assert desk.do() == EAST
+    desk.now = 1.0
+    assert desk.begin() is None
+    assert desk.wanted.by_hand == {1: EAST}
+
+
+def test_a_goto_ends_the_guiding_and_more_than_a_few_pulses_are_refused() -> None:
+    desk = Desk().ask(PULSE)
+    desk.do(op.Pulsed(0.5, ends=False))
+    desk.ask(GOTO)
+    assert desk.do() == GOTO
+    assert waiting(desk) == [] and desk.wanted.pulses == ()
+    with pytest.raises(Refused):
+        Desk().ask(*[PULSE] * 9)
+
+
+@given(st.lists(st.tuples(st.sampled_from(KINDS), st.booleans(), st.booleans()), max_size=30))
+def test_whatever_comes_a_stop_leaves_nothing_that_moves(story: list[tuple[op.Operation, bool, bool]]) -> None:
+    """And what waits ends, one after the other: nothing is kept for ever, nothing is done twice."""
+    hand, desk = HostActivity("10.0.0.1", 0.0), Desk()
+    for operation, carried_out, well in story:
+        desk.now += 0.25
+        try:
+            desk.ask(operation, by=hand)
+        except Refused:
+            continue
+        if carried_out and (order := desk.begin()) is not None:
+            pulsed = op.Pulsed(0.4, ends=False) if isinstance(order.operation, op.Pulse | op.PulseAxis) else None
+            desk.finish(order, pulsed, failed=not well)
+            assert order.number not in {one.number for one in desk.wanted.pending}
+    still = stopped(desk.wanted)
+    assert all(order.operation.outlives_stop or order.number == still.active for order in still.pending)
+    assert not any(isinstance(order.operation, GOTOS) for order in still.pending)
+    desk.wanted = replace(desk.wanted, active=0)
+    for _ in range(len(desk.wanted.pending) * 2 + 2):
+        desk.now += 5.0
+        if (order := desk.begin()) is None:
+            break
+        desk.finish(order)
+    assert desk.wanted.pending == ()
+    numbers = [order.number for order in desk.wanted.pending]
+    assert len(numbers) == len(set(numbers))
+
+
+@given(st.lists(st.sampled_from(KINDS), max_size=12), st.sampled_from([op.Halt(1), op.Halt(2), op.CancelGoto()]))
+def test_what_is_taken_back_is_what_the_halt_would_end(asked: list[op.Operation], halt: op.Operation) -> None:
+    wanted = Wanted(pending=tuple(Order(number, one) for number, one in enumerate(asked, 1)))
+    left = [order.operation for order in take_back(wanted, halt).pending]
+    if isinstance(halt, op.Halt):
+        assert not [one for one in left if getattr(one, "axis", None) == halt.axis and isinstance(
+            one, op.Move | op.MoveAxis | op.PulseAxis)]
+    else:
+        assert not [one for one in left if isinstance(one, GOTOS)]
+    assert [one for one in asked if isinstance(one, op.SetTracking)] == [
+        one for one in left if isinstance(one, op.SetTracking)]
+
+
+def test_motion_by_hand_is_one_value_of_two_axes() -> None:
+    desk = Desk().ask(NORTH)
+    desk.do()
+    desk.ask(EAST)
+    desk.do()
+    assert isinstance(desk.wanted.motion, ByHand)
+    assert {axis for axis, _ in desk.wanted.motion} == {1, 2}
+    desk.ask(op.Halt(2))
+    desk.do()
+    assert {axis for axis, _ in desk.wanted.motion} == {1}
