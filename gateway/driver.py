@@ -84,6 +84,8 @@ class Driver:
     version: Version | None = None
     #: Whether tracking was put off for a motion and has not been put back yet.
     unrestored = False
+    #: The commands that end a motion and do nothing else, where a stop consists of more.
+    ends: frozenset[str] = frozenset()
     #: Whether the mount was sent to sleep, and what is said to it all the same.
     asleep = False
     awake_or_not: frozenset[str] = frozenset()

@@ -40,6 +40,7 @@ class Meade(Driver):
 
     protocol = load("lx200")
     takes_site_aligned = True
+    ends = frozenset({"Q"})
     position_reads = 2
 
     def __init__(self, now: Callable[[], float], model: str | None = None) -> None:
