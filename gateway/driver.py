@@ -39,7 +39,7 @@ class Pause(NamedTuple):
 class Later(NamedTuple):
     """Have an operation performed after some seconds; a newer one with the same operation replaces it.
 
-    ``urgent`` operations go to the line like a stop does (the end of a guide pulse).
+    ``urgent`` operations go to the line like a stop does (the end of a motion that is sent again).
     """
 
     seconds: float

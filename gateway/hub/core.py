@@ -138,7 +138,7 @@ class Hub:
         return task
 
     def _on_lost(self) -> None:
-        self._cut_short = self._cut_short or self.motions.busy
+        self._cut_short = self._cut_short or self.motions.busy or self.ends.pending
 
     def _first_words(self) -> list[bytes]:
         """The port is open again: nothing that moved survives that. A mount that nobody knows yet is greeted first."""

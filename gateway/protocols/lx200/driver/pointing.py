@@ -15,6 +15,7 @@ from gateway.operations import (
     Slewing,
     Sync,
 )
+from gateway.protocols.lx200.driver.ends import MOUNT, begins, end
 from gateway.protocols.lx200.driver.identify import HIGH, high_precision
 from gateway.protocols.lx200.driver.state import GotoState, Meade, ask
 from gateway.spherical import fold_declination
@@ -97,6 +98,7 @@ def goto_axes(mount: Meade, operation: GotoAxes) -> Steps:
 def begin(mount: Meade, command: str, then: str | None = None) -> Steps:
     """Send what begins a goto. It counts as under way before that, for a stop must know of it."""
     mount.parked, mount.goto = False, GotoState(since=mount.now(), then=then)
+    begins(mount, *MOUNT)
     try:
         yield from ask(mount, command)
     except NoAnswer:
@@ -120,7 +122,7 @@ def cancel_goto(mount: Meade, _: CancelGoto) -> Steps:
     """:Q, when a goto or a search for home is under way: it would end hand motion, too."""
     if mount.goto is not None or mount.seeking:
         mount.goto = None
-        yield from ask(mount, "Q")
+        yield from end(mount, "Q", MOUNT, True)
         mount.seeking = False
 
 

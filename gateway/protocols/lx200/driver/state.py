@@ -61,6 +61,10 @@ class Meade(Driver):
         self.goto: GotoState | None = None
         self.moving: dict[int, str] = {}
         self.pulsing: dict[int, str] = {}
+        self.focusing = False
+        #: How often each axis was set moving; and by the command that has ended it, how often it had been then.
+        self.begun: dict[int, int] = {}
+        self.ended: dict[str, dict[int, int]] = {}
         self.parked = False
         self.guide_rate = 1.0  # what is meant by it, a fraction of sidereal
         self.site: Place | None = None
