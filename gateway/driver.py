@@ -86,6 +86,8 @@ class Driver:
     unrestored = False
     #: The commands that end a motion and do nothing else, where a stop consists of more.
     ends: frozenset[str] = frozenset()
+    #: Whether a goto may be under way that the mount was sent and has not acknowledged.
+    unsure = False
     #: Whether the mount was sent to sleep, and what is said to it all the same.
     asleep = False
     awake_or_not: frozenset[str] = frozenset()

@@ -151,6 +151,8 @@ class Hub:
 
     def _on_up(self) -> None:
         self.snapshot.clear()
+        if self.driver.unsure:  # it is looked at until it is seen to be over
+            self.snapshot.put(op.Slewing, True, self.now())
         self.slumber.doubt()
         if self._identifying is not None:
             self._identifying.cancel()

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from gateway.driver import Steps
-from gateway.errors import Fault, NoAnswer, Refused
+from gateway.driver import Pause, Steps
+from gateway.errors import Fault, Garbled, NoAnswer, Refused
 from gateway.operations import (
     CancelGoto,
     Equatorial,
@@ -23,6 +23,8 @@ from gateway.spherical import fold_declination
 #: A goto counts as under way this long at least, and until the bars were empty twice.
 START_GRACE = 0.8
 QUIET = 2
+#: Seconds between two looks at the bars after an acknowledgement was lost.
+LOOK_AGAIN = 0.5
 #: Seconds between the halves of a position, and how often both are asked until they are no further apart.
 INSTANT, PAIR_TRIES, HORIZONTAL_TRIES = 0.5, 5, 2
 
@@ -101,12 +103,27 @@ def begin(mount: Meade, command: str, then: str | None = None) -> Steps:
     begins(mount, *MOUNT)
     try:
         yield from ask(mount, command)
-    except NoAnswer:
-        raise  # it may have heard all the same: the bars will tell
+    except (NoAnswer, Garbled):
+        if not (yield from _has_begun(mount)):
+            mount.goto = None
+            raise
     except Fault:
         mount.goto = None
         raise
     mount.goto.since = mount.now()
+
+
+def _has_begun(mount: Meade) -> Steps:
+    """Whether a goto whose acknowledgement was lost is under way: the bars tell. Raises NoAnswer while nobody can."""
+    assert mount.goto is not None
+    mount.goto.unsure = True
+    for attempt in range(QUIET):
+        if attempt:
+            yield Pause(LOOK_AGAIN)
+        if (yield from ask(mount, "D"))["bars"].strip():
+            mount.goto.unsure = False
+            return True
+    return False
 
 
 def clear_the_way(mount: Meade) -> Steps:

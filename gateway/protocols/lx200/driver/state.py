@@ -28,11 +28,15 @@ SPEEDS = {"RG": SIDEREAL / 3600, "RC": 16 * SIDEREAL / 3600, "RM": 2.0, "RS": 8.
 
 
 class GotoState(Struct):
-    """A goto under way: since when, what it is for, and how often the bars have been empty."""
+    """A goto under way: since when, what it is for, and how often the bars have been empty.
+
+    ``unsure``: its acknowledgement was lost, and nobody has seen whether it was begun.
+    """
 
     since: float
     then: str | None = None
     quiet: int = 0
+    unsure: bool = False
 
 
 class Meade(Driver):
@@ -95,6 +99,10 @@ class Meade(Driver):
     @property
     def gps(self) -> bool:  # type: ignore[override]
         return self.model == "lx200gps"
+
+    @property
+    def unsure(self) -> bool:  # type: ignore[override]
+        return self.goto is not None and self.goto.unsure
 
     @property
     def equatorial(self) -> bool:
