@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 from typing import TYPE_CHECKING
 
+from gateway.motion_kinds import MOVING
 from gateway.operations import CancelGoto, Focus, Halt, Operation
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ class Begun:
     def begin(self, operation: Operation, stops: int) -> None:
         """An operation nobody is told the outcome of: a failure goes to the transcript."""
         client, name = self._client, type(operation).__name__
+        if isinstance(operation, MOVING) and stops != client.hub.stops:  # a stop came since, or nobody is there
+            return
         halts = isinstance(operation, Halt | CancelGoto)
         if halts and client.hub.motions.again(operation):
             return

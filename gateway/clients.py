@@ -27,6 +27,9 @@ from gateway.transcript import Transcript
 #: Commands that may wait for their turn in one connection; more than that and the oldest are dropped.
 INBOX = 256
 MEMO = 32
+#: In the place of the count of stops: it was sent before all of them, and nobody may be there any more who sent it. It
+#: begins no motion and holds none.
+LONG_AGO = -1
 #: A half that is asked for within this many seconds of the other one belongs to the same instant.
 PAIR = 1.0
 
@@ -75,9 +78,14 @@ class Client:
         """Whether anything it has asked for is still under way."""
         return self._task is not None or bool(self._begun)
 
+    @property
+    def answered(self) -> bool:
+        """Whether nothing waits here for its turn or for the mount's answer."""
+        return self._task is None and not self._inbox
+
     def feed(self, data: bytes, stops: int | None = None) -> None:
         """Take bytes as they arrived; ``stops`` is the hub's count of stops then, where that was some time ago."""
-        self.life.heard = True
+        self.life.heard |= stops != LONG_AGO
         hub = self.hub
         if self.transcript.sinks:
             self.transcript.put(self.name, "raw", data)

@@ -39,7 +39,7 @@ class Pause(NamedTuple):
 class Later(NamedTuple):
     """Have an operation performed after some seconds; a newer one with the same operation replaces it.
 
-    ``urgent`` operations go to the line like a stop does (the end of a guide pulse).
+    ``urgent`` operations go to the line like a stop does (the end of a motion that is sent again).
     """
 
     seconds: float
@@ -84,6 +84,10 @@ class Driver:
     version: Version | None = None
     #: Whether tracking was put off for a motion and has not been put back yet.
     unrestored = False
+    #: The commands that end a motion and do nothing else, where a stop consists of more.
+    ends: frozenset[str] = frozenset()
+    #: Whether a goto may be under way that the mount was sent and has not acknowledged.
+    unsure = False
     #: Whether the mount was sent to sleep, and what is said to it all the same.
     asleep = False
     awake_or_not: frozenset[str] = frozenset()

@@ -177,6 +177,10 @@ class _Visitor:
     def ended(self) -> bool:
         return self._guest is not None and not self._waiting and self._guest.ended
 
+    @property
+    def answered(self) -> bool:
+        return self._guest is not None and not self._waiting and self._guest.answered
+
     def come(self, reception: Admitting, host: str) -> None:
         self._guest = reception.come(self._name, host, self._tell)
         if self._change_rate is not None:
@@ -215,6 +219,14 @@ class _Visitor:
     def network(self, hang_up: HangUp) -> None:
         """To be called before anything is fed."""
         self._hang_up = hang_up
+
+    def gone(self) -> None:
+        self._loop.enter(self._gone_away)
+
+    def _gone_away(self) -> None:
+        assert self._guest is not None
+        self._recorder.line(self._name, "e")
+        self._guest.gone()
 
     def close(self) -> None:
         self._write = lambda data: None

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from gateway.access import MOST_HOSTS, Access, Rights, Sealed, TurnedAway
 from gateway.beginning import Beginning, Piece
-from gateway.clients import Client
+from gateway.clients import LONG_AGO, Client
 from gateway.descriptors import scarce
 from gateway.equinox import Equinox
 from gateway.frames import Framing
@@ -26,7 +26,7 @@ from gateway.operations import Operation
 from gateway.ports import Guest
 from gateway.ports.baud import Trial
 from gateway.ports.guest import HangUp
-from gateway.ports.pace import SHARE
+from gateway.ports.pace import LATE, SHARE
 from gateway.strangers import Greeting, page
 from gateway.surface import Session, Surface
 
@@ -107,7 +107,8 @@ class Reception:
             session.shared = Sealed(self.shared, lambda: client.refuse("a setting", "read only"))
         self.hub.transcript.put(name, "+", note=f"surface {self.number}, host {host}")
         rights = replace(client.rights, hibernate=self.access.hibernate)
-        visit = _Visit(client, face, lambda: self._leave(name, host, client, visit), _on_line(name, host), rights)
+        visit = _Visit(client, face, lambda: self._leave(name, host, client, visit),
+                       lambda: self._hand_on(host, client), _on_line(name, host), rights)
         self._visits.add(visit)
         return visit
 
@@ -140,7 +141,12 @@ class Reception:
         if visit.stranger:
             self.hub.presence.was_nobody(client.life)
             return
-        self.hub.presence.leave(client.life)
+        self._hand_on(host, client)
+
+    def _hand_on(self, host: str, client: Client) -> None:
+        """Nobody is at the other end any more: the next connection of this host goes on where this one has got to."""
+        if client.life.closed is None:
+            self.hub.presence.leave(client.life)
         self._left[host] = (self.hub.now(), dict(client.session.kept))
         for old in [key for key, (at, _) in self._left.items() if self.hub.now() - at > INHERIT_FOR]:
             del self._left[old]
@@ -159,8 +165,10 @@ class _Visit:
     Where many come in at once it waits for its turn, unless it may have come to end a motion.
     """
 
-    def __init__(self, client: Client, face: Face, left: Callable[[], None], lasting: bool, rights: Rights) -> None:
+    def __init__(self, client: Client, face: Face, left: Callable[[], None], handed_on: Callable[[], None],
+                 lasting: bool, rights: Rights) -> None:
         self._client, self._manners, self._left, self.lasting = client, face.manners, left, lasting
+        self._handed_on = handed_on
         self._face, self._rights = face, rights
         self._hub, self._ends = client.hub, face.ends
         #: Whether it has turned out to be no program for telescopes.
@@ -175,7 +183,9 @@ class _Visit:
         #: While it sends more than is read at a time: how many stops there had been when that began. Nobody knows
         #: when it was sent what comes next, and what was sent before a stop begins no motion after it.
         self._behind: int | None = None
-        self._behind_at = -1e9
+        self._behind_at = self._behind_since = -1e9
+        #: What comes was sent long ago; that has been said; the other side has closed.
+        self._late = self._said_late = self._gone = False
         self._take = self._on_line if lasting else self._listen if face.manners else client.feed
 
     @property
@@ -183,16 +193,48 @@ class _Visit:
         """Whether the last bytes did nothing but end motions without a reply."""
         return self._client.ended and not self._waiting
 
+    @property
+    def answered(self) -> bool:
+        """Whether everything that was fed has been answered, as far as it is answered at all."""
+        return not self._waiting and self._client.answered
+
     def feed(self, data: bytes) -> None:
         """Bytes have come."""
-        behind = self._behind
-        if behind is not None and self._hub.now() - self._behind_at > CAUGHT_UP:
-            behind = self._behind = None
-        self._feed(data, behind)
+        now = self._hub.now()
+        if self._behind is not None and now - self._behind_at > (LATE if self._late else CAUGHT_UP):
+            self._catch_up()
+        if self._behind is not None and now - self._behind_since > LATE:
+            self._come_late()
+        self._feed(data, LONG_AGO if self._late else self._behind)
         if len(data) >= SHARE:
-            self._behind, self._behind_at = self._hub.stops if behind is None else behind, self._hub.now()
-        elif behind is not None:
-            self._behind = None
+            if self._behind is None:
+                self._behind, self._behind_since = self._hub.stops, now
+            self._behind_at = now
+        elif not self._late:  # else there may be a gap in what still comes
+            self._catch_up()
+
+    def _catch_up(self) -> None:
+        """What comes from now on was sent just now."""
+        self._behind = None
+        if self._late and not self._gone:
+            self._client.life.closed = None
+        self._late = False
+
+    def _come_late(self) -> None:
+        """Nobody knows when this was sent, and whether who sent it is still there: it holds no arrow."""
+        self._late = True
+        if self._client.life.closed is None:
+            self._hub.presence.leave(self._client.life)
+        if not self._said_late:
+            self._said_late = True
+            self._client.transcript.note(self._client.name, "has sent so much that it is read too late: nothing of it "
+                                                            "sets the mount moving before all of it was read")
+
+    def gone(self) -> None:
+        """The other side has closed its end: its time begins in which it may come back."""
+        self._gone = True
+        if not self.stranger:
+            self._handed_on()
 
     def _feed(self, data: bytes, behind: int | None) -> None:
         """Take bytes in at once or in their turn; ``behind`` is how many stops there were when they may have come."""

@@ -25,6 +25,8 @@ STOP, MOTION, POSITION, WAITED, SETTING, READ = range(6)
 PROOFS, QUIETER = 3, 3.0
 #: After half a command nothing is sent for this long: a hand control would take it for the other half.
 HALF_COMMAND = 3.5
+#: Between two commands whose answers nobody waits for.
+BLIND = 0.2
 #: A port that nobody has answered on for this long is opened anew.
 MUTE = 20.0
 #: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the hub.
@@ -60,6 +62,8 @@ class Line:
         self.talk = Talk(lambda data: self.wire.write(data), self._meanwhile, self._pause, dialogue, transcript)
         self.state = "opening"
         self.on_up: Callable[[], None] = lambda: None
+        #: Called when the port is open again -> the requests that go out before anything else, a stop that is owed.
+        self.first_words: Callable[[], list[bytes]] = list
         self.reason = ""
         self._now = asyncio.get_running_loop().time
         self._order = count()
@@ -178,10 +182,15 @@ class Line:
         return on_data, on_lost
 
     async def _reopened(self) -> None:
-        """The wire is back: nothing is taken for granted of what is on it."""
-        if self.talk.half:
-            self.talk.half = False
+        """The wire is back: what is owed goes first, and nothing is taken for granted of what is on it."""
+        words, half = self.first_words(), self.talk.half
+        self.talk.half = False
+        if half and not (words and (self.dialogue.closing or len(self.talk.request) == 1)):
             await asyncio.sleep(max(0.0, self.talk.wrote + HALF_COMMAND - self._now()))
+        for number, word in enumerate(words):
+            if not self.talk.send((self.dialogue.closing if half and not number else b"") + word):
+                return
+            await asyncio.sleep(BLIND)
         await self._recover()
 
     async def _serve(self) -> None:

@@ -187,7 +187,7 @@ def _causes(events: list[Event]) -> Iterator[tuple[Event, list[float]]]:
     for event in events:
         if event.side == MOUNT and event.arrow == ">":
             requests.append(event.at)
-        elif event.arrow in ("<^v!" if event.side == MOUNT else "+->r"):
+        elif event.arrow in ("<^v!" if event.side == MOUNT else "+->er"):
             if cause is not None:
                 yield cause, requests
             cause, requests = event, []
@@ -242,6 +242,8 @@ class _Clients:
                 self._come(event)
             case "-" if event.side in self._here:
                 self._here.pop(event.side).guest.close()
+            case "e" if event.side in self._here:
+                self._here[event.side].guest.gone()
             case ">" if event.side in self._here:
                 self._here[event.side].guest.feed(event.data)
 

@@ -157,6 +157,8 @@ class Retracing:
             assert talk.guest is not None
             if event.arrow == ">":
                 talk.guest.feed(event.data)
+            elif event.arrow == "e":
+                talk.guest.gone()
             else:
                 del self._here[event.side]
                 talk.guest.close()

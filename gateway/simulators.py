@@ -74,6 +74,8 @@ class _Caller:
 
     def __init__(self, simulator: Any, latency: float, baud: int | None, write: Callable[[bytes], Any]) -> None:
         self._latency, self._write = latency, write
+        #: Answers that are under way.
+        self._owed = 0
         self._answer: Callable[[bytes], bytes] = simulator.connection(self._later)
         self.feed: Callable[[bytes], None] = self._heard
         self._paces: list[Pace] = []
@@ -83,14 +85,27 @@ class _Caller:
 
     def _later(self, seconds: float, answer: bytes) -> None:
         """Some answers come after a while."""
-        asyncio.get_running_loop().call_later(self._latency + seconds, lambda: self._write(answer))
+        self._owed += 1
+        asyncio.get_running_loop().call_later(self._latency + seconds, self._give, answer)
+
+    def _give(self, answer: bytes) -> None:
+        self._owed -= 1
+        self._write(answer)
 
     def _heard(self, data: bytes) -> None:
         answer = self._answer(data)
         if answer and self._latency:
-            asyncio.get_running_loop().call_later(self._latency, lambda: self._write(answer))
+            self._later(0.0, answer)
         elif answer:
             self._write(answer)
+
+    @property
+    def answered(self) -> bool:
+        """Whether no answer is under way."""
+        return not self._owed
+
+    def gone(self) -> None:
+        """A mount does not know who listens."""
 
     def serial(self, change_rate: Callable[[int], int]) -> None:
         """A simulated mount stays at the rate it was opened with."""

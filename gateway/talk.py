@@ -32,7 +32,9 @@ BUSY_AFTER = 1.0
 
 
 class Dialogue(Protocol):
-    """How a protocol's requests and replies look on the wire."""
+    """How a protocol's requests and replies look on the wire. ``closing`` ends a command of which half was sent."""
+
+    closing: bytes
 
     def timeout(self, ask: Ask) -> float: ...
     def pace(self, ask: Ask) -> float: ...
@@ -60,6 +62,9 @@ class Talk:
         self.lost = False
         #: The line was lost in the middle of an exchange: perhaps with half a command on the other side.
         self.half = False
+        #: The last request; and what is to be done in the moment in which the wire is noticed to be lost.
+        self.request = b""
+        self.on_lost: Callable[[], None] = lambda: None
         #: At a long piece of work.
         self.long = False
         #: When something was written last, seconds of the loop's clock; never yet is long ago.
@@ -87,6 +92,7 @@ class Talk:
         """The wire is gone, whoever noticed it first."""
         if not self.lost:
             self.transcript.put("mount", "v", note=reason)
+            self.on_lost()
         self.lost = True
         self._arrived.set()
 
@@ -99,6 +105,7 @@ class Talk:
     def send(self, request: bytes) -> bool:
         """Write to the wire -> whether it was there."""
         self.transcript.put("mount", ">", request)
+        self.request = request
         try:
             self._write(request)
         except Exception as error:  # the port went away in the middle of it, whatever its driver calls that

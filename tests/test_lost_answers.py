@@ -201,3 +201,70 @@ def test_a_clock_that_was_set_wrong_can_be_set_right() -> None:
             assert await client.ask(b":GC#") == b"01/15/26#"
 
     run(program())
+
+
+GOTO = b":Sr05:00:00#:Sd+30*00:00#:MS#"
+
+
+@pytest.mark.parametrize("mount", ["lx200", "lx200-16", "autostar", "lx200gps"])
+@pytest.mark.parametrize("end", [b":Qe#", b":Q#"])
+def test_a_goto_whose_acknowledgement_was_lost_is_seen_and_can_be_ended(mount: str, end: bytes) -> None:
+    """Nobody polls ``:D#``: the gateway looks itself."""
+
+    async def program() -> None:
+        async with Bridge(mount, driven="lx200") as bridge:
+            client = bridge.client()
+            swallow(bridge, lambda data: data == b":MS#", carried_out=True)
+            assert await client.ask(GOTO, until=b"0") == b"110", "it has begun, and is told so"
+            assert bridge.sim.slewing
+            assert bridge.hub.slewing
+            assert bridge.sent().count(b":MS#") == 1
+            client.tell(end)
+            await asyncio.sleep(2.0)
+            assert not bridge.sim.slewing
+            await asyncio.sleep(3.0)
+            assert not bridge.hub.slewing
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", ["lx200", "autostar", "lx200gps"])
+def test_a_goto_that_was_not_heard_is_told_as_failed_and_is_over(mount: str) -> None:
+    async def program() -> None:
+        async with Bridge(mount, driven="lx200") as bridge:
+            client = bridge.client()
+            swallow(bridge, lambda data: data == b":MS#")
+            assert (await client.ask(GOTO, until=b".#")).startswith(b"111")
+            assert not bridge.sim.slewing
+            assert await client.ask(b":D#", until=b"#") == b"#"
+            assert await client.ask(GOTO, until=b"0") == b"110"
+            assert bridge.sim.slewing
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", ["lx200", "autostar", "lx200gps"])
+def test_a_goto_on_a_line_that_falls_silent_is_looked_for_when_it_is_back(mount: str) -> None:
+    async def program() -> None:
+        async with Bridge(mount, driven="lx200", speed=0.4) as bridge:
+            client = bridge.client()
+            wire = bridge.hub.line.wire
+            good = wire._feed  # type: ignore[attr-defined]
+            silent = [False]
+
+            def feed(data: bytes) -> bytes:
+                silent[0] = silent[0] or data == b":MS#"
+                answer = bytes(good(data))
+                return b"" if silent[0] else answer
+
+            wire._feed = feed  # type: ignore[attr-defined]
+            assert (await client.ask(GOTO, 20.0, until=b".#")).startswith(b"111")
+            wire._feed = good  # type: ignore[attr-defined]
+            await asyncio.sleep(8.0)
+            assert bridge.sim.slewing
+            assert bridge.hub.slewing, "it goes on, and the gateway knows"
+            client.tell(b":Qe#")
+            await asyncio.sleep(3.0)
+            assert not bridge.sim.slewing
+
+    run(program())

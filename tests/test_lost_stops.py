@@ -98,7 +98,7 @@ def test_a_stop_that_was_heard_is_not_sent_again(mount: str, motion: bytes) -> N
             client.tell(b":Q#")
             await asyncio.sleep(10.0)
             stops = [sent for sent in bridge.sent() if sent in (b":Q#", b"M")]
-            assert len(stops) == 1
+            assert len(stops) == (2 if mount in MEADES else 1), "a Meade acknowledges nothing, so it is told twice"
             assert not bridge.hub.ends.pending
             assert not [entry for entry in bridge.entries if "not stopped" in entry.note]
 

@@ -28,7 +28,7 @@ PYSERIAL = pytest.mark.filterwarnings("ignore::DeprecationWarning:serial.*")  # 
 class Echo:
     """A guest that sends back what it hears."""
 
-    ended = False
+    ended, answered = False, True
 
     def __init__(self, write: Callable[[bytes], Any]) -> None:
         self.heard = b""
@@ -43,6 +43,9 @@ class Echo:
         pass
 
     def network(self, hang_up: Callable[[bytes], None]) -> None:
+        pass
+
+    def gone(self) -> None:
         pass
 
     def close(self) -> None:

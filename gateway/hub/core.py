@@ -18,7 +18,7 @@ from gateway import operations as op
 from gateway.driver import Driver, Steps
 from gateway.errors import Fault, NoAnswer
 from gateway.hub.belief import Belief
-from gateway.hub.ending import end_motion
+from gateway.hub.ending import end_motion, stop_commands
 from gateway.hub.executor import HubExecutor
 from gateway.hub.refresh import ASK_AGAIN, Refresh
 from gateway.hub.rules import make_rules
@@ -106,7 +106,9 @@ class Hub:
         self.closed = False  # when it is, nothing is begun any more
         self.turnstile = Turnstile(self.loop, lambda: self.motions.ending)
         self._tasks: set[asyncio.Task[Any]] = set()
-        line.on_up = self._on_up
+        #: Something moved when the mount's port was lost.
+        self._cut_short = False
+        line.on_up, line.first_words, line.talk.on_lost = self._on_up, self._first_words, self._on_lost
 
     # --- life -----------------------------------------------------------------------------------------------------
 
@@ -135,8 +137,22 @@ class Hub:
         task.add_done_callback(self._tasks.discard)
         return task
 
+    def _on_lost(self) -> None:
+        self._cut_short = self._cut_short or self.motions.busy or self.ends.pending
+
+    def _first_words(self) -> list[bytes]:
+        """The port is open again: nothing that moved survives that. A mount that nobody knows yet is greeted first."""
+        if self._cut_short:
+            self._cut_short = False
+            self.transcript.note("mount", "the line was lost while the mount moved: it is stopped, now that it is back")
+            self.motions.begin_stop()
+        known = self.motions.owed and self.identified.is_set()
+        return stop_commands(self.driver, self.line.dialogue, ends_only=True) if known else []
+
     def _on_up(self) -> None:
         self.snapshot.clear()
+        if self.driver.unsure:  # it is looked at until it is seen to be over
+            self.snapshot.put(op.Slewing, True, self.now())
         self.slumber.doubt()
         if self._identifying is not None:
             self._identifying.cancel()

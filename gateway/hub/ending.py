@@ -51,8 +51,11 @@ async def _stop_blindly(hub: Hub) -> None:
             await asyncio.sleep(BLIND)
 
 
-def stop_commands(driver: Driver, dialogue: Dialogue) -> list[bytes]:
-    """The bytes of a stop as things are now, for whoever cannot wait for answers; the driver itself learns nothing."""
+def stop_commands(driver: Driver, dialogue: Dialogue, ends_only: bool = False) -> list[bytes]:
+    """The bytes of a stop as things are now, for whoever cannot wait for answers; the driver itself learns nothing.
+
+    With ``ends_only`` without what is put back after the motion: perhaps the mount was switched off meanwhile.
+    """
     twin = copy.copy(driver)
     for name, value in vars(driver).items():
         if isinstance(value, dict | set):
@@ -61,7 +64,7 @@ def stop_commands(driver: Driver, dialogue: Dialogue) -> list[bytes]:
     with contextlib.suppress(Exception):  # it ends with StopIteration, or where an answer would be needed to go on
         step = next(steps)
         while True:
-            if isinstance(step, Ask):
+            if isinstance(step, Ask) and not (ends_only and step.command not in driver.ends):
                 commands.append(dialogue.encode(step))
             step = steps.send({})
     return commands

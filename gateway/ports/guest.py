@@ -16,8 +16,15 @@ class Guest(Protocol):
     def ended(self) -> bool:
         """Whether the last bytes did nothing but end motions without a reply: the same again would be no news."""
 
+    @property
+    def answered(self) -> bool:
+        """Whether everything that was fed has been answered, as far as it is answered at all."""
+
     def feed(self, data: bytes) -> None: ...
     def close(self) -> None: ...
+
+    def gone(self) -> None:
+        """The other side has closed its end: nothing more will come of it, though it may still read."""
 
     def serial(self, change_rate: Callable[[int], int]) -> None:
         """The connection is a serial port: how to set its baud rate; the one it had is returned."""

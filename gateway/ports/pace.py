@@ -14,6 +14,9 @@ from bisect import bisect_left
 SHARE = 512
 #: Seconds that a connection waits which has sent a whole share at once, and between two such connections.
 BREATH, APART = 0.05, 0.005
+#: Of one that has been behind for so many seconds what comes is late: nobody knows when it was sent, and perhaps its
+#: other side has closed long ago. Nothing of it begins a motion, and it is read without the breath.
+LATE = 1.0
 #: For so many times the seconds that a share has taken nobody else who sends without end is read.
 OTHERS = 4.0
 #: Bytes that are looked at together for a repetition.
@@ -28,12 +31,12 @@ class Pace:
     def __init__(self) -> None:
         self._last = 0.0
 
-    def pause(self, now: float, took: float) -> float:
+    def pause(self, now: float, took: float, late: bool = False) -> float:
         """Seconds until a connection is read again that has sent a whole share, which took so many seconds to do.
 
-        ``now`` is the event loop's time.
+        ``now`` is the event loop's time, ``late`` whether it has been behind for long.
         """
-        self._last = max(now + BREATH, self._last + max(APART, OTHERS * took))
+        self._last = max(now + (APART if late else BREATH), self._last + max(APART, OTHERS * took))
         return self._last - now
 
 

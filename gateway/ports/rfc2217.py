@@ -95,6 +95,13 @@ class _Doorman:
                 telnet.suboption = None
         return plain
 
+    @property
+    def answered(self) -> bool:
+        return self._guest.answered
+
+    def gone(self) -> None:
+        self._guest.gone()
+
     def serial(self, change_rate: Callable[[int], int]) -> None:
         """There is no serial port behind it."""
 

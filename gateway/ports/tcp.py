@@ -18,7 +18,7 @@ from typing import cast
 from gateway.access import TurnedAway
 from gateway.errors import UserError
 from gateway.ports.guest import Arrive, Guest
-from gateway.ports.pace import SHARE, SKIM, Pace, unrepeated
+from gateway.ports.pace import LATE, SHARE, SKIM, Pace, unrepeated
 
 #: Unread replies a connection may pile up before it is given up.
 SLOW_READER = 65536
@@ -26,6 +26,8 @@ SLOW_READER = 65536
 BACKLOG = 512
 #: Seconds that whoever is to go is given to read what it was told last.
 PARTING = 2.0
+#: How often it is looked whether a connection that sends no more has been answered, seconds.
+LOOK = 0.02
 #: A silent connection is asked for a sign of life after so many seconds, every so many, so many times; replies that
 #: nobody acknowledges (milliseconds) are the same sign. By the names the system has for it; not every one has all.
 ALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPALIVE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 60_000}
@@ -43,6 +45,8 @@ class _Connection(asyncio.BufferedProtocol):
         self._view = memoryview(self._buffer)
         #: After a share that only ended motions, that share: what repeats it is passed over.
         self._share = b""
+        #: Since when there has been more to read than is read at a time.
+        self._behind_since: float | None = None
         #: What was read together and is taken in share by share.
         self._rest = b""
         #: While bytes are being taken in: the replies to them, which go out as one.
@@ -70,6 +74,7 @@ class _Connection(asyncio.BufferedProtocol):
         if not self._share:
             data = bytes(self._view[:nbytes])
             if nbytes < SHARE:
+                self._behind_since = None  # though this may be a gap in what still comes
                 self._answer(data)
             else:
                 self._answer_share(data)
@@ -97,7 +102,10 @@ class _Connection(asyncio.BufferedProtocol):
         self._share = (self._share + data)[-SHARE:] if ended else b""
         self._transport.pause_reading()
         loop = asyncio.get_running_loop()
-        loop.call_later(self._port.pace.pause(loop.time(), took), self._go_on)
+        now = loop.time()
+        self._behind_since = self._behind_since or now
+        late = now - self._behind_since > LATE
+        loop.call_later(self._port.pace.pause(now, took, late), self._go_on)
 
     def _take_share(self, more: bool) -> None:
         """The next share of what was read together."""
@@ -115,6 +123,21 @@ class _Connection(asyncio.BufferedProtocol):
             self._take_share(False)
         if not self._rest:
             self._transport.resume_reading()
+
+    def eof_received(self) -> bool:
+        """The other side sends no more, but it may still read: it is told what is due to it before this side closes."""
+        if self._guest is not None:
+            self._guest.gone()
+        self._close_when_answered()
+        return True
+
+    def _close_when_answered(self) -> None:
+        if self._transport is None or self._transport.is_closing():
+            return
+        if self._guest is None or self._guest.answered:
+            self._transport.close()
+        else:
+            asyncio.get_running_loop().call_later(LOOK, self._close_when_answered)
 
     def _write(self, data: bytes) -> None:
         if self._replies is not None:

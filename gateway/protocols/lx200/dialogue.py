@@ -74,6 +74,7 @@ class MeadeDialogue:
     """What a line must know to exchange commands with a Meade."""
 
     protocol: Protocol = load("lx200")
+    closing = b"#"
 
     def timeout(self, ask: Ask) -> float:
         return TIMEOUT

@@ -33,6 +33,7 @@ class NexStarDialogue:
     """What a line must know to exchange commands with a hand control. Source: Developer Notes, Timeouts."""
 
     protocol: Protocol = load("nexstar")
+    closing = b""
 
     def timeout(self, ask: Ask) -> float:
         """A hand control may take 3.5 s, at worst."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from gateway.protocols.lx200.driver import drive, home, identify, motion, place, pointing
+from gateway.protocols.lx200.driver import drive, ends, home, identify, motion, place, pointing
 
 SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
     function.__name__: function
@@ -23,5 +23,5 @@ SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
     )
 }
 FOLLOW_UPS: dict[type[Any], Callable[[Any, Any], Any]] = {
-    home.SeekOn: home.seek_on,
+    home.SeekOn: home.seek_on, ends.EndAgain: ends.end_again,
 }

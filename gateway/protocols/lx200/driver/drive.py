@@ -9,6 +9,7 @@ from __future__ import annotations
 from gateway.driver import Steps
 from gateway.errors import Refused, Unsupported
 from gateway.operations import Backlash, Focus, PeriodicError, SetTracking, Sleep, Tracking, TrackRate, Wake
+from gateway.protocols.lx200.driver.ends import FOCUSER, begins, end
 from gateway.protocols.lx200.driver.identify import own_mode
 from gateway.protocols.lx200.driver.state import Meade, ask
 
@@ -85,4 +86,10 @@ def focus(mount: Meade, operation: Focus) -> Steps:
         yield from ask(mount, "F", speed=operation.speed)
     elif operation.direction:
         yield from ask(mount, "FF" if operation.speed >= _FAST_FOCUS else "FS")
-    yield from ask(mount, {1: "F+", -1: "F-", 0: "FQ"}[operation.direction])
+    if not operation.direction:
+        moved, mount.focusing = mount.focusing, False
+        yield from end(mount, "FQ", (FOCUSER,), moved)
+        return
+    begins(mount, FOCUSER)
+    mount.focusing = True
+    yield from ask(mount, {1: "F+", -1: "F-"}[operation.direction])

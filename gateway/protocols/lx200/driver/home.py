@@ -12,6 +12,7 @@ from gateway.driver import Later, Pause, Steps
 from gateway.errors import Busy, Fault, NoAnswer, Unsupported
 from gateway.operations import Home, HomeState, Operation, Park, SetHome, SetTracking, Sleep, Tracking, Unpark, Wake
 from gateway.protocols.lx200.driver.drive import set_tracking
+from gateway.protocols.lx200.driver.ends import MOUNT, begins
 from gateway.protocols.lx200.driver.identify import read_status
 from gateway.protocols.lx200.driver.pointing import begin, clear_the_way, still_seeking
 from gateway.protocols.lx200.driver.state import Meade, ask
@@ -43,6 +44,7 @@ def _seek(mount: Meade, command: str) -> Steps:
     yield from clear_the_way(mount)
     mount.seeking = True  # from here on nothing is asked; what waits for the line already is answered first
     yield Pause(SETTLE)
+    begins(mount, *MOUNT)
     try:
         yield from ask(mount, command)
     except Fault:

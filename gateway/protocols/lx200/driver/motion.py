@@ -9,6 +9,7 @@ from __future__ import annotations
 from gateway.driver import Steps
 from gateway.errors import Refused
 from gateway.operations import Halt, Move, MoveAxis, Pulse, PulseAxis, Pulsed, Rate, SetGuideRate, Stop
+from gateway.protocols.lx200.driver.ends import MOUNT, begins, end
 from gateway.protocols.lx200.driver.state import SIDEREAL, SPEEDS, Meade, ask, rate_command
 
 #: Faster than that an LX200GPS takes degrees a second; slower ones are its guide rate.
@@ -39,6 +40,7 @@ def _move(mount: Meade, axis: int, letter: str, rate: Rate) -> Steps:
     if old is not None and old != letter:
         yield from ask(mount, f"Q{old}")
     yield from _choose(mount, axis, rate)
+    begins(mount, axis)
     yield from ask(mount, f"M{letter}")
     mount.moving[axis], mount.parked = letter, False
 
@@ -99,15 +101,16 @@ def halt(mount: Meade, operation: Halt) -> Steps:
     letter = moved or pulsed
     letters = [letter] if letter else (["e", "w"] if operation.axis == 1 else ["n", "s"])
     for one in letters:
-        yield from ask(mount, f"Q{one}")
+        yield from end(mount, f"Q{one}", (operation.axis,), letter is not None)
 
 
 def stop(mount: Meade, _: Stop) -> Steps:
     """:Q"""
+    moved = mount.goto is not None or mount.seeking or bool(mount.moving or mount.pulsing)
     mount.goto = None
     mount.moving.clear()
     mount.pulsing.clear()
-    yield from ask(mount, "Q")
+    yield from end(mount, "Q", MOUNT, moved)
     mount.seeking = False
 
 
@@ -132,9 +135,11 @@ def _pulse(mount: Meade, axis: int, letter: str, ms: int, rate: float | None) ->
         yield from _guide_at(mount, mount.guide_rate if rate is None else rate)
     if mount.knows("Mg") and mount.product:
         piece = min(ms, LONGEST_PULSE)
+        begins(mount, axis)
         yield from ask(mount, "Mg", direction=letter, ms=piece)
         return Pulsed(piece / 1000.0, ends=True, left=ms - piece)
     yield from ask(mount, "RG")
+    begins(mount, axis)
     yield from ask(mount, f"M{letter}")
     mount.pulsing[axis] = letter
     return Pulsed(ms / 1000.0, ends=False)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from gateway.driver import Steps
-from gateway.errors import Fault, NoAnswer, Refused
+from gateway.driver import Pause, Steps
+from gateway.errors import Fault, Garbled, NoAnswer, Refused
 from gateway.operations import (
     CancelGoto,
     Equatorial,
@@ -15,6 +15,7 @@ from gateway.operations import (
     Slewing,
     Sync,
 )
+from gateway.protocols.lx200.driver.ends import MOUNT, begins, end
 from gateway.protocols.lx200.driver.identify import HIGH, high_precision
 from gateway.protocols.lx200.driver.state import GotoState, Meade, ask
 from gateway.spherical import fold_declination
@@ -22,6 +23,8 @@ from gateway.spherical import fold_declination
 #: A goto counts as under way this long at least, and until the bars were empty twice.
 START_GRACE = 0.8
 QUIET = 2
+#: Seconds between two looks at the bars after an acknowledgement was lost.
+LOOK_AGAIN = 0.5
 #: Seconds between the halves of a position, and how often both are asked until they are no further apart.
 INSTANT, PAIR_TRIES, HORIZONTAL_TRIES = 0.5, 5, 2
 
@@ -97,14 +100,30 @@ def goto_axes(mount: Meade, operation: GotoAxes) -> Steps:
 def begin(mount: Meade, command: str, then: str | None = None) -> Steps:
     """Send what begins a goto. It counts as under way before that, for a stop must know of it."""
     mount.parked, mount.goto = False, GotoState(since=mount.now(), then=then)
+    begins(mount, *MOUNT)
     try:
         yield from ask(mount, command)
-    except NoAnswer:
-        raise  # it may have heard all the same: the bars will tell
+    except (NoAnswer, Garbled):
+        if not (yield from _has_begun(mount)):
+            mount.goto = None
+            raise
     except Fault:
         mount.goto = None
         raise
     mount.goto.since = mount.now()
+
+
+def _has_begun(mount: Meade) -> Steps:
+    """Whether a goto whose acknowledgement was lost is under way: the bars tell. Raises NoAnswer while nobody can."""
+    assert mount.goto is not None
+    mount.goto.unsure = True
+    for attempt in range(QUIET):
+        if attempt:
+            yield Pause(LOOK_AGAIN)
+        if (yield from ask(mount, "D"))["bars"].strip():
+            mount.goto.unsure = False
+            return True
+    return False
 
 
 def clear_the_way(mount: Meade) -> Steps:
@@ -120,7 +139,7 @@ def cancel_goto(mount: Meade, _: CancelGoto) -> Steps:
     """:Q, when a goto or a search for home is under way: it would end hand motion, too."""
     if mount.goto is not None or mount.seeking:
         mount.goto = None
-        yield from ask(mount, "Q")
+        yield from end(mount, "Q", MOUNT, True)
         mount.seeking = False
 
 

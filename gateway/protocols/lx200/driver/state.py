@@ -28,11 +28,15 @@ SPEEDS = {"RG": SIDEREAL / 3600, "RC": 16 * SIDEREAL / 3600, "RM": 2.0, "RS": 8.
 
 
 class GotoState(Struct):
-    """A goto under way: since when, what it is for, and how often the bars have been empty."""
+    """A goto under way: since when, what it is for, and how often the bars have been empty.
+
+    ``unsure``: its acknowledgement was lost, and nobody has seen whether it was begun.
+    """
 
     since: float
     then: str | None = None
     quiet: int = 0
+    unsure: bool = False
 
 
 class Meade(Driver):
@@ -40,6 +44,7 @@ class Meade(Driver):
 
     protocol = load("lx200")
     takes_site_aligned = True
+    ends = frozenset({"Q"})
     position_reads = 2
 
     def __init__(self, now: Callable[[], float], model: str | None = None) -> None:
@@ -60,6 +65,10 @@ class Meade(Driver):
         self.goto: GotoState | None = None
         self.moving: dict[int, str] = {}
         self.pulsing: dict[int, str] = {}
+        self.focusing = False
+        #: How often each axis was set moving; and by the command that has ended it, how often it had been then.
+        self.begun: dict[int, int] = {}
+        self.ended: dict[str, dict[int, int]] = {}
         self.parked = False
         self.guide_rate = 1.0  # what is meant by it, a fraction of sidereal
         self.site: Place | None = None
@@ -90,6 +99,10 @@ class Meade(Driver):
     @property
     def gps(self) -> bool:  # type: ignore[override]
         return self.model == "lx200gps"
+
+    @property
+    def unsure(self) -> bool:  # type: ignore[override]
+        return self.goto is not None and self.goto.unsure
 
     @property
     def equatorial(self) -> bool:

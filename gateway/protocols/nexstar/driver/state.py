@@ -58,6 +58,7 @@ class NexStar(Driver):
 
     protocol = load("nexstar")
     awake_or_not = frozenset("KVxy")
+    ends = frozenset({"M", "slew_azm_pos", "slew_alt_pos", "pulse"})
     sync_aligns = False
 
     def __init__(self, now: Callable[[], float], settings: Settings = Settings(), model: str | None = None,

@@ -1,0 +1,51 @@
+"""Ends of motions on a Meade, which acknowledges none of them: each is sent twice, in case the first was lost.
+
+The second one follows when the line is free for it, and not at all when something newer was begun meanwhile on what it
+ends, or when nothing was known to move. So it costs the first one no time, no goto is cut off by it, and a program that
+hammers stops at a mount at rest does not load the line twice.
+"""
+
+from __future__ import annotations
+
+import contextlib
+
+from gateway.driver import Later, Steps
+from gateway.errors import Busy
+from gateway.operations import Operation
+from gateway.protocols.lx200.driver.state import Meade, ask
+
+#: Seconds from the first to the second.
+AGAIN = 0.3
+#: Both axes of the mount; the focuser has a number of its own.
+MOUNT, FOCUSER = (1, 2), 3
+
+
+class EndAgain(Operation, frozen=True):
+    """Internal: this command once more, unless something newer was begun. Ranks as a stop; no stop takes it back."""
+
+    outlives_stop = True
+
+    command: str
+
+
+def begins(mount: Meade, *axes: int) -> None:
+    """Something is about to be set moving on these axes."""
+    for axis in axes:
+        mount.begun[axis] = mount.begun.get(axis, 0) + 1
+
+
+def end(mount: Meade, command: str, axes: tuple[int, ...], moved: bool) -> Steps:
+    """Send what ends the motion of these axes; ``moved`` tells whether there was any that is known of."""
+    if moved:
+        mount.ended[command] = {axis: mount.begun.get(axis, 0) for axis in axes}
+    yield from ask(mount, command)
+    if moved:
+        yield Later(AGAIN, EndAgain(command), urgent=True)
+
+
+def end_again(mount: Meade, operation: EndAgain) -> Steps:
+    """The second one. A telescope that is busy with itself has been given something newer to do."""
+    begun = mount.ended.pop(operation.command, None)
+    if begun is not None and all(mount.begun.get(axis, 0) == number for axis, number in begun.items()):
+        with contextlib.suppress(Busy):
+            yield from ask(mount, operation.command)
