@@ -24,8 +24,8 @@ class HubExecutor:
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
-        #: How many exchanges the operation took that was carried out last, and when the first question was asked whose
-        #: answer was believed.
+        #: How many exchanges the operation took that was carried out last, and when the questions were asked whose
+        #: answers it ended with, as many as a place takes.
         self.exchanges, self.asked_at = 0, 0.0
 
     @property
@@ -47,21 +47,23 @@ class HubExecutor:
     async def drive(self, steps: Steps, rank: int) -> Any:
         """Carry out a driver's generator: exchanges, pauses, things to do later."""
         hub = self._hub
-        self.exchanges, exchanges, asked_at = 0, 0, math.inf
+        self.exchanges = exchanges = 0
+        asked: list[float] = []
         if rank == MOTION:
             hub.telling.stirs()
 
         async def exchange(ask: Ask) -> Mapping[str, Any]:
-            nonlocal exchanges, asked_at
+            nonlocal exchanges
             hub.slumber.admit(ask, rank)
             heard, times = await hub.belief.exchange(ask, rank)
             hub.slumber.answered(ask)
-            exchanges, asked_at = exchanges + times, min(asked_at, heard.asked)
+            exchanges += times
+            asked.append(heard.asked)
             return heard.values
 
         try:
             value = await carry_out(steps, exchange, hub.motions.plan)
-            self.exchanges, self.asked_at = exchanges, asked_at
+            self.exchanges, self.asked_at = exchanges, min(asked[-hub.driver.position_reads:], default=math.inf)
             return value
         except (Fault, asyncio.CancelledError):
             raise
