@@ -274,7 +274,8 @@ class Client:
 
     def _remember(self, frame: bytes, reply: bytes) -> None:
         """The same question gets the same reply until an answer it was made of is renewed or grows old."""
-        if self._memo_version != self.hub.version or len(self._memo) >= MEMO:
+        outdated = self._memo_version != self.hub.version or self.hub.now() >= self._memo_until
+        if outdated or len(self._memo) >= MEMO:
             self._memo.clear()
             self._memo_version, self._memo_until = self.hub.version, float("inf")
         self._memo[frame] = reply, self._spent

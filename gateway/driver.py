@@ -62,6 +62,8 @@ class Driver:
     loses_alignment = False
     #: How many questions it takes to learn where the mount points.
     position_reads = 1
+    #: When the two halves of the last place were told, where they come one after the other: loop times.
+    halves: tuple[float, float] | None = None
     #: How finely it tells where it points, degrees: at rest two answers differ by no more.
     resolution = 20.0 / 3600.0
     #: How many times faster than a real one the mount slews: simulated ones may.

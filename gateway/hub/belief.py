@@ -61,11 +61,12 @@ class Belief:
         self._known: dict[tuple[Any, ...], Heard] = {}
         self._latitudes: dict[str, float] = {}
 
-    async def exchange(self, ask: Ask, rank: int) -> tuple[Mapping[str, Any], int]:
-        """The fields of an answer that can be believed, and how many exchanges that took. Raises Fault."""
+    async def exchange(self, ask: Ask, rank: int) -> tuple[Heard, int]:
+        """An answer that can be believed, and how many exchanges that took. Raises Fault."""
         kind = self._line.dialogue.kind(ask)
         if kind is None:
-            return await self._order(ask, rank), 1
+            asked = self._now()
+            return Heard(await self._order(ask, rank), None, asked, self._now()), 1
         key = (ask.command, *sorted((name, value) for name, value in ask.values.items() if name != "low"))
         row: list[Heard] = []
         longest = slow = strangers = 0
@@ -90,7 +91,7 @@ class Belief:
         self._latitudes |= {name: heard.values[name] for name in _LATITUDE.values() if name in heard.values}
         if heard.fault is not None:
             raise type(heard.fault)(str(heard.fault))  # what is raised holds on to whoever asked
-        return heard.values, times
+        return heard, times
 
     def _remember(self, key: tuple[Any, ...], heard: Heard) -> None:
         """The last answer; of too many the one that was heard longest ago is forgotten."""

@@ -25,6 +25,7 @@ from gateway.hub.rules import make_rules
 from gateway.hub.settings import FIRST_ANSWER, SiteAndClock
 from gateway.hub.slumber import Slumber
 from gateway.hub.snapshot import FRESH, MISSING, Kind, Snapshot
+from gateway.hub.telling import Telling
 from gateway.hub.turnstile import Turnstile
 from gateway.line import POSITION, READ, SETTING, STOP, Line
 from gateway.motion_kinds import MOTIONS
@@ -97,6 +98,7 @@ class Hub:
         self.motions = Reconciler(driver, self.executor, follow_ups)
         self.slumber = Slumber(driver, self.now, lambda: self.motions.waking)
         self.refresh = Refresh(self)
+        self.telling = Telling(self)
         self.settings = SiteAndClock(self)
         #: Called when something that outlives the gateway may have changed; awaited before the mount is set moving.
         self.changed: Callable[[], None] = lambda: None
@@ -209,7 +211,11 @@ class Hub:
         return bool(self.snapshot.value(op.Slewing))
 
     def peek(self, operation: op.Operation) -> Any:
-        """The answer of a read, when it is at hand; MISSING when it must be waited for."""
+        """The answer of a read for a program, when it is at hand; MISSING when it must be waited for."""
+        return self.telling.tell(operation)
+
+    def at_hand(self, operation: op.Operation) -> Any:
+        """What the mount said last, when it is fresh enough; MISSING when it must be asked."""
         kind = type(operation)
         if kind not in FRESH:
             known = self.settings.peek(kind)
@@ -251,7 +257,7 @@ class Hub:
 
     def fresh_until(self, kinds: list[Kind]) -> float:
         """The loop time until which the answers of these reads may be told."""
-        return self.snapshot.until(kinds)
+        return self.telling.fresh_until(kinds)
 
     def touch(self, kinds: list[Kind], now: float) -> None:
         """A client was served a repeated reply: it is polling what that was made of all the same."""
@@ -263,7 +269,7 @@ class Hub:
         if type(operation) in FRESH:
             if self.driver.asleep:
                 await self.motions.woken()
-            return await self.read(operation)
+            return await self.telling.read(operation)
         if isinstance(operation, op.Stop):
             return await self.stop()
         if isinstance(operation, MOTIONS):
@@ -293,10 +299,12 @@ class Hub:
         return self.spawn(finish())
 
     async def read(self, operation: op.Operation) -> Any:
-        """A read, from the snapshot or by an exchange that everyone who asks shares. Raises Fault."""
-        value = self.peek(operation)
-        if value is not MISSING:
-            return value
+        """What the mount says, from the snapshot or by an exchange that everyone who asks shares. Raises Fault."""
+        value = self.at_hand(operation)
+        return await self.asked(operation) if value is MISSING else value
+
+    async def asked(self, operation: op.Operation) -> Any:
+        """The answer of the exchange under way, or of a new one; not long after the start. Raises Fault."""
         first = not self.identified.is_set()
         try:
             async with asyncio.timeout(FIRST_ANSWER if first else None):
@@ -324,45 +332,56 @@ class Hub:
 
     async def _ask(self, operation: op.Operation) -> Any:
         await self.identified.wait()
-        gotos = self.motions.gotos
+        kind, gotos = type(operation), self.motions.gotos
+        source: Kind | None = None
         if isinstance(operation, op.AxisPosition) and not self.driver.way(op.AxisPosition):
-            if (await self.read(op.GetStatus())).equatorial:
-                value: Any = self.derived.axes(await self.read(op.Position()))
-            else:  # the axes of a fork are azimuth and altitude
-                value = await self.read(op.HorizontalPosition())
+            equatorial = (await self.read(op.GetStatus())).equatorial  # the axes of a fork are azimuth and altitude
+            source = op.Position if equatorial else op.HorizontalPosition
+            seen = await self.read(source())
+            value: Any = self.derived.axes(seen) if equatorial else seen
         elif isinstance(operation, op.HorizontalPosition) and self.driver.position_reads > 1:
             value = await self._while_it_rests(operation)
         else:
-            rank = POSITION if isinstance(operation, op.Position) else READ
-            try:
-                value = await self.drive(self.driver.perform(operation), rank)
-            except Fault:
-                if isinstance(operation, op.Position):
-                    self.guard.unseen()
-                raise
-            self.refresh.cost(type(operation), self.executor.exchanges)
+            value = await self._hear(operation)
         if isinstance(operation, op.Slewing):
             if self.slewing and not value:
                 await self._settled()
             value = value or gotos != self.motions.gotos  # a goto that has been begun meanwhile is under way
         if isinstance(operation, op.HorizontalPosition) and value is None:
-            value = self.derived.horizon(await self.read(op.Position()))
-        if isinstance(operation, op.Position):
-            value = self.derived.from_mount(value)
-        self.snapshot.put(type(operation), value, self.now())
+            source, value = op.Position, self.derived.horizon(await self.read(op.Position()))
+        if source is not None:
+            self.telling.worked_out(kind, source)
+        self.snapshot.put(kind, value, self.now())
         if isinstance(value, op.Status) and not value.aligned:
             self.synced = SyncSum()
         if isinstance(operation, op.Position):
             self.guard.look(value)
         return value
 
+    async def _hear(self, operation: op.Operation) -> Any:
+        """What the mount itself answers; a place together with when it was asked for it and when it was there."""
+        rank = POSITION if isinstance(operation, op.Position) else READ
+        try:
+            value = await self.drive(self.driver.perform(operation), rank)
+        except Fault:
+            if isinstance(operation, op.Position):
+                self.guard.unseen()
+            raise
+        self.refresh.cost(type(operation), self.executor.exchanges)
+        if isinstance(operation, op.Position):
+            value = self.derived.from_mount(value)
+        if isinstance(value, op.Equatorial | op.Horizontal):
+            half = self.line.typical / 2.0
+            first, second = self.driver.halves or (self.now(), self.now())
+            self.telling.came(type(operation), value, self.executor.asked_at, (first - half, second - half))
+        return value
+
     async def _while_it_rests(self, operation: op.Operation) -> Any:
         """The answer, or None once the mount moves: then the line has no room for two positions in halves."""
-        reading = self.spawn(self.drive(self.driver.perform(operation), READ))
+        reading = self.spawn(self._hear(operation))
         try:
             while not self.moving:
                 if (await asyncio.wait({reading}, timeout=A_MOMENT))[0]:
-                    self.refresh.cost(type(operation), self.executor.exchanges)
                     return reading.result()
             return None
         finally:
@@ -373,7 +392,8 @@ class Hub:
         self.guard.arrived()
         self.motions.arrived()
         self.snapshot.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
-        await self.read(op.Position())
+        self.telling.anew()
+        await self.telling.read(op.Position())
 
     async def tube_side(self) -> str | None:
         """The side of the pier (E, W) that the tube of a German mount is on; None where nobody tells."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ from gateway import operations as op
 from gateway.driver import Ask, Steps
 from gateway.driving import carry_out
 from gateway.errors import Fault, Refused
-from gateway.line import STOP
+from gateway.line import MOTION, STOP
 from gateway.motion_kinds import GOTOS
 from gateway.mount.motion.wanted import Wanted
 
@@ -23,8 +24,9 @@ class HubExecutor:
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
-        #: How many exchanges the operation took that was carried out last.
-        self.exchanges = 0
+        #: How many exchanges the operation took that was carried out last, and when the questions were asked whose
+        #: answers it ended with, as many as a place takes.
+        self.exchanges, self.asked_at = 0, 0.0
 
     @property
     def moving(self) -> bool:
@@ -46,18 +48,22 @@ class HubExecutor:
         """Carry out a driver's generator: exchanges, pauses, things to do later."""
         hub = self._hub
         self.exchanges = exchanges = 0
+        asked: list[float] = []
+        if rank == MOTION:
+            hub.telling.stirs()
 
         async def exchange(ask: Ask) -> Mapping[str, Any]:
             nonlocal exchanges
             hub.slumber.admit(ask, rank)
-            answer, times = await hub.belief.exchange(ask, rank)
+            heard, times = await hub.belief.exchange(ask, rank)
             hub.slumber.answered(ask)
             exchanges += times
-            return answer
+            asked.append(heard.asked)
+            return heard.values
 
         try:
             value = await carry_out(steps, exchange, hub.motions.plan)
-            self.exchanges = exchanges
+            self.exchanges, self.asked_at = exchanges, min(asked[-hub.driver.position_reads:], default=math.inf)
             return value
         except (Fault, asyncio.CancelledError):
             raise
@@ -90,6 +96,7 @@ class HubExecutor:
         self._hub.ends.sent((1, 2), self._hub.guard.fastest)
 
     def at_rest(self) -> None:
+        self._hub.telling.ordered(op.Stop())
         self._hub.guard.ended()
         self._hub.snapshot.put(op.Slewing, False, self._hub.now())
 
@@ -97,6 +104,7 @@ class HubExecutor:
         self._hub.transcript.note("mount", text)
 
     def begins(self, operation: op.Operation) -> None:
+        self._hub.telling.ordered(operation)
         if isinstance(operation, (*GOTOS, op.Move, op.MoveAxis, op.Sync)):
             self._hub.guard.began(operation)
 

@@ -49,6 +49,7 @@ def _pair(mount: Meade, first: str, second: str, tries: int) -> Steps:
         one = yield from ask(mount, first)
         since = mount.now()
         other = yield from ask(mount, second)
+        mount.halves = since, mount.now()
         if mount.now() - since <= INSTANT:
             return one, other, True
     return one, other, False

@@ -1,0 +1,216 @@
+"""What programs are told of where the mount points; everybody else goes by what the mount itself has said.
+
+In motion a place is reckoned on to the moment at which it is told, one moment for all that is told within 50 ms, and
+one for both of its angles. A reading that was asked for before the mount acknowledged the last order of motion, most of
+all a stop, is not told after it: the mount is asked again.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from msgspec import Struct
+
+from gateway import operations as op
+from gateway.errors import Unsupported
+from gateway.hub import fence
+from gateway.hub.belief import FASTEST
+from gateway.hub.snapshot import MISSING, Kind
+from gateway.motion_kinds import GOTOS
+from gateway.mount.motion.wanted import Slew
+from gateway.mount.readings.reckoning import EARLIER, SOONEST, Course, Inside, Pair, Reading, course, place
+
+if TYPE_CHECKING:
+    from gateway.hub.core import Hub
+
+#: The reads that tell where the mount points.
+PLACES: tuple[Kind, ...] = (op.Position, op.HorizontalPosition, op.AxisPosition)
+#: For so many seconds what was reckoned is told again.
+MOMENT = EARLIER
+#: How often the mount is asked again while orders come faster than it can tell what came of them.
+TRIES = 3
+
+
+class Taken(Struct, frozen=True):
+    """What the mount has told, the same as a reading, and when it was asked for it."""
+
+    value: Any
+    reading: Reading
+    asked: float
+
+
+class Telling:
+    """``tell`` and ``read`` answer programs; ``came`` takes readings, ``ordered`` what the mount has acknowledged."""
+
+    def __init__(self, hub: Hub) -> None:
+        self._hub = hub
+        self._taken: dict[Kind, tuple[Taken | None, Taken]] = {}
+        self._courses: dict[Kind, Course] = {}
+        #: Places that the mount itself does not tell, and what they are worked out from.
+        self._sources: dict[Kind, Kind] = {}
+        self._since = self._moment = -1e9
+        self._stirred = False
+
+    # --- what comes in ----------------------------------------------------------------------------------------------
+
+    def came(self, kind: Kind, value: Any, asked: float, at: Pair) -> None:
+        """The mount itself has told a place: asked at ``asked``, its two halves true at ``at``, loop times."""
+        self._sources.pop(kind, None)
+        _, last = self._taken.get(kind, (None, None))
+        taken = Taken(value, Reading(_pair(value), at), asked)
+        if last is not None and min(at) - min(last.reading.at) < SOONEST:
+            last = self._taken[kind][0]
+        self._taken[kind] = last, taken
+        self._courses.pop(kind, None)
+
+    def worked_out(self, kind: Kind, source: Kind) -> None:
+        """The mount does not tell this; it follows from another read."""
+        self._sources[kind] = source
+
+    def stirs(self) -> None:
+        """Something that may set the mount moving goes to it: the next end is not the end of nothing."""
+        self._stirred = True
+
+    def ordered(self, operation: op.Operation) -> None:
+        """The mount has acknowledged this; to be called before the hub goes by it."""
+        hub = self._hub
+        if isinstance(operation, op.Stop | op.Halt | op.CancelGoto):
+            if not (hub.moving or self._stirred or hub.guard.restless):
+                return
+            self._stirred = not isinstance(operation, op.Stop) and hub.moving
+        elif isinstance(operation, op.Move | op.MoveAxis):
+            if hub.motions.by_hand.get(operation.axis) == operation:
+                return  # it goes on
+        elif not isinstance(operation, (*GOTOS, op.Sync)):
+            return
+        self.anew()
+
+    def anew(self) -> None:
+        """From now on nothing is told that the mount was asked for before."""
+        self._since = self._hub.now()
+        self._hub.snapshot.version += 1
+        self._courses.clear()
+        self._moment = -1e9
+
+    # --- what is told -----------------------------------------------------------------------------------------------
+
+    def tell(self, operation: op.Operation) -> Any:
+        """The answer of a read for a program, when it is at hand; MISSING when it must be waited for."""
+        hub, kind = self._hub, type(operation)
+        value = hub.at_hand(operation)
+        if kind not in PLACES:
+            return value
+        source = self._source(kind)
+        if source is not None:
+            seen = self.tell(source())
+            return MISSING if seen is MISSING else self._worked_out(kind, seen)
+        if value is MISSING or kind not in self._taken:
+            return MISSING
+        _, last = self._taken[kind]
+        if last.asked < self._since:
+            return MISSING
+        return type(last.value)(*place(self._course(kind), self._now())) if hub.moving else last.value
+
+    async def read(self, operation: op.Operation) -> Any:
+        """The same, waiting for the mount where that is needed. Raises Fault."""
+        hub, kind = self._hub, type(operation)
+        value = self.tell(operation)
+        for _ in range(TRIES):
+            if value is MISSING and (source := self._source(kind)) is not None:
+                await self.read(source())
+                value = self.tell(operation)
+            if value is not MISSING:
+                return value
+            asked = await hub.asked(operation)
+            if kind not in PLACES:
+                return asked
+            value = self.tell(operation)
+        return asked if value is MISSING else value
+
+    def fresh_until(self, kinds: list[Kind]) -> float:
+        """The loop time until which what was just told may be told again."""
+        places = [kind for kind in kinds if kind in PLACES]
+        sources = [source for kind in places if (source := self._source(kind)) is not None]
+        until = self._hub.snapshot.until([*kinds, *sources])
+        return min(until, self._moment + MOMENT) if places and self._hub.moving else until
+
+    def _now(self) -> float:
+        """The moment that is told; a new one makes what was told before out of date."""
+        now = self._hub.now()
+        if now - self._moment >= MOMENT:
+            self._moment = now
+            self._hub.snapshot.version += 1
+        return self._moment
+
+    # --- how the mount goes on --------------------------------------------------------------------------------------
+
+    def _course(self, kind: Kind) -> Course:
+        """That of the last reading, worked out once."""
+        if kind not in self._courses:
+            before, last = self._taken[kind]
+            same = before is not None and before.asked >= self._since
+            self._courses[kind] = course(
+                before.reading if before is not None and same else None, last.reading,
+                fastest=FASTEST * self._hub.driver.hurry, goal=self._goal(kind), polar=kind is not op.AxisPosition,
+                inside=self._inside(kind),
+            )
+        return self._courses[kind]
+
+    def _inside(self, kind: Kind) -> Inside | None:
+        limits = fence.limits_of(self._hub)
+        if kind is op.Position:
+            return fence.on_the_sky(self._hub, limits)
+        return None if kind is op.AxisPosition and self._equatorial else fence.over_the_horizon(limits)
+
+    def _goal(self, kind: Kind) -> Pair | None:
+        """Where the goto that is under way leads, as this read tells it; None where nobody here knows."""
+        hub, motion = self._hub, self._hub.motions.wanted.motion
+        if not isinstance(motion, Slew):
+            return None
+        goto = motion.operation
+        axes = goto if isinstance(goto, op.GotoAxes) else hub.driver.destination(goto)
+        try:
+            if isinstance(goto, op.Goto):
+                sky = hub.derived.from_mount(op.Equatorial(goto.ra, goto.dec))
+            elif axes is None:
+                return None
+            elif kind is op.AxisPosition or (kind is op.HorizontalPosition and not self._equatorial):
+                return axes.az, axes.alt
+            elif self._equatorial:
+                sky = op.Equatorial(*_pair(hub.derived.from_axes(axes, wedge=not hub.driver.german)))
+            else:
+                sky = op.Equatorial(*_pair(hub.derived.equatorial(op.GotoHorizontal(axes.az, axes.alt))))
+            if kind is op.AxisPosition and self._equatorial:
+                return None
+            return _pair(sky if kind is op.Position else hub.derived.horizon(sky))
+        except Unsupported:
+            return None
+
+    @property
+    def _equatorial(self) -> bool:
+        status = self._hub.snapshot.value(op.GetStatus)
+        return status is not None and bool(status.equatorial)
+
+    # --- what the mount does not tell ---------------------------------------------------------------------------------
+
+    def _source(self, kind: Kind) -> Kind | None:
+        """The read that a place is worked out from; a mount that tells places in halves has no time to in motion."""
+        if kind is op.HorizontalPosition and self._hub.moving and self._hub.driver.position_reads > 1:
+            return op.Position
+        return self._sources.get(kind)
+
+    def _worked_out(self, kind: Kind, seen: Any) -> Any:
+        """A place by the site and the clock of this moment; MISSING where the site is unknown."""
+        if isinstance(seen, op.Horizontal):
+            return seen
+        derived = self._hub.derived
+        try:
+            return derived.horizon(seen) if kind is op.HorizontalPosition else derived.axes(seen)
+        except Unsupported:
+            return MISSING
+
+
+def _pair(value: Any) -> Pair:
+    if isinstance(value, op.Horizontal | op.GotoAxes):
+        return value.az, value.alt
+    return value.ra, value.dec

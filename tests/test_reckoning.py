@@ -1,0 +1,115 @@
+"""Reckoning as pure functions: never past a goal or a limit, never longer than a second, without a jump, over 0h."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from gateway.mount.readings.reckoning import Reading, course, place
+from gateway.spherical import wrap180
+
+FAST = 8.0 * 2.0**0.5
+
+
+def at(first: float, second: float, when: float, late: float = 0.0) -> Reading:
+    """``late`` is how much earlier the first angle was told."""
+    return Reading((first, second), (when - late, when))
+
+
+def two(rates: tuple[float, float], last: tuple[float, float] = (120.0, 30.0)) -> tuple[Reading, Reading]:
+    apart = 0.5
+    return (at((last[0] - rates[0] * apart) % 360.0, last[1] - rates[1] * apart, 100.0 - apart), at(*last, 100.0))
+
+
+def test_a_place_goes_on_at_the_rate_of_the_last_two_readings() -> None:
+    going = course(*two((4.0, -2.0)), fastest=FAST)
+    assert place(going, 100.0) == pytest.approx((120.0, 30.0))
+    assert place(going, 100.25) == pytest.approx((121.0, 29.5))
+    assert place(going, 101.0) == place(going, 160.0) == pytest.approx((124.0, 28.0))
+    assert place(going, 99.98) == pytest.approx((119.92, 30.04))
+    assert place(going, 99.0) == place(going, 99.95) == pytest.approx((119.8, 30.1)), "nobody is told of what was"
+
+
+def test_it_goes_round_over_0h_both_ways() -> None:
+    east = course(*two((4.0, 0.0), (359.0, 0.0)), fastest=FAST)
+    west = course(*two((-4.0, 0.0), (1.0, 0.0)), fastest=FAST)
+    assert place(east, 100.5) == pytest.approx((1.0, 0.0))
+    assert place(west, 100.5) == pytest.approx((359.0, 0.0))
+
+
+def test_two_halves_that_came_one_after_the_other_are_told_of_one_instant() -> None:
+    before, last = at(100.0, 10.0, 99.5, late=0.2), at(104.0, 14.0, 100.0, late=0.2)
+    assert place(course(before, last, fastest=FAST * 2), 100.0) == pytest.approx((105.6, 14.0))
+
+
+@pytest.mark.parametrize(("before", "last", "why"), [
+    (None, at(120.0, 30.0, 100.0), "one reading"),
+    (at(119.9, 30.0, 99.95), at(120.0, 30.0, 100.0), "readings too near to each other"),
+    (at(110.0, 30.0, 90.0), at(120.0, 30.0, 100.0), "readings too far from each other"),
+    (at(120.0, 10.0, 99.5), at(120.0, 30.0, 100.0), "faster than any motor"),
+    (at(120.0, 84.0, 99.5), at(120.0, 86.0, 100.0), "near the pole"),
+    (at(120.0, -86.0, 99.5), at(120.0, -84.0, 100.0), "away from the other pole"),
+    (at(100.0, 84.0, 99.5), at(140.0, 84.0, 100.0), "round the pole"),
+])
+def test_where_nothing_can_be_reckoned_the_last_place_stands(before: Reading | None, last: Reading, why: str) -> None:
+    going = course(before, last, fastest=FAST)
+    assert {place(going, 100.0 + n / 10.0) for n in range(20)} == {last.place}, why
+
+
+def test_the_readings_of_two_axes_have_no_pole_and_go_round() -> None:
+    going = course(*two((0.0, 8.0), (10.0, 178.0)), fastest=FAST, polar=False)
+    assert place(going, 100.5) == pytest.approx((10.0, -178.0))
+    jump = course(at(10.0, 100.0, 99.5), at(10.0, 110.0, 100.0), fastest=FAST, polar=False)
+    assert place(jump, 101.0) == (10.0, 110.0)
+
+
+def test_near_the_goal_at_most_half_of_what_is_left_is_gone() -> None:
+    going = course(*two((4.0, 0.0)), fastest=FAST, goal=(121.0, 30.0))
+    assert place(going, 100.1)[0] == pytest.approx(120.4)
+    assert place(going, 101.0)[0] == pytest.approx(120.5)
+    there = course(*two((4.0, 0.0)), fastest=FAST, goal=(119.0, 30.0))
+    assert place(there, 101.0)[0] == 120.0, "it has come past it between the readings"
+
+
+def test_who_leads_away_from_the_goal_goes_another_way_round() -> None:
+    assert place(course(*two((4.0, 0.0)), fastest=FAST, goal=(60.0, 30.0)), 101.0)[0] == pytest.approx(124.0)
+
+
+def test_it_ends_at_a_limit_and_one_that_is_beyond_goes_on() -> None:
+    limit = course(*two((0.0, -4.0)), fastest=FAST, inside=lambda _, second: second >= 28.0)
+    assert 28.0 <= place(limit, 101.0)[1] < 28.05
+    beyond = course(*two((0.0, 4.0)), fastest=FAST, inside=lambda _, second: second >= 32.0)
+    assert place(beyond, 101.0)[1] == pytest.approx(34.0)
+
+
+RATE = st.floats(-8.0, 8.0)
+RA, DEC = st.floats(0.0, 359.999), st.floats(-80.0, 80.0)
+
+
+@given(rates=st.tuples(RATE, RATE), last=st.tuples(RA, DEC), apart=st.floats(0.1, 2.0), late=st.floats(0.0, 0.5),
+       goal=st.none() | st.tuples(RA, DEC), lowest=st.none() | DEC, now=st.floats(-1.0, 5.0))
+def test_always(rates: tuple[float, float], last: tuple[float, float], apart: float, late: float,
+                goal: tuple[float, float] | None, lowest: float | None, now: float) -> None:
+    assume(abs(last[1] - rates[1] * apart) <= 84.0)
+    before = at((last[0] - rates[0] * apart) % 360.0, last[1] - rates[1] * apart, 100.0 - apart, late)
+    here = at(*last, 100.0, late)
+    going = course(before, here, fastest=20.0, goal=goal,
+                   inside=None if lowest is None else lambda _, second: second >= lowest)
+    told = place(going, 100.0 + now)
+    assert 0.0 <= told[0] < 360.0 and -85.5 <= told[1] <= 85.5
+    turned = wrap180(told[0] - last[0]), told[1] - last[1]
+    for which in (0, 1):
+        gone = 1.0 + (late if which == 0 else 0.0)
+        assert abs(turned[which]) <= abs(rates[which]) * gone + 1e-6, "for a second at most"
+        if goal is not None:
+            left = wrap180(goal[which] - last[which])
+            was = wrap180(goal[which] - before.place[which])
+            if was * left > 0.0 and abs(left) <= abs(was):
+                assert abs(turned[which]) <= abs(left) / 2.0 + 1e-6, "never past the goal"
+    assert told == place(going, 100.0 + min(max(now, -0.05), 1.0)), "no longer than a second"
+    if lowest is not None and last[1] >= lowest:
+        assert told[1] >= lowest - 1e-9 or now < 0.0, "never past a limit"
+    soon = place(going, 100.0 + now + 0.01)
+    assert abs(wrap180(soon[0] - told[0])) <= abs(rates[0]) * 0.01 + 1e-6, "without a jump"
+    assert abs(soon[1] - told[1]) <= abs(rates[1]) * 0.01 + 1e-6
