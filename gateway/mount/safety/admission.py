@@ -124,9 +124,10 @@ class Admission:
         mount = self._mount
         limits = mount.limits().narrowed(operation.lowest, operation.highest)
         goal = op.Equatorial(operation.ra, operation.dec)
-        self._check_target(limits, goal)
+        await self._check_target(limits, goal)
         await self._check_way(limits, goal)
-        check_contradictions(self._sources, mount.astrometry.sky, limits, goal)
+        doubted = limits.at_any_altitude() if self._watch.altitude_axis.tells else limits
+        check_contradictions(self._sources, mount.astrometry.sky, doubted, goal)
         return mount.astrometry.to_mount(operation)
 
     async def _admit_horizontal(self, operation: op.GotoHorizontal) -> op.Operation:
@@ -148,13 +149,24 @@ class Admission:
         if there is not None:
             await self._check_axes(there, limits)
 
-    def _check_target(self, limits: Limits, goal: op.Equatorial) -> None:
+    async def _tilt(self) -> float:
+        """By how many degrees the altitude axis differs from what is reckoned; after a sync it is asked at once."""
+        axis = self._watch.altitude_axis
+        if not axis.tells:
+            return 0.0
+        if axis.synced and not self._mount.moving().anything:
+            await self._ask.anew(op.GetStatus())
+            await self._ask.read(op.Position())
+            await self._ask.anew(op.AxisPosition())
+        return axis.tilt or 0.0
+
+    async def _check_target(self, limits: Limits, goal: op.Equatorial) -> None:
         mount = self._mount
         altitude = mount.astrometry.altitude(goal.ra, goal.dec)
         if altitude is None:
             mount.transcript.note_once("mount", "site unknown: gotos are not checked against the horizon")
             return
-        check_altitude(limits, altitude)
+        check_altitude(limits, altitude + await self._tilt())
         status = mount.readings.value(op.GetStatus)
         if status is not None and status.equatorial and mount.driver.tube_side("E") is None:
             check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
@@ -255,13 +267,14 @@ class Admission:
         if isinstance(operation, op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
         by_hand = {**mount.moving().by_hand, operation.axis: operation}
+        tilt = await self._tilt()
         turns = {axis: turn(mount, moving) for axis, moving in by_hand.items()}
         try:
-            check_either_way(mount, limits, seen, status, turns)
+            check_either_way(mount, limits, seen, status, turns, tilt)
         except Fault:  # where one way is forbidden it counts which way the motors really turn the tube
             for axis, moving in by_hand.items():
                 turns[axis] *= await self._sense(moving, status)
-            check_turns(mount, limits, seen, status, turns)
+            check_turns(mount, limits, seen, status, turns, tilt)
 
     async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
         """-1 where what is positive for a motor is not so on the sky: in the south, beyond the pole or the zenith."""

@@ -28,25 +28,28 @@ def turn(mount: MountInputs, operation: op.Move | op.MoveAxis) -> float:
 
 
 def check_either_way(mount: MountInputs, limits: Limits, seen: op.Equatorial, status: op.Status,
-                     turns: dict[int, float]) -> None:
+                     turns: dict[int, float], tilt: float) -> None:
     """The turns of the axes, degrees, each of them either way. Raises BelowHorizon, TooHigh or NearSun."""
     for way in product(*({degrees, -degrees} for degrees in turns.values())):
-        check_turns(mount, limits, seen, status, dict(zip(turns, way, strict=True)))
+        check_turns(mount, limits, seen, status, dict(zip(turns, way, strict=True)), tilt)
 
 
 def check_turns(mount: MountInputs, limits: Limits, seen: op.Equatorial, status: op.Status,
-                turns: dict[int, float]) -> None:
-    """The whole way of so many degrees of the axes. Raises BelowHorizon, TooHigh or NearSun."""
+                turns: dict[int, float], tilt: float) -> None:
+    """The whole way of so many degrees of the axes. Raises BelowHorizon, TooHigh or NearSun.
+
+    ``tilt`` is by how much the altitude axis differs from what is reckoned.
+    """
     steps = max(1, ceil(max(abs(degrees) for degrees in turns.values()) / STRIDE))
     here = seen
     for step in range(1, steps + 1):
         soon = _soon(mount, seen, status, {axis: degrees * step / steps for axis, degrees in turns.items()})
-        _check_step(mount, limits, here, soon)
+        _check_step(mount, limits, here, soon, tilt)
         here = soon
 
 
-def _check_step(mount: MountInputs, limits: Limits, seen: op.Equatorial, soon: op.Equatorial) -> None:
-    before, after = mount.astrometry.horizon(seen).alt, mount.astrometry.horizon(soon).alt
+def _check_step(mount: MountInputs, limits: Limits, seen: op.Equatorial, soon: op.Equatorial, tilt: float) -> None:
+    before, after = mount.astrometry.horizon(seen).alt + tilt, mount.astrometry.horizon(soon).alt + tilt
     if leaving(limits, before, after, 0.0):
         check_altitude(limits, after)
     for now, then in zip(mount.suns.distances(seen), mount.suns.distances(soon), strict=True):

@@ -20,6 +20,7 @@ from gateway.mount.motion.end_watch import EndWatch
 from gateway.mount.motion.seen import NEVER, PositionSample, Seen
 from gateway.mount.safety.aligned import UNWATCHED
 from gateway.mount.safety.allow import allow, first_stretch
+from gateway.mount.safety.axis_altitude import AltitudeAxis
 from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.stalled import StallWatch
 from gateway.mount.safety.stop_deadline import StopDeadline
@@ -34,6 +35,8 @@ ANEW = 3.0
 CLOSELY = 3.0
 #: How long a mount may run on after it was told to end a motion: what it does meanwhile is not held against it.
 COASTING = 1.0
+#: A clock that is set by more than that means another sky, seconds.
+SET_ANEW = 30.0
 #: How old the pier side may grow, and the word of the mount that it is not aligned.
 SIDE_AGE = STATUS_AGE = 5.0
 
@@ -60,6 +63,8 @@ class LimitWatch:
         self._limits = mount.limits()
         self._restless_until = self._coasts_until = self._stopped_at = NEVER
         self._switching = self._helpless = self._astray = False
+        self._frame: tuple[op.Place | None, float] = None, 0.0
+        self.altitude_axis = AltitudeAxis(mount)
         #: When the last motion was ended.
         self.rests_since = NEVER
         #: Whether the way of the goto that is being begun leads beyond an altitude limit.
@@ -74,6 +79,11 @@ class LimitWatch:
     def upright(self) -> bool:
         """False from when the tube was seen to sink when it was lifted to the end of the next goto."""
         return self.seen.upright
+
+    @property
+    def axes_every(self) -> float | None:
+        """How often the axes are to be read for the altitude that they tell, seconds; None where that is not needed."""
+        return self.altitude_axis.every(self._mount.moving().anything or self.restless)
 
     @property
     def fastest(self) -> float:
@@ -98,6 +108,7 @@ class LimitWatch:
         told = mount.speed(operation) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
         if isinstance(operation, op.Sync):
             self.seen = replace(self.seen, before=None, last=None, farthest=())
+            self.altitude_axis.forget(synced=True)
         self.seen = fold.begin(self.seen, mount.now(), told, at_rest=not (moving.anything or self.restless))
         if not isinstance(operation, op.Move | op.MoveAxis):
             self._deadline.disarm()
@@ -138,7 +149,12 @@ class LimitWatch:
             return
         self._deadline.disarm()
         self._look_at_axes(now, place)
-        if last is not None and last.altitude is None:  # the site may have become known since
+        if not self.altitude_axis.tells:
+            self.altitude_axis.forget()
+        if self._another_sky(now):
+            last = None
+            self.altitude_axis.forget()
+        elif last is not None and last.altitude is None:  # the site may have become known since
             last = self._measured(last.at, last.place)
             self.seen = fold.first(self.seen, last)
         sample = self._measured(now, place, last)
@@ -157,10 +173,32 @@ class LimitWatch:
         self.seen = replace(self.seen, farthest=farthest(view))
         self._heed(verdict)
 
+    def look_at_altitude(self, axes: op.Horizontal) -> None:
+        """The mount has told where its axes stand; of an alt-az one that is its altitude."""
+        now, last = self._mount.now(), self.seen.last
+        if last is None or last.altitude is None or now < self._coasts_until:
+            return
+        change = self.altitude_axis.read(axes, self.seen, now, self._mount.moving().anything or self.restless)
+        if change is None:
+            self._do.ask_status()
+        elif change:
+            tilt = self.altitude_axis.tilt
+            self._mount.transcript.note("mount", f"the altitude axis stands {tilt:+.1f} degrees from what position, "
+                                                 "site and clock tell; the altitude limits go by the axis")
+            self.seen = replace(self.seen, before=None, last=replace(last, altitude=last.altitude + change))
+
+    def _another_sky(self, now: float) -> bool:
+        """Whether site or clock were set since the last look: then positions before and after mean other altitudes."""
+        known, (place, ahead) = self._mount.astrometry.observatory, self._frame
+        self._frame = known.site(), known.unix() - now
+        return place is not None and (place != self._frame[0] or abs(ahead - self._frame[1]) > SET_ANEW)
+
     def _measured(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         mount = self._mount
-        return fold.measured(mount.astrometry, mount.suns.distances, now, place, before, mount.timing.lag,
-                             mount.moving().by_hand.get(2))
+        sample = fold.measured(mount.astrometry, mount.suns.distances, now, place, before, mount.timing.lag,
+                               mount.moving().by_hand.get(2))
+        tilt = self.altitude_axis.tilt
+        return replace(sample, altitude=sample.altitude + tilt) if tilt and sample.altitude is not None else sample
 
     def _not_aligned(self, now: float) -> None:
         self._mount.transcript.note_once("mount", UNWATCHED)
@@ -174,6 +212,7 @@ class LimitWatch:
             self._restless_until = now + CLOSELY
         if self.seen.across > ANEW * mount.fastest:
             self._do.forget_syncs()
+            self.altitude_axis.forget()
         if status is not None and last is not None and last.lifting is not None:
             self.seen = fold.lifted(self.seen, status.equatorial, mount.speed(last.lifting))
         if not moving.anything and self._limits.lowest > -90.0:
