@@ -12,7 +12,7 @@ from collections.abc import Awaitable, Callable
 from typing import Any, NamedTuple
 
 from gateway import operations as op
-from gateway.errors import Fault, NearSun, NotAligned, Refused, Unsupported
+from gateway.errors import BelowHorizon, Fault, NearSun, NotAligned, Refused, TooHigh, Unsupported
 from gateway.mount.safety import slew_paths
 from gateway.mount.safety.aligned import needs_alignment
 from gateway.mount.safety.altitude import check_altitude
@@ -22,6 +22,7 @@ from gateway.mount.safety.held import Hold
 from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.meridian import check_hour_angle, check_shaft
+from gateway.mount.safety.park import CHOOSE, check_own_park
 from gateway.mount.safety.sync_sum import SyncSum, check_sum, check_sync
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.sources import BestSources
@@ -59,7 +60,11 @@ class Admission:
         if isinstance(operation, op.Move | op.MoveAxis):
             await self._check_by_hand(operation)
         elif isinstance(operation, op.Park | op.Home):
-            await self._check_own_place(operation)
+            try:
+                await self._check_own_place(operation)
+            except Fault:
+                self._mount.driver.not_sent_home()
+                raise
         elif isinstance(operation, op.GotoHorizontal):
             return await self._admit_horizontal(operation)
         elif isinstance(operation, op.GotoAxes):
@@ -139,15 +144,20 @@ class Admission:
         return await self.admit(mount.astrometry.equatorial(operation))
 
     async def _check_own_place(self, operation: op.Park | op.Home) -> None:
-        """Where park or home leads to, as far as it is known here."""
+        """Where park or home leads to. What the owner has chosen may lie at any altitude, but not near the Sun."""
         mount, limits = self._mount, self._mount.limits()
         if isinstance(operation, op.Park):
             await self._status()  # how the mount stands decides where it is parked
             if mount.own_park:
-                limits = Limits(lowest=-90.0)
+                limits = limits.at_any_altitude()
         there = mount.driver.destination(operation)
-        if there is not None:
+        if there is None:
+            check_own_park(operation, limits)
+            return
+        try:
             await self._check_axes(there, limits)
+        except (BelowHorizon, TooHigh) as fault:
+            raise type(fault)(f"{fault} {CHOOSE}" if isinstance(operation, op.Park) else str(fault)) from None
 
     async def _tilt(self) -> float:
         """By how many degrees the altitude axis differs from what is reckoned; after a sync it is asked at once."""
