@@ -8,13 +8,10 @@ can come in time is stopped now. Motion is stopped; tracking that carries the tu
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Coroutine
-from typing import Any, NamedTuple
 
 from msgspec.structs import replace
 
 from gateway import operations as op
-from gateway.errors import Fault, Unsupported
 from gateway.mount.motion import seen as fold
 from gateway.mount.motion.end_watch import EndWatch
 from gateway.mount.motion.seen import NEVER, PositionSample, Seen
@@ -26,6 +23,7 @@ from gateway.mount.safety.stalled import StallWatch
 from gateway.mount.safety.stop_deadline import StopDeadline
 from gateway.mount.safety.stop_timing import SHORTEST
 from gateway.mount.safety.sun import farthest
+from gateway.mount.safety.tracking_at_limit import STATUS_AGE, Actions, TrackingAtLimit
 from gateway.mount.safety.unknown_position import blind
 from gateway.mount.safety.view import RESTLESS, Verdict, View
 
@@ -37,20 +35,8 @@ CLOSELY = 3.0
 COASTING = 1.0
 #: A clock that is set by more than that means another sky, seconds.
 SET_ANEW = 30.0
-#: How old the pier side may grow, and the word of the mount that it is not aligned.
-SIDE_AGE = STATUS_AGE = 5.0
-
-
-class Actions(NamedTuple):
-    """What the watch may do: stop the mount, switch its tracking off, ask it something, forget the syncs so far."""
-
-    stop: Callable[[], object]
-    tracking_off: Callable[[], Awaitable[object]]
-    status: Callable[[], Awaitable[op.Status]]
-    ask_status: Callable[[], object]
-    ask_side: Callable[[], object]
-    forget_syncs: Callable[[], object]
-    spawn: Callable[[Coroutine[Any, Any, None]], object]
+#: How old the pier side may grow.
+SIDE_AGE = 5.0
 
 
 class LimitWatch:
@@ -62,7 +48,10 @@ class LimitWatch:
         self.seen = Seen()
         self._limits = mount.limits()
         self._restless_until = self._coasts_until = self._stopped_at = NEVER
-        self._switching = self._helpless = self._astray = False
+        #: Whether it was sent to a place at any altitude, and was seen to rest there.
+        self._own_place = self._parked = False
+        self._astray = False
+        self._tracking = TrackingAtLimit(mount, actions)
         self._frame: tuple[op.Place | None, float] = None, 0.0
         self.altitude_axis = AltitudeAxis(mount)
         #: When the last motion was ended.
@@ -99,12 +88,14 @@ class LimitWatch:
         """A motion has begun; what was seen last is where it began, unless the mount moved already."""
         mount, moving = self._mount, self._mount.moving()
         limits = mount.limits()
+        self._own_place = False
         if isinstance(operation, op.Goto | op.GotoHorizontal | op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
         elif isinstance(operation, op.Park) and (mount.own_park or mount.driver.destination(operation) is None):
-            limits = limits.at_any_altitude()
-        self._limits, self._helpless, self._coasts_until = limits, False, NEVER
-        self._astray = self.dips
+            limits, self._own_place = limits.at_any_altitude(), True
+        self._limits, self._coasts_until, self._astray = limits, NEVER, self.dips
+        self._parked = False
+        self._tracking.began()
         told = mount.speed(operation) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
         if isinstance(operation, op.Sync):
             self.seen = replace(self.seen, before=None, last=None, farthest=())
@@ -164,7 +155,7 @@ class LimitWatch:
         status = self._mount.readings.value(op.GetStatus)
         if status is not None and not status.aligned:
             self.seen = replace(self.seen, before=None, last=sample)
-            self._not_aligned(now)
+            self._not_aligned()
             return
         self.seen = fold.see(self.seen, sample)
         self._notice(now, status)
@@ -200,14 +191,15 @@ class LimitWatch:
         tilt = self.altitude_axis.tilt
         return replace(sample, altitude=sample.altitude + tilt) if tilt and sample.altitude is not None else sample
 
-    def _not_aligned(self, now: float) -> None:
+    def _not_aligned(self) -> None:
         self._mount.transcript.note_once("mount", UNWATCHED)
-        if self._mount.readings.age(op.GetStatus, now) > STATUS_AGE:
+        if self._status_age > STATUS_AGE:
             self._do.ask_status()
 
     def _notice(self, now: float, status: op.Status | None) -> None:
         """Whether somebody else moves the mount, it was aligned anew, or the tube is beyond the pole or the zenith."""
         mount, moving, last = self._mount, self._mount.moving(), self.seen.last
+        self._tracking.seen(status)
         if self.seen.across > RESTLESS and not moving.anything:
             self._restless_until = now + CLOSELY
         if self.seen.across > ANEW * mount.fastest:
@@ -215,8 +207,21 @@ class LimitWatch:
             self.altitude_axis.forget()
         if status is not None and last is not None and last.lifting is not None:
             self.seen = fold.lifted(self.seen, status.equatorial, mount.speed(last.lifting))
-        if not moving.anything and self._limits.lowest > -90.0:
-            self._limits = mount.limits()
+        if not moving.anything and (not self._own_place or self._left_park(status)):
+            self._limits, self._own_place = mount.limits(), False
+
+    def _left_park(self, status: op.Status | None) -> bool:
+        """Whether it tracks again where the owner has parked it: from then on the limits hold there, too."""
+        if status is None or not (self._parked or self._status_age <= STATUS_AGE):
+            self._do.ask_status()
+            return False
+        tracks = status.tracking is not op.Tracking.OFF
+        self._parked = self._parked or not tracks
+        return self._parked and tracks
+
+    @property
+    def _status_age(self) -> float:
+        return self._mount.readings.age(op.GetStatus, self._mount.now())
 
     def _view(self) -> View:
         mount, moving = self._mount, self._mount.moving()
@@ -266,28 +271,9 @@ class LimitWatch:
         """Stop what moves; where nobody moves the mount, it is tracking, and that goes off."""
         if self._mount.moving().anything or self.restless:
             self._stop(f"stopped at {reason}")
-        elif not (self._switching or self._helpless):
-            self._switching = True
-            self._do.spawn(self._tracking_off(reason))
+        else:
+            self._tracking.switch_off(reason)
 
     def _stop(self, words: str) -> None:
         self._mount.transcript.note("mount", words)
         self._do.stop()
-
-    async def _tracking_off(self, reason: str) -> None:
-        say = self._mount.transcript
-        try:
-            if (await self._do.status()).tracking is op.Tracking.OFF:
-                say.note("mount", f"WARNING: the mount rests and comes to {reason}")
-                self._helpless = True
-                return
-            await self._do.tracking_off()
-            say.note("mount", f"tracking is off: it came to {reason}")
-        except Unsupported:
-            self._helpless = True
-            say.note_once("mount", "the tracking of this mount cannot be switched off at a limit")
-            self._stop(f"stopped at {reason}")
-        except Fault as fault:
-            say.note("mount", f"tracking goes on beyond {reason}: {fault}")
-        finally:
-            self._switching = False
