@@ -51,8 +51,9 @@ def _nexstar_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], f
     from gateway.protocols.nexstar.driver import FOLLOW_UPS
     from gateway.protocols.nexstar.driver.state import NexStar, Settings
 
-    settings = Settings(site=config.site, mode=config.mode, guide_rate=config.guide_rate, park=config.park,
-                        aux_home=config.aux_home)
+    settings = Settings(site=config.site, mode=config.mode, guide_rate=config.guide_rate,
+                        park=config.park if isinstance(config.park, tuple) else None, aux_home=config.aux_home,
+                        lowest=config.lowest)
     return NexStar(now, settings, endpoint.model, endpoint.version), dict(FOLLOW_UPS), NexStarDialogue()
 
 

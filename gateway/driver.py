@@ -114,6 +114,9 @@ class Driver:
         """The axis readings that Park or Home leads to; None where only the mount itself knows them."""
         return None
 
+    def not_sent_home(self) -> None:
+        """Park or Home was refused: where the mount does not tell of its home itself, that has failed."""
+
     def tube_side(self, told: str) -> str | None:
         """The side of the pier (E, W) that the tube really is on, by the answer to PierSide; None if there is none."""
         return None

@@ -77,7 +77,7 @@ def _value(key: Key, text: Any) -> Any:
     """A flag's text as the value that the file would have. Raises UserError."""
     if key.name == "site":
         return list(parse_site(text))
-    value = text.split(",") if key.several else text
+    value = text.split(",") if key.several and text not in key.choices else text
     try:
         return msgspec.to_builtins(msgspec.convert(value, key.kind, strict=False))
     except msgspec.ValidationError:

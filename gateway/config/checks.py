@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from gateway.access import networks
 from gateway.config.endpoints import nearest, parse_endpoint
-from gateway.config.keys import Config
+from gateway.config.keys import Config, MountConfig
 from gateway.config.lines import Place
 from gateway.config.programs import programs
 from gateway.errors import UserError
@@ -32,12 +32,26 @@ def mistakes(config: Config) -> Iterator[Mistake]:
         if mount.lowest >= mount.highest:
             yield Mistake(("mount", number, "lowest"), f"{mount.lowest:g}: write less than highest, which is "
                                                        f"{mount.highest:g}")
+        yield from _park(number, mount)
     yield from _names(config)
     yield from _clients(config)
     yield from _access(config)
     yield from _taken_twice(config)
     if not config.surface:
         yield Mistake(("surface",), "at least one surface is needed, for example lx200@tcp://127.0.0.1:4030")
+
+
+def _park(number: int, mount: MountConfig) -> Iterator[Mistake]:
+    """A NexStar has no park position of its own, and a Meade has no other."""
+    try:
+        protocol = parse_endpoint(mount.at).protocol
+    except UserError:
+        return  # that is told of the endpoint
+    if mount.park == "mount" and protocol == "nexstar":
+        yield Mistake(("mount", number, "park"), "a NexStar has no park position of its own; write AZ,ALT or nothing")
+    elif isinstance(mount.park, tuple) and protocol == "lx200":
+        yield Mistake(("mount", number, "park"), "a Meade parks where it was told at its keypad; write \"mount\" to "
+                                                 "allow that whatever lowest and highest say")
 
 
 def _endpoints(config: Config) -> Iterator[Mistake]:

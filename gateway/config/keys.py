@@ -49,8 +49,9 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     sync_limit: Annotated[float, _key("refuse syncs further than this, degrees", "DEG", gt=0.0, le=180.0)] = 15.0
     guide_rate: Annotated[float, _key("speed of guide pulses, as a part of sidereal", "RATE", gt=0.0, le=1.0)] = 0.5
     park: Annotated[tuple[Annotated[float, Meta(ge=-360.0, le=360.0)], Annotated[float, Meta(ge=-180.0, le=180.0)]]
-                    | None, _key(
-        "axis readings to park at, degrees (default: azimuth 0, altitude 0; the pole on an equatorial mount)",
+                    | Literal["mount"] | None, _key(
+        "axis readings that a NexStar parks at, degrees (default: the pole on an equatorial mount, else north at the "
+        "horizon or just above lowest); mount: a Meade may park at its own place, whatever lowest and highest say",
         "AZ,ALT", [0.0, 0.0])] = None
     unaligned: Annotated[Literal["refuse", "allow"], _key(
         "may a NexStar that is not aligned be sent to axis readings, parked and homed? Its axes point anywhere then"

@@ -356,6 +356,8 @@ class Hub:
             self.synced = SyncSum()
         if isinstance(operation, op.Position):
             self.guard.look(value)
+        elif isinstance(operation, op.AxisPosition):
+            self.guard.look_at_altitude(value)
         return value
 
     async def _hear(self, operation: op.Operation) -> Any:

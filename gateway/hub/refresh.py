@@ -57,6 +57,8 @@ class Refresh:
             self._news[kind].set()
             if kind is op.Slewing:
                 self._news[op.Position].set()
+            elif kind is op.Position:
+                self._news[op.AxisPosition].set()
 
     async def _for_ever(self, kind: Kind) -> None:
         hub = self._hub
@@ -110,6 +112,8 @@ class Refresh:
         """Whether somebody polls this, or the hub itself must watch it."""
         if kind is op.Position and self._watched:
             return True
+        if kind is op.AxisPosition and self._hub.guard.axes_every is not None:
+            return True
         return (kind is op.Slewing and self._hub.slewing) or self._hub.snapshot.polled(kind, now)
 
     @property
@@ -122,7 +126,10 @@ class Refresh:
         if not self._wanted(kind, now):
             return IDLE
         ahead = (self._exchanges.get(kind, 1) + WAITING) * self._hub.line.typical
-        return max(RENEW[kind] - ahead, BREATH) - self._hub.snapshot.age(kind, now)
+        every = RENEW[kind]
+        if kind is op.AxisPosition and not self._hub.snapshot.polled(kind, now):
+            every = self._hub.guard.axes_every or every
+        return max(every - ahead, BREATH) - self._hub.snapshot.age(kind, now)
 
     async def renew(self, kind: Kind) -> None:
         """Ask the mount again. That it was decided to is recorded: a replay asks when this run did."""

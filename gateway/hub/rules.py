@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 from gateway import operations as op
 from gateway.hub.snapshot import RENEW
 from gateway.mount.motion.moving import Moving
-from gateway.mount.safety.admission import Admission, Questions
+from gateway.mount.safety.admission import Admission
 from gateway.mount.safety.inputs import MountInputs
+from gateway.mount.safety.questions import Questions
 from gateway.mount.safety.sync_sum import SyncSum
-from gateway.mount.safety.watch import Actions, LimitWatch
+from gateway.mount.safety.tracking_at_limit import Actions
+from gateway.mount.safety.watch import LimitWatch
 
 if TYPE_CHECKING:
     from gateway.hub.core import Hub

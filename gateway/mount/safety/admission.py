@@ -1,46 +1,37 @@
 """Before a motion: is it allowed, and in which form can this mount carry it out?
 
 Nothing moves a mount that is held (``held.py``). Checked are the target of every goto, park and home, the ways that
-lead to it (``slew_paths.py``), the first stretch of a motion by hand (``by_hand.py``), and how far a sync moves the
-sky. What happens afterwards is watched (``watch.py``).
+lead to it (``slew_paths.py``), what is moved by hand, guided or to track again (``hand_admission.py``), and how far a
+sync moves the sky. What happens afterwards is watched (``watch.py``).
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable
 
 from gateway import operations as op
-from gateway.errors import Fault, NearSun, NotAligned, Refused, Unsupported
+from gateway.errors import BelowHorizon, Fault, NearSun, NotAligned, Refused, TooHigh, Unsupported
 from gateway.mount.safety import slew_paths
 from gateway.mount.safety.aligned import needs_alignment
 from gateway.mount.safety.altitude import check_altitude
-from gateway.mount.safety.by_hand import check_either_way, check_turns, turn
 from gateway.mount.safety.contradictions import check_contradictions
+from gateway.mount.safety.hand_admission import HandAdmission
 from gateway.mount.safety.held import Hold
 from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.meridian import check_hour_angle, check_shaft
+from gateway.mount.safety.park import CHOOSE, check_own_park
+from gateway.mount.safety.questions import Questions, over, tilt
 from gateway.mount.safety.sync_sum import SyncSum, check_sum, check_sync
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.sources import BestSources
 from gateway.mount_geometry import Pair
 from gateway.paths import clear
-from gateway.spherical import separation, wrap180
+from gateway.spherical import separation
 
-#: A position older than that says nothing about where a motion begins.
-OLD_POSITION = 6.0
 #: Seconds that a sync waits for the end of a goto, and between two looks at it.
 NEARLY, PAUSE = 2.5, 0.2
-
-
-class Questions(NamedTuple):
-    """Asks the mount: for what may be some seconds old, for what is true now, for the side that its tube is on."""
-
-    read: Callable[[op.Operation], Awaitable[Any]]
-    anew: Callable[[op.Operation], Awaitable[Any]]
-    tube_side: Callable[[], Awaitable[str | None]]
 
 
 class Admission:
@@ -50,6 +41,7 @@ class Admission:
                  synced: Callable[[], SyncSum], hold: Hold) -> None:
         self._mount, self._ask, self._watch = mount, ask, watch
         self._sources, self._synced, self._hold = sources, synced, hold
+        self._by_hand = HandAdmission(mount, ask, watch)
 
     async def admit(self, operation: op.Operation) -> op.Operation:
         """An operation that the limits allow, in the form that this mount can carry out. Raises Fault."""
@@ -57,9 +49,17 @@ class Admission:
         self._watch.dips = False
         await self._check_aligned(operation)
         if isinstance(operation, op.Move | op.MoveAxis):
-            await self._check_by_hand(operation)
+            await self._by_hand.check(operation)
+        elif isinstance(operation, op.Pulse | op.PulseAxis):
+            await self._by_hand.check_pulse(operation)
+        elif isinstance(operation, op.SetTracking) and operation.on:
+            await self._by_hand.check_tracking()
         elif isinstance(operation, op.Park | op.Home):
-            await self._check_own_place(operation)
+            try:
+                await self._check_own_place(operation)
+            except Fault:
+                self._mount.driver.not_sent_home()
+                raise
         elif isinstance(operation, op.GotoHorizontal):
             return await self._admit_horizontal(operation)
         elif isinstance(operation, op.GotoAxes):
@@ -76,7 +76,7 @@ class Admission:
         """Whether what moves by hand may go on. Raises BelowHorizon, TooHigh or NearSun."""
         moving = next(iter(self._mount.moving().by_hand.values()), None)
         if moving is not None:  # the other axis is looked at with it
-            await self._check_by_hand(moving)
+            await self._by_hand.check(moving)
 
     async def _status(self) -> op.Status:
         status: op.Status = await self._ask.read(op.GetStatus())
@@ -124,9 +124,10 @@ class Admission:
         mount = self._mount
         limits = mount.limits().narrowed(operation.lowest, operation.highest)
         goal = op.Equatorial(operation.ra, operation.dec)
-        self._check_target(limits, goal)
+        await self._check_target(limits, goal)
         await self._check_way(limits, goal)
-        check_contradictions(self._sources, mount.astrometry.sky, limits, goal)
+        doubted = limits.at_any_altitude() if self._watch.altitude_axis.tells else limits
+        check_contradictions(self._sources, mount.astrometry.sky, doubted, goal)
         return mount.astrometry.to_mount(operation)
 
     async def _admit_horizontal(self, operation: op.GotoHorizontal) -> op.Operation:
@@ -138,23 +139,28 @@ class Admission:
         return await self.admit(mount.astrometry.equatorial(operation))
 
     async def _check_own_place(self, operation: op.Park | op.Home) -> None:
-        """Where park or home leads to, as far as it is known here."""
+        """Where park or home leads to. What the owner has chosen may lie at any altitude, but not near the Sun."""
         mount, limits = self._mount, self._mount.limits()
         if isinstance(operation, op.Park):
             await self._status()  # how the mount stands decides where it is parked
             if mount.own_park:
-                limits = Limits(lowest=-90.0)
+                limits = limits.at_any_altitude()
         there = mount.driver.destination(operation)
-        if there is not None:
+        if there is None:
+            check_own_park(operation, limits)
+            return
+        try:
             await self._check_axes(there, limits)
+        except (BelowHorizon, TooHigh) as fault:
+            raise type(fault)(f"{fault} {CHOOSE}" if isinstance(operation, op.Park) else str(fault)) from None
 
-    def _check_target(self, limits: Limits, goal: op.Equatorial) -> None:
+    async def _check_target(self, limits: Limits, goal: op.Equatorial) -> None:
         mount = self._mount
         altitude = mount.astrometry.altitude(goal.ra, goal.dec)
         if altitude is None:
             mount.transcript.note_once("mount", "site unknown: gotos are not checked against the horizon")
             return
-        check_altitude(limits, altitude)
+        check_altitude(limits, altitude + await tilt(self._mount, self._ask, self._watch))
         status = mount.readings.value(op.GetStatus)
         if status is not None and status.equatorial and mount.driver.tube_side("E") is None:
             check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
@@ -222,59 +228,11 @@ class Admission:
         mount = self._mount
         site = mount.astrometry.observatory.site()
         if not mount.driver.german or site is None:
-            return {False, not mount.driver.german and await self._over()}
+            return {False, not mount.driver.german and await over(self._mount, self._ask, self._watch)}
         # under way it tells the side of its goal
         under_way = mount.moving().slewing and await self._ask.anew(op.Slewing())
         side = None if under_way else await self._ask.tube_side()
         return {False, True} if side is None else {(side == "W") == (site.latitude >= 0.0)}
-
-    async def _over(self) -> bool:
-        """Whether the tube of a fork has been driven over the pole or the zenith, so that it points the other way."""
-        if not self._mount.driver.way(op.AxisPosition):
-            return not self._watch.upright
-        here: op.Horizontal = await self._ask.read(op.AxisPosition())
-        return abs(wrap180(here.alt)) > 90.0
-
-    # --- by hand ----------------------------------------------------------------------------------------------------
-
-    async def _check_by_hand(self, operation: op.Move | op.MoveAxis) -> None:
-        """Raises BelowHorizon, TooHigh or NearSun when a limit would be crossed before it is seen and stopped."""
-        mount, readings = self._mount, self._mount.readings
-        if not mount.site_known:
-            return
-        # Programs switch tracking off before a slew, and nothing is known of it after that.
-        status = readings.value(op.GetStatus) or await self._status()
-        if not status.aligned:
-            return
-        seen, age = readings.value(op.Position), readings.age(op.Position, mount.now())
-        if seen is None or age > OLD_POSITION:
-            seen = await self._ask.read(op.Position())
-        elif mount.now() - age < self._watch.rests_since and not mount.moving().by_hand:  # it was seen on its way
-            seen = await self._ask.anew(op.Position())
-        limits = mount.limits()
-        if isinstance(operation, op.Move):
-            limits = limits.narrowed(operation.lowest, operation.highest)
-        by_hand = {**mount.moving().by_hand, operation.axis: operation}
-        turns = {axis: turn(mount, moving) for axis, moving in by_hand.items()}
-        try:
-            check_either_way(mount, limits, seen, status, turns)
-        except Fault:  # where one way is forbidden it counts which way the motors really turn the tube
-            for axis, moving in by_hand.items():
-                turns[axis] *= await self._sense(moving, status)
-            check_turns(mount, limits, seen, status, turns)
-
-    async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
-        """-1 where what is positive for a motor is not so on the sky: in the south, beyond the pole or the zenith."""
-        mount, by_motor = self._mount, isinstance(operation, op.MoveAxis)
-        if mount.driver.stepping:
-            return 1
-        pole = -1 if status.equatorial and mount.astrometry.place().latitude < 0 else 1
-        if operation.axis == 1:
-            return pole if by_motor else 1
-        told_directions = not mount.driver.way(op.AxisPosition)  # a Meade
-        if status.equatorial and not by_motor and not told_directions:
-            return 1  # the driver sees to it
-        return (1 if told_directions else pole) * (-1 if await self._over() else 1)
 
 
 def _first(turned: Pair, stretch: float) -> Pair:

@@ -8,23 +8,22 @@ can come in time is stopped now. Motion is stopped; tracking that carries the tu
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Coroutine
-from typing import Any, NamedTuple
 
 from msgspec.structs import replace
 
 from gateway import operations as op
-from gateway.errors import Fault, Unsupported
 from gateway.mount.motion import seen as fold
 from gateway.mount.motion.end_watch import EndWatch
 from gateway.mount.motion.seen import NEVER, PositionSample, Seen
 from gateway.mount.safety.aligned import UNWATCHED
 from gateway.mount.safety.allow import allow, first_stretch
+from gateway.mount.safety.axis_altitude import AltitudeAxis
 from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.stalled import StallWatch
 from gateway.mount.safety.stop_deadline import StopDeadline
 from gateway.mount.safety.stop_timing import SHORTEST
 from gateway.mount.safety.sun import farthest
+from gateway.mount.safety.tracking_at_limit import STATUS_AGE, Actions, TrackingAtLimit
 from gateway.mount.safety.unknown_position import blind
 from gateway.mount.safety.view import RESTLESS, Verdict, View
 
@@ -34,20 +33,10 @@ ANEW = 3.0
 CLOSELY = 3.0
 #: How long a mount may run on after it was told to end a motion: what it does meanwhile is not held against it.
 COASTING = 1.0
-#: How old the pier side may grow, and the word of the mount that it is not aligned.
-SIDE_AGE = STATUS_AGE = 5.0
-
-
-class Actions(NamedTuple):
-    """What the watch may do: stop the mount, switch its tracking off, ask it something, forget the syncs so far."""
-
-    stop: Callable[[], object]
-    tracking_off: Callable[[], Awaitable[object]]
-    status: Callable[[], Awaitable[op.Status]]
-    ask_status: Callable[[], object]
-    ask_side: Callable[[], object]
-    forget_syncs: Callable[[], object]
-    spawn: Callable[[Coroutine[Any, Any, None]], object]
+#: A clock that is set by more than that means another sky, seconds.
+SET_ANEW = 30.0
+#: How old the pier side may grow.
+SIDE_AGE = 5.0
 
 
 class LimitWatch:
@@ -59,7 +48,12 @@ class LimitWatch:
         self.seen = Seen()
         self._limits = mount.limits()
         self._restless_until = self._coasts_until = self._stopped_at = NEVER
-        self._switching = self._helpless = self._astray = False
+        #: Whether it was sent to a place at any altitude, and was seen to rest there.
+        self._own_place = self._parked = False
+        self._astray = False
+        self._tracking = TrackingAtLimit(mount, actions)
+        self._frame: tuple[op.Place | None, float] = None, 0.0
+        self.altitude_axis = AltitudeAxis(mount)
         #: When the last motion was ended.
         self.rests_since = NEVER
         #: Whether the way of the goto that is being begun leads beyond an altitude limit.
@@ -76,6 +70,11 @@ class LimitWatch:
         return self.seen.upright
 
     @property
+    def axes_every(self) -> float | None:
+        """How often the axes are to be read for the altitude that they tell, seconds; None where that is not needed."""
+        return self.altitude_axis.every(self._mount.moving().anything or self.restless)
+
+    @property
     def fastest(self) -> float:
         """How fast the mount may be moving now because it was told to, degrees a second; 0 where nothing moves."""
         moving = self._mount.moving()
@@ -89,15 +88,18 @@ class LimitWatch:
         """A motion has begun; what was seen last is where it began, unless the mount moved already."""
         mount, moving = self._mount, self._mount.moving()
         limits = mount.limits()
+        self._own_place = False
         if isinstance(operation, op.Goto | op.GotoHorizontal | op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
         elif isinstance(operation, op.Park) and (mount.own_park or mount.driver.destination(operation) is None):
-            limits = limits.at_any_altitude()
-        self._limits, self._helpless, self._coasts_until = limits, False, NEVER
-        self._astray = self.dips
+            limits, self._own_place = limits.at_any_altitude(), True
+        self._limits, self._coasts_until, self._astray = limits, NEVER, self.dips
+        self._parked = False
+        self._tracking.began()
         told = mount.speed(operation) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
         if isinstance(operation, op.Sync):
             self.seen = replace(self.seen, before=None, last=None, farthest=())
+            self.altitude_axis.forget(synced=True)
         self.seen = fold.begin(self.seen, mount.now(), told, at_rest=not (moving.anything or self.restless))
         if not isinstance(operation, op.Move | op.MoveAxis):
             self._deadline.disarm()
@@ -138,7 +140,12 @@ class LimitWatch:
             return
         self._deadline.disarm()
         self._look_at_axes(now, place)
-        if last is not None and last.altitude is None:  # the site may have become known since
+        if not self.altitude_axis.tells:
+            self.altitude_axis.forget()
+        if self._another_sky(now):
+            last = None
+            self.altitude_axis.forget()
+        elif last is not None and last.altitude is None:  # the site may have become known since
             last = self._measured(last.at, last.place)
             self.seen = fold.first(self.seen, last)
         sample = self._measured(now, place, last)
@@ -148,7 +155,7 @@ class LimitWatch:
         status = self._mount.readings.value(op.GetStatus)
         if status is not None and not status.aligned:
             self.seen = replace(self.seen, before=None, last=sample)
-            self._not_aligned(now)
+            self._not_aligned()
             return
         self.seen = fold.see(self.seen, sample)
         self._notice(now, status)
@@ -157,27 +164,64 @@ class LimitWatch:
         self.seen = replace(self.seen, farthest=farthest(view))
         self._heed(verdict)
 
+    def look_at_altitude(self, axes: op.Horizontal) -> None:
+        """The mount has told where its axes stand; of an alt-az one that is its altitude."""
+        now, last = self._mount.now(), self.seen.last
+        if last is None or last.altitude is None or now < self._coasts_until:
+            return
+        change = self.altitude_axis.read(axes, self.seen, now, self._mount.moving().anything or self.restless)
+        if change is None:
+            self._do.ask_status()
+        elif change:
+            tilt = self.altitude_axis.tilt
+            self._mount.transcript.note("mount", f"the altitude axis stands {tilt:+.1f} degrees from what position, "
+                                                 "site and clock tell; the altitude limits go by the axis")
+            self.seen = replace(self.seen, before=None, last=replace(last, altitude=last.altitude + change))
+
+    def _another_sky(self, now: float) -> bool:
+        """Whether site or clock were set since the last look: then positions before and after mean other altitudes."""
+        known, (place, ahead) = self._mount.astrometry.observatory, self._frame
+        self._frame = known.site(), known.unix() - now
+        return place is not None and (place != self._frame[0] or abs(ahead - self._frame[1]) > SET_ANEW)
+
     def _measured(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         mount = self._mount
-        return fold.measured(mount.astrometry, mount.suns.distances, now, place, before, mount.timing.lag,
-                             mount.moving().by_hand.get(2))
+        sample = fold.measured(mount.astrometry, mount.suns.distances, now, place, before, mount.timing.lag,
+                               mount.moving().by_hand.get(2))
+        tilt = self.altitude_axis.tilt
+        return replace(sample, altitude=sample.altitude + tilt) if tilt and sample.altitude is not None else sample
 
-    def _not_aligned(self, now: float) -> None:
+    def _not_aligned(self) -> None:
         self._mount.transcript.note_once("mount", UNWATCHED)
-        if self._mount.readings.age(op.GetStatus, now) > STATUS_AGE:
+        if self._status_age > STATUS_AGE:
             self._do.ask_status()
 
     def _notice(self, now: float, status: op.Status | None) -> None:
         """Whether somebody else moves the mount, it was aligned anew, or the tube is beyond the pole or the zenith."""
         mount, moving, last = self._mount, self._mount.moving(), self.seen.last
+        self._tracking.seen(status)
         if self.seen.across > RESTLESS and not moving.anything:
             self._restless_until = now + CLOSELY
         if self.seen.across > ANEW * mount.fastest:
             self._do.forget_syncs()
+            self.altitude_axis.forget()
         if status is not None and last is not None and last.lifting is not None:
             self.seen = fold.lifted(self.seen, status.equatorial, mount.speed(last.lifting))
-        if not moving.anything and self._limits.lowest > -90.0:
-            self._limits = mount.limits()
+        if not moving.anything and (not self._own_place or self._left_park(status)):
+            self._limits, self._own_place = mount.limits(), False
+
+    def _left_park(self, status: op.Status | None) -> bool:
+        """Whether it tracks again where the owner has parked it: from then on the limits hold there, too."""
+        if status is None or not (self._parked or self._status_age <= STATUS_AGE):
+            self._do.ask_status()
+            return False
+        tracks = status.tracking is not op.Tracking.OFF
+        self._parked = self._parked or not tracks
+        return self._parked and tracks
+
+    @property
+    def _status_age(self) -> float:
+        return self._mount.readings.age(op.GetStatus, self._mount.now())
 
     def _view(self) -> View:
         mount, moving = self._mount, self._mount.moving()
@@ -227,28 +271,9 @@ class LimitWatch:
         """Stop what moves; where nobody moves the mount, it is tracking, and that goes off."""
         if self._mount.moving().anything or self.restless:
             self._stop(f"stopped at {reason}")
-        elif not (self._switching or self._helpless):
-            self._switching = True
-            self._do.spawn(self._tracking_off(reason))
+        else:
+            self._tracking.switch_off(reason)
 
     def _stop(self, words: str) -> None:
         self._mount.transcript.note("mount", words)
         self._do.stop()
-
-    async def _tracking_off(self, reason: str) -> None:
-        say = self._mount.transcript
-        try:
-            if (await self._do.status()).tracking is op.Tracking.OFF:
-                say.note("mount", f"WARNING: the mount rests and comes to {reason}")
-                self._helpless = True
-                return
-            await self._do.tracking_off()
-            say.note("mount", f"tracking is off: it came to {reason}")
-        except Unsupported:
-            self._helpless = True
-            say.note_once("mount", "the tracking of this mount cannot be switched off at a limit")
-            self._stop(f"stopped at {reason}")
-        except Fault as fault:
-            say.note("mount", f"tracking goes on beyond {reason}: {fault}")
-        finally:
-            self._switching = False

@@ -32,6 +32,7 @@ class Settings(Struct, frozen=True):
     guide_rate: float = 0.5
     park: tuple[float, float] | None = None
     aux_home: bool = False  # home is where the motors' own switches are
+    lowest: float = 0.0  # where nobody has chosen a park position it is not below that
 
 
 class GotoState(Struct):
@@ -216,21 +217,29 @@ class NexStar(Driver):
         return ("E" if told == "W" else "W") if swapped else told
 
     def destination(self, operation: Operation) -> GotoAxes | None:
-        """Park goes to the configured position, else to the pole or to north at the horizon; Home to the stored one."""
+        """Park goes to the configured position, else to the pole or to north, as low as is allowed; Home to the stored
+        one.
+        """
         if isinstance(operation, Park):
             return GotoAxes(*(self.settings.park or self._index))
         if isinstance(operation, Home) and self.home is not None:
             return GotoAxes(self.home.az, self.home.alt)
         return None
 
+    def not_sent_home(self) -> None:
+        """``:h?#`` is 0 then."""
+        self.home_state = 0
+
     @property
     def _index(self) -> tuple[float, float]:
-        """The pole of an equatorial mount (a fork on its wedge reads from north), north at the horizon of another."""
+        """The pole of an equatorial mount (a fork on its wedge reads from north); another's north, at the horizon or
+        just above the lowest altitude.
+        """
         if self.german:
             return POLE_AXES
         if self.own_mode is not None and self.own_mode.equatorial:
             return (0.0 if self.own_mode is Tracking.EQ_SOUTH else 180.0), 90.0
-        return 0.0, 0.0
+        return 0.0, self.settings.lowest + ABOVE_LOWEST if self.settings.lowest > 0.0 else 0.0
 
     def key_for(self, rate: Rate) -> int:
         """The key that comes nearest to a hand rate (never above one given in degrees a second)."""
@@ -247,6 +256,8 @@ JNOW_FROM = (4, 14)
 LETTERS_SWAPPED = (5, 24)
 #: Where a German mount's axes stand when it points at the pole: both at their index.
 POLE_AXES = (90.0, 90.0)
+#: How far above the lowest altitude a fork is parked, degrees.
+ABOVE_LOWEST = 0.5
 SIDEREAL = 15.041067 / 3600.0
 UNKNOWN: dict[str, Any] = {"mount": "fork", "rates": "se", "has": [], "motors": "0.0", "versions": []}
 
