@@ -138,6 +138,7 @@ class Hub:
     def _on_up(self) -> None:
         self.snapshot.clear()
         self.slumber.doubt()
+        self.settings.sync.doubt()
         if self._identifying is not None:
             self._identifying.cancel()
         self._identifying = self.spawn(self._identify())
@@ -163,6 +164,7 @@ class Hub:
         await self._learn(op.GetStatus())
         await self._learn(op.GetSite())
         await self._learn(op.GetClock())
+        self.settings.sync.resume()
         self.settled.set()
 
     async def _learn(self, operation: op.Operation) -> None:
@@ -174,10 +176,8 @@ class Hub:
         except Fault as fault:
             self.transcript.note("mount", str(fault))
             return
-        if isinstance(value, op.Place):
-            self.observatory.mount_says_site(value)
-        elif isinstance(value, op.Moment):
-            self.observatory.mount_says_clock(value)
+        if isinstance(value, op.Place | op.Moment):
+            self.settings.sync.heard(value)
         else:
             self.snapshot.put(type(operation), value, self.now())
 

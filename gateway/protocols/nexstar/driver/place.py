@@ -93,11 +93,11 @@ def clock_from_gps(mount: NexStar, _: ClockFromGps) -> Steps:
     seen = yield from gps(mount, GetGps())
     if not seen.linked:
         raise NoDevice("The GPS is not linked.")
-    offset = 0.0
+    offset, dst = 0.0, None
     if mount.knows("h"):
         present = yield Ask("h")
-        offset = float(present["zone"] + present["dst"])
-    yield from set_clock(mount, SetClock(seen.unix, offset))
+        offset, dst = float(present["zone"] + present["dst"]), present["dst"]
+    yield from set_clock(mount, SetClock(seen.unix, offset, dst))
 
 
 def _moment(fields: dict[str, int], zone: float, century: int = 2000) -> Moment:
@@ -109,22 +109,25 @@ def _moment(fields: dict[str, int], zone: float, century: int = 2000) -> Moment:
                         fields["hour"], fields["minute"], fields["second"])
     except ValueError as error:
         raise Unsupported(f"The hand control's clock is impossible: {error}.") from None
-    return Moment(unix=local - offset * 3600.0, offset=offset)
+    return Moment(unix=local - offset * 3600.0, offset=offset, dst=fields.get("dst"))
 
 
 def set_clock(mount: NexStar, operation: SetClock) -> Steps:
-    """``I`` or ``H``: zone as near as the mount can count, daylight saving 0, local time to match; UTC is exact.
+    """``I`` or ``H``: zone as near as the mount can count, local time to match; UTC is exact.
 
-    Where the mount's own zone and daylight saving already make that offset, they are left as they are.
+    Where nobody has told whether daylight saving is in it there is none, unless the mount's own zone and daylight
+    saving already make that offset: then they are left as they are.
     """
+    dst = operation.dst or 0
     if mount.knows("I") and not mount.starsense:
-        quarters, dst = round(operation.offset * 4), 0
+        quarters = round((operation.offset - dst) * 4)
         name, zone, fields = "I", quarters / 4.0, {"quarters": quarters}
     elif mount.knows("H"):
-        hours, dst = _zone(operation.offset), 0
-        present = yield Ask("h")
-        if present["zone"] + present["dst"] == operation.offset:
-            hours, dst = present["zone"], present["dst"]
+        hours = _zone(operation.offset - dst)
+        if operation.dst is None:
+            present = yield Ask("h")
+            if present["zone"] + present["dst"] == operation.offset:
+                hours, dst = present["zone"], present["dst"]
         name, zone, fields = "H", float(hours), {"zone": hours}
     elif mount.has("rtc") and mount.knows("rtc_set_date"):
         yield from _set_rtc(operation.unix)

@@ -7,7 +7,7 @@ axis moves and put back once after the last one has stopped (NexStar protocol, S
 from __future__ import annotations
 
 from gateway.driver import Ask, Later, Steps
-from gateway.errors import Fault, NoDevice, Refused, Unsupported
+from gateway.errors import NoDevice, Refused, Unsupported
 from gateway.operations import GetStatus, GuideRate, Operation, SetGuideRate, SetTracking, Status, Tracking, TrackRate
 from gateway.protocols.nexstar.driver.state import NexStar
 
@@ -224,5 +224,5 @@ def set_guide_rate(mount: NexStar, operation: SetGuideRate) -> Steps:
     value = max(0, min(255, round(operation.rate * 256)))
     try:
         yield Ask("set_guide_rate", {"device": 15 + operation.axis, "rate": value})
-    except Fault as fault:
+    except NoDevice as fault:
         raise Unsupported("This mount's motors have no guide rate.") from fault
