@@ -118,23 +118,22 @@ def set_clock(mount: NexStar, operation: SetClock) -> Steps:
     Where nobody has told whether daylight saving is in it there is none, unless the mount's own zone and daylight
     saving already make that offset: then they are left as they are.
     """
-    dst = operation.dst or 0
+    dst, began = operation.dst or 0, mount.now()
     if mount.knows("I") and not mount.starsense:
         quarters = round((operation.offset - dst) * 4)
         name, zone, fields = "I", quarters / 4.0, {"quarters": quarters}
     elif mount.knows("H"):
         hours = _zone(operation.offset - dst)
-        if operation.dst is None:
-            present = yield Ask("h")
-            if present["zone"] + present["dst"] == operation.offset:
-                hours, dst = present["zone"], present["dst"]
+        present = yield Ask("h")  # this also shows that the line is free: what it waits for, the clock runs on by
+        if operation.dst is None and present["zone"] + present["dst"] == operation.offset:
+            hours, dst = present["zone"], present["dst"]
         name, zone, fields = "H", float(hours), {"zone": hours}
     elif mount.has("rtc") and mount.knows("rtc_set_date"):
         yield from _set_rtc(operation.unix)
         return
     else:
         raise Unsupported("This hand control takes no time.")
-    local = datetime.fromtimestamp(round(operation.unix), UTC) + timedelta(hours=zone + dst)
+    local = datetime.fromtimestamp(round(operation.unix + mount.now() - began), UTC) + timedelta(hours=zone + dst)
     yield Ask(name, {"hour": local.hour, "minute": local.minute, "second": local.second, "month": local.month,
                      "day": local.day, "year": local.year % 100, "dst": dst, **fields})
 
