@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from gateway.driver import Ask, Driver, Pause, Steps
 from gateway.errors import Busy, Refused, Unsupported
-from gateway.operations import Place, Rate, Tracking
+from gateway.operations import Place, Rate, Tracking, TrackRate
 from gateway.tables import load
 
 SIDEREAL = 15.041067  # arcseconds a second
@@ -53,9 +53,13 @@ class Meade(Driver):
         # alignment and tracking
         self.letter = "A"
         self.home_letter = "A"
+        #: It was put into land mode, in which it does not track.
+        self.land = False
         self.tells_status = False
         self.aligned = True
         self.tracking = Tracking.ALTAZ
+        #: The drive rate that was asked for last; None for its own.
+        self.rate: TrackRate | None = None
         # motion
         self.goto: GotoState | None = None
         self.moving: dict[int, str] = {}
@@ -96,11 +100,17 @@ class Meade(Driver):
         return self.home_letter in "PG"
 
     def memory(self, moving: bool) -> dict[str, Any]:
-        """A telescope keeps its home itself, and stops by a command that all of them have."""
-        return {"parked": True} if self.parked else {}
+        """A telescope keeps its home itself, and stops by a command that all of them have.
+
+        How it stands is remembered while its tracking is off: some do not tell it then.
+        """
+        stands = {"stands": self.home_letter} if self.land and self.equatorial else {}
+        return {**stands, **({"parked": True} if self.parked else {})}
 
     def recall(self, memory: Mapping[str, Any], moving: bool) -> None:
         self.parked = memory.get("parked") is True
+        if memory.get("stands") in ("P", "G"):
+            self.home_letter = memory["stands"]
 
     @property
     def german(self) -> bool | None:  # type: ignore[override]
