@@ -16,6 +16,8 @@ SIDEREAL = 15.041067  # arcseconds a second
 BUSY_RETRIES, BUSY_WAIT = 6, 0.4
 #: What takes a telescope long, in seconds at most: a classic calculates its planets, an LX200GPS finds its satellites.
 LONG = {"SC": 14.0, "gT": 600.0}
+#: Differs from every rate that may be wanted.
+UNKNOWN = -1
 #: What turns a motor, which has no power while the telescope sleeps.
 TURNS_MOTORS = frozenset({"MS", "MA", "Mn", "Ms", "Me", "Mw", "Mg", "hP", "hS", "hF"})
 #: All that is understood while it seeks its home; a Meade that is asked anything else says NAK, or nothing.
@@ -67,18 +69,27 @@ class Meade(Driver):
         self.parked = False
         self.guide_rate = 1.0  # what is meant by it, a fraction of sidereal
         self.site: Place | None = None
+        #: What :Sw was sent last, degrees a second; None before the first.
+        self.fastest: int | None = None
+        #: Axes with a rate of their own (:RA :RE); the guide rate sent last (:Rg).
+        self.free_axes: set[int] = set()
+        self.guides_at = 1.0
         self.power_on()
 
     def power_on(self) -> None:
-        """What no Meade tells, as after switching it on: that may have happened while the line was lost."""
-        #: It seeks its home; ``fastest`` is what :Sw was sent last, degrees a second.
+        """What no Meade tells, as after switching it on: that may have happened while the line was lost, or not.
+
+        So a register that was changed may hold either value, and is sent before it is used again.
+        """
+        #: It seeks its home.
         self.seeking = False
         #: It was told to sleep: its motors have no power, though it may say yes to a goto.
         self.asleep_as_told = False
-        self.fastest: int | None = None
-        #: Axes with a rate of their own (:RA :RE); the guide rate sent last (:Rg); whether it corrects periodic errors.
-        self.free_axes: set[int] = set()
-        self.guides_at = 1.0
+        if self.fastest is not None:
+            self.fastest = UNKNOWN
+        if self.guides_at != 1.0:
+            self.guides_at = float(UNKNOWN)
+        #: Whether it corrects periodic errors.
         self.corrects = False
 
     @property
