@@ -296,7 +296,8 @@ def test_a_time_near_the_mounts_own_is_told_again_at_once_and_not_lost(ahead: fl
 
 
 @pytest.mark.parametrize(("mount", "driven", "aligned"), [
-    ("cge", "nexstar", False), ("cge", "nexstar", True), ("lx200gps", "lx200", True), ("lx200", "lx200", True)])
+    ("cge", "nexstar", False), ("avx", "nexstar", False), ("cge", "nexstar", True),
+    ("lx200gps", "lx200", True), ("lx200", "lx200", True)])
 def test_site_and_time_are_told_again_as_they_were_set(mount: str, driven: str, aligned: bool) -> None:
     """Seconds, zone and daylight saving too: 20:30:40 in a zone one hour east, in summer."""
 

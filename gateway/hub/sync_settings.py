@@ -120,6 +120,10 @@ class SyncSettings:
     def _hears(self) -> bool:
         return self._ready and self._hub.line.state == "up" and not self._hub.driver.asleep
 
+    def _disturbs(self, setting: Setting, now: float) -> bool:
+        """A date that nobody waits for any more is not told while something moves: a classic is blind afterwards."""
+        return isinstance(setting.value, op.SetClock) and now - setting.since > LOOK and self._hub.moving
+
     async def _run(self) -> None:
         """Tell what is owed until nothing is, or the line is down: then ``resume`` begins anew."""
         while self._ready and self._hub.line.state not in ("down", "opening"):
@@ -128,7 +132,7 @@ class SyncSettings:
             step = next_setting(self._owed, now)
             if step is None:
                 return
-            if isinstance(step, Setting) and self._hears():
+            if isinstance(step, Setting) and self._hears() and not self._disturbs(step, now):
                 await self._tell(step)
                 continue
             pause = LOOK if isinstance(step, Setting) else step - now
