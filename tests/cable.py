@@ -31,7 +31,8 @@ class Cable:
 
 def deafen(bridge: Any, beginnings: tuple[bytes, ...], times: int) -> list[bytes]:
     """Let the mount miss the next commands that begin so -> those it has missed."""
-    wire, missed = bridge.hub.line.wire, []
+    wire = bridge.hub.line.wire
+    missed: list[bytes] = []
     feed = wire._feed
 
     def hear(data: bytes) -> bytes:
@@ -46,7 +47,8 @@ def deafen(bridge: Any, beginnings: tuple[bytes, ...], times: int) -> list[bytes
 
 def mute(bridge: Any, beginnings: tuple[bytes, ...], times: int) -> list[bytes]:
     """Let the answers to the next commands that begin so be lost: the mount has heard them."""
-    wire, heard = bridge.hub.line.wire, []
+    wire = bridge.hub.line.wire
+    heard: list[bytes] = []
     feed = wire._feed
 
     def hear(data: bytes) -> bytes:

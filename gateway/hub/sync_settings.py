@@ -18,6 +18,7 @@ from gateway.mount.site.owed import (
     BUSY,
     LOOK,
     TRIES,
+    Kind,
     Owed,
     Setting,
     clock_is_ours,
@@ -46,6 +47,9 @@ class SyncSettings:
     def __init__(self, hub: Hub) -> None:
         self._hub, self._observatory = hub, hub.observatory
         self._owed: Owed = {}
+        #: What was sent since the mount told last what it has, by kind; and what is being sent.
+        self._sent: dict[Kind, tuple[Setting, ...]] = {}
+        self._telling: Kind | None = None
         self._ready = False
         self._mount: tuple[str, str] | None = None
         self._news = asyncio.Event()
@@ -94,14 +98,15 @@ class SyncSettings:
     def heard(self, value: op.Place | op.Moment) -> bool:
         """Take what the mount tells of its site or clock -> whether somebody has changed it there: then that counts."""
         told, clock = self._observatory, isinstance(value, op.Moment)
-        owed = self._owed.get(kind_of(op.SetClock(0.0, 0.0) if clock else op.SetSite()))
+        kind = kind_of(op.SetClock(0.0, 0.0) if clock else op.SetSite())
+        owed, sent = self._owed.get(kind), self._sent.get(kind, ())
         if isinstance(value, op.Moment):
-            before = told.running(told.mount_clock)
-            ours = owed is not None and clock_is_ours(owed, before, value, self._hub.now())
+            ours = clock_is_ours(sent, told.running(told.mount_clock), value, self._hub.now())
             changed = told.mount_says_clock(value, ours)
         else:
-            ours = owed is not None and site_is_ours(owed, told.mount_site, value)
-            changed = told.mount_says_site(value, ours)
+            changed = told.mount_says_site(value, site_is_ours(sent, told.mount_site, value))
+        if kind != self._telling:
+            self._sent.pop(kind, None)
         if changed:
             self._hub.snapshot.version += 1
             self._hub.transcript.note("mount", f"the {'clock' if clock else 'site'} was changed at the mount; it is in "
@@ -154,6 +159,8 @@ class SyncSettings:
             if self._owed.get(kind_of(value)) is not setting or not self._hears():
                 return  # a newer one has come, or the line has gone
             tried = True
+            self._telling = kind_of(value)
+            self._sent[self._telling] = (*self._sent.get(self._telling, ()), setting)
             await hub.drive(hub.driver.perform(setting.running(hub.now())), SETTING)
         except Busy:
             self._owed = later(self._owed, setting, hub.now() + BUSY)
@@ -170,6 +177,8 @@ class SyncSettings:
             self._give_up(setting, str(fault))
         else:
             await self._done(setting)
+        finally:
+            self._telling = None
 
     async def may_be_told(self) -> bool:
         """Whether policy and alignment allow that site and clock of the mount are set. Raises Fault."""

@@ -7,7 +7,7 @@ hear, and is over when the mount has a value that somebody else has given it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -39,11 +39,6 @@ class Setting(Struct, frozen=True):
     def late(self) -> bool:
         """Whether it could not be told at once: what the mount has meanwhile is asked for first."""
         return self.due > 0.0
-
-    @property
-    def tried(self) -> bool:
-        """Whether the mount may have heard of it, or of a part of it."""
-        return self.left < TRIES
 
     def running(self, now: float) -> Operation:
         """What is to be told now: a clock has gone on."""
@@ -94,24 +89,24 @@ def next_setting(owed: Owed, now: float) -> Setting | float | None:
     return min((one.due for one in owed.values()), default=None)
 
 
-def site_is_ours(setting: Setting, before: Place | None, told: Place) -> bool:
-    """Whether a site that the mount tells can come of what it was told: each half is as it was, or as we set it."""
-    value = setting.value
-    if not isinstance(value, SetSite) or not setting.tried or before is None:
+def site_is_ours(sent: Sequence[Setting], before: Place | None, told: Place) -> bool:
+    """Whether a site that the mount tells can come of what it was sent since: each half is as it was, or as we set it.
+
+    It may have heard one half and not the other.
+    """
+    values = [one.value for one in sent if isinstance(one.value, SetSite)]
+    latitudes = [value.latitude for value in values if value.latitude is not None]
+    longitudes = [value.longitude for value in values if value.longitude is not None]
+    if before is None or not values:
         return False
-    assert value.latitude is not None and value.longitude is not None
-    return (min(abs(told.latitude - before.latitude), abs(told.latitude - value.latitude)) <= SITE_EQUAL
-            and min(_apart(told.longitude, before.longitude), _apart(told.longitude, value.longitude)) <= SITE_EQUAL)
+    return (min(abs(told.latitude - one) for one in (before.latitude, *latitudes)) <= SITE_EQUAL
+            and min(abs(wrap180(told.longitude - one)) for one in (before.longitude, *longitudes)) <= SITE_EQUAL)
 
 
-def clock_is_ours(setting: Setting, before: Moment | None, told: Moment, now: float) -> bool:
+def clock_is_ours(sent: Sequence[Setting], before: Moment | None, told: Moment, now: float) -> bool:
     """The same for its clock: of zone, time and date it may have heard some and not others."""
-    value = setting.running(now)
-    if not isinstance(value, SetClock) or not setting.tried or before is None:
+    values = [value for one in sent if isinstance(value := one.running(now), SetClock)]
+    if before is None or not values:
         return False
-    off = min(abs((told.unix - unix + ZONES / 2) % ZONES - ZONES / 2) for unix in (before.unix, value.unix))
-    return off <= CLOCK_EQUAL
-
-
-def _apart(one: float, other: float) -> float:
-    return abs(wrap180(one - other))
+    times = (before.unix, *(value.unix for value in values))
+    return min(abs((told.unix - unix + ZONES / 2) % ZONES - ZONES / 2) for unix in times) <= CLOCK_EQUAL

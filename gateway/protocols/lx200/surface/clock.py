@@ -80,11 +80,11 @@ def set_piece(session: Session, command: Command, values: dict[str, Any]) -> Han
     if command.name == "SG":
         _keep_local_time(session, draft, -values["offset"])
         session.kept["offset"] = draft["offset"] = -values["offset"]
-    elif command.name == "SL":
-        draft["time"] = (values["time"], session.clock())
     else:
-        draft["date"] = values["date"]
-    if {"time", "date", "offset"} <= draft.keys():
+        piece = "time" if command.name == "SL" else "date"
+        draft[piece] = (values["time"], session.clock()) if piece == "time" else values["date"]
+        draft["carried"] = [name for name in draft.get("carried", ()) if name != piece]
+    if {"time", "date", "offset"} <= draft.keys() and not draft.get("carried"):
         yield from commit(session)
     else:
         yield Defer(QUIET, "commit_quiet")
@@ -92,9 +92,13 @@ def set_piece(session: Session, command: Command, values: dict[str, Any]) -> Han
 
 
 def _keep_local_time(session: Session, draft: dict[str, Any], offset: float) -> None:
-    """A new offset for a local time that was handed on a moment ago: the time goes on, UTC is another one."""
+    """A new offset for a local time that was handed on a moment ago: the time goes on, UTC is another one.
+
+    ``carried`` is what comes of that and not of this client's next pieces, which may follow yet.
+    """
     day, seconds, at, with_offset = session.kept.get("local", (date.min, 0.0, -1e9, offset))
     if "time" not in draft and offset != with_offset and session.clock() - at <= BELONGS:
+        draft["carried"] = ["time"] if "date" in draft else ["time", "date"]
         draft["time"] = (seconds, at)
         draft.setdefault("date", day)
 

@@ -15,6 +15,8 @@ from gateway.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Mom
 from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.spherical import wrap180
 
+#: A time that had to wait so many seconds for the line was late: it is set again, so often at most.
+SET_LATE, SET_TRIES = 2.0, 3
 #: Hours that no local time is away from UTC.
 FARTHEST = 15.0
 
@@ -124,7 +126,7 @@ def set_clock(mount: NexStar, operation: SetClock) -> Steps:
         name, zone, fields = "I", quarters / 4.0, {"quarters": quarters}
     elif mount.knows("H"):
         hours = _zone(operation.offset - dst)
-        present = yield Ask("h")  # this also shows that the line is free: what it waits for, the clock runs on by
+        present = yield Ask("h")
         if operation.dst is None and present["zone"] + present["dst"] == operation.offset:
             hours, dst = present["zone"], present["dst"]
         name, zone, fields = "H", float(hours), {"zone": hours}
@@ -133,9 +135,13 @@ def set_clock(mount: NexStar, operation: SetClock) -> Steps:
         return
     else:
         raise Unsupported("This hand control takes no time.")
-    local = datetime.fromtimestamp(round(operation.unix + mount.now() - began), UTC) + timedelta(hours=zone + dst)
-    yield Ask(name, {"hour": local.hour, "minute": local.minute, "second": local.second, "month": local.month,
-                     "day": local.day, "year": local.year % 100, "dst": dst, **fields})
+    for _ in range(SET_TRIES):
+        asked = mount.now()
+        local = datetime.fromtimestamp(round(operation.unix + asked - began), UTC) + timedelta(hours=zone + dst)
+        yield Ask(name, {"hour": local.hour, "minute": local.minute, "second": local.second, "month": local.month,
+                         "day": local.day, "year": local.year % 100, "dst": dst, **fields})
+        if mount.now() - asked < SET_LATE:
+            return
 
 
 def _zone(offset: float) -> int:
