@@ -89,6 +89,15 @@ class Line:
         return self.talk.typical
 
     @property
+    def occupied(self) -> bool:
+        """Whether the mount is at a long piece of work and hears nothing but a stop."""
+        return self.state == "busy" or self.talk.long
+
+    def worked_after(self, when: float) -> bool:
+        """Whether it has been at a long piece of work since this loop time."""
+        return self.occupied or self.talk.long_until >= when
+
+    @property
     def answers(self) -> int:
         """How many the mount has given."""
         return self.talk.answers

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gateway.operations import Gps, Moment, Place, SetClock, SetSite
+from gateway.operations import Gps, Moment, Operation, Place, SetClock, SetSite
 from gateway.spherical import wrap180
 
-#: Settings this near to what the mount has are not sent again.
+#: Sites this near are one, degrees; and clocks, seconds: a mount that tells another one was set by somebody.
 SITE_EQUAL = 1.0 / 60.0
 CLOCK_EQUAL = 30.0
 
@@ -54,7 +54,7 @@ class Observatory:
         if held is None:
             return None
         moment, at = held
-        return Moment(unix=moment.unix + self._now() - at, offset=moment.offset)
+        return Moment(unix=moment.unix + self._now() - at, offset=moment.offset, dst=moment.dst)
 
     def unix(self) -> float:
         """UTC as the mount sees it, else as the host does."""
@@ -67,19 +67,22 @@ class Observatory:
 
     # --- what was told --------------------------------------------------------------------------------------------
 
-    def mount_says_site(self, place: Place) -> bool:
-        """Take what the mount tells -> whether somebody has changed it there: then that counts, for programs too."""
+    def mount_says_site(self, place: Place, ours: bool = False) -> bool:
+        """Take what the mount tells -> whether somebody has changed it there: then that counts, for programs too.
+
+        What comes of our own setting it is no such change.
+        """
         before, self.mount_site = self.mount_site, place
-        changed = before is not None and not _same_place(before, place)
+        changed = not ours and before is not None and not _same_place(before, place)
         if changed:
             self.kept_site = None
         return changed
 
-    def mount_says_clock(self, moment: Moment) -> bool:
+    def mount_says_clock(self, moment: Moment, ours: bool = False) -> bool:
         """The same for its clock, by more than 30 s."""
         before = self.running(self.mount_clock)
         self.mount_clock = (moment, self._now())
-        changed = before is not None and abs(before.unix - moment.unix) > CLOCK_EQUAL
+        changed = not ours and before is not None and abs(before.unix - moment.unix) > CLOCK_EQUAL
         if changed:
             self.kept_clock = None
         return changed
@@ -119,12 +122,10 @@ class Observatory:
             return False
         return _same_place(place, Place(operation.latitude, operation.longitude))
 
-    def same_clock(self, operation: SetClock) -> bool:
-        """Whether the mount's clock shows that already, within 30 s."""
-        if self.mount_clock is None:
-            return False
-        moment, at = self.mount_clock
-        return abs(moment.unix + self._now() - at - operation.unix) <= CLOCK_EQUAL
+    def same_clock(self, operation: SetClock, seconds: float) -> bool:
+        """Whether the mount's clock shows that already, zone and all, within so many seconds."""
+        shown = self.running(self.mount_clock)
+        return shown is not None and shown.offset == operation.offset and abs(shown.unix - operation.unix) <= seconds
 
     def keep_site(self, operation: SetSite) -> None:
         """Serve this site from now on, whatever the mount thinks."""
@@ -133,7 +134,20 @@ class Observatory:
 
     def keep_clock(self, operation: SetClock) -> None:
         """Serve this clock from now on."""
-        self.kept_clock = (Moment(operation.unix, operation.offset), self._now())
+        self.kept_clock = (Moment(operation.unix, operation.offset, operation.dst), self._now())
+
+    def has_own(self, operation: Operation) -> bool:
+        """Whether the mount has told a site or clock of its own, which can be served instead of this one."""
+        if isinstance(operation, SetClock):
+            return self.mount_clock is not None
+        return isinstance(operation, SetSite) and self.mount_site is not None
+
+    def forget(self, operation: Operation) -> None:
+        """What was kept of this for programs is no longer needed: the mount's own counts."""
+        if isinstance(operation, SetClock):
+            self.kept_clock = None
+        elif isinstance(operation, SetSite):
+            self.kept_site = None
 
 
 def _same_place(one: Place, other: Place) -> bool:

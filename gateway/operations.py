@@ -88,10 +88,14 @@ class Place(Struct, frozen=True):
 
 
 class Moment(Struct, frozen=True):
-    """A clock reading: UTC as Unix seconds and the mount's own offset (local minus UTC, hours, DST counted)."""
+    """A clock reading: UTC as Unix seconds and the mount's own offset (local minus UTC, hours, DST counted).
+
+    ``dst`` are the hours of daylight saving in it, 0 or 1; None where nobody tells.
+    """
 
     unix: float
     offset: float
+    dst: int | None = None
 
 
 class Gps(Struct, frozen=True):
@@ -401,10 +405,11 @@ class SetSite(Operation, frozen=True):
 
 
 class SetClock(Operation, frozen=True):
-    """UTC as Unix seconds and the offset local minus UTC in hours."""
+    """UTC as Unix seconds and the offset local minus UTC in hours; ``dst`` hours of it are daylight saving, if told."""
 
     unix: float
     offset: float
+    dst: int | None = None
 
 
 class ClockFromGps(Operation, frozen=True):

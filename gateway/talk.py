@@ -65,8 +65,8 @@ class Talk:
         #: The last request; and what is to be done in the moment in which the wire is noticed to be lost.
         self.request = b""
         self.on_lost: Callable[[], None] = lambda: None
-        #: At a long piece of work.
-        self.long = False
+        #: At a long piece of work, and when the last one was over.
+        self.long, self.long_until = False, -1e9
         #: When something was written last, seconds of the loop's clock; never yet is long ago.
         self.wrote = -1e9
         #: How long an answer takes, and the last one took on the wire, in seconds; how many there were.
@@ -140,7 +140,7 @@ class Talk:
         began = self.wrote = self._now()
         self.long, self._stops, self._hurried = ask.long, 0, False
         taken = await self._reply(ask, began, settle) if self.send(request) else None
-        self.long = False
+        self.long, self.long_until = False, self._now() if ask.long else self.long_until
         if taken is None:
             return self._unanswered(ask, began)
         outcome, length = taken

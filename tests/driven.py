@@ -214,8 +214,6 @@ async def track_rate(b: Bridge) -> bool:
     await b.hub.perform(op.TrackRate(name="sidereal"))
     await asyncio.sleep(2.0)
     still, _ = await _rate(b, 15.0)
-    if abs(east) < 0.05 and not (await b.hub.perform(op.GetStatus())).equatorial:
-        raise Kept
     return 0.2 < east < 0.7 and abs(still) < 0.05
 
 

@@ -41,8 +41,8 @@ MEADE: dict[str, Refusals] = {
 
 _NO_GPS: Refusals = {"GetGps": "NoDevice", "ClockFromGps": "NoDevice"}
 _NO_PEC: Refusals = {"PeriodicError": "Unsupported"}
-#: In alt-az both axes follow the sky: another rate is kept.
-_FORK: Refusals = {"TrackRate": "Kept"}
+#: In alt-az both axes follow the sky, at the sidereal rate alone.
+_FORK: Refusals = {"TrackRate": "Unsupported"}
 #: Motors before 6.12.
 _NO_PULSES: Refusals = {"Pulse": "Unsupported", "PulseAxis": "Unsupported"}
 #: Before 2.3: the mode is not told, so it is never changed; neither site nor clock.

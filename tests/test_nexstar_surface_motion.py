@@ -168,10 +168,10 @@ def test_and_on_no_others(model: str, version: str) -> None:
     assert talk_to(model, version=version).send(b"t\x54\3t") == b"\2##\3#"
 
 
-def test_a_mount_that_cannot_stop_tracking_keeps_the_word_for_it() -> None:
+def test_a_mount_that_cannot_stop_tracking_goes_on_telling_that_it_tracks() -> None:
     talk = talk_to()
     talk.mount.faults[op.SetTracking] = Unsupported()
-    assert talk.send(b"T\0t") == b"#\0#"
+    assert talk.send(b"T\0t") == b"#\2#"
     del talk.mount.faults[op.SetTracking]
     assert talk.send(b"T\2t") == b"#\2#"
     talk.mount.faults[op.SetTracking] = NoAnswer()

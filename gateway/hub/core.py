@@ -156,6 +156,7 @@ class Hub:
         if self.driver.unsure:  # it is looked at until it is seen to be over
             self.snapshot.put(op.Slewing, True, self.now())
         self.slumber.doubt()
+        self.settings.sync.doubt()
         if self._identifying is not None:
             self._identifying.cancel()
         self._identifying = self.spawn(self._identify())
@@ -181,6 +182,7 @@ class Hub:
         await self._learn(op.GetStatus())
         await self._learn(op.GetSite())
         await self._learn(op.GetClock())
+        self.settings.sync.resume()
         self.settled.set()
 
     async def _learn(self, operation: op.Operation) -> None:
@@ -192,10 +194,8 @@ class Hub:
         except Fault as fault:
             self.transcript.note("mount", str(fault))
             return
-        if isinstance(value, op.Place):
-            self.observatory.mount_says_site(value)
-        elif isinstance(value, op.Moment):
-            self.observatory.mount_says_clock(value)
+        if isinstance(value, op.Place | op.Moment):
+            self.settings.sync.heard(value)
         else:
             self.snapshot.put(type(operation), value, self.now())
 

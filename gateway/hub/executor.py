@@ -41,6 +41,13 @@ class HubExecutor:
         return self._hub.line.state == "down"
 
     @property
+    def deaf(self) -> bool:
+        return self._hub.line.occupied
+
+    def was_deaf(self, since: float) -> bool:
+        return self._hub.line.worked_after(since)
+
+    @property
     def served(self) -> bool:
         return self._hub.line.state == "up" and self._hub.line.served
 

@@ -1,12 +1,13 @@
-"""Site and clock: told from what is known, taken from clients at once, handed on to the mount where the policy allows.
+"""Site and clock: told from what is known, taken from clients at once, owed to the mount until it has been told.
 
 Telling an aligned hand control its site or time may cost the alignment, so by default only an unaligned one is told;
-what is not sent is kept here and said once in the log.
+what is not sent is kept here and said once in the log. ``sync_settings.py`` does the telling.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from msgspec.structs import replace
 
 from gateway import operations as op
 from gateway.errors import Fault, NoAnswer, NoDevice
+from gateway.hub.sync_settings import SyncSettings
 from gateway.line import READ, SETTING
 
 if TYPE_CHECKING:
@@ -31,6 +33,7 @@ class SiteAndClock:
 
     def __init__(self, hub: Hub) -> None:
         self._hub, self._observatory = hub, hub.observatory
+        self.sync = SyncSettings(hub)
         self.handlers: dict[type[op.Operation], Callable[[Any], Any]] = {
             op.GetSite: self._get_site,
             op.GetClock: self._get_clock,
@@ -39,6 +42,9 @@ class SiteAndClock:
             op.SetClock: self._set_clock,
             op.GetGps: self._get_gps,
             op.ClockFromGps: self._clock_from_gps,
+            op.SetGuideRate: self.sync.now_or_later,
+            op.Backlash: self.sync.now_or_later,
+            op.PeriodicError: self._periodic_error,
         }
         self._gps: tuple[op.Gps, float] | None = None
         self._looking = asyncio.Lock()
@@ -102,99 +108,51 @@ class SiteAndClock:
         whole = self._observatory.set_site_half(operation)
         self._hub.snapshot.version += 1
         if whole is not None:
-            self._hub.spawn(self._hand_on_site())
+            self._owe_site()
         else:
-            self._hub.loop.call_later(HALF_SITE, lambda: self._hub.spawn(self._hand_on_site()))
+            self._hub.loop.call_later(HALF_SITE, self._owe_site)
 
-    async def _hand_on_site(self) -> None:
+    def _owe_site(self) -> None:
         whole = self._observatory.take_site()
-        if whole is None:
-            return
-        same = self._observatory.same_site(whole)
-        if not same:
+        if whole is not None and not self._hub.closed:
             self._observatory.keep_site(whole)
-        if await self._to_be_told(same, "site"):
-            try:
-                await self._hub.drive(self._hub.driver.perform(whole), SETTING)
-            except Fault as fault:
-                self._hub.transcript.note("mount", f"site kept in the gateway: {fault}")
-            else:
-                assert whole.latitude is not None
-                assert whole.longitude is not None
-                self._observatory.mount_says_site(op.Place(whole.latitude, whole.longitude))
-                same = True
-        if same:
-            self._observatory.kept_site = None
-        self._hub.snapshot.version += 1
+            self.sync.owe(whole)
+            self._hub.snapshot.version += 1
 
     async def _set_clock(self, operation: op.SetClock) -> None:
         """The client is believed at once."""
-        at = self._hub.now()
-        same = self._observatory.same_clock(operation)
-        if same:
-            self._observatory.kept_clock = None
-        else:
-            self._observatory.keep_clock(operation)
+        self._observatory.keep_clock(operation)
         self._hub.snapshot.version += 1
-        self._hub.spawn(self._hand_on_clock(operation, at, same))
+        self.sync.owe(operation)
 
     async def _clock_from_gps(self, operation: op.ClockFromGps) -> None:
         """Where the mount's clock must not be set, the gateway's is. Raises NoDevice."""
-        if await self._to_be_told(False, "clock"):
+        try:
+            mount_too = await self.sync.may_be_told()
+        except Fault:
+            mount_too = False
+        if mount_too:
             await self._hub.drive(self._hub.driver.perform(operation), SETTING)
             await self.renew(op.GetClock)
             return
+        self._hub.transcript.note_once("mount", "the clock that was set by the GPS is kept in the gateway")
         seen = await self._get_gps(op.GetGps())
         if not seen.linked or seen.unix is None:
             raise NoDevice("The GPS is not linked.")
         present = self._observatory.clock()
-        self._observatory.keep_clock(op.SetClock(seen.unix, present.offset if present else 0.0))
+        self._observatory.keep_clock(op.SetClock(seen.unix, present.offset, present.dst) if present else
+                                     op.SetClock(seen.unix, 0.0))
         self._hub.snapshot.version += 1
 
-    async def _hand_on_clock(self, operation: op.SetClock, at: float, same: bool) -> None:
-        if not await self._to_be_told(same, "clock"):
-            return
-        hub = self._hub
-        moment = op.SetClock(operation.unix + hub.now() - at, operation.offset)
-        try:
-            await hub.drive(hub.driver.perform(moment), SETTING)
-            value = await hub.drive(hub.driver.perform(op.GetClock()), READ)
-        except Fault as fault:
-            hub.transcript.note("mount", f"clock kept in the gateway: {fault}")
-            return
-        self._observatory.mount_says_clock(value)
-        self._observatory.kept_clock = None
-        hub.snapshot.version += 1
-
-    async def _to_be_told(self, same: bool, what: str) -> bool:
-        """Whether the mount is to be told a site or a clock that a client has set."""
-        hub = self._hub
-        if hub.policy.site_time == "never":
-            hub.transcript.note_once("mount", f"the {what} that was set is kept in the gateway (site-time = never)")
-            return False
-        try:
-            status = await hub.read(op.GetStatus())
-        except Fault:
-            return False
-        if not status.aligned or hub.driver.takes_site_aligned:
-            return True
-        if same:
-            return False
-        if hub.policy.site_time == "always" and not hub.driver.loses_alignment:
-            return True
-        hub.transcript.note_once("mount", f"the mount is aligned: the {what} that was set is kept in the gateway")
-        return False
+    async def _periodic_error(self, operation: op.PeriodicError) -> None:
+        """On or off is a setting; a toggle is pressed once, heard or not. Raises Fault."""
+        if operation.on is None:
+            await self._hub.drive(self._hub.driver.perform(operation), SETTING)
+        else:
+            await self.sync.now_or_later(operation)
 
     async def renew(self, kind: type[op.GetSite | op.GetClock]) -> None:
         """Read the mount's site or clock again; what somebody has set there is in force here as well."""
         hub = self._hub
-        try:
-            value = await hub.drive(hub.driver.perform(kind()), READ)
-        except Fault:
-            return
-        of_clock = kind is op.GetClock
-        told = self._observatory.mount_says_clock if of_clock else self._observatory.mount_says_site
-        if told(value):
-            what = "clock" if of_clock else "site"
-            hub.transcript.note("mount", f"the {what} was changed at the mount; it is in force here, too")
-            hub.snapshot.version += 1
+        with contextlib.suppress(Fault):
+            self.sync.heard(await hub.drive(hub.driver.perform(kind()), READ))

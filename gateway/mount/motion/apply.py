@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from gateway import operations as op
 from gateway.errors import Refused
 from gateway.motion_kinds import BEGUN_ANEW, ENDS, GOTOS, axis_moved
+from gateway.mount.motion.patience import without_older_gotos
 from gateway.mount.motion.wanted import (
     AGAIN,
     FIRST,
@@ -110,10 +111,11 @@ def _by_hand(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 
 def _goto(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
-    """What is pressed from now on is newer than this; guide pulses that wait are over."""
+    """What is pressed from now on is newer than this; guide pulses and deferred gotos are over."""
     waiting = tuple(other for other in wanted.pending
                     if pulses(other) is None or other.follow_up or other.number == wanted.active)
-    return _asked(replace(wanted, gotos=wanted.gotos + 1, pending=waiting), order, now, slewing)
+    wanted = without_older_gotos(replace(wanted, gotos=wanted.gotos + 1, pending=waiting))
+    return _asked(wanted, order, now, slewing)
 
 
 def _pulse(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:

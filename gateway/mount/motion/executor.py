@@ -25,6 +25,13 @@ class Executor(Protocol):
         """Whether the line is lost."""
 
     @property
+    def deaf(self) -> bool:
+        """Whether the mount is at a long piece of work, and hears nothing but a stop."""
+
+    def was_deaf(self, since: float) -> bool:
+        """Whether it has been at one since this loop time."""
+
+    @property
     def served(self) -> bool:
         """Whether the line is up, and somebody works on it."""
 

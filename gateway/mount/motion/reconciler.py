@@ -17,13 +17,14 @@ from msgspec.structs import replace
 
 from gateway import operations as op
 from gateway.driver import Driver, Later
-from gateway.errors import Fault, Stopped
+from gateway.errors import Busy, Fault, Stopped
 from gateway.line import MOTION, SETTING, STOP
 from gateway.motion_kinds import ENDS, MOVING
 from gateway.mount.motion import outcomes
 from gateway.mount.motion.apply import apply, does_for, interrupted, stopped, take_back
 from gateway.mount.motion.executor import Executor
 from gateway.mount.motion.next_operation import next_moment, next_operation
+from gateway.mount.motion.patience import forsaken, may_wait, patient, put_off
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, RESUMED, Order, Theirs, Wanted
 from gateway.mount.safety.dead_man import HostActivity
 
@@ -102,10 +103,11 @@ class Reconciler:
         if self._closed or self._too_late(operation, stops):
             return self._decided(None)
         wakes = isinstance(operation, op.Wake) and self._driver.asleep  # what is before it would not be heard
-        order = Order(next(self._numbers), operation, by, rank=FIRST if wakes else IN_ORDER)
+        now = self._loop.time()
+        order = Order(next(self._numbers), operation, by, rank=FIRST if wakes else IN_ORDER, since=now)
         before = self.wanted
         try:
-            after = apply(before, order, self._loop.time(), self._executor.slewing)
+            after = apply(before, order, now, self._executor.slewing)
         except Fault as fault:
             return self._decided(fault)
         if after.stops != before.stops:
@@ -261,6 +263,9 @@ class Reconciler:
         if self._closed or self._work is not None or (self._stopping is not None and not self._stopping.done()):
             return
         order = next_operation(self.wanted, self._loop.time())
+        while order is not None and self._executor.deaf and patient(order):
+            self._put_off(order)
+            order = next_operation(self.wanted, self._loop.time())
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -271,6 +276,17 @@ class Reconciler:
             self._work.add_done_callback(partial(self._has_ended, order))
         elif (moment := next_moment(self.wanted)) is not None:
             self._timer = self._loop.call_at(moment, self._go_on)
+
+    def _put_off(self, order: Order) -> None:
+        """The mount does not hear now: look again a little later, while somebody wants it and it is not too late."""
+        now = self._loop.time()
+        if may_wait(order, now) and not forsaken(order):
+            self._want(put_off(self.wanted, order, now))
+            return
+        outcome = self._outcomes.get(order.number)
+        if outcome is not None and not forsaken(order):
+            self._outcomes.pop(order.number).set_exception(Busy())
+        self._want(outcomes.refused(self.wanted, order))
 
     async def _carry_out(self, order: Order) -> tuple[op.Operation, Any]:
         """-> the operation as it was admitted, and its answer."""
@@ -315,6 +331,13 @@ class Reconciler:
             self._moves(order, order.operation)
 
     def _has_failed(self, order: Order, error: BaseException, outcome: asyncio.Future[Any] | None) -> None:
+        now = self._loop.time()
+        if (isinstance(error, Busy) and order.rank >= 0 and patient(order) and may_wait(order, now)
+                and self._executor.was_deaf(order.since)):  # it began to calculate while this was prepared
+            if outcome is not None:
+                self._outcomes[order.number] = outcome
+            self._want(put_off(self.wanted, order, now))
+            return
         if outcome is not None:
             outcome.set_exception(error)
         if order.rank < 0:  # nobody wants it any more

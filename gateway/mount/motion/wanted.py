@@ -24,16 +24,18 @@ AT_ONCE, AGAIN = 1, 1.0
 class Order(Struct, frozen=True):
     """Something that was asked for and is not done.
 
-    ``number`` counts the orders, ``by`` is the connection it came from, ``at`` the loop time before which it is not
-    due. A ``follow_up`` is the gateway's own, and ``urgent`` when it ends a motion. ``unless`` is the number of a goto
-    after whose beginning it is void. Of a halt it is known whether it ``overtakes`` what waits, and the
-    ``repeats`` of an equal one before it while nothing else was asked for (``asked`` counts that).
+    ``number`` counts the orders, ``by`` is the connection it came from, ``since`` the loop time at which it came,
+    ``at`` the one before which it is not due. A ``follow_up`` is the gateway's own, and ``urgent`` when it ends a
+    motion. ``unless`` is the number of a goto after whose beginning it is void. Of a halt it is known whether it
+    ``overtakes`` what waits, and the ``repeats`` of an equal one before it while nothing else was asked for (``asked``
+    counts that).
     """
 
     number: int
     operation: Operation
     by: HostActivity | None = None
     rank: int = IN_ORDER
+    since: float = 0.0
     at: float = 0.0
     follow_up: bool = False
     urgent: bool = False

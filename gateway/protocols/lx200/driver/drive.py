@@ -10,7 +10,7 @@ from gateway.driver import Steps
 from gateway.errors import Refused, Unsupported
 from gateway.operations import Backlash, Focus, PeriodicError, SetTracking, Sleep, Tracking, TrackRate, Wake
 from gateway.protocols.lx200.driver.ends import FOCUSER, begins, end
-from gateway.protocols.lx200.driver.identify import own_mode
+from gateway.protocols.lx200.driver.identify import own_mode, read_status
 from gateway.protocols.lx200.driver.state import Meade, ask
 
 SIDEREAL_HERTZ = 60.16427
@@ -22,14 +22,20 @@ _FAST_FOCUS = 3
 
 
 def set_tracking(mount: Meade, operation: SetTracking) -> Steps:
-    """:AL and back, only on models that report :GW - elsewhere these letters destroy the alignment."""
+    """:AL and back, only on models that report :GW - elsewhere these letters destroy the alignment.
+
+    What it does already is not sent, when it says so itself at this moment: somebody may have changed it at its keys,
+    and in land mode it may tell T while it slews.
+    """
+    if (own_mode(mount) if operation.on else Tracking.OFF) is mount.tracking:
+        yield from read_status(mount)
     wanted = own_mode(mount) if operation.on else Tracking.OFF
-    if wanted is mount.tracking and not (operation.on and mount.parked):
+    if wanted is mount.tracking and not (operation.on and (mount.parked or mount.land)):
         return
     if not mount.tells_status:
         raise Unsupported("The mount keeps tracking: switching it off would destroy its alignment.")
     yield from ask(mount, "AL" if not operation.on else {"A": "AA", "P": "AP", "G": "AP"}[mount.home_letter])
-    mount.tracking = wanted
+    mount.tracking, mount.land = wanted, not operation.on
 
 
 def rest(mount: Meade, _: Sleep) -> Steps:
@@ -44,6 +50,7 @@ def rise(mount: Meade, _: Wake) -> Steps:
 
 def track_rate(mount: Meade, operation: TrackRate) -> Steps:
     """:TQ :TS :TL, any other one in hertz: 60.1 to 60.2 is sidereal, and a classic has the nearest in its range."""
+    mount.rate = operation
     hertz = round((operation.factor or 1.0) * SIDEREAL_HERTZ, 1)
     if operation.name is not None or _SIDEREAL[0] <= hertz <= _SIDEREAL[1]:
         yield from _named(mount, operation.name or "sidereal")

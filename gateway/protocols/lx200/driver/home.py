@@ -11,7 +11,7 @@ import contextlib
 from gateway.driver import Later, Pause, Steps
 from gateway.errors import Busy, Fault, NoAnswer, Unsupported
 from gateway.operations import Home, HomeState, Operation, Park, SetHome, SetTracking, Sleep, Tracking, Unpark, Wake
-from gateway.protocols.lx200.driver.drive import set_tracking
+from gateway.protocols.lx200.driver.drive import set_tracking, track_rate
 from gateway.protocols.lx200.driver.ends import MOUNT, begins
 from gateway.protocols.lx200.driver.identify import read_status
 from gateway.protocols.lx200.driver.pointing import begin, clear_the_way, still_seeking
@@ -75,6 +75,8 @@ def unpark(mount: Meade, _: Unpark) -> Steps:
         with contextlib.suppress(NoAnswer):
             yield from ask(mount, "I")
         mount.asleep_as_told = False
+        if mount.rate is not None:  # that was a new start, at its own rate
+            yield from track_rate(mount, mount.rate)
     elif mount.parked and not mount.tells_status:
         raise Unsupported("This telescope comes back into service with the next goto.")
     mount.parked = False

@@ -18,6 +18,7 @@ def identity(mount: Meade, _: Operation) -> Steps:
     letter = yield from _probe("ACK")
     if letter is not None:
         _learn_letter(mount, letter["mode"])
+        mount.land = letter["mode"] == "L"
     product = yield from _probe("GVP")
     mount.product = product["product"] if product else ""
     if mount.named_model is None:
@@ -75,8 +76,13 @@ def read_status(mount: Meade) -> Steps:
     if mount.tells_status:
         answer = yield from ask(mount, "GW")
         tracks = answer["tracking"] == "T"
-        if tracks or answer["build"] in "PG" or mount.home_letter == "A" or not (yield from _in_land_mode()):
+        if answer["build"] in "PG" or mount.home_letter == "A":
             _learn_letter(mount, answer["build"])
+        else:
+            mount.land = yield from _in_land_mode()
+            if not mount.land:
+                _learn_letter(mount, answer["build"])
+        mount.land = mount.land and not (tracks and mount.goto is None)
         mount.aligned = answer["aligned"] not in "0"
         mount.asleep_as_told = mount.asleep_as_told and not tracks  # somebody has woken it at its keys
     else:
@@ -92,8 +98,8 @@ def read_status(mount: Meade) -> Steps:
 def _in_land_mode() -> Steps:
     """Whether the alignment mode is L.
 
-    Of a polar telescope whose tracking is off for that reason, ``:GW#`` may tell an A. How it stands is then what it
-    said before; if somebody has taken it off its wedge, the alignment mode is an A.
+    Of a polar telescope whose tracking is off for that reason, ``:GW#`` may tell an A, and a T while it slews. How it
+    stands is then what it said before; if somebody has taken it off its wedge, the alignment mode is an A.
     """
     answer = yield from _probe("ACK")
     return answer is not None and answer["mode"] == "L"

@@ -71,9 +71,10 @@ def clock_from_gps(mount: Meade, _: ClockFromGps) -> Steps:
 
 def set_clock(mount: Meade, operation: SetClock) -> Steps:
     """:SG :SL :SC - quarter hours as the next lower half, with the local time to match."""
-    offset = operation.offset * 2 // 1 / 2
-    local = datetime.fromtimestamp(round(operation.unix), UTC) + timedelta(hours=offset)
-    day = datetime.fromtimestamp(round(operation.unix), UTC).date() if mount.facts["utc_date"] else local.date()
+    offset, began = operation.offset * 2 // 1 / 2, mount.now()
     yield from ask(mount, "SG", offset=-offset)
+    universal = datetime.fromtimestamp(round(operation.unix + mount.now() - began), UTC)  # the line may have been slow
+    local = universal + timedelta(hours=offset)
+    day = universal.date() if mount.facts["utc_date"] else local.date()
     yield from ask(mount, "SL", time=local.hour * 3600 + local.minute * 60 + local.second)
     yield from ask(mount, "SC", date=day)

@@ -9,13 +9,15 @@ from msgspec import Struct
 
 from gateway.driver import Ask, Driver, Pause, Steps
 from gateway.errors import Busy, Refused, Unsupported
-from gateway.operations import Place, Rate, Tracking
+from gateway.operations import Place, Rate, Tracking, TrackRate
 from gateway.tables import load
 
 SIDEREAL = 15.041067  # arcseconds a second
 BUSY_RETRIES, BUSY_WAIT = 6, 0.4
 #: What takes a telescope long, in seconds at most: a classic calculates its planets, an LX200GPS finds its satellites.
 LONG = {"SC": 14.0, "gT": 600.0}
+#: Differs from every rate that may be wanted.
+UNKNOWN = -1
 #: What turns a motor, which has no power while the telescope sleeps.
 TURNS_MOTORS = frozenset({"MS", "MA", "Mn", "Ms", "Me", "Mw", "Mg", "hP", "hS", "hF"})
 #: All that is understood while it seeks its home; a Meade that is asked anything else says NAK, or nothing.
@@ -58,9 +60,13 @@ class Meade(Driver):
         # alignment and tracking
         self.letter = "A"
         self.home_letter = "A"
+        #: It was put into land mode, in which it does not track.
+        self.land = False
         self.tells_status = False
         self.aligned = True
         self.tracking = Tracking.ALTAZ
+        #: The drive rate that was asked for last; None for its own.
+        self.rate: TrackRate | None = None
         # motion
         self.goto: GotoState | None = None
         self.moving: dict[int, str] = {}
@@ -72,18 +78,27 @@ class Meade(Driver):
         self.parked = False
         self.guide_rate = 1.0  # what is meant by it, a fraction of sidereal
         self.site: Place | None = None
+        #: What :Sw was sent last, degrees a second; None before the first.
+        self.fastest: int | None = None
+        #: Axes with a rate of their own (:RA :RE); the guide rate sent last (:Rg).
+        self.free_axes: set[int] = set()
+        self.guides_at = 1.0
         self.power_on()
 
     def power_on(self) -> None:
-        """What no Meade tells, as after switching it on: that may have happened while the line was lost."""
-        #: It seeks its home; ``fastest`` is what :Sw was sent last, degrees a second.
+        """What no Meade tells, as after switching it on: that may have happened while the line was lost, or not.
+
+        So a register that was changed may hold either value, and is sent before it is used again.
+        """
+        #: It seeks its home.
         self.seeking = False
         #: It was told to sleep: its motors have no power, though it may say yes to a goto.
         self.asleep_as_told = False
-        self.fastest: int | None = None
-        #: Axes with a rate of their own (:RA :RE); the guide rate sent last (:Rg); whether it corrects periodic errors.
-        self.free_axes: set[int] = set()
-        self.guides_at = 1.0
+        if self.fastest is not None:
+            self.fastest = UNKNOWN
+        if self.guides_at != 1.0:
+            self.guides_at = float(UNKNOWN)
+        #: Whether it corrects periodic errors.
         self.corrects = False
 
     @property
@@ -109,11 +124,17 @@ class Meade(Driver):
         return self.home_letter in "PG"
 
     def memory(self, moving: bool) -> dict[str, Any]:
-        """A telescope keeps its home itself, and stops by a command that all of them have."""
-        return {"parked": True} if self.parked else {}
+        """A telescope keeps its home itself, and stops by a command that all of them have.
+
+        How it stands is remembered while its tracking is off: some do not tell it then.
+        """
+        stands = {"stands": self.home_letter} if self.land and self.equatorial else {}
+        return {**stands, **({"parked": True} if self.parked else {})}
 
     def recall(self, memory: Mapping[str, Any], moving: bool) -> None:
         self.parked = memory.get("parked") is True
+        if memory.get("stands") in ("P", "G"):
+            self.home_letter = memory["stands"]
 
     @property
     def german(self) -> bool | None:  # type: ignore[override]

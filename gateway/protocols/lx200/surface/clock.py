@@ -19,6 +19,8 @@ from gateway.tables import Command
 
 #: One pause after the last piece, then what is there is taken.
 QUIET = 2.0
+#: An offset that comes this long after the local time still belongs to it: the local time stays, as on a Meade.
+BELONGS = 60.0
 _TEXT = "Updating        planetary data. "
 
 
@@ -76,16 +78,29 @@ def set_piece(session: Session, command: Command, values: dict[str, Any]) -> Han
     draft = _draft(session)
     draft["touched"] = session.clock()
     if command.name == "SG":
+        _keep_local_time(session, draft, -values["offset"])
         session.kept["offset"] = draft["offset"] = -values["offset"]
-    elif command.name == "SL":
-        draft["time"] = (values["time"], session.clock())
     else:
-        draft["date"] = values["date"]
-    if {"time", "date", "offset"} <= draft.keys():
+        piece = "time" if command.name == "SL" else "date"
+        draft[piece] = (values["time"], session.clock()) if piece == "time" else values["date"]
+        draft["carried"] = [name for name in draft.get("carried", ()) if name != piece]
+    if {"time", "date", "offset"} <= draft.keys() and not draft.get("carried"):
         yield from commit(session)
     else:
         yield Defer(QUIET, "commit_quiet")
     return {"text": _TEXT, "blank": " " * 32} if command.name == "SC" else None
+
+
+def _keep_local_time(session: Session, draft: dict[str, Any], offset: float) -> None:
+    """A new offset for a local time that was handed on a moment ago: the time goes on, UTC is another one.
+
+    ``carried`` is what comes of that and not of this client's next pieces, which may follow yet.
+    """
+    day, seconds, at, with_offset = session.kept.get("local", (date.min, 0.0, -1e9, offset))
+    if "time" not in draft and offset != with_offset and session.clock() - at <= BELONGS:
+        draft["carried"] = ["time"] if "date" in draft else ["time", "date"]
+        draft["time"] = (seconds, at)
+        draft.setdefault("date", day)
 
 
 def commit_quiet(session: Session, command: Command | None, values: dict[str, Any]) -> Handling:
@@ -114,6 +129,8 @@ def commit(session: Session) -> Handling:
         elapsed = session.clock() - at
     else:
         seconds, elapsed = now.hour * 3600 + now.minute * 60 + now.second + now.microsecond / 1e6, 0.0
+    if "time" in pieces or "local" in session.kept:
+        session.kept["local"] = day, seconds, session.clock() - elapsed, offset
     yield SetClock(_instant(session, day, seconds, offset) + elapsed, offset)
 
 

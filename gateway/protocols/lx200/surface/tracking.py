@@ -24,9 +24,9 @@ def alignment(session: Session, command: Command, values: dict[str, Any]) -> Han
 
 
 def _letter(session: Session) -> Handling:
-    if session.kept.get("land"):
-        return "L"
     status: Status = yield GetStatus()
+    if session.kept.get("land") and status.tracking is Tracking.OFF:
+        return "L"
     return "P" if status.equatorial else "A"
 
 
@@ -55,9 +55,9 @@ def align(session: Session, command: Command, values: dict[str, Any]) -> Handlin
 
 
 def land(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """:AL - tracking off."""
+    """:AL - tracking off. What comes next is told what became of it."""
     session.kept["land"] = True
-    yield Start(SetTracking(on=False))
+    yield SetTracking(on=False)
 
 
 def track(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -68,8 +68,8 @@ def track(session: Session, command: Command, values: dict[str, Any]) -> Handlin
 
 def named_rate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:TQ :TS :TL"""
-    name, session.shared["hertz"] = _NAMED[command.name]
-    yield Start(TrackRate(name=name))
+    name, hertz = _NAMED[command.name]
+    yield from _drive(session, TrackRate(name=name), hertz)
 
 
 def tell_hertz(session: Session, command: Command, values: dict[str, Any]) -> dict[str, float]:
@@ -84,21 +84,24 @@ def set_hertz(session: Session, command: Command, values: dict[str, Any]) -> Han
     hertz = values["hertz"]
     if not 0 < hertz < 100:
         raise Invalid("The tracking rate is given in hertz, 60.1 for sidereal.")
-    session.shared["manual hertz"] = hertz
-    yield from _drive(session, hertz)
+    yield from _drive_at(session, hertz)
 
 
 def custom(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:TM :T+ :T- - the manual rate, a tenth of a hertz more or less."""
     step = {"TM": 0.0, "T+": 0.1, "T-": -0.1}[command.name]
     hertz = round(session.shared.get("manual hertz", 60.1) + step, 3)
-    hertz = session.shared["manual hertz"] = max(0.1, min(99.9, hertz))
-    yield from _drive(session, hertz)
+    yield from _drive_at(session, max(0.1, min(99.9, hertz)))
 
 
-def _drive(session: Session, hertz: float) -> Handling:
-    session.shared["hertz"] = min(hertz, 99.9)
-    if 60.1 <= round(hertz, 3) <= 60.2:
-        yield Start(TrackRate(name="sidereal"))
-    else:
-        yield Start(TrackRate(factor=hertz / SIDEREAL_HERTZ))
+def _drive_at(session: Session, hertz: float) -> Handling:
+    sidereal = 60.1 <= round(hertz, 3) <= 60.2
+    rate = TrackRate(name="sidereal") if sidereal else TrackRate(factor=hertz / SIDEREAL_HERTZ)
+    yield from _drive(session, rate, min(hertz, 99.9))
+    session.shared["manual hertz"] = hertz
+
+
+def _drive(session: Session, rate: TrackRate, hertz: float) -> Handling:
+    """A rate that the mount has taken is told from then on. Raises Fault: then the former one is."""
+    yield rate
+    session.shared["hertz"] = hertz

@@ -15,6 +15,8 @@ from gateway.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Mom
 from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.spherical import wrap180
 
+#: A time that had to wait so many seconds for the line was late: it is set again, so often at most.
+SET_LATE, SET_TRIES = 2.0, 3
 #: Hours that no local time is away from UTC.
 FARTHEST = 15.0
 
@@ -93,11 +95,11 @@ def clock_from_gps(mount: NexStar, _: ClockFromGps) -> Steps:
     seen = yield from gps(mount, GetGps())
     if not seen.linked:
         raise NoDevice("The GPS is not linked.")
-    offset = 0.0
+    offset, dst = 0.0, None
     if mount.knows("h"):
         present = yield Ask("h")
-        offset = float(present["zone"] + present["dst"])
-    yield from set_clock(mount, SetClock(seen.unix, offset))
+        offset, dst = float(present["zone"] + present["dst"]), present["dst"]
+    yield from set_clock(mount, SetClock(seen.unix, offset, dst))
 
 
 def _moment(fields: dict[str, int], zone: float, century: int = 2000) -> Moment:
@@ -109,21 +111,23 @@ def _moment(fields: dict[str, int], zone: float, century: int = 2000) -> Moment:
                         fields["hour"], fields["minute"], fields["second"])
     except ValueError as error:
         raise Unsupported(f"The hand control's clock is impossible: {error}.") from None
-    return Moment(unix=local - offset * 3600.0, offset=offset)
+    return Moment(unix=local - offset * 3600.0, offset=offset, dst=fields.get("dst"))
 
 
 def set_clock(mount: NexStar, operation: SetClock) -> Steps:
-    """``I`` or ``H``: zone as near as the mount can count, daylight saving 0, local time to match; UTC is exact.
+    """``I`` or ``H``: zone as near as the mount can count, local time to match; UTC is exact.
 
-    Where the mount's own zone and daylight saving already make that offset, they are left as they are.
+    Where nobody has told whether daylight saving is in it there is none, unless the mount's own zone and daylight
+    saving already make that offset: then they are left as they are.
     """
+    dst, began = operation.dst or 0, mount.now()
     if mount.knows("I") and not mount.starsense:
-        quarters, dst = round(operation.offset * 4), 0
+        quarters = round((operation.offset - dst) * 4)
         name, zone, fields = "I", quarters / 4.0, {"quarters": quarters}
     elif mount.knows("H"):
-        hours, dst = _zone(operation.offset), 0
+        hours = _zone(operation.offset - dst)
         present = yield Ask("h")
-        if present["zone"] + present["dst"] == operation.offset:
+        if operation.dst is None and present["zone"] + present["dst"] == operation.offset:
             hours, dst = present["zone"], present["dst"]
         name, zone, fields = "H", float(hours), {"zone": hours}
     elif mount.has("rtc") and mount.knows("rtc_set_date"):
@@ -131,9 +135,13 @@ def set_clock(mount: NexStar, operation: SetClock) -> Steps:
         return
     else:
         raise Unsupported("This hand control takes no time.")
-    local = datetime.fromtimestamp(round(operation.unix), UTC) + timedelta(hours=zone + dst)
-    yield Ask(name, {"hour": local.hour, "minute": local.minute, "second": local.second, "month": local.month,
-                     "day": local.day, "year": local.year % 100, "dst": dst, **fields})
+    for _ in range(SET_TRIES):
+        asked = mount.now()
+        local = datetime.fromtimestamp(round(operation.unix + asked - began), UTC) + timedelta(hours=zone + dst)
+        yield Ask(name, {"hour": local.hour, "minute": local.minute, "second": local.second, "month": local.month,
+                         "day": local.day, "year": local.year % 100, "dst": dst, **fields})
+        if mount.now() - asked < SET_LATE:
+            return
 
 
 def _zone(offset: float) -> int:

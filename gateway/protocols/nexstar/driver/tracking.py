@@ -7,7 +7,7 @@ axis moves and put back once after the last one has stopped (NexStar protocol, S
 from __future__ import annotations
 
 from gateway.driver import Ask, Later, Steps
-from gateway.errors import Fault, NoDevice, Refused, Unsupported
+from gateway.errors import NoDevice, Refused, Unsupported
 from gateway.operations import GetStatus, GuideRate, Operation, SetGuideRate, SetTracking, Status, Tracking, TrackRate
 from gateway.protocols.nexstar.driver.state import NexStar
 
@@ -181,10 +181,13 @@ def verify(mount: NexStar, operation: VerifyTracking) -> Steps:
 
 def track_rate(mount: NexStar, operation: TrackRate) -> Steps:
     """Sidereal by ``T``; the named rates by the motor's own codes; any other one as fine as the motor takes it."""
-    mount.rate = operation
     mode = own_mode(mount)
     if mode is None or not mode.equatorial or not mount.knows("rate_azm_pos"):
-        return  # in alt-az both axes follow the sky: the rate is kept, the tracking stays the mount's
+        if operation.name == "sidereal":
+            mount.rate = operation
+            return
+        raise Unsupported("This mount follows the sky by both axes, at the sidereal rate alone.")
+    mount.rate = operation
     if mount.goto is not None:
         return  # it would end the goto of one axis; it is sent when the goto is over
     if mount.remembered is not None or (mount.tracking or Tracking.OFF) is Tracking.OFF:
@@ -224,5 +227,5 @@ def set_guide_rate(mount: NexStar, operation: SetGuideRate) -> Steps:
     value = max(0, min(255, round(operation.rate * 256)))
     try:
         yield Ask("set_guide_rate", {"device": 15 + operation.axis, "rate": value})
-    except Fault as fault:
+    except NoDevice as fault:
         raise Unsupported("This mount's motors have no guide rate.") from fault

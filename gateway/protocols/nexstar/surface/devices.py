@@ -110,7 +110,7 @@ def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Han
     except ValueError:
         return
     if now.year in CENTURY:
-        yield SetClock(now.timestamp(), moment.offset)
+        yield SetClock(now.timestamp(), moment.offset, moment.dst)
 
 
 def absent(session: Session, command: Command, values: dict[str, Any]) -> None:

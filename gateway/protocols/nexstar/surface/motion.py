@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
-from gateway.errors import Fault, Unsupported
+from gateway.errors import Fault
 from gateway.operations import (
     Backlash,
     GetStatus,
@@ -78,10 +79,8 @@ def _modes(session: Session) -> dict[int, Tracking]:
 
 
 def mode(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """t - binary. A program that said T 0 to a mount which cannot stop tracking is told 0 all the same."""
+    """t - binary. What is: a mount that cannot stop tracking goes on after T 0."""
     status: Status = yield GetStatus()
-    if session.kept.get("tracking off"):
-        return {"mode": 0}
     return {"mode": next((code for code, known in _modes(session).items() if known is status.tracking), 1)}
 
 
@@ -90,13 +89,8 @@ def set_mode(session: Session, command: Command, values: dict[str, Any]) -> Hand
     wanted = _modes(session).get(values["mode"])
     if wanted is None:
         return
-    session.kept["tracking off"] = False
-    try:
+    with contextlib.suppress(Fault):
         yield SetTracking(on=wanted is not Tracking.OFF, mode=wanted)
-    except Unsupported:
-        session.kept["tracking off"] = wanted is Tracking.OFF
-    except Fault:
-        return
 
 
 def pulse(session: Session, command: Command, values: dict[str, Any]) -> Handling:

@@ -29,15 +29,19 @@ def set_site(session: Session, command: Command, values: dict[str, Any]) -> Hand
 
 
 def clock(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """h, i - local time that matches the zone that is told. What was set is told again as it was set."""
+    """h, i - local time that matches the zone that is told. What was set is told again as it was set.
+
+    What the mount itself tells of daylight saving counts, where it tells it.
+    """
     moment: Moment = yield GetClock()
     quarters = command.name == "i"
-    offset, dst = moment.offset, 0
+    offset, dst = moment.offset, moment.dst or 0
     held = session.shared.get("zone")
-    if held is not None and held[0] + held[1] == offset and (quarters or held[0] == int(held[0])):
+    as_set = held is not None and held[0] + held[1] == offset and moment.dst in (None, held[1])
+    if held is not None and as_set and (quarters or held[0] == int(held[0])):
         zone, dst = held
     else:
-        zone = round(offset * 4) / 4 if quarters else float(int(offset + 100.5) - 100)
+        zone = round((offset - dst) * 4) / 4 if quarters else float(int(offset - dst + 100.5) - 100)
     local = datetime.fromtimestamp(moment.unix + (zone + dst) * 3600.0, UTC)
     return {"hour": local.hour, "minute": local.minute, "second": local.second, "month": local.month,
             "day": local.day, "year": local.year % 100, "zone": int(zone), "quarters": round(zone * 4), "dst": dst}
@@ -57,6 +61,6 @@ def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Han
     offset = zone + dst
     session.set_for_all("zone", (zone, dst))
     try:
-        yield SetClock(calendar.timegm(local.timetuple()) - offset * 3600.0, offset)
+        yield SetClock(calendar.timegm(local.timetuple()) - offset * 3600.0, offset, dst)
     except Fault:
         return

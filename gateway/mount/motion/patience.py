@@ -1,0 +1,44 @@
+"""A goto that comes while a telescope calculates waits until it hears again: the newest one only, and not for long.
+
+So does a tracking mode or rate. Arrows and pulses never wait: by then they are no longer meant. A line that is down is
+waited for by nobody, and nobody's goto is begun after its connection has closed. Pure functions.
+"""
+
+from __future__ import annotations
+
+from msgspec.structs import replace
+
+from gateway import operations as op
+from gateway.motion_kinds import GOTOS
+from gateway.mount.motion.wanted import Order, Wanted
+
+#: Seconds from the order on; and between two looks whether the mount hears again.
+LONGEST, LOOK = 15.0, 0.1
+
+
+def patient(order: Order) -> bool:
+    """Whether it waits for a mount that cannot hear."""
+    return isinstance(order.operation, (*GOTOS, op.SetTracking, op.TrackRate)) and not order.follow_up
+
+
+def may_wait(order: Order, now: float) -> bool:
+    """Whether it has not waited for too long."""
+    return now - order.since < LONGEST
+
+
+def forsaken(order: Order) -> bool:
+    """Whether it is a goto whose program has gone."""
+    return isinstance(order.operation, GOTOS) and order.by is not None and order.by.closed is not None
+
+
+def put_off(wanted: Wanted, order: Order, now: float) -> Wanted:
+    """It is due a little later."""
+    pending = tuple(replace(one, at=now + LOOK) if one.number == order.number else one for one in wanted.pending)
+    return replace(wanted, pending=pending, active=0 if wanted.active == order.number else wanted.active)
+
+
+def without_older_gotos(wanted: Wanted) -> Wanted:
+    """Before a newer goto: those that wait for the mount to hear are over."""
+    pending = tuple(one for one in wanted.pending
+                    if not (isinstance(one.operation, GOTOS) and one.at > 0.0 and one.number != wanted.active))
+    return wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)

@@ -1,0 +1,62 @@
+"""The cable between a gateway and its simulated mount: pulled out, plugged in again, or bad for single commands."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class Cable:
+    """The port is gone between ``pull`` and ``plug``; bytes that are on their way are lost."""
+
+    def __init__(self, bridge: Any) -> None:
+        self._line = bridge.hub.line
+        self._open = self._line.wire.open
+        self._line.wire.open = self._reopen
+        self._out = False
+
+    async def _reopen(self, on_data: Any, on_lost: Any) -> None:
+        if self._out:
+            raise OSError("no such port")
+        await self._open(on_data, on_lost)
+
+    def pull(self) -> None:
+        self._out = True
+        self._line.wire._on_data = None
+        self._line.talk.lose("pulled out")
+        self._line._wake.set()
+
+    def plug(self) -> None:
+        self._out = False
+
+
+def deafen(bridge: Any, beginnings: tuple[bytes, ...], times: int) -> list[bytes]:
+    """Let the mount miss the next commands that begin so -> those it has missed."""
+    wire = bridge.hub.line.wire
+    missed: list[bytes] = []
+    feed = wire._feed
+
+    def hear(data: bytes) -> bytes:
+        if data.startswith(beginnings) and len(missed) < times:
+            missed.append(data)
+            return b""
+        return bytes(feed(data))
+
+    wire._feed = hear
+    return missed
+
+
+def mute(bridge: Any, beginnings: tuple[bytes, ...], times: int) -> list[bytes]:
+    """Let the answers to the next commands that begin so be lost: the mount has heard them."""
+    wire = bridge.hub.line.wire
+    heard: list[bytes] = []
+    feed = wire._feed
+
+    def hear(data: bytes) -> bytes:
+        answer = bytes(feed(data))
+        if data.startswith(beginnings) and len(heard) < times:
+            heard.append(data)
+            return b""
+        return answer
+
+    wire._feed = hear
+    return heard
