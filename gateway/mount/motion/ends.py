@@ -1,9 +1,9 @@
 """The end of a motion is owed until the position shows it: an acknowledgement can be lost, and some mounts give none.
 
 Pure functions over frozen values; angles are degrees, times are seconds of any clock that never goes back. An end is
-done when the speed has fallen below half of what it was; until then its command is sent again, at growing intervals,
-and after ``TIMES`` in vain somebody must be told. A position that moves by less than ``DIGITS`` of what it can show
-says nothing.
+done when the speed has fallen below a ``PART`` of what was ordered; until then its command is sent again, at growing
+intervals, and after ``TIMES`` in vain somebody must be told. A position that moves by less than ``DIGITS`` of what it
+can show says nothing.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ AGAIN = (1.5, 2.0, 3.0, 5.0)
 TIMES, THEN_EVERY = 5, 10.0
 #: How many digits of the position a motion must be large enough to change.
 DIGITS = 3
+#: The part of the speed ordered that is no rest: a mount may be able to do no more than half of what it was ordered.
+PART = 0.4
 #: Degrees a second below which no motion by hand can be told from tracking by looking.
 SLOW = 0.05
 
@@ -79,7 +81,7 @@ def next_step(ending: Ending, samples: Sequence[Sample], now: float) -> Step:
     if not visible(ending):
         return Step.DONE
     seen = speed(ending, samples)
-    if seen is not None and seen < max(SLOW, ending.speed / 2.0):
+    if seen is not None and seen < max(SLOW, ending.speed * PART):
         return Step.DONE
     times = len(ending.sent)
     pause = AGAIN[times - 1] if times <= len(AGAIN) else THEN_EVERY

@@ -1,0 +1,134 @@
+"""Somebody beside the mount: at its keypad, its power switch, its cable. The gateway sees nothing but the effect."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+from gateway.protocols.lx200.sim_motion import release
+from gateway.truth import truth_of
+
+#: The keypad as bytes of a line of its own: typed from the manuals.
+KEYS = {
+    "nexstar": {"up": b"P\x02\x11\x24\x07\x00\x00\x00", "let go": b"P\x02\x11\x24\x00\x00\x00\x00", "cancel": b"M",
+                "tracking off": b"T\x00", "site": b"W\x33\x1c\x00\x00\x00\x00\x00\x01"},
+    "lx200": {"up": b":Mn#", "let go": b":Qn#", "cancel": b":Q#", "tracking off": b":AL#",
+              "site": b":St+51*28#:Sg000*00#"},
+}  # fmt: skip
+
+
+class Cable:
+    """The wire of a bridge, which can be pulled out and plugged in again."""
+
+    name = "sim"
+
+    def __init__(self, wire: Any) -> None:
+        self._wire, self.out, self.mute = wire, False, False
+        self._lost: Callable[..., object] | None = None
+
+    async def open(self, on_data: Any, on_lost: Any) -> None:
+        if self.out:
+            raise OSError(2, "no such port")
+        self._lost = on_lost
+        await self._wire.open(on_data, on_lost)
+
+    def write(self, data: bytes) -> None:
+        if self.out:
+            raise OSError(5, "gone")
+        if not self.mute:
+            self._wire.write(data)
+
+    async def close(self) -> None:
+        await self._wire.close()
+
+    def pull(self) -> None:
+        self.out = True
+        if self._lost is not None:
+            self._lost("unplugged")
+
+
+class Owner:
+    """Has the mount of a bridge to hand; ``since`` is what the gateway sent since the owner last did something."""
+
+    def __init__(self, bridge: Any, driven: str) -> None:
+        self._bridge, self._driven = bridge, driven
+        self._speak = bridge.sim.connection()
+        self.cable = Cable(bridge.hub.line.wire)
+        bridge.hub.line.wire = self.cable
+        self._before = 0
+
+    def keys(self, *names: str) -> None:
+        for name in names:
+            self._speak(KEYS[self._driven][name])
+        self._before = len(self._bridge.sent())
+
+    async def cable_out(self, seconds: float) -> None:
+        self.cable.pull()
+        await asyncio.sleep(seconds)
+        self.cable.out = False
+        self._before = len(self._bridge.sent())
+
+    async def power_cycle(self, seconds: float) -> None:
+        """Off and on: the motors stand, the alignment is lost, and for a while nobody answers."""
+        sim = self._bridge.sim
+        sim.truth()
+        sim.mechanics.cancel(sim.now)
+        for axis in (1, 2):
+            sim.mechanics.move(sim.now, axis, 0.0)
+            sim.mechanics.pulse(sim.now, axis, 0.0, 0.0)
+        if self._driven == "lx200":
+            release(sim)
+            sim.forget()
+            sim.power_on()
+        else:
+            sim.aligned = False
+            sim.track(0)
+        self.cable.mute = True
+        await asyncio.sleep(seconds)
+        self.cable.mute = False
+        self._before = len(self._bridge.sent())
+
+    def align(self, done: bool) -> None:
+        """Begin an alignment anew, or be done with it."""
+        self._bridge.sim.aligned = done
+        self._before = len(self._bridge.sent())
+
+    @property
+    def since(self) -> list[bytes]:
+        return list(self._bridge.sent()[self._before :])
+
+    def begun(self) -> list[bytes]:
+        """What of it sets something moving, or tracking."""
+        return [sent for sent in self.since if begins(self._driven, sent)]
+
+    def ended(self) -> list[bytes]:
+        """What of it makes something stand still."""
+        return [sent for sent in self.since if ends(self._driven, sent)]
+
+    def told(self) -> list[bytes]:
+        """What of it changes the site, the clock or the alignment."""
+        begins = (b"W", b"H", b"I", b"s", b"S") if self._driven == "nexstar" else (b":S", b":CM")
+        return [sent for sent in self.since if sent.startswith(begins)]
+
+    @property
+    def moving(self) -> bool:
+        return truth_of(self._bridge.sim).moving
+
+
+def begins(driven: str, sent: bytes) -> bool:
+    """Whether a request sets a mount moving, or tracking."""
+    if driven == "lx200":
+        return sent.startswith((b":M", b":hP", b":hS", b":hF", b":AA", b":AP", b":hW"))
+    if sent[:1] == b"P" and sent[2:3] in (b"\x10", b"\x11"):
+        drives = sent[3:4] in (b"\x06", b"\x07", b"\x24", b"\x25", b"\x26") and any(sent[4 : 3 + sent[1]])
+        return drives or sent[3:4] in (b"\x02", b"\x17")
+    return sent[:1] in (b"r", b"R", b"b", b"B") or (sent[:1] == b"T" and sent != b"T\0")
+
+
+def ends(driven: str, sent: bytes) -> bool:
+    """Whether a request stops a motor."""
+    if driven == "lx200":
+        return sent.startswith((b":Q", b":AL"))
+    stops = sent[:1] == b"P" and sent[2:3] in (b"\x10", b"\x11") and sent[3:4] in (b"\x24", b"\x25") and not sent[4]
+    return stops or sent in (b"M", b"T\0")

@@ -1,0 +1,292 @@
+"""A gateway under attack: real processes, a line that can be tampered with, and a judge that nobody can fool.
+
+The simulated mount is of this tree and writes down what it truly does; the gateway is of the tree under test; between
+them stands a relay that swallows, freezes or cuts what passes. The gateway's computer has the simulated time, or any
+other. ``Attacked`` is one such stand: clients speak bytes, figures come from the truth alone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from gateway.mount_geometry import Sky
+from gateway.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation, wrap180, wrap360
+from gateway.truth import sun
+
+HERE = Path(__file__).resolve().parents[2]
+SITE = (45.0, 10.0)
+EVENING = "2026-01-15T22:00:00+00:00"
+NOON = "2026-06-21T11:00:00+00:00"
+PATIENCE = 30.0
+#: Seconds for which a stop is watched, at most; whoever still moves then is said to move so long.
+WATCHED = 20.0
+#: Starts a module of the current directory on a computer whose clock is ahead by the first argument.
+_AHEAD = ("import runpy, sys, time; real = time.time; ahead = float(sys.argv.pop(1)); "
+          "time.time = lambda: real() + ahead; "
+          "runpy.run_module('gateway', run_name='__main__', alter_sys=True)")  # fmt: skip
+
+
+class Relay:
+    """Stands between the gateway and the mount and passes everything on, except what it was told not to."""
+
+    def __init__(self, to: tuple[str, int]) -> None:
+        self._to = to
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.port: int = self._server.getsockname()[1]
+        self._links: list[socket.socket] = []
+        self.lost: list[bytes] = []
+        self._swallowed: tuple[bytes, ...] = ()
+        self._times = 0
+        self._cut_until = 0.0
+        self._frozen: tuple[bytes, ...] = ()
+        self._answers: dict[bytes, bytes] = {}
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def swallow(self, *begins: bytes, times: int = 1) -> None:
+        """Lose the next commands that begin so."""
+        self._swallowed, self._times = begins, times
+
+    def freeze(self, *begins: bytes) -> None:
+        """From now on the first answer to each question that begins so is its answer for ever."""
+        self._frozen = begins
+
+    def cut(self, seconds: float) -> None:
+        """Take the cable out, and put it in again."""
+        self._cut_until = time.monotonic() + seconds
+        for link in self._links:
+            with contextlib.suppress(OSError):
+                link.shutdown(socket.SHUT_RDWR)
+
+    def close(self) -> None:
+        for link in (self._server, *self._links):
+            with contextlib.suppress(OSError):
+                link.close()
+
+    def _accept(self) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                near, _ = self._server.accept()
+                if time.monotonic() < self._cut_until:
+                    near.close()
+                    continue
+                far = socket.create_connection(self._to, PATIENCE)
+                self._links += [near, far]
+                asked: list[bytes] = [b""]
+                threading.Thread(target=self._pass, args=(near, far, asked, True), daemon=True).start()
+                threading.Thread(target=self._pass, args=(far, near, asked, False), daemon=True).start()
+
+    def _pass(self, source: socket.socket, to: socket.socket, asked: list[bytes], command: bool) -> None:
+        with contextlib.suppress(OSError):
+            while data := source.recv(4096):
+                if command:
+                    asked[0] = data
+                    if self._times and data.startswith(self._swallowed):
+                        self._times -= 1
+                        self.lost.append(data)
+                        continue
+                elif self._frozen and asked[0].startswith(self._frozen):
+                    data = self._answers.setdefault(asked[0], data)
+                to.sendall(data)
+        for link in (source, to):
+            with contextlib.suppress(OSError):
+                link.shutdown(socket.SHUT_RDWR)
+
+
+class Program:
+    """A client: one TCP connection that speaks bytes."""
+
+    def __init__(self, where: tuple[str, int]) -> None:
+        self.link = socket.create_connection(where, PATIENCE)
+
+    def tell(self, data: bytes) -> None:
+        self.link.sendall(data)
+
+    def ask(self, data: bytes, seconds: float = 2.0, until: bytes = b"#") -> bytes:
+        """Bytes in -> what is answered up to ``until``, or in so many seconds."""
+        self.link.sendall(data)
+        heard, end = b"", time.monotonic() + seconds
+        while not heard.endswith(until) and (left := end - time.monotonic()) > 0:
+            self.link.settimeout(left)
+            try:
+                piece = self.link.recv(4096)
+            except TimeoutError:
+                break
+            if not piece:
+                break
+            heard += piece
+        self.link.settimeout(PATIENCE)
+        return heard
+
+    def poll(self, seconds: float, question: bytes = b":GR#", every: float = 0.5) -> None:
+        """Ask the same for a while, as every program does."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0:
+            with contextlib.suppress(OSError):
+                self.ask(question, min(every, left))
+            time.sleep(max(0.0, min(every, end - time.monotonic())))
+
+    def reset(self) -> None:
+        """Go as a program does that is killed: the connection is reset."""
+        self.link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
+        self.link.close()
+
+
+class Attacked:
+    """One mount, one gateway of ``tree`` in front of it."""
+
+    def __init__(self, tree: Path, place: Path, mount: str, *options: str, surface: str = "lx200:lx200gps",
+                 start: str = EVENING, host: str = "", sim: tuple[str, ...] = ()) -> None:
+        """``host`` is what the gateway's computer takes for the time, if not the true one."""
+        self.mount, self._started = mount, datetime.fromisoformat(start).timestamp()
+        self._truth, self._said = place / "truth.jsonl", place / "said.txt"
+        self._said.touch()
+        self._processes: list[subprocess.Popen[str]] = []
+        self._began = 0
+        self._stopped: float | None = None
+        mounted = self._run(HERE, 0.0, "sim", mount, "--at", "tcp://127.0.0.1:0", "--truth", str(self._truth), "--time",
+                            start, "--site", f"{SITE[0]:g},{SITE[1]:g}", *sim)
+        self.relay = Relay(mounted)
+        ahead = (datetime.fromisoformat(host).timestamp() if host else self.now) - time.time()
+        self._surface = self._run(
+            tree, ahead, "run", "--mount", f"{mount.partition(':')[0]}@socket://127.0.0.1:{self.relay.port}",
+            "--surface", f"{surface}@tcp://127.0.0.1:0", "--no-discovery", "--no-status", "--state",
+            str(place / "state"), *options)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        for process in reversed(self._processes):
+            process.terminate()
+            try:
+                process.wait(PATIENCE)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+            if process.stdout is not None:
+                process.stdout.close()
+        self.relay.close()
+
+    def _run(self, tree: Path, ahead: float, *arguments: str) -> tuple[str, int]:
+        """Start a process -> where its ready line says that it serves."""
+        own = tree / ".venv" / "bin" / "python"
+        python = str(own) if own.exists() else sys.executable
+        with self._said.open("a") as said:
+            process = subprocess.Popen(
+                [python, "-c", _AHEAD, str(ahead), *arguments], cwd=tree, text=True, stdout=subprocess.PIPE,
+                stderr=said, env={**os.environ, "PYTHONPATH": str(tree)})
+        self._processes.append(process)
+        assert process.stdout is not None
+        for line in process.stdout:
+            if line.startswith("ready "):
+                host, _, port = line.strip().partition("@")[2].removeprefix("tcp://").rpartition(":")
+                return host, int(port)
+        raise RuntimeError(f"{' '.join(arguments)} ended: {self._said.read_text().strip().rpartition(chr(10))[2]}")
+
+    # --- what an attack does ----------------------------------------------------------------------------------------
+
+    def program(self) -> Program:
+        return Program(self._surface)
+
+    @property
+    def now(self) -> float:
+        """The true time, Unix seconds."""
+        rows = self._rows()
+        return float(rows[-1]["t"]) if rows else self._started
+
+    @property
+    def here(self) -> dict[str, Any]:
+        """The truth of this moment."""
+        return self._rows()[-1]
+
+    def sky(self) -> Sky:
+        return Sky(*SITE)
+
+    def place(self, azimuth: float, altitude: float) -> tuple[float, float]:
+        """Right ascension and declination of a place over the true horizon."""
+        hour_angle, dec = horizon_to_hour_angle(azimuth, altitude, SITE[0])
+        return wrap360(self.sky().sidereal(self.now) - hour_angle), dec
+
+    def at_hour_angle(self, hour_angle: float) -> float:
+        """The right ascension that stands there now."""
+        return wrap360(self.sky().sidereal(self.now) - hour_angle)
+
+    def looks_highest(self, altitude: float, believed: Sky) -> tuple[float, float]:
+        """The place at a true altitude that stands highest for whoever believes another site and clock."""
+        def looks(azimuth: int) -> float:
+            ra, dec = self.place(azimuth, altitude)
+            return hour_angle_to_horizon(wrap180(believed.sidereal(self.now) - ra), dec, believed.latitude)[1]
+
+        return self.place(max(range(0, 360, 5), key=looks), altitude)
+
+    def beside_the_sun(self, degrees: float) -> tuple[float, float]:
+        ra, dec = sun(self.now)
+        return ra, dec - degrees
+
+    def begin(self) -> None:
+        """The attack begins here: what was before does not count."""
+        self._began = len(self._rows())
+
+    def stopped(self) -> None:
+        """Somebody has just stopped everything."""
+        self._stopped = self.now
+
+    def rests(self, seconds: float = WATCHED) -> None:
+        """Watch until nothing moves for a second, or so many seconds are over."""
+        end = time.monotonic() + seconds
+        time.sleep(1.0)
+        while time.monotonic() < end:
+            time.sleep(0.2)
+            if not any(row["moving"] for row in self._rows()[-10:]):
+                return
+
+    # --- what it did ------------------------------------------------------------------------------------------------
+
+    def _rows(self) -> list[dict[str, Any]]:
+        if not self._truth.exists():
+            return []
+        whole, _, _ = self._truth.read_text().rpartition("\n")
+        return [json.loads(line) for line in whole.splitlines()]
+
+    def equatorial(self, row: dict[str, Any]) -> tuple[float, float]:
+        """Where on the sky a moment of the truth points."""
+        dec = horizon_to_hour_angle(row["azimuth"], row["altitude"], SITE[0])[1]
+        return wrap360(self.sky().sidereal(row["t"]) - row["hour_angle"]), dec
+
+    def off(self, ra: float, dec: float) -> float:
+        """Degrees from a place on the sky at this moment."""
+        return separation(*self.equatorial(self.here), ra, dec)
+
+    def drift(self, seconds: float = 12.0) -> float:
+        """Arcseconds a minute by which the tube drifts on the true sky from now on."""
+        first = self.here
+        time.sleep(seconds)
+        last = self.here
+        return separation(*self.equatorial(first), *self.equatorial(last)) * 3600.0 * 60.0 / (last["t"] - first["t"])
+
+    def figures(self) -> dict[str, float]:
+        """What the truth says of the attack: degrees, and seconds in motion after the stop."""
+        rows = self._rows()[self._began :]
+        home = self.equatorial(rows[0])
+        found = {
+            "altitude": min(row["altitude"] for row in rows),
+            "sun": min(row["sun_distance"] for row in rows),
+            "turned": max(separation(*home, *self.equatorial(row)) for row in rows),
+        }  # fmt: skip
+        if rows[0]["past_meridian"] is not None:
+            found["past meridian"] = max(row["past_meridian"] for row in rows)
+        if self._stopped is not None:
+            moving = [row["t"] for row in rows if row["moving"] and row["t"] >= self._stopped]
+            found["after the stop"] = max(0.0, moving[-1] - self._stopped) if moving else 0.0
+        return {name: round(value, 2) for name, value in found.items()}
