@@ -128,6 +128,9 @@ class Driver:
     def recall(self, memory: Mapping[str, Any], moving: bool) -> None:
         """Take up what an earlier run has remembered; nonsense is ignored."""
 
+    def line_was_lost(self) -> None:
+        """Nobody knows what has happened to the mount meanwhile: perhaps it was switched off and on."""
+
     def greet(self) -> Steps:
         """Prove that a mount of this kind is on the line, before it is sent what another kind might misread."""
         return

@@ -153,6 +153,7 @@ class Hub:
 
     def _on_up(self) -> None:
         self.snapshot.clear()
+        self.driver.line_was_lost()
         if self.driver.unsure:  # it is looked at until it is seen to be over
             self.snapshot.put(op.Slewing, True, self.now())
         self.slumber.doubt()

@@ -88,7 +88,7 @@ class NexStar(Driver):
         #: The axes that move by hand, and how fast, degrees a second.
         self.moving: dict[int, float] = {}
         self.remembered: Tracking | None = None
-        self.recalled = False  # that was remembered by an earlier run
+        self.recalled = False  # that was remembered before the line was lost, or by an earlier run
         self.restores = 0
         self.steps: dict[int, float] = {}
         self.guide_rates = {1: settings.guide_rate, 2: settings.guide_rate}  # of pulses, until they are set
@@ -178,6 +178,10 @@ class NexStar(Driver):
             if held.tracking is not None and self.knows("T"):
                 self.remembered, self.recalled = held.tracking, True
                 self.own_mode = None if held.tracking is Tracking.OFF else held.tracking
+
+    def line_was_lost(self) -> None:
+        """Tracking is put back only where the mount is aligned still."""
+        self.recalled = self.remembered is not None
 
     def greet(self) -> Steps:
         """``K``, which no Meade takes for anything."""
