@@ -29,8 +29,10 @@ from gateway.hub.telling import Telling
 from gateway.hub.turnstile import Turnstile
 from gateway.line import POSITION, READ, SETTING, STOP, Line
 from gateway.motion_kinds import MOTIONS
+from gateway.mount.motion.arrival import missed
 from gateway.mount.motion.end_watch import EndWatch
 from gateway.mount.motion.reconciler import Reconciler
+from gateway.mount.motion.wanted import Slew
 from gateway.mount.safety.dead_man import HostActivity, Presence
 from gateway.mount.safety.held import Hold
 from gateway.mount.safety.limits import Limits
@@ -392,11 +394,16 @@ class Hub:
 
     async def _settled(self) -> None:
         """A goto has just ended: nobody is told so before the position is known where it ended."""
+        slew = self.motions.wanted.motion
         self.guard.arrived()
         self.motions.arrived()
         self.snapshot.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
         self.telling.anew()
-        await self.telling.read(op.Position())
+        here = await self.telling.read(op.Position())
+        if isinstance(slew, Slew) and isinstance(slew.operation, op.Goto) and not self.motions.axes:
+            goal = self.derived.from_mount(op.Equatorial(slew.operation.ra, slew.operation.dec))
+            if words := missed(goal, here):
+                self.transcript.note("mount", words)
 
     async def tube_side(self) -> str | None:
         """The side of the pier (E, W) that the tube of a German mount is on; None where nobody tells."""
