@@ -109,13 +109,13 @@ def test_a_goto_that_is_stopped_on_its_way_does_not_bring_the_tube_back_over_the
             assert not bridge.hub.guard.upright
             await bridge.hub.perform(op.Goto((sidereal - 60.0) % 360.0, -20.0))
             await asyncio.sleep(0.9)
-            while bridge.hub._sharing:
+            while bridge.hub.reader._sharing:
                 await asyncio.sleep(0.001)
             bridge.hub.begin_stop()
             while bridge.driver.goto is not None:
                 await asyncio.sleep(0.001)
             assert bridge.hub.slewing
-            await bridge.hub.shared(op.Slewing())  # the end of the goto is seen while the stop is on its way
+            await bridge.hub.reader.shared(op.Slewing())  # the end of the goto is seen while the stop is on its way
             await asyncio.sleep(2.0)
             assert not bridge.hub.guard.upright
             await bridge.hub.perform(op.Goto((sidereal - 60.0) % 360.0, 0.0))
@@ -131,7 +131,7 @@ def test_commands_without_an_answer_do_not_make_a_slow_line_look_quick() -> None
     async def program() -> None:
         async with Bridge("lx200gps", driven="lx200", latency=0.2) as bridge:
             for _ in range(20):
-                await bridge.hub.shared(op.Position())
+                await bridge.hub.reader.shared(op.Position())
             for _ in range(8):
                 await bridge.hub.perform(op.Halt(2))
             assert bridge.hub.line.typical > 0.19

@@ -29,7 +29,7 @@ def make_rules(hub: Hub) -> tuple[LimitWatch, Admission]:
         lambda: hub.line.typical, hub.transcript, RENEW[op.Position], hub.policy.own_park, hub.policy.unaligned)
     actions = Actions(
         hub.begin_stop, lambda: hub.perform(op.SetTracking(on=False)), lambda: hub.read(op.GetStatus()),
-        lambda: hub.shared(op.GetStatus()), lambda: hub.spawn(hub.tube_side()), forget_syncs, hub.spawn)
+        lambda: hub.reader.shared(op.GetStatus()), lambda: hub.spawn(hub.tube_side()), forget_syncs, hub.spawn)
     watch = LimitWatch(inputs, actions, hub.ends, hub.loop)
     questions = Questions(lambda operation: hub.read(operation), lambda operation: hub.anew(operation), hub.tube_side)
     return watch, Admission(inputs, questions, watch, hub.sources, lambda: hub.synced, hub.hold)

@@ -235,7 +235,7 @@ class Trial:
         while True:
             await asyncio.sleep(self.random.uniform(5.0, 20.0))
             for operation in (op.GetSite(), op.GetClock(), op.GetIdentity()):
-                await hub._learn(operation)
+                await hub.identification.learn(operation)
 
     async def _watcher(self) -> None:
         """Everything else that the hub delivers, compared with the simulator."""

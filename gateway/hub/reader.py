@@ -1,0 +1,162 @@
+"""Reading the mount: what is fresh is told again, and one exchange serves everybody who asks meanwhile.
+
+What the mount says is folded into what the limits go by before anybody is told. What it cannot say itself is worked out
+from other reads.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING, Any
+
+from gateway import operations as op
+from gateway.errors import Fault, NoAnswer
+from gateway.hub.settings import FIRST_ANSWER
+from gateway.hub.snapshot import FRESH, MISSING, Kind
+from gateway.line import POSITION, READ
+from gateway.mount.motion.arrival import missed
+from gateway.mount.motion.wanted import Slew
+from gateway.mount.safety.sync_sum import SyncSum
+
+if TYPE_CHECKING:
+    from gateway.hub.core import Hub
+
+#: How soon it is noticed that the mount has begun to move, seconds.
+A_MOMENT = 0.2
+
+
+class Reader:
+    """``read`` takes what is at hand, ``anew`` asks the mount in any case."""
+
+    def __init__(self, hub: Hub) -> None:
+        self._hub = hub
+        self._sharing: dict[Kind, asyncio.Task[Any]] = {}
+
+    def close(self) -> None:
+        """Nobody waits any more."""
+        for task in self._sharing.values():
+            task.cancel()
+
+    def at_hand(self, operation: op.Operation) -> Any:
+        """What the mount said last, when it is fresh enough; MISSING when it must be asked."""
+        kind = type(operation)
+        if kind not in FRESH:
+            known = self._hub.settings.peek(kind)
+            return MISSING if known is None else known
+        if kind is op.Slewing and self._hub.motions.goto_waits:
+            return True
+        now = self._hub.snapshot.asked[kind] = self._hub.now()
+        return self._hub.snapshot.fresh(kind, now, 2.5 * self._hub.line.typical, self._hub.line.state != "up")
+
+    async def read(self, operation: op.Operation) -> Any:
+        """What the mount says, from the snapshot or by an exchange that everyone who asks shares. Raises Fault."""
+        value = self.at_hand(operation)
+        return await self.asked(operation) if value is MISSING else value
+
+    async def asked(self, operation: op.Operation) -> Any:
+        """The answer of the exchange under way, or of a new one; not long after the start. Raises Fault."""
+        first = not self._hub.identified.is_set()
+        try:
+            async with asyncio.timeout(FIRST_ANSWER if first else None):
+                return await self._hub.turnstile.outcome(self.shared(operation))
+        except TimeoutError:
+            raise NoAnswer from None
+
+    async def anew(self, operation: op.Operation) -> Any:
+        """A read from the mount, however fresh the last answer is; who gives up ends it for nobody. Raises Fault."""
+        return await asyncio.shield(self.shared(operation))
+
+    def shared(self, operation: op.Operation) -> asyncio.Task[Any]:
+        """The exchange under way for this kind of read, else a new one. It belongs to all: nobody may cancel it."""
+        kind = type(operation)
+        task = self._sharing.get(kind)
+        if task is None:
+            task = self._sharing[kind] = self._hub.loop.create_task(self._ask(operation))
+            task.add_done_callback(lambda done: self._unshare(kind, done))
+        return task
+
+    def _unshare(self, kind: Kind, task: asyncio.Task[Any]) -> None:
+        self._sharing.pop(kind, None)
+        if not task.cancelled():
+            task.exception()  # whoever still waits gets it; nobody waiting is no error
+
+    async def _ask(self, operation: op.Operation) -> Any:
+        await self._hub.identified.wait()
+        kind, gotos = type(operation), self._hub.motions.gotos
+        source: Kind | None = None
+        if isinstance(operation, op.AxisPosition) and not self._hub.driver.way(op.AxisPosition):
+            equatorial = (await self.read(op.GetStatus())).equatorial  # the axes of a fork are azimuth and altitude
+            source = op.Position if equatorial else op.HorizontalPosition
+            seen = await self.read(source())
+            value: Any = self._hub.derived.axes(seen) if equatorial else seen
+        elif isinstance(operation, op.HorizontalPosition) and self._hub.driver.position_reads > 1:
+            value = await self._while_it_rests(operation)
+        else:
+            value = await self._hear(operation)
+        if isinstance(operation, op.Slewing):
+            if self._hub.slewing and not value:
+                await self._settled()
+            value = value or gotos != self._hub.motions.gotos  # a goto that has been begun meanwhile is under way
+        if isinstance(operation, op.HorizontalPosition) and value is None:
+            source, value = op.Position, self._hub.derived.horizon(await self.read(op.Position()))
+        if source is not None:
+            self._hub.telling.worked_out(kind, source)
+        self._hub.snapshot.put(kind, value, self._hub.now())
+        if isinstance(value, op.Status) and not value.aligned:
+            self._hub.synced = SyncSum()
+        if isinstance(operation, op.Position):
+            self._hub.guard.look(value)
+        elif isinstance(operation, op.AxisPosition):
+            self._hub.guard.look_at_altitude(value)
+        return value
+
+    async def _hear(self, operation: op.Operation) -> Any:
+        """What the mount itself answers; a place together with when it was asked for it and when it was there."""
+        rank = POSITION if isinstance(operation, op.Position) else READ
+        try:
+            value = await self._hub.drive(self._hub.driver.perform(operation), rank)
+        except Fault:
+            if isinstance(operation, op.Position):
+                self._hub.guard.unseen()
+            raise
+        self._hub.refresh.cost(type(operation), self._hub.executor.exchanges)
+        if isinstance(operation, op.Position):
+            value = self._hub.derived.from_mount(value)
+        if isinstance(value, op.Equatorial | op.Horizontal):
+            half = self._hub.line.typical / 2.0
+            first, second = self._hub.driver.halves or (self._hub.now(), self._hub.now())
+            self._hub.telling.came(type(operation), value, self._hub.executor.asked_at, (first - half, second - half))
+        return value
+
+    async def _while_it_rests(self, operation: op.Operation) -> Any:
+        """The answer, or None once the mount moves: then the line has no room for two positions in halves."""
+        reading = self._hub.spawn(self._hear(operation))
+        try:
+            while not self._hub.moving:
+                if (await asyncio.wait({reading}, timeout=A_MOMENT))[0]:
+                    return reading.result()
+            return None
+        finally:
+            reading.cancel()
+
+    async def _settled(self) -> None:
+        """A goto has just ended: nobody is told so before the position is known where it ended."""
+        slew = self._hub.motions.wanted.motion
+        self._hub.guard.arrived()
+        self._hub.motions.arrived()
+        self._hub.snapshot.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
+        self._hub.telling.anew()
+        here = await self._hub.telling.read(op.Position())
+        if isinstance(slew, Slew) and isinstance(slew.operation, op.Goto) and not self._hub.motions.axes:
+            goal = self._hub.derived.from_mount(op.Equatorial(slew.operation.ra, slew.operation.dec))
+            if words := missed(goal, here):
+                self._hub.transcript.note("mount", words)
+
+    async def tube_side(self) -> str | None:
+        """The side of the pier (E, W) that the tube of a German mount is on; None where nobody tells."""
+        if self._hub.driver.tube_side("E") is None:
+            return None
+        try:
+            return self._hub.driver.tube_side(await self.read(op.PierSide()))
+        except Fault:
+            return None
