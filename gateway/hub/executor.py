@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,9 @@ from gateway.mount.motion.wanted import Wanted
 
 if TYPE_CHECKING:
     from gateway.hub.core import Hub
+
+#: Seconds that a goto waits, at most, for the site and the clock of a mount that was found just now: limits go by them.
+TELLS_ITS_SITE = 4.0
 
 
 class HubExecutor:
@@ -81,6 +85,10 @@ class HubExecutor:
             raise Refused(f"Internal error: {error!r}") from error
 
     async def admit(self, operation: op.Operation) -> op.Operation:
+        if isinstance(operation, GOTOS):
+            with contextlib.suppress(TimeoutError):  # where and when the mount is, it tells right after who it is
+                async with asyncio.timeout(TELLS_ITS_SITE):
+                    await self._hub.settled.wait()
         return await self._hub.checks.admit(operation)
 
     async def still_allowed(self) -> None:
