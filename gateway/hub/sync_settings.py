@@ -39,6 +39,8 @@ _NAMES: dict[type[op.Operation], str] = {op.SetSite: "site", op.SetClock: "clock
                                          op.Backlash: "backlash", op.PeriodicError: "periodic error correction"}
 #: A clock that shows what was set, but for the seconds that it took, needs not be told again.
 CLOCK_SAME = 2.0
+#: Of so many that were sent before, a part may still be what the mount tells.
+REMEMBERED = 8
 
 
 class SyncSettings:
@@ -160,7 +162,7 @@ class SyncSettings:
                 return  # a newer one has come, or the line has gone
             tried = True
             self._telling = kind_of(value)
-            self._sent[self._telling] = (*self._sent.get(self._telling, ()), setting)
+            self._sent[self._telling] = (*self._sent.get(self._telling, ())[-REMEMBERED:], setting)
             await hub.drive(hub.driver.perform(setting.running(hub.now())), SETTING)
         except Busy:
             self._owed = later(self._owed, setting, hub.now() + BUSY)
@@ -240,6 +242,7 @@ class SyncSettings:
         """The mount has it: what was kept for programs meanwhile is no longer needed, unless it is newer."""
         newest = self._owed.get(kind_of(setting.value)) is setting
         self._owed = without(self._owed, setting)
+        self._sent.pop(kind_of(setting.value), None)
         if newest:
             self._observatory.forget(setting.value)
         self._hub.snapshot.version += 1
