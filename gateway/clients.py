@@ -15,9 +15,11 @@ from typing import Any, NamedTuple
 from gateway.access import Rights
 from gateway.begun import Begun
 from gateway.equinox import Equinox
-from gateway.errors import Fault
+from gateway.errors import Busy, Fault
 from gateway.frames import Framing, Unterminated
 from gateway.hub import FRESH, MISSING, Hub
+from gateway.line import AT_ONCE, LATE
+from gateway.motion_kinds import BY_HAND
 from gateway.mount.safety.dead_man import HostActivity
 from gateway.operations import CancelGoto, Halt, Operation, Stop
 from gateway.ports.baud import Trial
@@ -52,7 +54,9 @@ class Client:
         self.name, self.hub, self.surface, self.session = name, hub, surface, session
         self.framing, self.write, self.stop_frames, self.equinox = framing, write, stop_frames, equinox
         self.transcript = transcript
-        self._inbox: deque[tuple[bytes, int, bool]] = deque(maxlen=INBOX)
+        self._inbox: deque[tuple[bytes, int, bool, float]] = deque(maxlen=INBOX)
+        #: When the command at hand came.
+        self._came = 0.0
         self._task: asyncio.Task[None] | None = None
         self.rights = Rights()
         self.open = True
@@ -121,14 +125,14 @@ class Client:
                     self._halt(frame)
                 else:
                     hub.begin_stop()
-            self._inbox.append((frame, hub.stops if stops is None else stops, stopping))
+            self._inbox.append((frame, hub.stops if stops is None else stops, stopping, hub.now()))
         if self._task is None:
             self._pump()
 
     def _pump(self) -> None:
         """Answer what waits, until something must be waited for, or the gateway ends."""
         while self._inbox and not self.hub.closed:
-            frame, stops, stopping = self._inbox.popleft()
+            frame, stops, stopping, self._came = self._inbox.popleft()
             self.transcript.put(self.name, ">", frame)
             self._spent, self._plain, self._halting = [], True, False
             steps = self.surface.handle(self.session, frame)
@@ -191,7 +195,10 @@ class Client:
                 answer = self._tell(wanted, value)
 
     def _refused(self, operation: Operation) -> Fault | None:
-        """What this client is told no with, where it may not ask for this; it goes to the transcript."""
+        """What this client is told no with, where it may not ask for this or it is too late; the transcript knows."""
+        if isinstance(operation, BY_HAND) and self.hub.now() - self._came > AT_ONCE:
+            self.transcript.note(self.name, f"{type(operation).__name__}: {LATE}")
+            return Busy(LATE)
         refusal = self.rights.refusal(operation)
         if refusal is not None:
             self.refuse(type(operation).__name__, refusal.why)

@@ -20,6 +20,7 @@ class Ask(NamedTuple):
     """Send a command with these field values; answered with the reply's fields, or a Fault is thrown in.
 
     With ``patience`` (seconds) silence is an answer, too: ``Silence`` is thrown in and the line is not said to be down.
+    A ``prompt`` one begins a motion by hand: it waits for no line and no mount that is busy, but is refused.
     A ``long`` one is work that takes the mount up to that many seconds: a stop that needs no answer goes out meanwhile,
     everything else is refused as busy, and silence at the end is a fault of the line.
     """
@@ -28,6 +29,7 @@ class Ask(NamedTuple):
     values: Mapping[str, Any] = {}
     patience: float | None = None
     long: bool = False
+    prompt: bool = False
 
 
 class Pause(NamedTuple):

@@ -16,8 +16,9 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from gateway.access import MOST_HOSTS, Access, Rights, Sealed, TurnedAway
+from gateway.backlog import Backlog
 from gateway.beginning import Beginning, Piece
-from gateway.clients import LONG_AGO, Client
+from gateway.clients import Client
 from gateway.descriptors import scarce
 from gateway.equinox import Equinox
 from gateway.frames import Framing
@@ -26,7 +27,6 @@ from gateway.operations import Operation
 from gateway.ports import Guest
 from gateway.ports.baud import Trial
 from gateway.ports.guest import HangUp
-from gateway.ports.pace import LATE, SHARE
 from gateway.strangers import Greeting, page
 from gateway.surface import Session, Surface
 
@@ -35,10 +35,6 @@ INHERIT_FOR = 60.0
 HERE = 10.0
 #: Bytes that may wait for their turn, of one connection.
 PATIENCE = 512
-
-
-#: Seconds after which whoever has sent a whole share has caught up: what comes then was sent then.
-CAUGHT_UP = 5.0
 
 
 class Manner(Struct, frozen=True):
@@ -180,12 +176,9 @@ class _Visit:
         self._begin = b""
         #: What waits for its turn: bytes, and how many stops there had been when they came.
         self._waiting: list[tuple[bytes, int]] = []
-        #: While it sends more than is read at a time: how many stops there had been when that began. Nobody knows
-        #: when it was sent what comes next, and what was sent before a stop begins no motion after it.
-        self._behind: int | None = None
-        self._behind_at = self._behind_since = -1e9
-        #: What comes was sent long ago; that has been said; the other side has closed.
-        self._late = self._said_late = self._gone = False
+        self._backlog = Backlog()
+        #: It was said that it is late; the other side has closed.
+        self._said_late = self._gone = False
         self._take = self._on_line if lasting else self._listen if face.manners else client.feed
 
     @property
@@ -200,29 +193,17 @@ class _Visit:
 
     def feed(self, data: bytes) -> None:
         """Bytes have come."""
-        now = self._hub.now()
-        if self._behind is not None and now - self._behind_at > (LATE if self._late else CAUGHT_UP):
-            self._catch_up()
-        if self._behind is not None and now - self._behind_since > LATE:
+        now, was_late = self._hub.now(), self._backlog.late
+        sent = self._backlog.sent(now)
+        if self._backlog.late:
             self._come_late()
-        self._feed(data, LONG_AGO if self._late else self._behind)
-        if len(data) >= SHARE:
-            if self._behind is None:
-                self._behind, self._behind_since = self._hub.stops, now
-            self._behind_at = now
-        elif not self._late:  # else there may be a gap in what still comes
-            self._catch_up()
-
-    def _catch_up(self) -> None:
-        """What comes from now on was sent just now."""
-        self._behind = None
-        if self._late and not self._gone:
-            self._client.life.closed = None
-        self._late = False
+        elif was_late and not self._gone:
+            self._client.life.closed = None  # it has caught up, so somebody is there
+        self._feed(data, sent)
+        self._backlog.took(len(data), now, self._hub.stops)
 
     def _come_late(self) -> None:
-        """Nobody knows when this was sent, and whether who sent it is still there: it holds no arrow."""
-        self._late = True
+        """Nobody knows whether who sent this is still there: it holds no arrow."""
         if self._client.life.closed is None:
             self._hub.presence.leave(self._client.life)
         if not self._said_late:

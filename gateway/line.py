@@ -25,6 +25,9 @@ STOP, MOTION, POSITION, WAITED, SETTING, READ = range(6)
 PROOFS, QUIETER = 3, 3.0
 #: After half a command nothing is sent for this long: a hand control would take it for the other half.
 HALF_COMMAND = 3.5
+#: What begins a motion by hand is refused when it could not be sent within so many seconds: whoever pressed the key has
+#: let it go by then, or pressed another.
+AT_ONCE = 2.0
 #: Between two commands whose answers nobody waits for.
 BLIND = 0.2
 #: A port that nobody has answered on for this long is opened anew.
@@ -42,6 +45,8 @@ PASSED_OVER = 4
 TURNS = 8
 #: Timers come up to so much too early: who waits for the rest of it waits at least so long.
 TICK = 0.001
+#: What is said of it.
+LATE = "The line to the mount was busy for too long: this motion is not begun any more."
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 
 
@@ -291,7 +296,7 @@ class Line:
 
     async def _next(self) -> Job | None:
         """The next job in order of rank; a read waits where it would delay something urgent."""
-        self._queue = [item for item in self._queue if not item[2].future.done()]
+        self._queue = [item for item in self._queue if not self._over(item[2])]
         if not self._queue:
             self._wake.clear()
             await self._wake.wait()
@@ -317,6 +322,12 @@ class Line:
             return None
         self._queue.remove(first)
         return job
+
+    def _over(self, job: Job) -> bool:
+        """Whether nobody waits for it, or it has waited too long."""
+        if job.ask.prompt and not job.future.done() and self._now() - job.asked > AT_ONCE:
+            job.future.set_exception(Busy(LATE))
+        return job.future.done()
 
     def _waiting(self) -> list[tuple[int, int, Job]]:
         """Whatever waits, in the order in which its turn comes; what has waited long rises in rank."""

@@ -8,6 +8,8 @@ from __future__ import annotations
 from gateway import operations as op
 
 GOTOS = (op.Goto, op.GotoHorizontal, op.GotoAxes, op.Park, op.Home)
+#: What moves it as long as a key is pressed, or less: begun late it would be begun when nobody wants it any more.
+BY_HAND = (op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
 #: What can set the mount moving: a killed gateway leaves it so. An LX200GPS that is to note its home looks for it.
 MOVING = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis, op.SetHome)
 MOTIONS = (

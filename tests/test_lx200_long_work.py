@@ -100,11 +100,15 @@ def test_a_telescope_that_seeks_home_is_asked_nothing_else() -> None:
 
 
 def test_a_refusal_of_a_command_without_a_reply_is_heard() -> None:
-    """An LX200GPS says NAK to an arrow while it is busy; the arrow is sent again, not believed."""
+    """An LX200GPS says NAK to an arrow while it is busy; the arrow is refused, neither believed nor begun later."""
 
     async def program() -> None:
         async with meade(latency=0.01) as bridge:
             bridge.sim.busy_until = bridge.clock() + 1.0
+            with pytest.raises(Busy):
+                await bridge.hub.perform(op.Move(op.Direction.NORTH, op.Rate(name="find")))
+            await asyncio.sleep(3.0)
+            assert bridge.sim.arrows == {}
             await bridge.hub.perform(op.Move(op.Direction.NORTH, op.Rate(name="find")))
             assert bridge.sim.arrows == {2: False}
 

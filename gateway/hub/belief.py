@@ -18,7 +18,7 @@ from msgspec import Struct
 
 from gateway.driver import Ask
 from gateway.errors import Busy, Fault, Garbled, NoAnswer
-from gateway.line import STOP, Line
+from gateway.line import AT_ONCE, STOP, Line
 from gateway.spherical import wrap180
 
 #: Degrees that a position may differ from the last one and be believed at once.
@@ -107,7 +107,7 @@ class Belief:
         """
         if rank != STOP:
             try:
-                async with asyncio.timeout(DOUBTFUL):
+                async with asyncio.timeout(AT_ONCE if ask.prompt else DOUBTFUL):
                     await self._line.clear_of_doubt(ask)
             except TimeoutError:  # others like it go on failing: nobody is kept waiting for the end of that
                 raise NoAnswer from None

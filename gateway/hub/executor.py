@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from gateway import operations as op
 from gateway.driver import Ask, Steps
 from gateway.driving import carry_out
-from gateway.errors import Fault, Refused
-from gateway.line import MOTION, STOP
+from gateway.errors import Busy, Fault, Refused
+from gateway.line import AT_ONCE, LATE, MOTION, STOP
 from gateway.motion_kinds import GOTOS
 from gateway.mount.motion.wanted import Wanted
 
@@ -55,18 +55,23 @@ class HubExecutor:
     def served(self) -> bool:
         return self._hub.line.state == "up" and self._hub.line.served
 
-    async def drive(self, steps: Steps, rank: int) -> Any:
-        """Carry out a driver's generator: exchanges, pauses, things to do later."""
+    async def drive(self, steps: Steps, rank: int, since: float | None = None) -> Any:
+        """Carry out a driver's generator: exchanges, pauses, things to do later. What is late is not begun any more."""
         hub = self._hub
         self.exchanges = exchanges = 0
         asked: list[float] = []
+        late = since is not None and hub.now() - since > AT_ONCE
         if rank == MOTION:
             hub.telling.stirs()
 
         async def exchange(ask: Ask) -> Mapping[str, Any]:
-            nonlocal exchanges
+            nonlocal exchanges, late
+            if late and (ask.prompt or not exchanges):
+                raise Busy(LATE)
+            began = hub.now()
             hub.slumber.admit(ask, rank)
             heard, times = await hub.belief.exchange(ask, rank)
+            late = late or hub.now() - began > AT_ONCE
             hub.slumber.answered(ask)
             exchanges += times
             asked.append(heard.asked)

@@ -35,8 +35,8 @@ class Executor(Protocol):
     def served(self) -> bool:
         """Whether the line is up, and somebody works on it."""
 
-    async def drive(self, steps: Steps, rank: int) -> Any:
-        """Exchanges and pauses -> the generator's value. Raises Fault."""
+    async def drive(self, steps: Steps, rank: int, since: float | None = None) -> Any:
+        """Exchanges and pauses -> the generator's value. ``since``: when it was asked for. Raises Fault."""
 
     async def admit(self, operation: Operation) -> Operation:
         """An operation that is allowed, in the form that this mount can carry out. Raises Fault."""

@@ -291,6 +291,8 @@ class Reconciler:
     async def _carry_out(self, order: Order) -> tuple[op.Operation, Any]:
         """-> the operation as it was admitted, and its answer."""
         executor, operation = self._executor, order.operation
+        arrow = isinstance(operation, op.Move | op.MoveAxis) and order.rank == IN_ORDER
+        since = order.since if arrow else None
         if order.follow_up:
             special = self._follow_ups.get(type(operation))
             steps = special(self._driver, operation) if special else self._driver.perform(operation)
@@ -301,7 +303,7 @@ class Reconciler:
         elif isinstance(operation, op.Sleep) and (executor.moving or self._driver.unrestored):
             await self.stop()
         rank = MOTION if not isinstance(operation, ENDS) else SETTING if order.hammered else STOP
-        return operation, await executor.drive(self._driver.perform(operation), rank)
+        return operation, await executor.drive(self._driver.perform(operation), rank, since)
 
     def _has_ended(self, order: Order, work: asyncio.Task[tuple[op.Operation, Any]]) -> None:
         """An operation was carried out, failed, or was given up."""

@@ -20,6 +20,8 @@ LONG = {"SC": 14.0, "gT": 600.0}
 UNKNOWN = -1
 #: What turns a motor, which has no power while the telescope sleeps.
 TURNS_MOTORS = frozenset({"MS", "MA", "Mn", "Ms", "Me", "Mw", "Mg", "hP", "hS", "hF"})
+#: What begins a motion by hand, its rate before it: never waited with, for then it would begin when nobody wants it.
+BY_HAND = frozenset({"RG", "RC", "RM", "RS", "Sw", "RA", "RE", "Rg", "Mn", "Ms", "Me", "Mw", "Mg"})
 #: All that is understood while it seeks its home; a Meade that is asked anything else says NAK, or nothing.
 WHILE_SEEKING = frozenset({"hS", "hF", "Q", "h?"})
 _NAMES = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
@@ -163,7 +165,7 @@ def rate_command(rate: Rate) -> str:
 
 
 def ask(mount: Meade, command: str, **values: Any) -> Steps:
-    """Send a command; a busy telescope (NAK) is waited for, a few times.
+    """Send a command; a busy telescope (NAK) is waited for, a few times, except with what moves it by hand.
 
     Raises Unsupported for what it lacks, and Refused for what would turn a motor of one that sleeps.
     """
@@ -173,11 +175,12 @@ def ask(mount: Meade, command: str, **values: Any) -> Steps:
         raise Busy("The mount seeks its home.")
     if mount.asleep_as_told and command in TURNS_MOTORS:
         raise Refused("The mount is asleep: wake it first.")
+    long, prompt = command in LONG, command in BY_HAND
     for attempt in range(BUSY_RETRIES):
         try:
-            return (yield Ask(command, {**values, "low": mount.low}, LONG.get(command), command in LONG))
+            return (yield Ask(command, {**values, "low": mount.low}, LONG.get(command), long, prompt))
         except Busy:
-            if attempt == BUSY_RETRIES - 1:
+            if prompt or attempt == BUSY_RETRIES - 1:
                 raise
             yield Pause(BUSY_WAIT)
     return None

@@ -8,7 +8,7 @@ a chain of small gotos.
 from __future__ import annotations
 
 from gateway.driver import Ask, Later, Steps
-from gateway.errors import Fault, Refused, Unsupported
+from gateway.errors import Busy, Fault, Refused, Unsupported
 from gateway.operations import (
     Backlash,
     Direction,
@@ -91,12 +91,19 @@ def move_axis(mount: NexStar, operation: MoveAxis) -> Steps:
     mount.parked = False
     if not (gentle and equatorial and mount.remembered is None):
         yield from tracking.put_off(mount)
+    before = dict(mount.moving)
     mount.moving[axis] = max(mount.speed(rate), mount.moving.get(axis, 0.0))  # until it has taken the new rate
-    if free and rate.degrees is not None:
-        arcseconds = min(rate.degrees, mount.rates["fastest"]) * 3600.0
-        yield Ask(f"rate_{_AXIS[axis]}_{side}", {"rate": tracking.rate_code(arcseconds)})
-    else:
-        yield Ask(f"slew_{_AXIS[axis]}_{side}", {"rate": mount.key_for(rate)})
+    try:
+        if free and rate.degrees is not None:
+            arcseconds = min(rate.degrees, mount.rates["fastest"]) * 3600.0
+            yield Ask(f"rate_{_AXIS[axis]}_{side}", {"rate": tracking.rate_code(arcseconds)}, prompt=True)
+        else:
+            yield Ask(f"slew_{_AXIS[axis]}_{side}", {"rate": mount.key_for(rate)}, prompt=True)
+    except Busy:  # it was never sent
+        mount.moving = before
+        if not before and mount.remembered is not None:
+            yield from tracking.restore(mount)
+        raise
     mount.moving[axis] = mount.speed(rate)
 
 
@@ -195,13 +202,13 @@ def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
         percent = max(-100, min(100, round(100 * sign * (operation.rate or mount.guide_rates[axis]))))
         piece = min(operation.ms, LONGEST_PULSE)
         mount.pulse_ends[axis] = mount.now() + piece / 1000.0
-        yield Ask("pulse", {"device": 15 + axis, "rate": percent, "ticks": max(1, round(piece / 10))})
+        yield Ask("pulse", {"device": 15 + axis, "rate": percent, "ticks": max(1, round(piece / 10))}, prompt=True)
         return Pulsed(piece / 1000.0, ends=True, left=operation.ms - piece)
     if not (mount.tracking or Tracking.OFF).equatorial or mount.stepping:
         raise Unsupported("This mount cannot be guided in alt-az: its motors know no guide pulses.")
     mount.pulsing.add(axis)
     side = "pos" if sign > 0 else "neg"
-    yield Ask(f"slew_{_AXIS[axis]}_{side}", {"rate": int(mount.rates["guide"])})
+    yield Ask(f"slew_{_AXIS[axis]}_{side}", {"rate": int(mount.rates["guide"])}, prompt=True)
     return Pulsed(operation.ms / 1000.0, ends=False)
 
 
