@@ -123,9 +123,21 @@ async def is_told_another_site(bridge: Bridge) -> None:
 
 
 async def is_told_another_time(bridge: Bridge) -> None:
+    if bridge.hub.sources.site() is None:
+        await bridge.hub.perform(op.SetSite(45.0, 10.0))
+        await asyncio.sleep(1.0)
     for hours in (5.0, 9.0):
         await bridge.hub.perform(op.SetClock(bridge.clock() + hours * 3600.0, 0.0))
         await asyncio.sleep(1.5)
+
+
+async def finds_its_satellites(bridge: Bridge) -> None:
+    """A program asks what the GPS unit has found, which tells the site where nothing else does."""
+    await bridge.hub.perform(op.SetSite(-30.0, 100.0))
+    await asyncio.sleep(1.0)
+    with suppress(Unsupported):  # before there was a pass-through
+        await bridge.hub.perform(op.GetGps())
+    await asyncio.sleep(1.0)
 
 
 async def is_set_at_its_keys(bridge: Bridge) -> None:
@@ -157,6 +169,7 @@ def test_what_moves(mount: str, driven: str, presented: str, scenario: Scenario)
 #: An equatorial mount that takes what it is told; one that tells neither, and that keeps its sync here.
 TAKES: dict[str, Any] = {"mount": "cge", "aligned": False}
 TELLS_NOTHING: dict[str, Any] = {"mount": "nexstar-gps", "version": "1.2"}
+HAS_GPS: dict[str, Any] = {"mount": "nexstar-gps", "version": "1.6"}
 
 
 @pytest.mark.parametrize("scenario", [is_told_another_site, is_told_another_time, is_set_at_its_keys])
@@ -168,10 +181,73 @@ def test_where_and_when(settings: dict[str, Any], start: float, presented: str, 
     async def program() -> None:
         async with Bridge(**settings, presented=presented, surface=None, start=start,
                           config={"lowest": -90.0, "sun": 0.0}) as bridge:
-            if settings is TELLS_NOTHING:
+            if settings["mount"] == "nexstar-gps":
                 seen = await bridge.hub.read(op.Position())
                 await bridge.hub.perform(op.Sync((seen.ra + 1.0) % 360.0, seen.dec))
                 assert bridge.driver.displaced
             await compared(bridge, LX200 if presented == "lx200" else NEXSTAR, scenario)
+
+    run(program())
+
+
+def test_a_place_from_the_satellites_is_told_at_once() -> None:
+    """It found none when the gateway asked it first."""
+
+    async def program() -> None:
+        async with Bridge(**HAS_GPS, surface=None, config={"lowest": -90.0, "sun": 0.0}) as bridge:
+            seen = await bridge.hub.read(op.Position())
+            await bridge.hub.perform(op.Sync((seen.ra + 1.0) % 360.0, seen.dec))
+            bridge.observatory.mount_site = None
+            await compared(bridge, LX200, finds_its_satellites)
+            assert bridge.observatory.gps_site is not None
+
+    run(program())
+
+
+@pytest.mark.parametrize("forget", ["forget", "anew"])
+def test_what_is_forgotten_is_told_to_nobody(forget: str) -> None:
+    async def program() -> None:
+        async with Bridge("cge", surface=None) as bridge:
+            client = bridge.client()
+            for _ in range(3):
+                assert await client.ask(b":GR#", until=b"#")
+            client.heard = b""
+            client.tell(b":GR#")
+            assert client.heard, "it is told again"
+            client.heard = b""
+            if forget == "forget":
+                bridge.hub.snapshot.forget(op.Position)
+            else:
+                bridge.hub.telling.anew()
+            client.tell(b":GR#")
+            assert client.heard == b"", "the mount is asked"
+
+    run(program())
+
+
+def test_half_a_place_of_another_moment_is_not_told_again() -> None:
+    """Between the halves that one program asks for another one is told a later moment: each gets both of its own."""
+
+    async def program() -> None:
+        async with Bridge("cge", surface=None, latency=0.02, config={"lowest": -90.0, "sun": 0.0}) as bridge:
+            client, other = bridge.client(), bridge.client("10.0.0.2")
+            client.tell(b":RS#:Mw#:Ms#")
+            await asyncio.sleep(3.0)
+
+            def told(asking: Any, question: bytes) -> bytes:
+                asking.heard = b""
+                asking.tell(question)
+                return bytes(asking.heard)
+
+            for _ in range(30):
+                told(client, b":GR#")
+                await asyncio.sleep(0.055)
+                told(other, b":GR#")
+                told(client, b":GD#")
+                await asyncio.sleep(0.01)
+                both = told(client, b":GR#") + told(client, b":GD#")
+                await asyncio.sleep(0.0)
+                assert told(bridge.client("10.0.0.3"), b":GR#:GD#") == both
+                await asyncio.sleep(0.07)
 
     run(program())
