@@ -76,6 +76,11 @@ def test_who_leads_away_from_the_goal_goes_another_way_round() -> None:
     assert place(course(*two((4.0, 0.0)), fastest=FAST, goal=(60.0, 30.0)), 101.0)[0] == pytest.approx(124.0)
 
 
+def test_what_may_be_the_last_digit_is_no_motion() -> None:
+    going = course(*two((4.0, 0.02)), fastest=FAST, digit=20.0 / 3600.0)
+    assert place(going, 101.0) == (pytest.approx(124.0), 30.0)
+
+
 def test_it_ends_at_a_limit_and_one_that_is_beyond_goes_on() -> None:
     limit = course(*two((0.0, -4.0)), fastest=FAST, inside=lambda _, second: second >= 28.0)
     assert 28.0 <= place(limit, 101.0)[1] < 28.05

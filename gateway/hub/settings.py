@@ -99,6 +99,7 @@ class SiteAndClock:
                 told: op.Gps = await self._hub.drive(self._hub.driver.perform(operation), READ)
                 seen, _ = self._gps = told, self._hub.now()
                 self._observatory.gps_says(told)
+                self._hub.snapshot.version += 1
         return seen
 
     # --- setting ----------------------------------------------------------------------------------------------------
@@ -142,7 +143,6 @@ class SiteAndClock:
         present = self._observatory.clock()
         self._observatory.keep_clock(op.SetClock(seen.unix, present.offset, present.dst) if present else
                                      op.SetClock(seen.unix, 0.0))
-        self._hub.snapshot.version += 1
 
     async def _periodic_error(self, operation: op.PeriodicError) -> None:
         """On or off is a setting; a toggle is pressed once, heard or not. Raises Fault."""

@@ -233,6 +233,7 @@ class SyncSettings:
             self._observatory.mount_says_site(op.Place(running.latitude, running.longitude), ours=True)
         elif isinstance(running, op.SetClock):
             self._observatory.mount_says_clock(op.Moment(running.unix, running.offset, running.dst), ours=True)
+            hub.snapshot.version += 1  # it is in force while it is looked at
             with contextlib.suppress(Fault):  # it is read again when somebody asks
                 told: op.Moment = await hub.drive(hub.driver.perform(op.GetClock()), READ)
                 self._observatory.mount_says_clock(told, ours=True)

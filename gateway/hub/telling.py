@@ -151,8 +151,8 @@ class Telling:
             same = before is not None and before.asked >= self._since
             self._courses[kind] = course(
                 before.reading if before is not None and same else None, last.reading,
-                fastest=FASTEST * self._hub.driver.hurry, goal=self._goal(kind), polar=kind is not op.AxisPosition,
-                inside=self._inside(kind),
+                fastest=FASTEST * self._hub.driver.hurry, digit=self._hub.driver.resolution, goal=self._goal(kind),
+                polar=kind is not op.AxisPosition, inside=self._inside(kind),
             )
         return self._courses[kind]
 

@@ -26,6 +26,8 @@ EARLIER = 0.05
 SOONEST, LATEST = 0.1, 3.0
 #: Degrees from the equator beyond which the first angle does not grow evenly, and how far it turns at most meanwhile.
 POLEWARD, TURN = 85.0, 30.0
+#: How many of its digits an angle must have turned by between two readings: less is their last digit.
+DIGITS = 3.0
 #: How much of what is left to a goal is gone at most: motors slow down before it, and nobody is told that they arrived.
 NEARER = 0.5
 #: A limit is found to a 256th of the time for which a place is reckoned on.
@@ -53,14 +55,15 @@ class Course(Struct, frozen=True):
     lasts: float = 0.0
 
 
-def course(before: Reading | None, last: Reading, *, fastest: float, goal: Pair | None = None, polar: bool = True,
-           inside: Inside | None = None) -> Course:
+def course(before: Reading | None, last: Reading, *, fastest: float, digit: float = 0.0, goal: Pair | None = None,
+           polar: bool = True, inside: Inside | None = None) -> Course:
     """How it goes on after ``last``; ``before`` is an earlier reading of the same motion, or there is none.
 
-    ``fastest``: degrees a second that no motor exceeds. ``polar``: the angles are places on a sphere, and not the
-    readings of two axes. ``inside`` says whether a place is within the limits; one that is not has none.
+    ``fastest``: degrees a second that no motor exceeds. ``digit``: how finely readings tell, degrees. ``polar``: the
+    angles are places on a sphere, and not the readings of two axes. ``inside`` says whether a place is within the
+    limits; one that is not has none.
     """
-    rates = None if before is None else _rates(before, last, fastest, polar)
+    rates = None if before is None else _rates(before, last, fastest, digit, polar)
     if before is None or rates is None:
         return Course(last)
     rooms = (inf, inf) if goal is None else (_room(before, last, goal, 0), _room(before, last, goal, 1))
@@ -94,7 +97,7 @@ def _until(rate: float, degrees: float) -> float:
     return degrees / abs(rate) if rate else inf
 
 
-def _rates(before: Reading, last: Reading, fastest: float, polar: bool) -> Pair | None:
+def _rates(before: Reading, last: Reading, fastest: float, digit: float, polar: bool) -> Pair | None:
     """Degrees a second of each angle; None where nothing can be said of them."""
     elapsed = last.at[0] - before.at[0], last.at[1] - before.at[1]
     if min(elapsed) < SOONEST or max(elapsed) > LATEST:
@@ -107,7 +110,8 @@ def _rates(before: Reading, last: Reading, fastest: float, polar: bool) -> Pair 
             return None
     elif max(abs(turned[0]) / elapsed[0], abs(turned[1]) / elapsed[1]) > fastest:
         return None
-    return turned[0] / elapsed[0], turned[1] / elapsed[1]
+    first, second = (turned[n] / elapsed[n] if abs(turned[n]) >= DIGITS * digit else 0.0 for n in (0, 1))
+    return first, second
 
 
 def _room(before: Reading, last: Reading, goal: Pair, which: int) -> float:
