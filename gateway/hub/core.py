@@ -21,7 +21,7 @@ from gateway.hub.belief import Belief
 from gateway.hub.ending import end_motion, stop_commands
 from gateway.hub.executor import HubExecutor
 from gateway.hub.refresh import ASK_AGAIN, Refresh
-from gateway.hub.rules import make_rules
+from gateway.hub.rules import make_rules, say_doubts
 from gateway.hub.settings import FIRST_ANSWER, SiteAndClock
 from gateway.hub.slumber import Slumber
 from gateway.hub.snapshot import FRESH, MISSING, Kind, Snapshot
@@ -187,6 +187,7 @@ class Hub:
         await self._learn(op.GetClock())
         self.settings.sync.resume()
         self.settled.set()
+        say_doubts(self)
 
     async def _learn(self, operation: op.Operation) -> None:
         """Ask for something that is told but once."""
