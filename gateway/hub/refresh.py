@@ -20,6 +20,8 @@ HEARTBEAT = 5.0
 #: How old the mount's own clock and site may grow while somebody is there: a person may change them at its keys.
 OWN_AGE = 25.0
 ASK_AGAIN = 1.0
+#: How long the axes are left alone that nobody has asked for and the mount did not tell.
+NOT_TOLD = 10.0
 #: What nobody wants waits until an answer or a motion wakes it.
 IDLE = 3600.0
 #: The shortest pause between two exchanges of the same kind: others need the line, too.
@@ -143,5 +145,7 @@ class Refresh:
         except Fault as fault:
             if not isinstance(fault, NoAnswer | NotAligned):
                 hub.transcript.note_once("mount", f"{kind.__name__}: {fault}")
-            if hub.snapshot.age(kind, hub.now()) > RENEW[kind]:
+            if kind is op.AxisPosition and not hub.snapshot.polled(kind, hub.now()):
+                await asyncio.sleep(NOT_TOLD)
+            elif hub.snapshot.age(kind, hub.now()) > RENEW[kind]:
                 await asyncio.sleep(RENEW[kind])
