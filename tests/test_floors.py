@@ -24,7 +24,6 @@ FLOORS = {
     "mount_geometry": 2,
     "motors": 2,
     "axis_motion": 2,
-    "paths": 2,
     "tables": 2,
     "sky": 3,
     "library": 3,

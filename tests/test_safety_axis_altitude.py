@@ -47,6 +47,23 @@ def test_an_arrow_stops_at_the_limit_whatever_the_syncs_were(model: str, version
     run(program())
 
 
+@pytest.mark.parametrize("pause", [0.0, 3.0])
+def test_what_was_synced_wrongly_before_the_gateway_began_counts_too(pause: float) -> None:
+    """At its keys, or by a program that had the line before."""
+    async def program() -> None:
+        bridge = Bridge("cpc", config={"lowest": 20.0})
+        now = bridge.clock()
+        ra, dec = bridge.sim.mechanics.truth(now)
+        bridge.sim.mechanics.sync(now, ra, dec + 30.0)
+        async with bridge:
+            await asyncio.sleep(pause)
+            bridge.client().tell(b":RS#:Ms#")
+            low = await lowest_of(bridge, 30.0)
+            assert 20.0 <= low < 30.0
+
+    run(program())
+
+
 def test_a_goto_is_refused_by_where_the_axis_will_stand() -> None:
     """The sky is believed 28 degrees higher than it is: what is reckoned at 30 is a tube at 2."""
     async def program() -> None:

@@ -84,6 +84,21 @@ def test_unparked_below_the_limit_it_does_not_sink_on() -> None:
     run(program())
 
 
+def test_woken_below_the_limit_it_does_not_sink_on() -> None:
+    """A hand control that wakes tracks."""
+    async def program() -> None:
+        async with standing("cpc", SINKING, 30.0, "4.21", config={"lowest": 35.0}) as bridge:
+            await bridge.hub.perform(op.Sleep())
+            await asyncio.sleep(5.0)
+            await bridge.hub.perform(op.Wake())
+            for _ in range(60):
+                await bridge.hub.read(op.Position())
+                await asyncio.sleep(1.0)
+            assert not truth_of(bridge.sim).tracking
+
+    run(program())
+
+
 @pytest.mark.parametrize("pulse", [
     op.Pulse(op.Direction.SOUTH, 2500), op.PulseAxis(2, -1, 2500, 0.5),
 ])

@@ -12,8 +12,8 @@ from gateway.errors import PastMeridian
 from gateway.mount.safety.altitude import leaving
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.meridian import check_hour_angle, past_meridian
+from gateway.mount.safety.way_shapes import STEP, clear, one_rests, together
 from gateway.mount_geometry import Pair
-from gateway.paths import STEP, clear, one_rests, together
 from gateway.spherical import separation, to_vector
 
 angles = st.floats(-180.0, 180.0)

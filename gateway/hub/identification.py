@@ -14,6 +14,7 @@ from gateway import operations as op
 from gateway.errors import Fault, NoAnswer
 from gateway.hub.ending import stop_commands
 from gateway.hub.refresh import ASK_AGAIN
+from gateway.hub.rules import say_doubts
 from gateway.line import READ, STOP
 
 if TYPE_CHECKING:
@@ -79,6 +80,7 @@ class Identification:
         await self.learn(op.GetClock())
         self._hub.settings.sync.resume()
         self.settled.set()
+        say_doubts(self._hub)
 
     async def learn(self, operation: op.Operation) -> None:
         """Ask for something that is told but once."""

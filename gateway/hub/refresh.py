@@ -20,6 +20,8 @@ HEARTBEAT = 5.0
 #: How old the mount's own clock and site may grow while somebody is there: a person may change them at its keys.
 OWN_AGE = 25.0
 ASK_AGAIN = 1.0
+#: How long the axes are left alone that nobody has asked for and the mount did not tell.
+NOT_TOLD = 10.0
 #: What nobody wants waits until an answer or a motion wakes it.
 IDLE = 3600.0
 #: The shortest pause between two exchanges of the same kind: others need the line, too.
@@ -36,6 +38,7 @@ class Refresh:
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
         self._exchanges: dict[Kind, int] = {}
+        self._axes_refused = -1e9
         self._news: dict[Kind, asyncio.Event] = {kind: asyncio.Event() for kind in RENEW}
         hub.snapshot.changed = self._changed
         self._reading_own: asyncio.Task[None] | None = None
@@ -112,7 +115,7 @@ class Refresh:
         """Whether somebody polls this, or the hub itself must watch it."""
         if kind is op.Position and self._watched:
             return True
-        if kind is op.AxisPosition and self._hub.guard.axes_every is not None:
+        if kind is op.AxisPosition and now - self._axes_refused > NOT_TOLD and self._hub.guard.axes_every is not None:
             return True
         return (kind is op.Slewing and self._hub.slewing) or self._hub.snapshot.polled(kind, now)
 
@@ -143,5 +146,7 @@ class Refresh:
         except Fault as fault:
             if not isinstance(fault, NoAnswer | NotAligned):
                 hub.transcript.note_once("mount", f"{kind.__name__}: {fault}")
+            if kind is op.AxisPosition:
+                self._axes_refused = hub.now()
             if hub.snapshot.age(kind, hub.now()) > RENEW[kind]:
                 await asyncio.sleep(RENEW[kind])

@@ -25,9 +25,9 @@ from gateway.mount.safety.park import CHOOSE, check_own_park
 from gateway.mount.safety.questions import Questions, over, tilt
 from gateway.mount.safety.sync_sum import SyncSum, check_sum, check_sync
 from gateway.mount.safety.watch import LimitWatch
+from gateway.mount.safety.way_shapes import clear
 from gateway.mount.site.sources import BestSources
 from gateway.mount_geometry import Pair
-from gateway.paths import clear
 from gateway.spherical import separation
 
 #: Seconds that a sync waits for the end of a goto, and between two looks at it.

@@ -19,7 +19,7 @@ APART = 0.3
 #: Seconds between two readings of the axes, while the mount moves and while it rests in spite of a difference.
 IN_MOTION, AT_REST = 1.0, 5.0
 #: How old the word of the mount may be that it is an alt-az one, when its altitude axis contradicts what is reckoned.
-STATUS_AGE = 1.0
+STATUS_AGE = 2.0
 
 
 def told(reading: float) -> float:
