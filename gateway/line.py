@@ -48,10 +48,12 @@ BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 class Job:
     """An exchange that waits for its turn."""
 
-    __slots__ = ("ask", "asked", "future", "rank")
+    __slots__ = ("ask", "asked", "chosen", "future", "rank")
 
     def __init__(self, ask: Ask, rank: int, future: asyncio.Future[tuple[dict[str, Any], float]]) -> None:
         self.ask, self.rank, self.future, self.asked = ask, rank, future, future.get_loop().time()
+        #: It was this one's turn, and only quiet was waited for: a read that comes meanwhile does not go before it.
+        self.chosen = False
 
 
 class Line:
@@ -311,6 +313,7 @@ class Line:
         job = first[2]
         gap = 0.0 if job.rank == STOP else self.talk.gap(job.ask)
         if gap > 0:
+            job.chosen = True
             self._wake.clear()
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._wake.wait(), gap)
@@ -326,6 +329,8 @@ class Line:
 
         def turn(item: tuple[int, int, Job]) -> tuple[float, int, int]:
             rank, order, job = item
+            if job.chosen and rank in READS:
+                return POSITION - 0.5, rank, order
             return min(rank, risen[rank]) if now - job.asked > AGED.get(rank, 1e9) else rank, rank, order
 
         return sorted(self._queue, key=turn)
