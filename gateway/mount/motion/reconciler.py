@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from gateway import operations as op
 from gateway.driver import Driver, Later
-from gateway.errors import Busy, Fault, Stopped
+from gateway.errors import Busy, Fault, NoAnswer, Stopped
 from gateway.line import MOTION, SETTING, STOP
 from gateway.motion_kinds import ENDS, MOVING
 from gateway.mount.motion import outcomes
@@ -30,6 +30,8 @@ from gateway.mount.safety.dead_man import HostActivity
 
 #: How often a stop is sent again on a line that is up, when its answer was lost.
 STOP_TRIES = 3
+#: What may have begun though its acknowledgement was lost, and would have no end then.
+BY_HAND = (op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
 
 
 class Reconciler:
@@ -343,7 +345,8 @@ class Reconciler:
         if order.rank < 0:  # nobody wants it any more
             return
         self._want(outcomes.refused(self.wanted, order))
-        half_begun = order.rank == RESUMED and isinstance(order.operation, MOVING)
+        unheard = isinstance(order.operation, BY_HAND) and isinstance(error, NoAnswer)
+        half_begun = unheard or (order.rank == RESUMED and isinstance(order.operation, MOVING))
         not_ended = isinstance(order.operation, ENDS) and not (self._driver.asleep and not order.follow_up)
         if order.follow_up:
             self._executor.note(f"{type(order.operation).__name__}: {error}")
