@@ -29,6 +29,8 @@ class Fault(GatewayError):
     words = "Not possible."
     #: Seconds that the mount took to say so, where it was the mount.
     took = 0.0
+    #: Whether the mount may have heard of the operation all the same.
+    sent = True
 
     def __init__(self, words: str | None = None) -> None:
         super().__init__(words or self.words)

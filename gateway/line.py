@@ -53,10 +53,12 @@ BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 class Job:
     """An exchange that waits for its turn."""
 
-    __slots__ = ("ask", "asked", "future", "rank")
+    __slots__ = ("ask", "asked", "chosen", "future", "rank")
 
     def __init__(self, ask: Ask, rank: int, future: asyncio.Future[tuple[dict[str, Any], float]]) -> None:
         self.ask, self.rank, self.future, self.asked = ask, rank, future, future.get_loop().time()
+        #: It was this one's turn, and only quiet was waited for: a read that comes meanwhile does not go before it.
+        self.chosen = False
 
 
 class Line:
@@ -132,7 +134,9 @@ class Line:
     async def timed(self, ask: Ask, rank: int) -> tuple[dict[str, Any], float]:
         """The same, and the seconds the reply took. Raises Fault, which knows them, too."""
         if self.state == "down":
-            raise NoAnswer
+            unheard = NoAnswer()
+            unheard.sent = False
+            raise unheard
         if self.state == "busy" and rank != STOP:
             raise Busy
         future: asyncio.Future[tuple[dict[str, Any], float]] = asyncio.get_running_loop().create_future()
@@ -316,6 +320,7 @@ class Line:
         job = first[2]
         gap = 0.0 if job.rank == STOP else self.talk.gap(job.ask)
         if gap > 0:
+            job.chosen = True
             self._wake.clear()
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._wake.wait(), gap)
@@ -337,6 +342,8 @@ class Line:
 
         def turn(item: tuple[int, int, Job]) -> tuple[float, int, int]:
             rank, order, job = item
+            if job.chosen and rank in READS:
+                return POSITION - 0.5, rank, order
             return min(rank, risen[rank]) if now - job.asked > AGED.get(rank, 1e9) else rank, rank, order
 
         return sorted(self._queue, key=turn)

@@ -14,6 +14,7 @@ from gateway import operations as op
 from gateway.errors import Fault
 from gateway.protocols.nexstar.sim_devices import FocuserMotor
 from gateway.spherical import fold_declination, wrap180
+from gateway.tables import load
 from tests.bridge import Bridge
 
 Check = Callable[[Bridge], Awaitable[bool]]
@@ -82,7 +83,17 @@ async def status(b: Bridge) -> bool:
 
 
 async def identity(b: Bridge) -> bool:
-    return bool((await b.hub.perform(op.GetIdentity())).version)
+    """As the papers name it: a classic tells neither product nor firmware, a hand control before 2.2 no model."""
+    seen = await b.hub.perform(op.GetIdentity())
+    if hasattr(b.sim, "shown_version"):
+        name = next(model for model, row in load("nexstar").models.items() if row is b.sim.row)
+        major, minor = b.sim.shown_version
+        named = b.sim.version >= (2, 2) or major >= 100  # only a GT counts from 100
+        version = f"{major}.{minor:02d}" if 3 <= major < 100 else f"{major}.{minor}"
+        return (seen.product, seen.version, seen.model) == (
+            "Celestron NexStar", version, name if named else "unknown")
+    product, firmware = ("LX200", "?") if b.sim.classic else (b.sim.row["product"], b.sim.row["firmware"])
+    return (seen.product, seen.version, seen.model) == (product, firmware, b.sim.model)
 
 
 async def site(b: Bridge) -> bool:
@@ -105,11 +116,25 @@ async def sidereal(b: Bridge) -> bool:
 
 
 async def pier_side(b: Bridge) -> bool:
-    return await b.hub.perform(op.PierSide()) in ("E", "W")
+    """On the W side of a northern pier the declination axis of a German mount reads beyond the pole; a fork is E."""
+    await b.hub.perform(op.PierSide())
+    sides = []
+    for east in (-30.0, 30.0):
+        await b.hub.perform(op.Goto(*_high(b, east)))
+        await _settle(b)
+        beyond = b.sim.german and wrap180(_axes(b)[1] - 90.0) > 0.0
+        sides.append(await b.hub.perform(op.PierSide()) == ("W" if beyond else "E"))
+    return all(sides)
 
 
 async def guide_rate(b: Bridge) -> bool:
-    return 0.0 <= await b.hub.perform(op.GuideRate(1)) <= 1.0
+    """In parts of 256, as the motor has it: set behind the gateway's back."""
+    await b.hub.perform(op.GuideRate(1))
+    told = []
+    for axis, rate in ((1, 0x40), (2, 0xC0)):
+        b.sim.settings["guide rate", 15 + axis] = rate
+        told.append(await b.hub.anew(op.GuideRate(axis)))
+    return told == [0.25, 0.75]
 
 
 async def goto(b: Bridge) -> bool:

@@ -87,6 +87,23 @@ def test_a_release_that_was_lost_is_sent_again_and_the_other_axis_goes_on(mount:
     run(program())
 
 
+@pytest.mark.parametrize("mount", MEADES)
+@pytest.mark.parametrize("fastest", [b":RS#", b":Sw4#", b":Sw2#"])
+def test_a_release_that_was_lost_at_the_fastest_rate_is_sent_again(mount: str, fastest: bytes) -> None:
+    """A 16 inch goes at 4 degrees a second, half of what the others do; :Sw slows all of them."""
+    async def program() -> None:
+        async with bridge_to(mount) as bridge:
+            client = bridge.client()
+            client.tell(fastest + b":Me#")
+            await asyncio.sleep(3.0)
+            missed = deafen(bridge, (b":Qe#",))
+            client.tell(b":Qe#")
+            assert await seconds_to_rest(bridge, 30.0) < 6.0
+            assert missed
+
+    run(program())
+
+
 @pytest.mark.parametrize("mount", ["autostar", "cge", "cpc"])
 @pytest.mark.parametrize("motion", [b":RS#:Me#", b":RG#:Me#", b":RC#:Mn#", GOTO])
 def test_a_stop_that_was_heard_is_not_sent_again(mount: str, motion: bytes) -> None:

@@ -67,6 +67,20 @@ def test_a_search_for_the_switches_ends_at_a_stop_and_at_a_goto(ends: bytes) -> 
     run(program())
 
 
+@pytest.mark.parametrize(("config", "percent"), [({}, 50), ({"guide_rate": 0.8}, 80)])
+def test_a_guide_pulse_goes_by_the_guide_rate_of_the_settings(config: dict[str, float], percent: int) -> None:
+    """Until a program sets one."""
+    async def program() -> None:
+        async with Bridge("avx", config=config) as bridge:
+            client, before = bridge.client(), len(bridge.sent())
+            client.tell(b":Mgn1000#:Mgw0500#")
+            await asyncio.sleep(0.5)
+            pulses = [request for request in bridge.sent()[before:] if request[3:4] == b"\x26"]
+            assert pulses == [bytes((80, 3, 17, 0x26, percent, 100, 0, 0)), bytes((80, 3, 16, 0x26, percent, 50, 0, 0))]
+
+    run(program())
+
+
 def test_a_guide_pulse_goes_by_the_guide_rate_that_was_set() -> None:
     async def program() -> None:
         async with Bridge("avx") as bridge:

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from gateway import operations as op
 from gateway.driver import Driver, Later
-from gateway.errors import Busy, Fault, Stopped
+from gateway.errors import Busy, Fault, NoAnswer, Stopped
 from gateway.line import MOTION, SETTING, STOP
 from gateway.motion_kinds import ENDS, MOVING
 from gateway.mount.motion import outcomes
@@ -25,11 +25,12 @@ from gateway.mount.motion.apply import apply, does_for, interrupted, stopped, ta
 from gateway.mount.motion.executor import Executor
 from gateway.mount.motion.next_operation import next_moment, next_operation
 from gateway.mount.motion.patience import forsaken, may_wait, patient, put_off
+from gateway.mount.motion.stopping import Stopping, heed
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, RESUMED, Order, Theirs, Wanted
 from gateway.mount.safety.dead_man import HostActivity
 
-#: How often a stop is sent again on a line that is up, when its answer was lost.
-STOP_TRIES = 3
+#: What may have begun though its acknowledgement was lost, and would have no end then.
+BY_HAND = (op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
 
 
 class Reconciler:
@@ -44,7 +45,7 @@ class Reconciler:
         self._outcomes: dict[int, asyncio.Future[Any]] = {}
         self._work: asyncio.Task[tuple[op.Operation, Any]] | None = None
         self._active = 0
-        self._stopping: asyncio.Task[None] | None = None
+        self._stopping = Stopping(driver, executor, self._rests, self._go_on)
         self._timer: asyncio.TimerHandle | None = None
         self._closed = False
 
@@ -173,7 +174,7 @@ class Reconciler:
 
     def _future(self) -> asyncio.Future[Any]:
         outcome = self._loop.create_future()
-        outcome.add_done_callback(_heed)
+        outcome.add_done_callback(heed)
         return outcome
 
     def _decided(self, fault: Fault | None = None, *, done: bool = False) -> asyncio.Future[Any]:
@@ -204,42 +205,18 @@ class Reconciler:
         """
         work = self._work
         self._want(stopped(self.wanted))
-        given_up = work if work is not None and work.cancelling() else None
-        return self.send_stop(given_up)
+        return self._stopping.send(work if work is not None and work.cancelling() else None)
 
-    def send_stop(self, given_up: asyncio.Task[Any] | None = None) -> asyncio.Task[None]:
-        """Send a stop when this task has ended. By itself it ends nothing that was asked for, only what moves."""
-        if self._stopping is None or self._stopping.done():  # else it is being done: nothing can have begun since
-            self._stopping = self._loop.create_task(self._stop(given_up))
-            self._stopping.add_done_callback(self._has_stopped)
-        return self._stopping
+    def send_stop(self) -> asyncio.Task[None]:
+        """Send a stop once more, to end what moves. It ends nothing that was asked for meanwhile."""
+        return self._stopping.send(None)
 
     async def stop(self) -> None:
-        """The same, and wait until the mount has acknowledged it. Raises Fault."""
+        """End every motion, and wait until the mount has acknowledged it. Raises Fault."""
         await asyncio.shield(self.begin_stop())
 
-    async def _stop(self, given_up: asyncio.Task[Any] | None) -> None:
-        if given_up is not None:
-            await asyncio.wait({given_up})
-        executor = self._executor
-        for attempt in range(STOP_TRIES):
-            try:
-                await executor.drive(self._driver.perform(op.Stop()), STOP)
-                break
-            except Fault as fault:
-                executor.note(f"stop: {fault}")
-                if self._driver.asleep and not executor.down:  # it stands still, and hears of nothing
-                    break
-                if attempt == STOP_TRIES - 1 or executor.down:
-                    executor.stop_sent()  # it stays owed, while it is seen to move
-                    raise
-        executor.stop_sent()
+    def _rests(self) -> None:
         self._want(outcomes.at_rest(self.wanted))
-        executor.at_rest()
-
-    def _has_stopped(self, task: asyncio.Task[None]) -> None:
-        _heed(task)
-        self._go_on()
 
     # --- carrying out -----------------------------------------------------------------------------------------------
 
@@ -260,7 +237,7 @@ class Reconciler:
 
     def _go_on(self) -> None:
         """Begin what is due, unless something is being done; else look again when something is due."""
-        if self._closed or self._work is not None or (self._stopping is not None and not self._stopping.done()):
+        if self._closed or self._work is not None or self._stopping.under_way:
             return
         order = next_operation(self.wanted, self._loop.time())
         while order is not None and self._executor.deaf and patient(order):
@@ -345,7 +322,8 @@ class Reconciler:
         if order.rank < 0:  # nobody wants it any more
             return
         self._want(outcomes.refused(self.wanted, order))
-        half_begun = order.rank == RESUMED and isinstance(order.operation, MOVING)
+        unheard = isinstance(order.operation, BY_HAND) and isinstance(error, NoAnswer) and error.sent
+        half_begun = unheard or (order.rank == RESUMED and isinstance(order.operation, MOVING))
         not_ended = isinstance(order.operation, ENDS) and not (self._driver.asleep and not order.follow_up)
         if order.follow_up:
             self._executor.note(f"{type(order.operation).__name__}: {error}")
@@ -386,9 +364,3 @@ class Reconciler:
         if self._timer is not None:
             self._timer.cancel()
         self._want(replace(self.wanted, pending=(), active=0, motion=Theirs()))
-
-
-def _heed(outcome: asyncio.Future[Any]) -> None:
-    """Mark the exception as retrieved, so that asyncio does not log one for which nobody waits."""
-    if not outcome.cancelled():
-        outcome.exception()

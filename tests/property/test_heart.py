@@ -1,0 +1,35 @@
+"""The heart on every kind of mount: 25 plays each, the same in every run; judged by the axes of the simulators.
+
+More by hand: ``python -m tests.property.heart_plays --examples 300 --mount cpc``. A play that fails is shown as
+small as it gets.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.property.heart_plays import examples, play, smallest
+from tests.property.line_of_faults import Fault
+from tests.property.orders import Event
+from tests.property.scripts import KNOWN, MOUNTS, Script
+
+EXAMPLES = 25
+ARROW = (Event(1.0, 1, "arrow", ("e", "max")),)
+
+
+@pytest.mark.parametrize("mount", list(MOUNTS))
+def test_it_stays_within_the_limits_and_ends_as_it_was_told(mount: str) -> None:
+    seeds = [seed for seed in range(EXAMPLES + len(KNOWN.get(mount, {}))) if seed not in KNOWN.get(mount, {})]
+    for _, script, wrong in examples(mount, seeds):
+        small = smallest(script, wrong)
+        pytest.fail(f"{'; '.join(play(small))}\n{small.words()}")
+
+
+@pytest.mark.parametrize("mount", ["cpc", "cge", "slt", "nexstar-gps-2.2", "autostar"])
+@pytest.mark.parametrize("kind", ["lost", "unheard", "doubled", "broken", "cut"])
+def test_an_arrow_that_meets_any_fault_comes_to_rest_when_its_program_leaves(mount: str, kind: str) -> None:
+    """The fault meets each of the requests in turn that the arrow consists of."""
+    for late in (0.0, 0.1, 0.2, 0.4):
+        fault = Fault(round(1.0 + late, 1), kind, 3.0 if kind == "cut" else 0.0)
+        script = Script(mount, "lx200", False, 5.0, (150.0, 40.0), False, 0.05, "leave", ARROW, (fault,))
+        assert play(script) == [], script.words()
