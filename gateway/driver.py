@@ -87,7 +87,7 @@ class Driver:
     model: str | None = None
     version: Version | None = None
     #: Whether tracking was put off for a motion and has not been put back yet.
-    unrestored = False
+    tracking_suspended = False
     #: The commands that end a motion and do nothing else, where a stop consists of more.
     ends: frozenset[str] = frozenset()
     #: Whether a goto may be under way that the mount was sent and has not acknowledged.

@@ -31,6 +31,7 @@ from gateway.hub.telling import Telling
 from gateway.hub.turnstile import Turnstile
 from gateway.line import SETTING, STOP, Line
 from gateway.motion_kinds import MOTIONS
+from gateway.mount.motion.awaited import ended
 from gateway.mount.motion.end_watch import EndWatch
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.safety.dead_man import HostActivity, Presence
@@ -198,7 +199,7 @@ class Hub:
         if isinstance(operation, op.Stop):
             return await self.stop()
         if isinstance(operation, MOTIONS):
-            return await self.motions.ended(self.motions.begin(operation, stops, life))
+            return await ended(self.motions.begin(operation, stops, life))
         if type(operation) in PLACES:
             return PLACES[type(operation)](self.told, operation)
         handler = self.settings.handlers.get(type(operation))
@@ -213,7 +214,7 @@ class Hub:
 
         async def finish() -> None:
             try:
-                await (self.motions.ended(motion) if motion is not None else self.perform(operation, stops))
+                await (ended(motion) if motion is not None else self.perform(operation, stops))
             except Fault as fault:
                 failed(fault)
             except Exception as error:  # a defect must not be lost because nobody waits for what came of it

@@ -18,7 +18,7 @@ from tally import Tally, poll
 
 LATENCY = 0.1
 #: What the gateway asked of itself at its start is no longer renewed after this time, in seconds.
-SETTLE = 3.5
+SETTLE = 7.0
 HEARTBEAT = 5.0
 
 class Case(NamedTuple):

@@ -31,7 +31,7 @@ def forsaken(order: Order) -> bool:
     return isinstance(order.operation, GOTOS) and order.by is not None and order.by.closed is not None
 
 
-def put_off(wanted: Wanted, order: Order, now: float) -> Wanted:
+def postponed(wanted: Wanted, order: Order, now: float) -> Wanted:
     """It is due a little later."""
     pending = tuple(replace(one, at=now + LOOK) if one.number == order.number else one for one in wanted.pending)
     return replace(wanted, pending=pending, active=0 if wanted.active == order.number else wanted.active)

@@ -17,15 +17,16 @@ from msgspec.structs import replace
 
 from gateway import operations as op
 from gateway.driver import Driver, Later
-from gateway.errors import Busy, Fault, NoAnswer, Stopped
+from gateway.errors import Busy, Fault, NoAnswer
 from gateway.line import MOTION, SETTING, STOP
 from gateway.motion_kinds import ENDS, MOVING
 from gateway.mount.motion import outcomes
 from gateway.mount.motion.apply import apply, does_for, interrupted, stopped, take_back
+from gateway.mount.motion.awaited import Awaited, Outcome
 from gateway.mount.motion.executor import Executor
 from gateway.mount.motion.next_operation import next_moment, next_operation
-from gateway.mount.motion.patience import forsaken, may_wait, patient, put_off
-from gateway.mount.motion.stopping import Stopping, heed
+from gateway.mount.motion.patience import forsaken, may_wait, patient, postponed
+from gateway.mount.motion.stopping import Stopping
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, RESUMED, Order, Theirs, Wanted
 from gateway.mount.safety.dead_man import HostActivity
 
@@ -42,7 +43,7 @@ class Reconciler:
         self._driver, self._executor, self._follow_ups = driver, executor, follow_ups
         self._loop = asyncio.get_running_loop()
         self._numbers = count(1)
-        self._outcomes: dict[int, asyncio.Future[Any]] = {}
+        self._awaited = Awaited()
         self._work: asyncio.Task[tuple[op.Operation, Any]] | None = None
         self._active = 0
         self._stopping = Stopping(driver, executor, self._rests, self._go_on)
@@ -95,14 +96,14 @@ class Reconciler:
     def busy(self) -> bool:
         """Whether anything moves, is about to, or is to be ended later: all that a stop would end or put right."""
         coming = any(not order.operation.outlives_stop for order in self.wanted.pending)
-        return self.wanted.owed or coming or self._executor.moving or self._driver.unrestored
+        return self.wanted.owed or coming or self._executor.moving or self._driver.tracking_suspended
 
     # --- orders -----------------------------------------------------------------------------------------------------
 
-    def begin(self, operation: op.Operation, stops: int | None, by: HostActivity | None) -> asyncio.Future[Any]:
+    def begin(self, operation: op.Operation, stops: int | None, by: HostActivity | None) -> Outcome:
         """Take an order -> its outcome; from now on it counts as asked for. ``stops``: their count when it was."""
         if self._closed or self._too_late(operation, stops):
-            return self._decided(None)
+            return self._awaited.too_late()
         wakes = isinstance(operation, op.Wake) and self._driver.asleep  # what is before it would not be heard
         now = self._loop.time()
         order = Order(next(self._numbers), operation, by, rank=FIRST if wakes else IN_ORDER, since=now)
@@ -110,17 +111,17 @@ class Reconciler:
         try:
             after = apply(before, order, now, self._executor.slewing)
         except Fault as fault:
-            return self._decided(fault)
+            return self._awaited.refused(fault)
         if after.stops != before.stops:
             return self.begin_stop()
         asked = any(one.number == order.number for one in after.pending)
         if asked:
-            self._outcomes[order.number] = self._future()
+            self._awaited.expect(order.number)
         self._want(after)
         same = order if asked else does_for(after, operation)
-        outcome = self._outcomes.get(same.number) if same is not None else None
+        outcome = self._awaited.of(same.number) if same is not None else None
         self._go_on()
-        return outcome if outcome is not None else self._decided(done=True)
+        return outcome if outcome is not None else self._awaited.done()
 
     def _too_late(self, operation: op.Operation, stops: int | None) -> bool:
         """Whether a stop has come since it was asked for."""
@@ -147,19 +148,10 @@ class Reconciler:
         self._want(replace(self.wanted, pending=(*others, order)))
         self._go_on()
 
-    async def ended(self, outcome: asyncio.Future[Any]) -> Any:
-        """Wait for the outcome of an order. Raises Fault, and Stopped when a stop or a newer order came first."""
-        try:
-            return await asyncio.shield(outcome)
-        except asyncio.CancelledError:
-            if outcome.cancelled():
-                raise Stopped from None
-            raise
-
     async def woken(self) -> None:
         """Wait for what is to wake the mount, if anything is. Not for motions: it may wait behind them."""
-        waking = [self._outcomes[order.number] for order in self.wanted.pending
-                  if isinstance(order.operation, op.Wake) and order.number in self._outcomes]
+        waking = [outcome for order in self.wanted.pending if isinstance(order.operation, op.Wake)
+                  and (outcome := self._awaited.of(order.number)) is not None]
         if waking:
             await asyncio.wait(waking)
 
@@ -171,22 +163,6 @@ class Reconciler:
     def arrived(self) -> None:
         """The goto under way is seen to be over."""
         self._want(outcomes.arrived(self.wanted))
-
-    def _future(self) -> asyncio.Future[Any]:
-        outcome = self._loop.create_future()
-        outcome.add_done_callback(heed)
-        return outcome
-
-    def _decided(self, fault: Fault | None = None, *, done: bool = False) -> asyncio.Future[Any]:
-        """The outcome of what needs nothing to be done, is refused, or comes too late."""
-        outcome = self._future()
-        if done:
-            outcome.set_result(None)
-        elif fault is not None:
-            outcome.set_exception(fault)
-        else:
-            outcome.cancel()
-        return outcome
 
     # --- stops ------------------------------------------------------------------------------------------------------
 
@@ -225,12 +201,7 @@ class Reconciler:
         before, self.wanted = self.wanted, wanted
         if before.pending is not wanted.pending:
             left = {order.number for order in wanted.pending}
-            for order in before.pending:
-                if order.number not in left and (outcome := self._outcomes.pop(order.number, None)) is not None:
-                    if order.unless:
-                        outcome.set_result(None)  # the release of an arrow that was over
-                    else:
-                        outcome.cancel()
+            self._awaited.not_wanted(order for order in before.pending if order.number not in left)
             if self._work is not None and (wanted.active != self._active or self._active not in left):
                 self._work.cancel()
         self._executor.wanted_changed()
@@ -241,7 +212,7 @@ class Reconciler:
             return
         order = next_operation(self.wanted, self._loop.time())
         while order is not None and self._executor.deaf and patient(order):
-            self._put_off(order)
+            self._postpone(order)
             order = next_operation(self.wanted, self._loop.time())
         if self._timer is not None:
             self._timer.cancel()
@@ -254,15 +225,14 @@ class Reconciler:
         elif (moment := next_moment(self.wanted)) is not None:
             self._timer = self._loop.call_at(moment, self._go_on)
 
-    def _put_off(self, order: Order) -> None:
+    def _postpone(self, order: Order) -> None:
         """The mount does not hear now: look again a little later, while somebody wants it and it is not too late."""
         now = self._loop.time()
         if may_wait(order, now) and not forsaken(order):
-            self._want(put_off(self.wanted, order, now))
+            self._want(postponed(self.wanted, order, now))
             return
-        outcome = self._outcomes.get(order.number)
-        if outcome is not None and not forsaken(order):
-            self._outcomes.pop(order.number).set_exception(Busy())
+        if not forsaken(order) and (outcome := self._awaited.take(order.number)) is not None:
+            outcome.set_exception(Busy())
         self._want(outcomes.refused(self.wanted, order))
 
     async def _carry_out(self, order: Order) -> tuple[op.Operation, Any]:
@@ -277,7 +247,7 @@ class Reconciler:
         operation = await executor.admit(operation)
         if isinstance(operation, MOVING):
             await executor.before_motion()
-        elif isinstance(operation, op.Sleep) and (executor.moving or self._driver.unrestored):
+        elif isinstance(operation, op.Sleep) and (executor.moving or self._driver.tracking_suspended):
             await self.stop()
         rank = MOTION if not isinstance(operation, ENDS) else SETTING if order.hammered else STOP
         return operation, await executor.drive(self._driver.perform(operation), rank, since)
@@ -286,7 +256,7 @@ class Reconciler:
         """An operation was carried out, failed, or was given up."""
         self._work, self._active = None, 0
         order = next((one for one in self.wanted.pending if one.number == order.number), replace(order, rank=-1))
-        outcome = self._outcomes.pop(order.number, None)
+        outcome = self._awaited.take(order.number)
         if work.cancelled():
             if order.rank == RESUMED and not self._closed:
                 self._was_interrupted(order, outcome)
@@ -302,20 +272,18 @@ class Reconciler:
             self._has_been_taken(order, operation, value)
         self._go_on()
 
-    def _was_interrupted(self, order: Order, outcome: asyncio.Future[Any] | None) -> None:
+    def _was_interrupted(self, order: Order, outcome: Outcome | None) -> None:
         """It is begun anew behind what goes first; perhaps the mount has heard of it already."""
-        if outcome is not None:
-            self._outcomes[order.number] = outcome
+        self._awaited.keep(order.number, outcome)
         if isinstance(order.operation, op.Move | op.MoveAxis):
             self._moves(order, order.operation)
 
-    def _has_failed(self, order: Order, error: BaseException, outcome: asyncio.Future[Any] | None) -> None:
+    def _has_failed(self, order: Order, error: BaseException, outcome: Outcome | None) -> None:
         now = self._loop.time()
         if (isinstance(error, Busy) and order.rank >= 0 and patient(order) and may_wait(order, now)
                 and self._executor.was_deaf(order.since)):  # it began to calculate while this was prepared
-            if outcome is not None:
-                self._outcomes[order.number] = outcome
-            self._want(put_off(self.wanted, order, now))
+            self._awaited.keep(order.number, outcome)
+            self._want(postponed(self.wanted, order, now))
             return
         if outcome is not None:
             outcome.set_exception(error)

@@ -10,7 +10,7 @@ from gateway.driver import Steps
 from gateway.errors import Refused, Unsupported
 from gateway.operations import Backlash, Focus, PeriodicError, SetTracking, Sleep, Tracking, TrackRate, Wake
 from gateway.protocols.lx200.driver.ends import FOCUSER, begins, end
-from gateway.protocols.lx200.driver.identify import own_mode, read_status
+from gateway.protocols.lx200.driver.identify import native_mode, read_status
 from gateway.protocols.lx200.driver.state import Meade, ask
 
 SIDEREAL_HERTZ = 60.16427
@@ -27,9 +27,9 @@ def set_tracking(mount: Meade, operation: SetTracking) -> Steps:
     What it does already is not sent, when it says so itself at this moment: somebody may have changed it at its keys,
     and in land mode it may tell T while it slews.
     """
-    if (own_mode(mount) if operation.on else Tracking.OFF) is mount.tracking:
+    if (native_mode(mount) if operation.on else Tracking.OFF) is mount.tracking:
         yield from read_status(mount)
-    wanted = own_mode(mount) if operation.on else Tracking.OFF
+    wanted = native_mode(mount) if operation.on else Tracking.OFF
     if wanted is mount.tracking and not (operation.on and (mount.parked or mount.land)):
         return
     if not mount.tells_status:

@@ -14,7 +14,7 @@ from gateway.operations import Home, HomeState, Operation, Park, SetHome, SetTra
 from gateway.protocols.lx200.driver.drive import set_tracking, track_rate
 from gateway.protocols.lx200.driver.ends import MOUNT, begins
 from gateway.protocols.lx200.driver.identify import read_status
-from gateway.protocols.lx200.driver.pointing import begin, clear_the_way, still_seeking
+from gateway.protocols.lx200.driver.pointing import begin, still_seeking, stop_current_motion
 from gateway.protocols.lx200.driver.state import Meade, ask
 
 SETTLE, SEEK_EVERY = 0.5, 2.0
@@ -26,7 +26,7 @@ class SeekOn(Operation, frozen=True):
 
 def park(mount: Meade, _: Park) -> Steps:
     """:hP - the telescope switches its drives off when it is there."""
-    yield from clear_the_way(mount)
+    yield from stop_current_motion(mount)
     yield from begin(mount, "hP", then="park")
 
 
@@ -41,7 +41,7 @@ def set_home(mount: Meade, _: SetHome) -> Steps:
 
 
 def _seek(mount: Meade, command: str) -> Steps:
-    yield from clear_the_way(mount)
+    yield from stop_current_motion(mount)
     mount.seeking = True  # from here on nothing is asked; what waits for the line already is answered first
     yield Pause(SETTLE)
     begins(mount, *MOUNT)

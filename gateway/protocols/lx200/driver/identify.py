@@ -91,7 +91,7 @@ def read_status(mount: Meade) -> Steps:
             return None
         _learn_letter(mount, answer["mode"])
         mount.aligned, tracks = True, answer["mode"] != "L" and not mount.parked
-    mount.tracking = own_mode(mount) if tracks else Tracking.OFF
+    mount.tracking = native_mode(mount) if tracks else Tracking.OFF
     return None
 
 
@@ -105,7 +105,7 @@ def _in_land_mode() -> Steps:
     return answer is not None and answer["mode"] == "L"
 
 
-def own_mode(mount: Meade) -> Tracking:
+def native_mode(mount: Meade) -> Tracking:
     """The mode this telescope tracks in."""
     if not mount.equatorial:
         return Tracking.ALTAZ

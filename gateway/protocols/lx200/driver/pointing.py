@@ -84,7 +84,7 @@ def still_seeking(mount: Meade) -> Steps:
 
 def goto(mount: Meade, operation: Goto) -> Steps:
     """:Sr :Sd :MS - refusals come with the telescope's own words."""
-    yield from clear_the_way(mount)
+    yield from stop_current_motion(mount)
     yield from ask(mount, "Sr", ra=operation.ra)
     yield from ask(mount, "Sd", dec=operation.dec)
     yield from begin(mount, "MS")
@@ -92,7 +92,7 @@ def goto(mount: Meade, operation: Goto) -> Steps:
 
 def goto_axes(mount: Meade, operation: GotoAxes) -> Steps:
     """:Sz :Sa :MA - where the model has it."""
-    yield from clear_the_way(mount)
+    yield from stop_current_motion(mount)
     yield from ask(mount, "Sz", az=operation.az)
     yield from ask(mount, "Sa", alt=operation.alt)
     yield from begin(mount, "MA")
@@ -127,7 +127,7 @@ def _has_begun(mount: Meade) -> Steps:
     return False
 
 
-def clear_the_way(mount: Meade) -> Steps:
+def stop_current_motion(mount: Meade) -> Steps:
     """The newer goto wins; arrows are let go."""
     if mount.goto is not None or mount.moving or mount.pulsing or mount.seeking:
         yield from ask(mount, "Q")

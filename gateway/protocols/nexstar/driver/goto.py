@@ -36,8 +36,8 @@ MOTORS, FOUND = (16, 17), 255
 def goto(mount: NexStar, operation: Goto) -> Steps:
     """``r`` or ``R``."""
     yield from need_alignment(mount)
-    yield from clear_the_way(mount)
-    if operation.track and mount.tracking is Tracking.OFF and tracking.own_mode(mount) and mount.knows("T"):
+    yield from stop_current_motion(mount)
+    if operation.track and mount.tracking is Tracking.OFF and tracking.native_mode(mount) and mount.knows("T"):
         yield from tracking.set_tracking(mount, SetTracking(on=True))
     ra, dec = to_mount(mount, operation.ra, operation.dec)
     mount.parked = False
@@ -56,7 +56,7 @@ def need_alignment(mount: NexStar) -> Steps:
 
 def goto_axes(mount: NexStar, operation: GotoAxes) -> Steps:
     """``b`` or ``B``."""
-    yield from clear_the_way(mount)
+    yield from stop_current_motion(mount)
     yield from _to_axes(mount, operation.az, operation.alt, None)
 
 
@@ -66,7 +66,7 @@ def _to_axes(mount: NexStar, az: float, alt: float, then: str | None) -> Steps:
     mount.goto.since = mount.now()
 
 
-def clear_the_way(mount: NexStar) -> Steps:
+def stop_current_motion(mount: NexStar) -> Steps:
     """End what moves now: the newer goto wins, as at the keypad. Hand motion and pulses: rate 0; ``M`` until ``L`` = 0.
     """
     mount.steps.clear()
@@ -85,17 +85,17 @@ def clear_the_way(mount: NexStar) -> Steps:
                 break
             yield Pause(0.1)
         mount.goto = None
-    if mount.remembered is not None:
-        if mount.remembered is not Tracking.OFF:
-            yield from tracking.send_mode(mount, mount.remembered)
-        mount.remembered = None
+    if mount.suspended is not None:
+        if mount.suspended is not Tracking.OFF:
+            yield from tracking.send_mode(mount, mount.suspended)
+        mount.suspended = None
 
 
 def cancel_goto(mount: NexStar, _: CancelGoto) -> Steps:
     """``M``: a goto ends, hand motion goes on."""
     if mount.goto is not None and mount.goto.seeks:
         yield from _stop_seeking(mount)
-        yield from tracking.restore(mount)
+        yield from tracking.resume(mount)
         return
     mount.goto = None
     yield Ask("M")
@@ -163,21 +163,21 @@ def arrived(mount: NexStar, operation: Arrived) -> Steps:
     if mount.goto is not None or mount.moving:
         return
     if operation.then == "park":
-        if not mount.knows("T") or tracking.own_mode(mount) is None:
+        if not mount.knows("T") or tracking.native_mode(mount) is None:
             raise Unsupported("It stands at its park position, but this hand control keeps tracking.")
-        mount.parked, mount.remembered = True, None
+        mount.parked, mount.suspended = True, None
         yield Ask("T", {"mode": 0})
         mount.tracking = Tracking.OFF
     elif operation.then == "home":
         mount.home_state = 1
-        yield from tracking.restore(mount)
+        yield from tracking.resume(mount)
     elif mount.rate.name != "sidereal":
         yield from tracking.track_rate(mount, mount.rate)
 
 
 def park(mount: NexStar, operation: Park) -> Steps:
     """To the park position by ``b`` (which works unaligned too); tracking goes off when it is there."""
-    yield from clear_the_way(mount)
+    yield from stop_current_motion(mount)
     there = mount.destination(operation)
     assert there is not None
     yield from _to_axes(mount, there.az, there.alt, "park")
@@ -197,15 +197,15 @@ def home(mount: NexStar, _: Home) -> Steps:
     if mount.home is None:
         mount.home_state = 0
         raise Unsupported("No home position was stored.")
-    yield from clear_the_way(mount)
+    yield from stop_current_motion(mount)
     mount.home_state = 2
     yield from _to_axes(mount, mount.home.az, mount.home.alt, "home")
 
 
 def _seek_switches(mount: NexStar) -> Steps:
     """AUX 0x0B on both motors (never 0x19, which seeks the index of the periodic error)."""
-    yield from clear_the_way(mount)
-    yield from tracking.put_off(mount)
+    yield from stop_current_motion(mount)
+    yield from tracking.suspend(mount)
     mount.parked, mount.home_state = False, 2
     mount.goto = GotoState(since=mount.now(), then="home", seeks=True)
     for device in MOTORS:
@@ -223,7 +223,7 @@ def home_state(mount: NexStar, _: HomeState) -> Steps:
 def unpark(mount: NexStar, _: Unpark) -> Steps:
     """Tracking on again, the mount's state read anew."""
     mount.parked = False
-    if mount.goto is None and mount.knows("T") and tracking.own_mode(mount) is not None:
+    if mount.goto is None and mount.knows("T") and tracking.native_mode(mount) is not None:
         yield from tracking.set_tracking(mount, SetTracking(on=True))
     yield from tracking.read_status(mount)
 
@@ -238,7 +238,7 @@ def sleep(mount: NexStar, _: Sleep) -> Steps:
                 raise
         mount.asleep = True
         mount.at_rest()
-        mount.remembered = None  # it wakes tracking
+        mount.suspended = None  # it wakes tracking
     else:
         yield from tracking.set_tracking(mount, SetTracking(on=False))
 

@@ -1,7 +1,7 @@
 """Moving by hand, stopping, guiding.
 
 A sky direction becomes a motor sense here, once. Fast motion overrides tracking on the mount, so tracking is put off
-before it and restored after the last axis has stopped. Hand controls before 1.6 have no pass-through: there a motion is
+before it and resumed after the last axis has stopped. Hand controls before 1.6 have no pass-through: there a motion is
 a chain of small gotos.
 """
 
@@ -27,7 +27,7 @@ from gateway.operations import (
     Tracking,
 )
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.goto import Arrived, clear_the_way, need_alignment
+from gateway.protocols.nexstar.driver.goto import Arrived, need_alignment, stop_current_motion
 from gateway.protocols.nexstar.driver.position import pier_side
 from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.spherical import fold_declination
@@ -46,7 +46,7 @@ def sense(mount: NexStar, direction: Direction) -> int:
     Positive on axis 2 lifts the tube of a fork towards the pole that its base is tilted to: south in EQ south. Of a
     German mount the side of the pier decides (``_reversed``), whose letters are counted from the north.
     """
-    southern = tracking.own_mode(mount) is Tracking.EQ_SOUTH
+    southern = tracking.native_mode(mount) is Tracking.EQ_SOUTH
     if southern and (direction.axis == 1 or not mount.german):
         return -direction.sense
     return direction.sense
@@ -70,7 +70,7 @@ def move(mount: NexStar, operation: Move) -> Steps:
     """A sky direction: corrected for the side of the pier, and beyond the pole."""
     sign = sense(mount, operation.direction)
     if mount.goto is not None:
-        yield from clear_the_way(mount)  # under way to the other side, the hand control tells the side of the goal
+        yield from stop_current_motion(mount)  # under way to the other side, the control tells the side of the goal
     if not mount.stepping and (yield from _reversed(mount, operation.direction)):
         sign = -sign
     yield from move_axis(mount, MoveAxis(operation.direction.axis, sign, operation.rate))
@@ -80,17 +80,17 @@ def move_axis(mount: NexStar, operation: MoveAxis) -> Steps:
     """``P 2 16|17 36|37 rate``; tracking off first unless an equatorial mount moves at rates 1-2."""
     axis, rate = operation.axis, operation.rate
     if mount.goto is not None:
-        yield from clear_the_way(mount)
+        yield from stop_current_motion(mount)
     if mount.stepping:
         yield from _begin_steps(mount, axis, operation.sense, rate)
         return
     side = "pos" if operation.sense > 0 else "neg"
     free = rate.name is None and rate.key is None
     gentle = not free and mount.key_for(rate) <= 2
-    equatorial = (mount.remembered or mount.tracking or Tracking.OFF).equatorial
+    equatorial = (mount.suspended or mount.tracking or Tracking.OFF).equatorial
     mount.parked = False
-    if not (gentle and equatorial and mount.remembered is None):
-        yield from tracking.put_off(mount)
+    if not (gentle and equatorial and mount.suspended is None):
+        yield from tracking.suspend(mount)
     before = dict(mount.moving)
     mount.moving[axis] = max(mount.speed(rate), mount.moving.get(axis, 0.0))  # until it has taken the new rate
     try:
@@ -101,8 +101,8 @@ def move_axis(mount: NexStar, operation: MoveAxis) -> Steps:
             yield Ask(f"slew_{_AXIS[axis]}_{side}", {"rate": mount.key_for(rate)}, prompt=True)
     except Busy:  # it was never sent
         mount.moving = before
-        if not before and mount.remembered is not None:
-            yield from tracking.restore(mount)
+        if not before and mount.suspended is not None:
+            yield from tracking.resume(mount)
         raise
     mount.moving[axis] = mount.speed(rate)
 
@@ -119,7 +119,7 @@ def halt(mount: NexStar, operation: Halt) -> Steps:
     mount.pulsing.discard(operation.axis)
     yield from _end_pulses(mount, [operation.axis])
     if not mount.moving:
-        yield from (tracking.restore(mount) if mount.remembered is not None else tracking.keep_rate(mount))
+        yield from (tracking.resume(mount) if mount.suspended is not None else tracking.keep_rate(mount))
 
 
 def stop(mount: NexStar, _: Stop) -> Steps:
@@ -141,7 +141,7 @@ def stop(mount: NexStar, _: Stop) -> Steps:
     if going is None:
         yield Ask("M")
     yield from _end_pulses(mount, [1, 2])
-    yield from (tracking.restore(mount) if mount.remembered is not None or going is not None
+    yield from (tracking.resume(mount) if mount.suspended is not None or going is not None
                 else tracking.keep_rate(mount))
     if going is not None and mount.rate.name != "sidereal":
         yield Later(0.0, Arrived(then=""))  # the hand control goes on at the sidereal rate

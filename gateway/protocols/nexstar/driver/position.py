@@ -5,7 +5,7 @@ from __future__ import annotations
 from gateway.driver import Ask, Steps
 from gateway.operations import Equatorial, Horizontal, HorizontalPosition, PierSide, Position, Sync
 from gateway.protocols.nexstar.driver.state import POLE_AXES, NexStar
-from gateway.protocols.nexstar.driver.tracking import own_mode
+from gateway.protocols.nexstar.driver.tracking import native_mode
 from gateway.spherical import fold_declination, wrap180, wrap360
 
 
@@ -26,7 +26,7 @@ def axis_readings(mount: NexStar) -> Ask:
 
 def horizontal_position(mount: NexStar, _: HorizontalPosition) -> Steps:
     """A fork's own azimuth and altitude; None where the axes are equatorial (the hub derives it then)."""
-    mode = own_mode(mount)
+    mode = native_mode(mount)
     if mount.german or (mode is not None and mode.equatorial) or mount.displaced:
         return None
     answer = yield axis_readings(mount)

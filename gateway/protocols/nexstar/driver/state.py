@@ -80,16 +80,17 @@ class NexStar(Driver):
         self.found: set[str] = set()
         # the drive
         self.tracking: Tracking | None = None
-        self.own_mode: Tracking | None = None
+        self.native_mode: Tracking | None = None
         self.rate = TrackRate(name="sidereal")
         self.aligned = False
         # motion
         self.goto: GotoState | None = None
         #: The axes that move by hand, and how fast, degrees a second.
         self.moving: dict[int, float] = {}
-        self.remembered: Tracking | None = None
-        self.recalled = False  # that was remembered before the line was lost, or by an earlier run
-        self.restores = 0
+        self.suspended: Tracking | None = None
+        #: Whether it was suspended before the line was lost, or in an earlier run: perhaps the mount was off since.
+        self.in_doubt = False
+        self.checks_left = 0
         self.steps: dict[int, float] = {}
         self.guide_rates = {1: settings.guide_rate, 2: settings.guide_rate}  # of pulses, until they are set
         #: The axes that a guide pulse turns which has to be ended by a command.
@@ -148,8 +149,8 @@ class NexStar(Driver):
         return part in self.facts["has"] or part in self.found
 
     @property
-    def unrestored(self) -> bool:  # type: ignore[override]
-        return self.remembered is not None
+    def tracking_suspended(self) -> bool:  # type: ignore[override]
+        return self.suspended is not None
 
     def at_rest(self) -> None:
         """Nothing moves any more, and nothing is to be ended."""
@@ -163,7 +164,7 @@ class NexStar(Driver):
         lasting = Memory(home=self.home, parked=self.parked)
         if moving:
             lasting.model, lasting.version = self.model, self.version
-            lasting.tracking = self.remembered or self.tracking
+            lasting.tracking = self.suspended or self.tracking
         return cast(dict[str, Any], to_builtins(lasting))
 
     def recall(self, memory: Mapping[str, Any], moving: bool) -> None:
@@ -176,12 +177,12 @@ class NexStar(Driver):
         if moving:
             self.model, self.version = held.model or self.model, held.version or self.version
             if held.tracking is not None and self.knows("T"):
-                self.remembered, self.recalled = held.tracking, True
-                self.own_mode = None if held.tracking is Tracking.OFF else held.tracking
+                self.suspended, self.in_doubt = held.tracking, True
+                self.native_mode = None if held.tracking is Tracking.OFF else held.tracking
 
     def line_was_lost(self) -> None:
         """Tracking is put back only where the mount is aligned still."""
-        self.recalled = self.remembered is not None
+        self.in_doubt = self.suspended is not None
 
     def greet(self) -> Steps:
         """``K``, which no Meade takes for anything."""
@@ -241,8 +242,8 @@ class NexStar(Driver):
         """
         if self.german:
             return POLE_AXES
-        if self.own_mode is not None and self.own_mode.equatorial:
-            return (0.0 if self.own_mode is Tracking.EQ_SOUTH else 180.0), 90.0
+        if self.native_mode is not None and self.native_mode.equatorial:
+            return (0.0 if self.native_mode is Tracking.EQ_SOUTH else 180.0), 90.0
         return 0.0, self.settings.lowest + ABOVE_LOWEST if self.settings.lowest > 0.0 else 0.0
 
     def key_for(self, rate: Rate) -> int:

@@ -1,6 +1,6 @@
 """Tracking: the mode, its rate, and what a hand control calls them.
 
-Tracking is a pair, mode and rate. Fast motion overrides it on the mount, so it is remembered whole before the first
+Tracking is a pair, mode and rate. Fast motion overrides it on the mount, so it is suspended as a whole before the first
 axis moves and put back once after the last one has stopped (NexStar protocol, Slewing Commands, note).
 """
 
@@ -52,21 +52,21 @@ def read_status(mount: NexStar) -> Steps:
 def _forget(mount: NexStar) -> None:
     """A hand control that lost its alignment was switched off: what it was doing is over, how it tracked unknown."""
     mount.at_rest()
-    mount.remembered = mount.own_mode = None
-    mount.recalled = False
-    mount.restores = 0
+    mount.suspended = mount.native_mode = None
+    mount.in_doubt = False
+    mount.checks_left = 0
 
 
 def _learn(mount: NexStar, mode: Tracking) -> None:
     mount.tracking = mode
     if mode is not Tracking.OFF:
-        mount.own_mode = mode
+        mount.native_mode = mode
 
 
-def own_mode(mount: NexStar) -> Tracking | None:
+def native_mode(mount: NexStar) -> Tracking | None:
     """The mode this mount tracks in: the last one that was not off, else how it is built; None when unknown."""
-    if mount.own_mode is not None:
-        return mount.own_mode
+    if mount.native_mode is not None:
+        return mount.native_mode
     if not mount.knows("t") and mount.settings.mode is None:
         return None
     return _built_for(mount)
@@ -81,9 +81,9 @@ def _built_for(mount: NexStar) -> Tracking:
 def status(mount: NexStar, _: GetStatus) -> Steps:
     """-> Status. While fast motion has put tracking off, the mode it will come back to counts."""
     yield from read_status(mount)
-    known = own_mode(mount)
+    known = native_mode(mount)
     equatorial = known.equatorial if known is not None else mount.german
-    mode = mount.remembered or mount.tracking or Tracking.OFF
+    mode = mount.suspended or mount.tracking or Tracking.OFF
     if known is None and mount.aligned:  # one that cannot say tracks as it is built: what is aligned, tracks
         mode = _built_for(mount)
     return Status(tracking=mode, aligned=mount.aligned, equatorial=equatorial)
@@ -91,7 +91,7 @@ def status(mount: NexStar, _: GetStatus) -> Steps:
 
 def send_mode(mount: NexStar, mode: Tracking) -> Steps:
     """``T``, and the special rate again when tracking comes back."""
-    if not mount.knows("T") or own_mode(mount) is None:
+    if not mount.knows("T") or native_mode(mount) is None:
         raise Unsupported("This hand control cannot change tracking.")
     yield Ask("T", {"mode": code_of(mount, mode)})
     _learn(mount, mode)
@@ -105,50 +105,50 @@ def set_tracking(mount: NexStar, operation: SetTracking) -> Steps:
     Alt-az and equatorial are two frames for the axes: what was checked in one of them must not arrive in the other, so
     a mount in motion keeps its own. Raises Refused.
     """
-    own = own_mode(mount)
+    own = native_mode(mount)
     mode = (operation.mode or own) if operation.on else Tracking.OFF
     if mode is None:
         raise Unsupported("The tracking mode of this mount is not known.")
     if operation.on and own is not None and mode.equatorial != own.equatorial and _in_motion(mount):
         raise Refused("The mount moves: between alt-az and equatorial it changes only at rest.")
     mount.parked = mount.parked and not operation.on
-    mount.restores = 0
-    if mount.remembered is not None:
-        mount.remembered = mode
+    mount.checks_left = 0
+    if mount.suspended is not None:
+        mount.suspended = mode
         return
     yield from send_mode(mount, mode)
 
 
 def _in_motion(mount: NexStar) -> bool:
-    return bool(mount.moving) or mount.goto is not None or mount.remembered is not None
+    return bool(mount.moving) or mount.goto is not None or mount.suspended is not None
 
 
-def put_off(mount: NexStar) -> Steps:
+def suspend(mount: NexStar) -> Steps:
     """Before fast motion: remember what the mount does now, once, and put tracking off."""
-    if mount.remembered is not None or not mount.knows("T"):
+    if mount.suspended is not None or not mount.knows("T"):
         return
     if mount.knows("t"):
         answer = yield Ask("t")
         _learn(mount, mode_of(mount, answer["mode"]))
-    mount.remembered = mount.tracking or Tracking.OFF
-    if mount.remembered is not Tracking.OFF:
+    mount.suspended = mount.tracking or Tracking.OFF
+    if mount.suspended is not Tracking.OFF:
         yield Ask("T", {"mode": 0})
         mount.tracking = Tracking.OFF
 
 
-def restore(mount: NexStar) -> Steps:
-    """After the last axis has stopped: back to what was remembered, and look a second later whether it took."""
-    mode = mount.remembered
+def resume(mount: NexStar) -> Steps:
+    """After the last axis has stopped: back to what was suspended, and look a second later whether it took."""
+    mode = mount.suspended
     if mode is None or mode is Tracking.OFF:
-        mount.remembered = None
+        mount.suspended = None
         return
-    if mount.recalled and not (yield Ask("J"))["aligned"]:
-        mount.remembered = None  # it has been switched off since the last run: it must not begin to track by itself
+    if mount.in_doubt and not (yield Ask("J"))["aligned"]:
+        mount.suspended = None  # it has been switched off since the last run: it must not begin to track by itself
         return
     yield from send_mode(mount, mode)
-    mount.recalled = False
-    mount.remembered = None  # not before: what is lost here must be restored by the next one
-    mount.restores = 1
+    mount.in_doubt = False
+    mount.suspended = None  # not before: what is lost here must be resumed by the next one
+    mount.checks_left = 1
     if mount.knows("t"):
         yield Later(VERIFY_AFTER, VerifyTracking(mode=mode.value))
 
@@ -156,7 +156,7 @@ def restore(mount: NexStar) -> Steps:
 def keep_rate(mount: NexStar) -> Steps:
     """A gentle motion ends with rate 0 to the motor: a drive rate that is not the hand control's own is sent again."""
     mode = mount.tracking or Tracking.OFF
-    if mode.equatorial and mount.remembered is None and mount.rate.name != "sidereal":
+    if mode.equatorial and mount.suspended is None and mount.rate.name != "sidereal":
         yield from _send_rate(mount)
 
 
@@ -170,9 +170,9 @@ class VerifyTracking(Operation, frozen=True):
 
 def verify(mount: NexStar, operation: VerifyTracking) -> Steps:
     """``t`` a second later; once more ``T`` if it did not take."""
-    if mount.moving or mount.goto is not None or mount.restores == 0 or mount.parked:
+    if mount.moving or mount.goto is not None or mount.checks_left == 0 or mount.parked:
         return
-    mount.restores -= 1
+    mount.checks_left -= 1
     wanted = Tracking(operation.mode)
     answer = yield Ask("t")
     if mode_of(mount, answer["mode"]) is not wanted:
@@ -181,7 +181,7 @@ def verify(mount: NexStar, operation: VerifyTracking) -> Steps:
 
 def track_rate(mount: NexStar, operation: TrackRate) -> Steps:
     """Sidereal by ``T``; the named rates by the motor's own codes; any other one as fine as the motor takes it."""
-    mode = own_mode(mount)
+    mode = native_mode(mount)
     if mode is None or not mode.equatorial or not mount.knows("rate_azm_pos"):
         if operation.name == "sidereal":
             mount.rate = operation
@@ -190,7 +190,7 @@ def track_rate(mount: NexStar, operation: TrackRate) -> Steps:
     mount.rate = operation
     if mount.goto is not None:
         return  # it would end the goto of one axis; it is sent when the goto is over
-    if mount.remembered is not None or (mount.tracking or Tracking.OFF) is Tracking.OFF:
+    if mount.suspended is not None or (mount.tracking or Tracking.OFF) is Tracking.OFF:
         return  # it is sent when tracking comes back
     if operation.name == "sidereal":
         yield Ask("T", {"mode": code_of(mount, mode)})
@@ -199,7 +199,7 @@ def track_rate(mount: NexStar, operation: TrackRate) -> Steps:
 
 
 def _send_rate(mount: NexStar) -> Steps:
-    sense = "neg" if mount.own_mode is Tracking.EQ_SOUTH else "pos"
+    sense = "neg" if mount.native_mode is Tracking.EQ_SOUTH else "pos"
     if mount.rate.name is not None:
         yield Ask(f"rate_azm_{sense}", {"rate": _SPECIAL[mount.rate.name]})
         return
