@@ -20,7 +20,7 @@ from tests.bridge import EVENING, Bridge
 from tests.told import degrees
 from tests.virtual import run
 
-STEP = 0.02
+STEP = 0.05
 LONG_AGO = EVENING - 28 * 365.25 * 86400.0
 LX200 = (b":GR#", b":GD#", b":GZ#", b":GA#", b":D#", b":Gt#", b":Gg#", b":GW#")
 NEXSTAR = (b"e", b"E", b"z", b"Z", b"L", b"w", b"t", b"J")
