@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from gateway.protocols.nexstar.driver import goto, identify, motion, place, position, tracking
+from gateway.protocols.nexstar.driver import goto, identify, motion, place, position, sleep, tracking
 
 SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
     function.__name__: function
@@ -16,7 +16,7 @@ SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
         identify.identity,
         position.position, position.horizontal_position, position.pier_side, position.sync,
         goto.goto, goto.goto_axes, goto.cancel_goto, goto.slewing, goto.park, goto.home, goto.set_home, goto.home_state,
-        goto.unpark, goto.sleep, goto.wake,
+        goto.unpark, sleep.sleep, sleep.wake,
         motion.move, motion.move_axis, motion.halt, motion.stop, motion.pulse, motion.pulse_axis, motion.backlash,
         motion.periodic_error, motion.focus,
         tracking.status, tracking.set_tracking, tracking.track_rate, tracking.guide_rate, tracking.set_guide_rate,
@@ -25,6 +25,7 @@ SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
 }
 FOLLOW_UPS: dict[type[Any], Callable[[Any, Any], Any]] = {
     goto.Arrived: goto.arrived,
+    sleep.Awake: sleep.awake,
     tracking.VerifyTracking: tracking.verify,
     motion.StepOn: motion.step_on,
 }

@@ -6,7 +6,7 @@ A goto counts as under way from the moment the hand control acknowledged it; ``L
 from __future__ import annotations
 
 from gateway.driver import Ask, Later, Pause, Steps
-from gateway.errors import NoAnswer, NotAligned, Unsupported
+from gateway.errors import Fault, NoAnswer, NotAligned, Unsupported
 from gateway.operations import (
     CancelGoto,
     Goto,
@@ -18,11 +18,9 @@ from gateway.operations import (
     Park,
     SetHome,
     SetTracking,
-    Sleep,
     Slewing,
     Tracking,
     Unpark,
-    Wake,
 )
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.position import axis_readings, to_mount
@@ -30,6 +28,8 @@ from gateway.protocols.nexstar.driver.state import GotoState, NexStar
 
 START_GRACE = 3.0
 CANCEL_WAIT = 5.0
+#: How often it is looked whether a goto has begun whose acknowledgement was lost, and how many seconds apart.
+LOOKS, LOOK_AGAIN = 2, 0.5
 MOTORS, FOUND = (16, 17), 255
 
 
@@ -41,9 +41,7 @@ def goto(mount: NexStar, operation: Goto) -> Steps:
         yield from tracking.set_tracking(mount, SetTracking(on=True))
     ra, dec = to_mount(mount, operation.ra, operation.dec)
     mount.parked = False
-    mount.goto = GotoState(since=mount.now())  # before it is sent: a stop must know of it
-    yield Ask("r" if mount.knows("r") else "R", {"ra": ra, "dec": dec})
-    mount.goto.since = mount.now()
+    yield from _begin(mount, Ask("r" if mount.knows("r") else "R", {"ra": ra, "dec": dec}), None)
 
 
 def need_alignment(mount: NexStar) -> Steps:
@@ -61,9 +59,41 @@ def goto_axes(mount: NexStar, operation: GotoAxes) -> Steps:
 
 
 def _to_axes(mount: NexStar, az: float, alt: float, then: str | None) -> Steps:
-    mount.goto = GotoState(since=mount.now(), then=then)
-    yield Ask("b" if mount.knows("b") else "B", {"az": az, "alt": alt})
-    mount.goto.since = mount.now()
+    yield from _begin(mount, Ask("b" if mount.knows("b") else "B", {"az": az, "alt": alt}), then)
+
+
+def _begin(mount: NexStar, command: Ask, then: str | None) -> Steps:
+    """Send what begins a goto. It counts as under way before that, for a stop must know of it."""
+    mount.goto = state = GotoState(since=mount.now(), then=then)
+    try:
+        yield command
+    except NoAnswer:
+        state.unsure = True
+        if not (yield from _has_begun(mount)):
+            _forget_goto(mount)
+            raise
+        mount.goto, state.unsure = state, False
+    except Fault:
+        _forget_goto(mount)
+        raise
+    state.since = mount.now()
+
+
+def _has_begun(mount: NexStar) -> Steps:
+    """Whether a goto whose acknowledgement was lost is under way: ``L`` tells. Raises NoAnswer while nobody can."""
+    for attempt in range(LOOKS):
+        if attempt:
+            yield Pause(LOOK_AGAIN)
+        if (yield Ask("L"))["slewing"] == "1":
+            return True
+    return False
+
+
+def _forget_goto(mount: NexStar) -> None:
+    """The goto under way is over before it came to its goal: one that led home did not get there."""
+    if mount.goto is not None and mount.goto.then == "home":
+        mount.home_state = 0
+    mount.goto = None
 
 
 def stop_current_motion(mount: NexStar) -> Steps:
@@ -84,7 +114,7 @@ def stop_current_motion(mount: NexStar) -> Steps:
             if answer["slewing"] == "0":
                 break
             yield Pause(0.1)
-        mount.goto = None
+        _forget_goto(mount)
     if mount.suspended is not None:
         if mount.suspended is not Tracking.OFF:
             yield from tracking.send_mode(mount, mount.suspended)
@@ -92,13 +122,16 @@ def stop_current_motion(mount: NexStar) -> Steps:
 
 
 def cancel_goto(mount: NexStar, _: CancelGoto) -> Steps:
-    """``M``: a goto ends, hand motion goes on."""
+    """``M``: a goto ends, hand motion goes on, and a special drive rate comes back."""
+    going = mount.goto
     if mount.goto is not None and mount.goto.seeks:
         yield from _stop_seeking(mount)
         yield from tracking.resume(mount)
         return
-    mount.goto = None
+    _forget_goto(mount)
     yield Ask("M")
+    if going is not None and mount.rate.name != "sidereal":
+        yield Later(0.0, Arrived(then=""))  # the hand control goes on at the sidereal rate
 
 
 def _stop_seeking(mount: NexStar) -> Steps:
@@ -120,12 +153,15 @@ def slewing(mount: NexStar, _: Slewing) -> Steps:
     if state is None:
         return moving
     if moving:
-        state.seen = True
+        state.seen, state.unsure = True, False
         return True
     if not state.seen and mount.now() - state.since < START_GRACE and not (yield from _arrived(mount, state)):
         return True
     if mount.goto is not state:
         return mount.goto is not None
+    if state.unsure:  # nobody has seen it move: what belongs to its end, as the end of tracking, is left
+        _forget_goto(mount)
+        return False
     mount.goto = None
     yield Later(0.0, Arrived(then=state.then or ""))
     return False
@@ -177,6 +213,7 @@ def arrived(mount: NexStar, operation: Arrived) -> Steps:
 
 def park(mount: NexStar, operation: Park) -> Steps:
     """To the park position by ``b`` (which works unaligned too); tracking goes off when it is there."""
+    mount.woken = False
     yield from stop_current_motion(mount)
     there = mount.destination(operation)
     assert there is not None
@@ -226,28 +263,3 @@ def unpark(mount: NexStar, _: Unpark) -> Steps:
     if mount.goto is None and mount.knows("T") and tracking.native_mode(mount) is not None:
         yield from tracking.set_tracking(mount, SetTracking(on=True))
     yield from tracking.read_status(mount)
-
-
-def sleep(mount: NexStar, _: Sleep) -> Steps:
-    """``x`` where the firmware has it, else tracking off."""
-    if mount.knows("x"):
-        try:
-            yield Ask("x")
-        except NoAnswer:
-            if not mount.asleep:  # else it sleeps already, and does not answer that either
-                raise
-        mount.asleep = True
-        mount.at_rest()
-        mount.suspended = None  # it wakes tracking
-    else:
-        yield from tracking.set_tracking(mount, SetTracking(on=False))
-
-
-def wake(mount: NexStar, _: Wake) -> Steps:
-    """``y`` where the firmware has it, else tracking on."""
-    if mount.knows("y"):
-        yield Ask("y")
-        mount.asleep = False
-        yield Later(2.0, Unpark())
-    else:
-        yield from tracking.set_tracking(mount, SetTracking(on=True))

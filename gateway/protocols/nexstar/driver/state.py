@@ -36,12 +36,16 @@ class Settings(Struct, frozen=True):
 
 
 class GotoState(Struct):
-    """A goto under way: since when, and whether the mount has said so itself."""
+    """A goto under way: since when, and whether the mount has said so itself.
+
+    ``unsure``: its acknowledgement was lost, and nobody has seen whether it was begun.
+    """
 
     since: float
     seen: bool = False
     then: str | None = None
     seeks: bool = False  # the motors look for their switches: only they know when it is over
+    unsure: bool = False
 
 
 class Memory(Struct, omit_defaults=True):
@@ -91,6 +95,8 @@ class NexStar(Driver):
         #: Whether it was suspended before the line was lost, or in an earlier run: perhaps the mount was off since.
         self.in_doubt = False
         self.checks_left = 0
+        #: It was woken, and is to go on tracking by and by.
+        self.woken = False
         self.steps: dict[int, float] = {}
         self.guide_rates = {1: settings.guide_rate, 2: settings.guide_rate}  # of pulses, until they are set
         #: The axes that a guide pulse turns which has to be ended by a command.
@@ -123,6 +129,10 @@ class NexStar(Driver):
     def stepping(self) -> bool:  # type: ignore[override]
         """Before 1.6 there is no pass-through to the motors."""
         return not self.knows("slew_azm_pos")
+
+    @property
+    def unsure(self) -> bool:  # type: ignore[override]
+        return self.goto is not None and self.goto.unsure
 
     @property
     def displaced(self) -> bool:  # type: ignore[override]

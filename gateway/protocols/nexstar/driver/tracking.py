@@ -112,7 +112,7 @@ def set_tracking(mount: NexStar, operation: SetTracking) -> Steps:
     if operation.on and own is not None and mode.equatorial != own.equatorial and _in_motion(mount):
         raise Refused("The mount moves: between alt-az and equatorial it changes only at rest.")
     mount.parked = mount.parked and not operation.on
-    mount.checks_left = 0
+    mount.checks_left, mount.woken = 0, False
     if mount.suspended is not None:
         mount.suspended = mode
         return

@@ -1,0 +1,116 @@
+"""What was begun and not carried out to its end leaves nothing behind: no tracking that stays off, no park that is none.
+
+Bytes as in the NexStar manual: ``b`` goto axes, ``r`` goto, ``M`` cancel, ``T`` tracking mode, ``L`` slewing, ``x`` and
+``y`` hibernate and wake.
+"""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway import operations as op
+from gateway.spherical import separation
+from gateway.truth import truth_of
+from tests.bridge import Bridge
+from tests.test_lost_answers import swallow
+from tests.virtual import run
+
+GOTO = b":Sr08:00:00#:Sd+30*00:00#:MS#"
+
+
+async def polled(bridge: Bridge, seconds: int) -> None:
+    client = bridge.client("10.0.0.9")
+    for _ in range(seconds):
+        client.tell(b":GR#:D#")
+        await asyncio.sleep(1.0)
+
+
+def test_a_park_that_the_mount_never_heard_leaves_it_tracking() -> None:
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            client = bridge.client()
+            await client.ask(GOTO, until=b"0")
+            await polled(bridge, 60)
+            lost = swallow(bridge, lambda data: data[:1] == b"b")
+            client.tell(b":hP#")
+            await polled(bridge, 30)
+            assert lost
+            assert bridge.sim.tracking
+            assert not bridge.driver.parked
+
+    run(program())
+
+
+@pytest.mark.parametrize("order", ["park", "goto"])
+def test_what_the_mount_heard_without_an_answer_is_under_way(order: str) -> None:
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            client = bridge.client()
+            if order == "park":
+                await client.ask(GOTO, until=b"0")
+                await polled(bridge, 60)
+            lost = swallow(bridge, lambda data: data[:1] in b"br", carried_out=True)
+            client.tell(b":hP#" if order == "park" else GOTO)
+            await polled(bridge, 90)
+            assert lost
+            if order == "park":
+                assert not bridge.sim.tracking
+                assert bridge.driver.parked
+                assert truth_of(bridge.sim).axis2 == pytest.approx(90.0, abs=0.1)
+            else:
+                assert client.heard == b"110"
+                assert separation(*bridge.sim.truth(), 120.0, 30.0) < 0.02
+
+    run(program())
+
+
+@pytest.mark.parametrize("instead", [op.Goto(120.0, 30.0), op.CancelGoto()])
+def test_a_way_home_that_was_broken_off_is_told_so(instead: op.Operation) -> None:
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            await bridge.hub.perform(op.SetHome())
+            await bridge.client().ask(GOTO, until=b"0")
+            await polled(bridge, 60)
+            await bridge.hub.perform(op.Home())
+            await asyncio.sleep(1.0)
+            assert await bridge.hub.perform(op.HomeState()) == 2
+            await bridge.hub.perform(instead)
+            await polled(bridge, 60)
+            assert await bridge.hub.perform(op.HomeState()) == 0
+
+    run(program())
+
+
+def test_a_drive_rate_comes_back_after_a_goto_was_cancelled() -> None:
+    async def program() -> None:
+        async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
+            client = bridge.client()
+            await client.ask(b"P\x03\x10\x06\xff\xfd\x00\x00", until=b"#")  # lunar
+            await asyncio.sleep(1.0)
+            assert await client.ask(b"r55555555,15555555") == b"#"
+            await asyncio.sleep(3.0)
+            before = len(bridge.sent())
+            assert await client.ask(b"M") == b"#"
+            await asyncio.sleep(3.0)
+            assert bridge.sent()[before:].count(b"P\x03\x10\x06\xff\xfd\x00\x00") == 1
+
+    run(program())
+
+
+@pytest.mark.parametrize("later", [0.3, 1.0, 1.9])
+def test_tracking_that_was_put_off_after_waking_stays_off(later: float) -> None:
+    async def program() -> None:
+        async with Bridge("cpc", presented="nexstar", surface="cpc") as bridge:
+            client = bridge.client()
+            assert await client.ask(b"x") == b"#"
+            await asyncio.sleep(3.0)
+            assert await client.ask(b"y") == b"#"
+            await asyncio.sleep(later)
+            assert await client.ask(b"T\x00") == b"#"
+            await asyncio.sleep(5.0)
+            assert not bridge.sim.tracking
+            assert await client.ask(b"t") == b"\x00#"
+
+    run(program())
