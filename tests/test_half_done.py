@@ -18,6 +18,7 @@ from tests.test_lost_answers import swallow
 from tests.virtual import run
 
 GOTO = b":Sr08:00:00#:Sd+30*00:00#:MS#"
+OPEN = {"lowest": -90.0, "sun": 0.0}
 
 
 async def polled(bridge: Bridge, seconds: int) -> None:
@@ -62,6 +63,37 @@ def test_what_the_mount_heard_without_an_answer_is_under_way(order: str) -> None
             else:
                 assert client.heard == b"110"
                 assert separation(*bridge.sim.truth(), 120.0, 30.0) < 0.02
+
+    run(program())
+
+
+def test_tracking_comes_back_when_a_goto_comes_to_grief_that_has_ended_an_arrow() -> None:
+    async def program() -> None:
+        async with Bridge("6-8se", config=OPEN) as bridge:
+            client = bridge.client()
+            client.tell(b":RC#:Me#")
+            await asyncio.sleep(3.0)
+            lost = swallow(bridge, lambda data: data == b"T\x01")
+            assert (await client.ask(GOTO, until=b"#")).startswith(b"11")
+            await polled(bridge, 15)
+            assert lost
+            assert bridge.sim.tracking
+            assert not bridge.hub.motions.axes
+            assert not bridge.driver.tracking_suspended
+
+    run(program())
+
+
+def test_a_goto_that_is_refused_before_it_touches_anything_leaves_the_arrow_alone() -> None:
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            client = bridge.client()
+            client.tell(b":RM#:Mw#")
+            await asyncio.sleep(2.0)
+            await client.ask(b":Sr08:00:00#:Sd-80*00:00#:MS#", until=b"#")
+            await asyncio.sleep(1.0)
+            assert bridge.hub.motions.axes == {1}
+            assert abs(truth_of(bridge.sim).rate1) > 0.1
 
     run(program())
 

@@ -19,7 +19,7 @@ from gateway import operations as op
 from gateway.driver import Driver, Later
 from gateway.errors import Busy, Fault, NoAnswer
 from gateway.line import MOTION, SETTING, STOP
-from gateway.motion_kinds import ENDS, MOVING
+from gateway.motion_kinds import ENDS, GOTOS, MOVING
 from gateway.mount.motion import outcomes
 from gateway.mount.motion.apply import apply, does_for, interrupted, stopped, take_back
 from gateway.mount.motion.awaited import Awaited, Outcome
@@ -45,7 +45,8 @@ class Reconciler:
         self._numbers = count(1)
         self._awaited = Awaited()
         self._work: asyncio.Task[tuple[op.Operation, Any]] | None = None
-        self._active = 0
+        #: The order that is being carried out, and the last one that was admitted, by their numbers.
+        self._active = self._admitted = 0
         self._stopping = Stopping(driver, executor, self._rests, self._go_on)
         self._timer: asyncio.TimerHandle | None = None
         self._closed = False
@@ -245,6 +246,7 @@ class Reconciler:
             steps = special(self._driver, operation) if special else self._driver.perform(operation)
             return operation, await executor.drive(steps, STOP if order.urgent else MOTION)
         operation = await executor.admit(operation)
+        self._admitted = order.number
         if isinstance(operation, MOVING):
             await executor.before_motion()
         elif isinstance(operation, op.Sleep) and (executor.moving or self._driver.tracking_suspended):
@@ -292,11 +294,17 @@ class Reconciler:
         self._want(outcomes.refused(self.wanted, order))
         unheard = isinstance(order.operation, BY_HAND) and isinstance(error, NoAnswer) and error.sent
         half_begun = unheard or (order.rank == RESUMED and isinstance(order.operation, MOVING))
+        half_begun = half_begun or self._has_cut_in(order)
         not_ended = isinstance(order.operation, ENDS) and not (self._driver.asleep and not order.follow_up)
         if order.follow_up:
             self._executor.note(f"{type(order.operation).__name__}: {error}")
         if (not_ended or half_begun) and isinstance(error, Fault):  # whatever should have ended, or may move, must end
             self.begin_stop()
+
+    def _has_cut_in(self, order: Order) -> bool:
+        """Whether a goto that came to grief was to end a motion before: perhaps it has, and tracking is off still."""
+        sent = isinstance(order.operation, GOTOS) and self._admitted == order.number
+        return sent and (bool(self.wanted.by_hand) or self._driver.tracking_suspended)
 
     def _has_been_taken(self, order: Order, operation: op.Operation, value: Any) -> None:
         """The mount has acknowledged it."""
