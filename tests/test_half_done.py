@@ -1,4 +1,4 @@
-"""What was begun and not carried out to its end leaves nothing behind: no tracking that stays off, no park that is none.
+"""What was begun and not carried out to its end leaves nothing behind: no tracking that stays off, no false park.
 
 Bytes as in the NexStar manual: ``b`` goto axes, ``r`` goto, ``M`` cancel, ``T`` tracking mode, ``L`` slewing, ``x`` and
 ``y`` hibernate and wake.
@@ -144,5 +144,68 @@ def test_tracking_that_was_put_off_after_waking_stays_off(later: float) -> None:
             await asyncio.sleep(5.0)
             assert not bridge.sim.tracking
             assert await client.ask(b"t") == b"\x00#"
+
+    run(program())
+
+
+@pytest.mark.parametrize("times", [1, 3])
+def test_a_mount_that_did_not_hear_the_end_of_its_park_is_told_again(times: int) -> None:
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            client = bridge.client()
+            await client.ask(GOTO, until=b"0")
+            await polled(bridge, 60)
+            lost = swallow(bridge, lambda data: data == b"T\x00", times)
+            client.tell(b":hP#")
+            await polled(bridge, 120)
+            assert len(lost) == times
+            assert not bridge.sim.tracking
+            assert truth_of(bridge.sim).axis2 == pytest.approx(90.0, abs=0.1)
+
+    run(program())
+
+
+def test_a_park_that_is_over_is_not_put_in_force_again() -> None:
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            client = bridge.client()
+            await client.ask(GOTO, until=b"0")
+            await polled(bridge, 60)
+            lost = swallow(bridge, lambda data: data == b"T\x00")
+            client.tell(b":hP#")
+            while not lost:
+                await polled(bridge, 1)
+            await asyncio.sleep(4.0)
+            assert (await client.ask(GOTO, until=b"0")).endswith(b"0")
+            await polled(bridge, 60)
+            assert bridge.sim.tracking
+            assert not bridge.driver.parked
+
+    run(program())
+
+
+def test_who_leaves_the_park_position_by_its_axes_is_not_parked() -> None:
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            await bridge.hub.perform(op.Park())
+            await polled(bridge, 10)
+            assert await bridge.hub.perform(op.HomeState()) == 1
+            await bridge.hub.perform(op.GotoAxes(100.0, 60.0))
+            await polled(bridge, 40)
+            assert await bridge.hub.perform(op.HomeState()) == 0
+
+    run(program())
+
+
+@pytest.mark.parametrize("times", [1, 2, 4])
+def test_a_meade_that_notes_its_home_is_heard_again_though_an_answer_was_lost(times: int) -> None:
+    async def program() -> None:
+        async with Bridge("lx200gps", driven="lx200") as bridge:
+            client = bridge.client()
+            lost = swallow(bridge, lambda data: data == b":h?#", times)
+            client.tell(b":hS#")
+            await asyncio.sleep(60.0)
+            assert len(lost) == times
+            assert len(await client.ask(b":GR#", until=b"#")) == len(b"06:21:31#")
 
     run(program())

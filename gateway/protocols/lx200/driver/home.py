@@ -55,10 +55,10 @@ def _seek(mount: Meade, command: str) -> Steps:
 
 
 def seek_on(mount: Meade, _: SeekOn) -> Steps:
-    """Look again and again, for nobody else may be asking."""
+    """Look again and again, for nobody else may be asking, and nothing else is asked until it has found it."""
     if not mount.seeking:
         return
-    with contextlib.suppress(Busy):
+    with contextlib.suppress(Busy, NoAnswer):
         if not (yield from still_seeking(mount)):
             return
     yield Later(SEEK_EVERY, SeekOn())

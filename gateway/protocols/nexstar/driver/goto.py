@@ -30,6 +30,8 @@ START_GRACE = 3.0
 CANCEL_WAIT = 5.0
 #: How often it is looked whether a goto has begun whose acknowledgement was lost, and how many seconds apart.
 LOOKS, LOOK_AGAIN = 2, 0.5
+#: How often a parked mount is told not to track, where it does not answer, and how many seconds apart.
+TELLS, TELL_AGAIN = 4, 5.0
 MOTORS, FOUND = (16, 17), 255
 
 
@@ -40,7 +42,6 @@ def goto(mount: NexStar, operation: Goto) -> Steps:
     if operation.track and mount.tracking is Tracking.OFF and tracking.native_mode(mount) and mount.knows("T"):
         yield from tracking.set_tracking(mount, SetTracking(on=True))
     ra, dec = to_mount(mount, operation.ra, operation.dec)
-    mount.parked = False
     yield from _begin(mount, Ask("r" if mount.knows("r") else "R", {"ra": ra, "dec": dec}), None)
 
 
@@ -64,6 +65,7 @@ def _to_axes(mount: NexStar, az: float, alt: float, then: str | None) -> Steps:
 
 def _begin(mount: NexStar, command: Ask, then: str | None) -> Steps:
     """Send what begins a goto. It counts as under way before that, for a stop must know of it."""
+    mount.parked = False
     mount.goto = state = GotoState(since=mount.now(), then=then)
     try:
         yield command
@@ -182,6 +184,7 @@ class Arrived(Operation, frozen=True):
     """Internal: a goto is over; what belongs to its end is done in turn with other motions."""
 
     then: str
+    left: int = TELLS
 
 
 def _arrived(mount: NexStar, state: GotoState) -> Steps:
@@ -195,14 +198,23 @@ def _arrived(mount: NexStar, state: GotoState) -> Steps:
 
 
 def arrived(mount: NexStar, operation: Arrived) -> Steps:
-    """The goto is over: park, note home, or come back to a special drive rate. Not when something moves again."""
-    if mount.goto is not None or mount.moving:
+    """The goto is over: park, note home, or come back to a special drive rate. Not when something moves again.
+
+    Tracking that goes on at the park position would carry the tube away: it is put off again where that was not heard.
+    """
+    again = operation.left < TELLS
+    if mount.goto is not None or mount.moving or (again and not mount.parked):
         return
     if operation.then == "park":
         if not mount.knows("T") or tracking.native_mode(mount) is None:
             raise Unsupported("It stands at its park position, but this hand control keeps tracking.")
         mount.parked, mount.suspended = True, None
-        yield Ask("T", {"mode": 0})
+        try:
+            yield Ask("T", {"mode": 0})
+        except NoAnswer:
+            if operation.left > 1:
+                yield Later(TELL_AGAIN, Arrived("park", operation.left - 1))
+            raise
         mount.tracking = Tracking.OFF
     elif operation.then == "home":
         mount.home_state = 1
