@@ -8,8 +8,8 @@ from __future__ import annotations
 import asyncio
 from typing import TYPE_CHECKING
 
-from gateway.motion_kinds import MOVING
-from gateway.operations import CancelGoto, Focus, Halt, Operation
+from gateway.motion_kinds import MOVING, ends_focus
+from gateway.operations import CancelGoto, Halt, Operation
 
 if TYPE_CHECKING:
     from gateway.clients import Client
@@ -36,7 +36,7 @@ class Begun:
         halts = isinstance(operation, Halt | CancelGoto)
         if halts and client.hub.motions.again(operation):
             return
-        ends = halts or operation == Focus(0)
+        ends = halts or ends_focus(operation)
         if len(self._operations) >= BEGUN and (not ends or operation in self._operations.values()):
             client.transcript.note_once(client.name, f"commands come faster than the mount takes them: {name} not done",
                                         client.name.rpartition(":")[0])

@@ -28,6 +28,16 @@ def axis_moved(operation: op.Operation) -> int | None:
     return operation.axis if isinstance(operation, op.Move | op.MoveAxis) else None
 
 
+def ends_focus(operation: object) -> bool:
+    """Whether the focuser is to stand still: a stop of the mount does not see to that."""
+    return isinstance(operation, op.Focus) and operation.direction == 0
+
+
+def outlives_stop(operation: op.Operation) -> bool:
+    """Whether a stop of the mount leaves it alone: it is no motion, or ends that of the focuser."""
+    return operation.outlives_stop or ends_focus(operation)
+
+
 def begins_motion(operation: object) -> bool:
     """Whether the mount or its focuser is set moving by this."""
     return isinstance(operation, MOVING) or (isinstance(operation, op.Focus) and operation.direction != 0)

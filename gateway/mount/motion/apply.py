@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from gateway import operations as op
 from gateway.errors import Refused
-from gateway.motion_kinds import BEGUN_ANEW, ENDS, GOTOS, axis_moved
+from gateway.motion_kinds import BEGUN_ANEW, ENDS, GOTOS, axis_moved, ends_focus, outlives_stop
 from gateway.mount.motion.patience import without_older_gotos
 from gateway.mount.motion.wanted import (
     AGAIN,
@@ -37,7 +37,7 @@ def apply(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 def stopped(wanted: Wanted) -> Wanted:
     """A stop: all that moves or would move is over, and the mount is owed the command for it."""
     pending = tuple(order for order in wanted.pending
-                    if order.operation.outlives_stop or (order.urgent and order.number == wanted.active))
+                    if outlives_stop(order.operation) or (order.urgent and order.number == wanted.active))
     return replace(wanted, pending=pending, pulses=(), pressed=(), owed=True, stops=wanted.stops + 1)
 
 
@@ -159,6 +159,13 @@ def axis_ended(operation: op.Operation) -> int | None:
     return operation.axis if isinstance(operation, op.Halt) else None
 
 
+def _focus(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
+    """The newest counts: the end of a motion before, which the mount did not hear and is to be told again, is over."""
+    pending = tuple(other for other in wanted.pending if not (other.follow_up and ends_focus(other.operation)
+                                                              and other.number != wanted.active))
+    return _asked(replace(wanted, pending=pending), order, now, slewing)
+
+
 def _sleep(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """What sleeps holds no arrow."""
     return _asked(replace(wanted, pressed=()), order, now, slewing)
@@ -172,5 +179,6 @@ _ROWS: dict[type[op.Operation], Callable[[Wanted, Order, float, bool], Wanted]] 
     op.PulseAxis: _pulse,
     op.Halt: _halt,
     op.CancelGoto: _end,
+    op.Focus: _focus,
     op.Sleep: _sleep,
 }

@@ -19,7 +19,7 @@ from gateway import operations as op
 from gateway.driver import Driver, Later
 from gateway.errors import Busy, Fault, NoAnswer
 from gateway.line import MOTION, SETTING, STOP
-from gateway.motion_kinds import ENDS, GOTOS, MOVING
+from gateway.motion_kinds import ENDS, GOTOS, MOVING, ends_focus, outlives_stop
 from gateway.mount.motion import outcomes
 from gateway.mount.motion.apply import apply, does_for, interrupted, stopped, take_back
 from gateway.mount.motion.awaited import Awaited, Outcome
@@ -32,6 +32,8 @@ from gateway.mount.safety.dead_man import HostActivity
 
 #: What may have begun though its acknowledgement was lost, and would have no end then.
 BY_HAND = (op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
+#: Seconds until the focuser is told to stop once more, while its mount does not answer to that.
+FOCUS_AGAIN = 1.0
 
 
 class Reconciler:
@@ -96,7 +98,7 @@ class Reconciler:
     @property
     def busy(self) -> bool:
         """Whether anything moves, is about to, or is to be ended later: all that a stop would end or put right."""
-        coming = any(not order.operation.outlives_stop for order in self.wanted.pending)
+        coming = any(not outlives_stop(order.operation) for order in self.wanted.pending)
         return self.wanted.owed or coming or self._executor.moving or self._driver.tracking_suspended
 
     # --- orders -----------------------------------------------------------------------------------------------------
@@ -126,7 +128,7 @@ class Reconciler:
 
     def _too_late(self, operation: op.Operation, stops: int | None) -> bool:
         """Whether a stop has come since it was asked for."""
-        lasts = isinstance(operation, op.Halt) or operation.outlives_stop
+        lasts = isinstance(operation, op.Halt) or outlives_stop(operation)
         return stops is not None and stops != self.wanted.stops and not lasts
 
     def again(self, operation: op.Operation) -> bool:
@@ -296,7 +298,9 @@ class Reconciler:
         half_begun = unheard or (order.rank == RESUMED and isinstance(order.operation, MOVING))
         half_begun = half_begun or self._has_cut_in(order)
         not_ended = isinstance(order.operation, ENDS) and not (self._driver.asleep and not order.follow_up)
-        if order.follow_up:
+        if ends_focus(order.operation) and isinstance(error, NoAnswer | Busy) and not self._driver.asleep:
+            self._end_focus_again(order)
+        elif order.follow_up:
             self._executor.note(f"{type(order.operation).__name__}: {error}")
         if (not_ended or half_begun) and isinstance(error, Fault):  # whatever should have ended, or may move, must end
             self.begin_stop()
@@ -306,6 +310,11 @@ class Reconciler:
         sent = isinstance(order.operation, GOTOS) and self._admitted == order.number
         return sent and (bool(self.wanted.by_hand) or self._driver.tracking_suspended)
 
+    def _end_focus_again(self, order: Order) -> None:
+        """The focuser was not heard to stop: no position shows it, and no stop of the mount does it."""
+        if not any(isinstance(one.operation, op.Focus) for one in self.wanted.pending):
+            self.plan(Later(FOCUS_AGAIN, order.operation))
+
     def _has_been_taken(self, order: Order, operation: op.Operation, value: Any) -> None:
         """The mount has acknowledged it."""
         now = self._loop.time()
@@ -314,7 +323,7 @@ class Reconciler:
             self._want(outcomes.pulsed(self.wanted, order, value, next(self._numbers), now))
             if not value.ends:
                 self._executor.expect_end(now + value.seconds)
-        if order.follow_up:
+        if order.follow_up and not ends_focus(operation):
             self._executor.followed_up()
         else:
             self._moves(order, operation)

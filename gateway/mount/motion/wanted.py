@@ -49,11 +49,6 @@ class Order(Struct, frozen=True):
         """Whether it is a halt that comes again and again, and can wait for its turn."""
         return self.repeats > AT_ONCE
 
-    @property
-    def survives_stop(self) -> bool:
-        """Whether a stop leaves it alone: it is no motion, or ends one."""
-        return self.urgent or self.operation.outlives_stop
-
 
 class AxisMotion(Struct, frozen=True):
     """One axis moves by hand: as told, by whom, since when, and how fast, degrees a second."""
