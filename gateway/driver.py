@@ -41,12 +41,14 @@ class Pause(NamedTuple):
 class Later(NamedTuple):
     """Have an operation performed after some seconds; a newer one with the same operation replaces it.
 
-    ``urgent`` operations go to the line like a stop does (the end of a motion that is sent again).
+    ``urgent`` operations go to the line like a stop does (the end of a motion that is sent again). A ``heard`` one
+    waits while the mount is at a long piece of work, in which it hears nothing but a stop.
     """
 
     seconds: float
     operation: Operation
     urgent: bool = False
+    heard: bool = False
 
 
 Step = Ask | Pause | Later

@@ -131,3 +131,25 @@ def test_the_focuser_stops_though_the_first_end_was_lost() -> None:
             assert bridge.sim.parts["focuser"] == 0
 
     run(program())
+
+
+@pytest.mark.parametrize("motion", [b":Mge0500#", b":RC#:Me#", b":RG#:Mn#"])
+def test_an_end_that_a_telescope_could_not_hear_is_sent_when_it_hears_again(motion: bytes) -> None:
+    """A classic that calculates its planets after :SC hears :Q# alone; no position shows that rates so low go on."""
+
+    async def program() -> None:
+        settings = {"lowest": -90.0, "sun": 0.0, "site_time": "always"}
+        async with Bridge("lx200", driven="lx200", config=settings) as bridge:
+            client = bridge.client()
+            client.tell(motion)
+            await asyncio.sleep(0.3)
+            bridge.client("10.0.0.9").tell(b":SC01/16/26#")
+            while not bridge.sim.busy:
+                await asyncio.sleep(0.05)
+            client.tell(b":Qe#:Qn#")
+            await asyncio.sleep(1.0)
+            assert bridge.sim.busy
+            await asyncio.sleep(20.0)
+            assert not bridge.sim.arrows
+
+    run(program())

@@ -1,7 +1,8 @@
 """A goto that comes while a telescope calculates waits until it hears again: the newest one only, and not for long.
 
-So does a tracking mode or rate. Arrows and pulses never wait: by then they are no longer meant. A line that is down is
-waited for by nobody, and nobody's goto is begun after its connection has closed. Pure functions.
+So does a tracking mode or rate, and, for as long as it takes, an end that is sent a second time. Arrows and pulses never
+wait: by then they are no longer meant. A line that is down is waited for by nobody, and nobody's goto is begun after its
+connection has closed. Pure functions.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ LONGEST, LOOK = 15.0, 0.1
 
 def patient(order: Order) -> bool:
     """Whether it waits for a mount that cannot hear."""
-    return isinstance(order.operation, (*GOTOS, op.SetTracking, op.TrackRate)) and not order.follow_up
+    return order.heard or (isinstance(order.operation, (*GOTOS, op.SetTracking, op.TrackRate)) and not order.follow_up)
 
 
 def may_wait(order: Order, now: float) -> bool:
     """Whether it has not waited for too long."""
-    return now - order.since < LONGEST
+    return order.heard or now - order.since < LONGEST
 
 
 def forsaken(order: Order) -> bool:

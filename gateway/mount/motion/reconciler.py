@@ -145,7 +145,8 @@ class Reconciler:
     def plan(self, later: Later) -> None:
         """Have a follow-up performed after some seconds; the same one planned again replaces the first."""
         order = Order(next(self._numbers), later.operation, rank=FIRST if later.urgent else IN_ORDER,
-                      at=self._loop.time() + later.seconds, follow_up=True, urgent=later.urgent)
+                      at=self._loop.time() + later.seconds, follow_up=True, urgent=later.urgent,
+                      heard=later.heard)
         others = tuple(one for one in self.wanted.pending if not (
             one.follow_up and one.operation == later.operation and one.number != self.wanted.active))
         self._want(replace(self.wanted, pending=(*others, order)))

@@ -26,9 +26,9 @@ class Order(Struct, frozen=True):
 
     ``number`` counts the orders, ``by`` is the connection it came from, ``since`` the loop time at which it came,
     ``at`` the one before which it is not due. A ``follow_up`` is the gateway's own, and ``urgent`` when it ends a
-    motion. ``unless`` is the number of a goto after whose beginning it is void. Of a halt it is known whether it
-    ``overtakes`` what waits, and the ``repeats`` of an equal one before it while nothing else was asked for (``asked``
-    counts that).
+    motion; one that is to be ``heard`` waits until the mount hears. ``unless`` is the number of a goto after whose
+    beginning it is void. Of a halt it is known whether it ``overtakes`` what waits, and the ``repeats`` of an equal one
+    before it while nothing else was asked for (``asked`` counts that).
     """
 
     number: int
@@ -39,6 +39,7 @@ class Order(Struct, frozen=True):
     at: float = 0.0
     follow_up: bool = False
     urgent: bool = False
+    heard: bool = False
     unless: int = 0
     overtakes: bool = False
     repeats: int = 0

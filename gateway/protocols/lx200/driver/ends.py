@@ -40,7 +40,7 @@ def end(mount: Meade, command: str, axes: tuple[int, ...], moved: bool) -> Steps
         mount.ended[command] = {axis: mount.begun.get(axis, 0) for axis in axes}
     yield from ask(mount, command)
     if moved:
-        yield Later(AGAIN, EndAgain(command), urgent=True)
+        yield Later(AGAIN, EndAgain(command), urgent=True, heard=command != "Q")
 
 
 def end_again(mount: Meade, operation: EndAgain) -> Steps:
