@@ -1,8 +1,8 @@
 """A goto that comes while a telescope calculates waits until it hears again: the newest one only, and not for long.
 
-So does a tracking mode or rate, and, for as long as it takes, an end that is sent a second time. Arrows and pulses never
-wait: by then they are no longer meant. A line that is down is waited for by nobody, and nobody's goto is begun after its
-connection has closed. Pure functions.
+So does a tracking mode or rate, and, for as long as it takes, an end that is sent a second time. Arrows and pulses
+never wait: by then they are no longer meant. A line that is down is waited for by nobody, and nobody's goto is begun
+after its connection has closed. Pure functions.
 """
 
 from __future__ import annotations
