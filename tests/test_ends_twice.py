@@ -133,8 +133,8 @@ def test_the_focuser_stops_though_the_first_end_was_lost() -> None:
     run(program())
 
 
-@pytest.mark.parametrize("motion", [b":Mge0500#", b":RC#:Me#", b":RG#:Mn#"])
-def test_an_end_that_a_telescope_could_not_hear_is_sent_when_it_hears_again(motion: bytes) -> None:
+@pytest.mark.parametrize(("motion", "release"), [(b":Mge4000#", b""), (b":RC#:Me#", b":Qe#"), (b":RG#:Mn#", b":Qn#")])
+def test_an_end_that_a_telescope_could_not_hear_is_sent_when_it_hears_again(motion: bytes, release: bytes) -> None:
     """A classic that calculates its planets after :SC hears :Q# alone; no position shows that rates so low go on."""
 
     async def program() -> None:
@@ -146,10 +146,32 @@ def test_an_end_that_a_telescope_could_not_hear_is_sent_when_it_hears_again(moti
             bridge.client("10.0.0.9").tell(b":SC01/16/26#")
             while not bridge.sim.busy:
                 await asyncio.sleep(0.05)
-            client.tell(b":Qe#:Qn#")
-            await asyncio.sleep(1.0)
+            client.tell(release)
+            await asyncio.sleep(3.0)
             assert bridge.sim.busy
             await asyncio.sleep(20.0)
             assert not bridge.sim.arrows
+
+    run(program())
+
+
+def test_a_release_that_a_telescope_cannot_hear_becomes_a_stop() -> None:
+    """At two degrees a second the tube would turn by ten until a classic has calculated its planets."""
+
+    async def program() -> None:
+        settings = {"lowest": -90.0, "sun": 0.0, "site_time": "always"}
+        async with Bridge("lx200", driven="lx200", config=settings) as bridge:
+            client = bridge.client()
+            client.tell(b":RM#:Me#")
+            await asyncio.sleep(0.5)
+            bridge.client("10.0.0.9").tell(b":SC01/16/26#")
+            while not bridge.sim.busy:
+                await asyncio.sleep(0.05)
+            assert bridge.sim.arrows
+            client.tell(b":Qe#")
+            await asyncio.sleep(0.5)
+            assert bridge.sim.busy
+            assert not bridge.sim.arrows
+            assert not bridge.hub.motions.axes
 
     run(program())

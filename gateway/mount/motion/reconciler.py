@@ -107,6 +107,9 @@ class Reconciler:
         """Take an order -> its outcome; from now on it counts as asked for. ``stops``: their count when it was."""
         if self._closed or self._too_late(operation, stops):
             return self._awaited.too_late()
+        if self._only_a_stop_is_heard(operation):
+            self._executor.note("the mount is at long work and hears nothing but a stop: both axes are stopped")
+            return self.begin_stop()
         wakes = isinstance(operation, op.Wake) and self._driver.asleep  # what is before it would not be heard
         now = self._loop.time()
         order = Order(next(self._numbers), operation, by, rank=FIRST if wakes else IN_ORDER, since=now)
@@ -125,6 +128,11 @@ class Reconciler:
         outcome = self._awaited.of(same.number) if same is not None else None
         self._go_on()
         return outcome if outcome is not None else self._awaited.done()
+
+    def _only_a_stop_is_heard(self, operation: op.Operation) -> bool:
+        """Whether an arrow is released that the mount would go on with for seconds."""
+        ends = isinstance(operation, op.Halt) and operation.axis in self.wanted.by_hand
+        return ends and self._executor.deaf and not self.wanted.waiting_gotos
 
     def _too_late(self, operation: op.Operation, stops: int | None) -> bool:
         """Whether a stop has come since it was asked for."""

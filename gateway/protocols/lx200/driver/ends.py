@@ -2,7 +2,8 @@
 
 The second one follows when the line is free for it, and not at all when something newer was begun meanwhile on what it
 ends, or when nothing was known to move. So it costs the first one no time, no goto is cut off by it, and a program that
-hammers stops at a mount at rest does not load the line twice.
+hammers stops at a mount at rest does not load the line twice. A telescope that calculates hears :Q# alone: the second
+one of any other end waits until it hears again.
 """
 
 from __future__ import annotations
