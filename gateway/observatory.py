@@ -6,7 +6,7 @@ and the gateway then serves the client's values itself. Nothing here waits for t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from gateway.operations import Gps, Moment, Operation, Place, SetClock, SetSite
 from gateway.spherical import wrap180
@@ -141,6 +141,18 @@ class Observatory:
         if isinstance(operation, SetClock):
             return self.mount_clock is not None
         return isinstance(operation, SetSite) and self.mount_site is not None
+
+    def has_one_of(self, places: Sequence[SetSite]) -> bool:
+        """Whether the mount stands at one of these, whole or with the half that was set."""
+        here = self.mount_site
+        return here is not None and any(
+            (one.latitude is not None and abs(here.latitude - one.latitude) <= SITE_EQUAL)
+            or (one.longitude is not None and abs(wrap180(here.longitude - one.longitude)) <= SITE_EQUAL)
+            for one in places)
+
+    def forget_sites(self) -> None:
+        """Nothing that programs have set is in force any more."""
+        self.kept_site = self.half = None
 
     def forget(self, operation: Operation) -> None:
         """What was kept of this for programs is no longer needed: the mount's own counts."""

@@ -398,10 +398,15 @@ class Verbatim(Operation, frozen=True):
 
 
 class SetSite(Operation, frozen=True):
-    """Latitude and/or longitude (east positive) in degrees; None keeps what is there."""
+    """Latitude and/or longitude (east positive) in degrees; None keeps what is there.
+
+    With ``others`` the mount's own site counts again, whatever programs have set: it is told the latitude and longitude
+    given here only where it has one of the others by us, or tells none at all.
+    """
 
     latitude: float | None = None
     longitude: float | None = None
+    others: tuple[SetSite, ...] | None = None
 
 
 class SetClock(Operation, frozen=True):

@@ -72,6 +72,10 @@ class Session:
         self.shared[name] = value
         self.changed()
 
+    def check_may_set(self) -> None:
+        """Raise ReadOnly for a client that only looks, where a setting comes in pieces that are handed on later."""
+        self.shared.setdefault("sites", {})
+
     def known(self, name: str) -> Any:
         """A kept value, else the presented model's constant, else None."""
         value = self.kept.get(name)

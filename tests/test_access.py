@@ -185,8 +185,9 @@ def test_reading_and_stopping_are_harmless_and_nothing_else_is() -> None:
 #: What a program sends -> what a client that only looks is told. None: no reply.
 LX200_REFUSED: dict[bytes, bytes | None] = {
     b":Sr05:34:32#:Sd+22*00:52#:MS#": b"111Read only.#", b":CM#": b"#", b":Sz180*00#:Sa+45*00#:MA#": b"111",
-    b":St+50*00#": b"0", b":Sg010*00#": b"0", b":SG+01#:SL12:00:00#:SC01/15/26#": b"110", b":ST60.0#": b"0",
-    b":SMhere#": b"0", b":gT#": b"0",
+    b":St+50*00#": b"0", b":Sg010*00#": b"0", b":SG+01#:SL12:00:00#:SC01/15/26#": b"000", b":ST60.0#": b"0",
+    b":SG+01#": b"0", b":SL12:00:00#": b"0", b":SC01/15/26#": b"0", b":SS12:00:00#": b"0",
+    b":SMhere#": b"0", b":SNhere#": b"0", b":SOhere#": b"0", b":SPhere#": b"0", b":gT#": b"0",
     b":Mn#": None, b":Mge0500#": None, b":hP#": None, b":hF#": None, b":hS#": None, b":hN#": None, b":hW#": None,
     b":AL#": None, b":AP#": None, b":TQ#": None, b":TL#": None, b":T+#": None, b":Rg10.0#": None, b":F+#": None,
     b"$Q#": None, b":$QZ+#": None, b":$BA10#": None, b":W1#": None, b":hI260115220000#": None,
@@ -211,7 +212,7 @@ def test_lx200_clients_that_only_look() -> None:
                 if command != b":Gr#":
                     assert await client.ask(command, 3.0), command
             assert await client.ask(b":Sr05:34:32#:Gr#", until=b"32#") == b"105:34:32#", "the target is its own"
-            assert re.fullmatch(rb"1\d\d:\d\d:\d\d#", await client.ask(b":SL12:00:00#:GL#", until=b"#")), "not silence"
+            assert re.fullmatch(rb"0\d\d:\d\d:\d\d#", await client.ask(b":SL12:00:00#:GL#", until=b"#")), "not silence"
             assert await client.ask(b":GT#") == b"60.1#"
             assert await client.ask(b":GM#") == b"SITE 1#"
             await asyncio.sleep(5)
@@ -219,6 +220,25 @@ def test_lx200_clients_that_only_look() -> None:
             notes = [entry.note for entry in bridge.entries if entry.arrow == "!"]
             assert "Goto refused: read only" in notes
             assert "SetSite refused: read only" in notes or "a setting refused: read only" in notes
+
+    run(program())
+
+
+def test_whoever_only_looks_selects_no_site_and_shifts_no_zone() -> None:
+    """Neither for itself nor for others; what it is told of both is what was there before."""
+
+    async def program() -> None:
+        async with Bridge(access=Access(read_only=networks(["10.9.0.0/16"])), surface="lx200gps") as bridge:
+            owner, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
+            owner.tell(b":W3#")
+            assert await owner.ask(b":St+50*00#:Sg010*00#", until=b"11") == b"11"
+            owner.tell(b":W1#")
+            await asyncio.sleep(3)
+            looker.tell(b":W3#")
+            assert await looker.ask(b":SG+07#:SL03:00:00#:GG#", until=b"#") == b"00+00#"
+            await asyncio.sleep(70)
+            assert await looker.ask(b":Gt#", until=b"#") == await owner.ask(b":Gt#", until=b"#") == b"+45*00#"
+            assert await looker.ask(b":GG#", until=b"#") == await owner.ask(b":GG#", until=b"#") == b"+00#"
 
     run(program())
 

@@ -77,7 +77,7 @@ def test_a_program_that_selects_no_site_begins_with_the_one_selected_last(tmp_pa
         async with Bridge(state=tmp_path, aligned=False, on=bridge) as bridge:
             assert await bridge.client().ask(b":St+10*00#:Sg010*00#", until=b"11") == b"11"
             assert bridge.keeping is not None
-            assert list(bridge.keeping.shared["sites"]) == ["2"]
+            assert bridge.keeping.shared["sites"]["2"] == {"latitude": 10.0, "longitude": -10.0}
 
     run(program())
 

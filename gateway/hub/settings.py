@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from msgspec.structs import replace
@@ -106,12 +106,26 @@ class SiteAndClock:
 
     async def _set_site(self, operation: op.SetSite) -> None:
         """Take a half or the whole; the mount is told once both halves are there, or after a moment."""
+        if operation.others is not None and await self._has_its_own(operation, operation.others):
+            self._observatory.forget_sites()
+            self._hub.snapshot.version += 1
+            return
         whole = self._observatory.set_site_half(operation)
         self._hub.snapshot.version += 1
         if whole is not None:
             self._owe_site()
         else:
             self._hub.loop.call_later(HALF_SITE, self._owe_site)
+
+    async def _has_its_own(self, own: op.SetSite, others: Sequence[op.SetSite]) -> bool:
+        """Whether the mount still has the site of before programs selected others, or nobody knows that one."""
+        if own.latitude is None or own.longitude is None:
+            return True
+        if self._hub.line.state == "up" and not self._hub.driver.asleep:
+            await self.renew(op.GetSite)
+        if self._observatory.mount_site is None or self.sync.owes(own):
+            return False
+        return self._observatory.same_site(own) or not self._observatory.has_one_of(others)
 
     def _owe_site(self) -> None:
         whole = self._observatory.take_site()

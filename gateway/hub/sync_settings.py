@@ -62,6 +62,10 @@ class SyncSettings:
         """What the mount has not been told yet."""
         return self._owed
 
+    def owes(self, operation: op.Operation) -> bool:
+        """Whether the mount is being told one of this kind, or is still to be told."""
+        return kind_of(operation) in self._owed
+
     # --- what is owed -----------------------------------------------------------------------------------------------
 
     def owe(self, operation: op.Operation, left: int = TRIES, due: float = 0.0) -> None:

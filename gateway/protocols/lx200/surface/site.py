@@ -1,27 +1,44 @@
-"""Sites, their names, and altitude limits. Meade's longitudes count west positive; inside they count east."""
+"""Sites, their names, and altitude limits. Meade's longitudes count west positive; inside they count east.
+
+Site 1 is the mount's own. What it is gets remembered when another one takes its place, and is put back on the mount
+only where the mount was told the other one; what was entered at the hand control meanwhile stays.
+"""
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
-from gateway.errors import Invalid
+from gateway.errors import Fault, Invalid
 from gateway.operations import GetSite, Place, SetSite
 from gateway.surface import Handling, Session
 from gateway.tables import Command
 
-_SITES = "MNOP"
+#: The letters of the four sites in the commands of their names, and the highest number that ``:W`` takes.
+_NAMED = "MNOP"
+_SITES_AT_MOST = 4
 
 
 def tell_latitude(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:Gt"""
-    place: Place = yield GetSite()
-    return {"latitude": place.latitude}
+    return {"latitude": (yield from _told(session, "latitude"))}
 
 
 def tell_longitude(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:Gg"""
-    place: Place = yield GetSite()
-    return {"longitude": -place.longitude}
+    return {"longitude": -(yield from _told(session, "longitude"))}
+
+
+def _told(session: Session, half: str) -> Handling:
+    """-> half of the site in force; where nobody knows the other half, the one that was set. Raises Fault."""
+    try:
+        place: Place = yield GetSite()
+    except Fault:
+        stored = session.shared["sites"].get(str(_selected(session)), {})
+        if half not in stored:
+            raise
+        return stored[half]
+    return getattr(place, half)
 
 
 def set_latitude(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -38,9 +55,18 @@ def set_longitude(session: Session, command: Command, values: dict[str, Any]) ->
     yield from _set(session, SetSite(longitude=-values["longitude"]))
 
 
+def _selected(session: Session) -> int:
+    """The site that this client sets: the one it selected, else the one selected last, from 0."""
+    index: int = session.kept.get("site", session.shared.get("site", 0))
+    return index
+
+
 def _set(session: Session, operation: SetSite) -> Handling:
     """Set one half, and remember it under the site that is selected."""
-    stored = session.shared["sites"].setdefault(str(session.kept.get("site", session.shared.get("site", 0))), {})
+    session.check_may_set()
+    index = _selected(session)
+    yield from _enter(session, index)
+    stored = session.shared["sites"].setdefault(str(index), {})
     for name in ("latitude", "longitude"):
         value = getattr(operation, name)
         if value is not None:
@@ -49,24 +75,46 @@ def _set(session: Session, operation: SetSite) -> Handling:
     yield operation
 
 
+def _enter(session: Session, index: int) -> Handling:
+    """This site is in force for all from now on, and for who selects none, as at power-on; what site 1 is, is kept."""
+    if session.shared.get("site", 0) == 0 and index != 0:
+        with suppress(Fault):
+            place: Place = yield GetSite()
+            own = session.shared["sites"].setdefault("0", {})
+            own.update(latitude=place.latitude, longitude=place.longitude)
+    if session.shared.get("site") != index:
+        session.set_for_all("site", index)
+
+
 def select(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """:W - by this model's count: from 0, or from 1 with 0 for the first."""
+    """:W - by this model's count, from 0 or from 1; the number that the count does not have is the nearest site."""
     if "fault" in values:
         raise values["fault"]
-    index = values["site"]
-    index = max(0, index - 1) if session.model["first_site"] == 1 else index
-    if index > 3:
+    if values["site"] > _SITES_AT_MOST:
         return
+    session.check_may_set()
+    index = max(0, min(len(_NAMED) - 1, values["site"] - session.model["first_site"]))
+    before = session.shared.get("site", 0)
+    yield from _enter(session, index)
     session.kept["site"] = index
-    session.set_for_all("site", index)  # where a program that selects none begins, as at power-on
+    stored = _place(session, index)
+    if index == 0:
+        if before != 0:
+            others = tuple(_place(session, number) for number in range(1, len(_NAMED)))
+            yield SetSite(stored.latitude, stored.longitude, others)
+    elif stored.latitude is not None and stored.longitude is not None:
+        yield stored
+
+
+def _place(session: Session, index: int) -> SetSite:
+    """What is stored of a site; None for what is not."""
     stored = session.shared["sites"].get(str(index), {})
-    if "latitude" in stored and "longitude" in stored:
-        yield SetSite(latitude=stored["latitude"], longitude=stored["longitude"])
+    return SetSite(stored.get("latitude"), stored.get("longitude"))
 
 
 def tell_name(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
     """:GM :GN :GO :GP"""
-    index = _SITES.index(command.name[1])
+    index = _NAMED.index(command.name[1])
     stored = session.shared["sites"].get(str(index), {})
     return {"name": stored.get("name", f"SITE {index + 1}")[: session.model["names"]]}
 
@@ -76,7 +124,7 @@ def set_name(session: Session, command: Command, values: dict[str, Any]) -> None
     name = values.get("name", "").strip()
     if not name or len(name) > session.model["names"] or not (name.isascii() and name.isprintable()):
         raise Invalid(f"A site name has 1 to {session.model['names']} printable characters.")
-    session.shared["sites"].setdefault(str(_SITES.index(command.name[1])), {})["name"] = name
+    session.shared["sites"].setdefault(str(_NAMED.index(command.name[1])), {})["name"] = name
     session.changed()
 
 
