@@ -101,6 +101,20 @@ def test_an_lx200gps_takes_the_reading_nearer_the_hosts_clock(offset: float, utc
         assert instants(talk.mount) == [true], (text, error)
 
 
+@pytest.mark.parametrize("host", ["2023-01-01 00:00:00", "2026-07-01 00:00:00", "2026-07-09 00:00:00"])
+@pytest.mark.parametrize(("offset", "local", "sent"), [
+    (b"+05", "21:30:00", "07/05/26"), (b"-10", "05:00:00", "07/03/26"),
+])
+def test_an_lx200gps_goes_by_the_manual_where_the_host_has_lost_its_clock(
+    host: str, offset: bytes, local: str, sent: str
+) -> None:
+    """Either reading is days away from it, so which is nearer says nothing: the date that was sent is UTC's."""
+    talk = Talk(model="lx200gps")
+    talk.now = unix(host)
+    talk.send(b":SG%s#:SL%s#:SC%s#" % (offset, local.encode(), sent.encode()))
+    assert instants(talk.mount) == [unix("2026-07-05 02:30:00" if offset == b"+05" else "2026-07-03 19:00:00")]
+
+
 def test_other_models_take_the_local_date_whatever_the_host_says() -> None:
     talk = Talk(model="lx200")
     talk.now = unix("2026-07-04 00:00:00")
@@ -193,6 +207,13 @@ def test_a_stamp_sets_date_and_time_at_once() -> None:
     assert talk.send(b":SG+05#:hI260704213000#") == b"11"
     assert instants(talk.mount) == [unix("2026-07-05 02:30:00")]
     assert talk.send(b":hI269904213000#") == b""
+
+
+def test_the_date_of_a_stamp_is_the_local_one_whatever_the_host_says() -> None:
+    talk = Talk(model="lx200gps")
+    talk.now = unix("2023-01-01 00:00:00")
+    assert talk.send(b":SG+05#:hI260704213000#") == b"11"
+    assert instants(talk.mount) == [unix("2026-07-05 02:30:00")]
 
 
 # --- telling ------------------------------------------------------------------------------------------------------

@@ -18,8 +18,10 @@ from gateway.tables import Command
 
 #: One pause after the last piece, then what is there is taken.
 QUIET = 2.0
-#: An offset that comes this long after the local time still belongs to it: the local time stays, as on a Meade.
+#: What comes this long after another piece still belongs to it: local time and date stay, as on a Meade.
 BELONGS = 60.0
+#: A host's clock that is this far from either reading of a date cannot tell which one is meant.
+HOST_KNOWS = 86400.0
 _TEXT = "Updating        planetary data. "
 
 
@@ -77,6 +79,8 @@ def set_piece(session: Session, command: Command, values: dict[str, Any]) -> Han
     else:
         piece = "time" if command.name == "SL" else "date"
         draft[piece] = (values["time"], session.clock()) if piece == "time" else values["date"]
+        if piece == "date":
+            session.kept["dated"] = values["date"], session.clock()
         draft["carried"] = [name for name in draft.get("carried", ()) if name != piece]
     if {"time", "date", "offset"} <= draft.keys() and not draft.get("carried"):
         yield from commit(session)
@@ -119,23 +123,36 @@ def commit(session: Session) -> Handling:
     now = datetime.fromtimestamp(present.unix + offset * 3600.0, UTC)
     day = pieces.get("date", now.date())
     if "time" in pieces:
+        day = pieces.get("date") or _dated(session) or day
         seconds, at = pieces["time"]
         elapsed = session.clock() - at
     else:
         seconds, elapsed = now.hour * 3600 + now.minute * 60 + now.second + now.microsecond / 1e6, 0.0
     if "time" in pieces or "local" in session.kept:
         session.kept["local"] = day, seconds, session.clock() - elapsed, offset
-    yield SetClock(_instant(session, day, seconds, offset) + elapsed, offset)
+    local = "stamped" in pieces or not session.model.get("utc_date")
+    yield SetClock(_instant(session, day, seconds, offset, local) + elapsed, offset)
 
 
-def _instant(session: Session, day: date, seconds: float, offset: float) -> float:
-    """Unix seconds of a local time. An LX200GPS is told the UTC date: the reading nearer the host's clock counts."""
+def _dated(session: Session) -> date | None:
+    """The date that this client set a moment ago: a zone that came since has not made it another day."""
+    day, at = session.kept.get("dated", (None, -1e9))
+    return day if session.clock() - at <= BELONGS else None
+
+
+def _instant(session: Session, day: date, seconds: float, offset: float, is_local: bool) -> float:
+    """Unix seconds of a local time. ``is_local``: the date can be no other than the local one.
+
+    An LX200GPS is told the UTC date by the manual and the local one by some programs: the reading nearer the host's
+    clock counts, and the manual's where that clock shows another day altogether.
+    """
     midnight = float(calendar.timegm(day.timetuple()))
     local = midnight + seconds - offset * 3600.0
-    if not session.model.get("utc_date"):
+    if is_local:
         return local
     universal = midnight + (seconds - offset * 3600.0) % 86400.0
-    return min(local, universal, key=lambda unix: abs(unix - session.clock()))
+    nearer = min(local, universal, key=lambda unix: abs(unix - session.clock()))
+    return nearer if abs(nearer - session.clock()) <= HOST_KNOWS else universal
 
 
 def set_stamp(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -146,7 +163,7 @@ def set_stamp(session: Session, command: Command, values: dict[str, Any]) -> Han
         return b""
     session.check_may_set()
     draft = _draft(session)
-    draft["date"] = local.date()
+    draft["date"], draft["stamped"] = local.date(), True
     draft["time"] = (local.hour * 3600 + local.minute * 60 + local.second, session.clock())
     yield from commit(session)
 
