@@ -26,6 +26,8 @@ _COLUMNS = "name, type, ra, dec, coalesce(vmag, bmag), majax, minax, messier"
 #: A candidate, worked out by the database, which keeps angles in radians.
 _SEARCHED = f"id, ra * {math.degrees(1.0)!r} AS right, dec * {math.degrees(1.0)!r} AS up"
 _IDENTIFIERS = {"NGC": "NGC%04d", "IC": "IC%04d", "C": "C%03d", "UGC": "UGC%05d"}
+#: OpenNGC takes Messier's 102 for 101 seen twice; hand controls, Meade's among them, go to this galaxy in Draco.
+_IN_PLACE_OF = {102: ("NGC", 5866)}
 
 
 #: What a search compares: row of the database, right ascension, declination. Plain, because there are twelve thousand.
@@ -34,6 +36,9 @@ Candidate = tuple[int, float, float]
 
 def look_up(catalog: str, number: int) -> Entry | None:
     """An object of ``M``, ``NGC``, ``IC``, ``C`` or ``UGC``, under that name. Raises NotInstalled."""
+    called = f"{catalog}{number}"
+    if catalog == "M":
+        catalog, number = _IN_PLACE_OF.get(number, (catalog, number))
     if catalog == "M":
         found = _rows("messier = ? AND type != 'Dup' OR name = ?", f"{number:03d}", f"M{number:03d}")
     else:
@@ -44,7 +49,7 @@ def look_up(catalog: str, number: int) -> Entry | None:
     row = found[0]
     if row[1] == "Dup":
         row = _original(row[0]) or row
-    return None if row[2] is None else _entry(row, f"{catalog}{number}")
+    return None if row[2] is None else _entry(row, called)
 
 
 def by_row(row: int) -> Entry:
