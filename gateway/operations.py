@@ -55,7 +55,7 @@ class Tracking(Enum):
 class Rate(Struct, frozen=True):
     """A hand rate: a name (guide, center, find, max), a hand-control key 1-9, or degrees/s.
 
-    ``max`` together with degrees is the fastest rate that is not above so many.
+    ``max`` together with degrees is the fastest rate, limited to so many.
     """
 
     name: str | None = None

@@ -19,7 +19,7 @@ def move(session: Session, command: Command, values: dict[str, Any]) -> Handling
     direction = Direction(command.name[1])
     kept = session.kept
     own = kept.get("rate_ra" if direction.axis == 1 else "rate_dec")
-    rate = Rate(degrees=own) if own else kept.get("rate", Rate(name="center"))
+    rate = Rate(degrees=min(own, kept.get("fastest", own))) if own else kept.get("rate", Rate(name="center"))
     if rate.name == "max" and "fastest" in kept:
         rate = Rate(name="max", degrees=kept["fastest"])
     yield Start(Move(direction, rate, lowest=kept.get("lowest"), highest=kept.get("highest")))

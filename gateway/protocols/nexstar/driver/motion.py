@@ -85,8 +85,8 @@ def move_axis(mount: NexStar, operation: MoveAxis) -> Steps:
         yield from _begin_steps(mount, axis, operation.sense, rate)
         return
     side = "pos" if operation.sense > 0 else "neg"
-    free = rate.name is None and rate.key is None
-    gentle = not free and mount.key_for(rate) <= 2
+    variable = mount.variable(rate)
+    gentle = variable is None and mount.key_for(rate) <= 2
     equatorial = (mount.suspended or mount.tracking or Tracking.OFF).equatorial
     mount.parked = False
     if not (gentle and equatorial and mount.suspended is None):
@@ -94,9 +94,8 @@ def move_axis(mount: NexStar, operation: MoveAxis) -> Steps:
     before = dict(mount.moving)
     mount.moving[axis] = max(mount.speed(rate), mount.moving.get(axis, 0.0))  # until it has taken the new rate
     try:
-        if free and rate.degrees is not None:
-            arcseconds = min(rate.degrees, mount.rates["fastest"]) * 3600.0
-            yield Ask(f"rate_{_AXIS[axis]}_{side}", {"rate": tracking.rate_code(arcseconds)}, prompt=True)
+        if variable is not None:
+            yield Ask(f"rate_{_AXIS[axis]}_{side}", {"rate": tracking.rate_code(variable * 3600.0)}, prompt=True)
         else:
             yield Ask(f"slew_{_AXIS[axis]}_{side}", {"rate": mount.key_for(rate)}, prompt=True)
     except Busy:  # it was never sent

@@ -219,10 +219,22 @@ class NexStar(Driver):
         return float(degrees[key - len(sidereal) - 1])
 
     def speed(self, rate: Rate) -> float:
-        """Degrees a second of a hand rate; a free one is given to the motor as it is."""
-        if rate.name is None and rate.key is None and rate.degrees is not None:
-            return min(rate.degrees, float(self.rates["fastest"]))
-        return self.key_speed(self.key_for(rate))
+        """Degrees a second of a hand rate."""
+        variable = self.variable(rate)
+        return self.key_speed(self.key_for(rate)) if variable is None else variable
+
+    def variable(self, rate: Rate) -> float | None:
+        """Degrees a second, given to the motor as they are; None where one of the nine fixed rates is meant.
+
+        A limit of the fastest rate is given so, too, where it is below that rate and no key turns at it.
+        """
+        if rate.key is not None or rate.degrees is None:
+            return None
+        if rate.name is not None and (
+            rate.degrees >= self.key_speed(9) or abs(self.key_speed(self.key_for(rate)) - rate.degrees) < SAME_SPEED
+        ):
+            return None
+        return min(rate.degrees, float(self.rates["fastest"]))
 
     def tube_side(self, told: str) -> str | None:
         """The letter of ``PierSide`` on a German mount, if it was told; the other one where the version swaps them."""
@@ -266,6 +278,8 @@ class NexStar(Driver):
         return max([key for key in range(1, 10) if self.key_speed(key) <= wanted + 1e-9], default=1)
 
 
+#: Speeds this near are one, degrees a second.
+SAME_SPEED = 0.01
 JNOW_FROM = (4, 14)
 #: Up to this version the pier side is told with its letters swapped in the southern hemisphere.
 LETTERS_SWAPPED = (5, 24)
