@@ -179,3 +179,24 @@ def test_what_is_no_site_selects_none(impossible: bytes) -> None:
     talk.send(b":W2#" + impossible + b":St+40*00#")
     assert talk.session.shared["sites"]["1"]["latitude"] == 40.0
     assert len(talk.mount.of(op.SetSite)) == 1
+
+
+# --- over a Meade ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", ["autostar", "lx200", "lx200-16", "lx200gps"])
+def test_a_meade_has_its_own_site_again_too(model: str) -> None:
+    """It takes a site at any time, so it was told the other one."""
+
+    async def program() -> None:
+        async with Bridge(model, driven="lx200", surface="lx200gps", latency=0.01) as bridge:
+            client = bridge.client()
+            own = await place(client)
+            await second_site(client)
+            assert any(sent.startswith(b":St+40*00") for sent in bridge.sent())
+            client.tell(b":W1#")
+            await asyncio.sleep(10)
+            assert await place(client) == own == b"+45*00#-010*00#"
+            assert [sent for sent in bridge.sent() if sent.startswith(b":St")][-1] == b":St+45*00#"
+
+    run(program())
