@@ -8,10 +8,11 @@ must be ADDED to local time to get UTC; inside, offsets are local minus UTC.
 from __future__ import annotations
 
 import calendar
+import contextlib
 from datetime import UTC, date, datetime, timedelta
 from typing import Any
 
-from gateway.errors import Fault
+from gateway.errors import Fault, ReadOnly
 from gateway.operations import GetClock, Moment, SetClock, SiderealTime
 from gateway.surface import Defer, Handling, Session
 from gateway.tables import Command
@@ -32,7 +33,7 @@ def printable(offset: float) -> float:
 
 def _local(session: Session) -> Handling:
     """The client's local time now, as a naive datetime, with the offset it will be told."""
-    yield from commit(session)
+    yield from _commit_if_allowed(session)
     moment: Moment = yield GetClock()
     offset = printable(session.kept.get("offset", moment.offset))
     # Half a second is what a whole-second reply is off by on average; none is invented here: cut, as clocks do.
@@ -53,12 +54,18 @@ def tell_date(session: Session, command: Command, values: dict[str, Any]) -> Han
 
 def tell_offset(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:GG"""
-    yield from commit(session)
+    yield from _commit_if_allowed(session)
     offset = session.kept.get("offset")
     if offset is None:
         moment: Moment = yield GetClock()
         offset = moment.offset
     return {"offset": -printable(offset)}
+
+
+def _commit_if_allowed(session: Session) -> Handling:
+    """Before the clock is told: whoever may not set it is told it as it is."""
+    with contextlib.suppress(ReadOnly):
+        yield from commit(session)
 
 
 def _draft(session: Session) -> dict[str, Any]:
@@ -157,11 +164,11 @@ def _instant(session: Session, day: date, seconds: float, offset: float, is_loca
 
 def set_stamp(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:hIyyMMddHHmmss - date and local time at once."""
+    session.check_may_set()
     try:
         local = datetime.strptime(values.get("stamp", ""), "%y%m%d%H%M%S").replace(tzinfo=UTC)
     except ValueError:
         return b""
-    session.check_may_set()
     draft = _draft(session)
     draft["date"], draft["stamped"] = local.date(), True
     draft["time"] = (local.hour * 3600 + local.minute * 60 + local.second, session.clock())
@@ -170,7 +177,7 @@ def set_stamp(session: Session, command: Command, values: dict[str, Any]) -> Han
 
 def tell_sidereal(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:GS - apparent, from the mount's clock and site, plus what :SS set."""
-    yield from commit(session)
+    yield from _commit_if_allowed(session)
     sidereal: float = yield SiderealTime()
     return {"sidereal": (sidereal + session.shared.get("sidereal offset", 0.0)) % 360.0}
 
