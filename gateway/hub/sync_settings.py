@@ -62,6 +62,11 @@ class SyncSettings:
         """What the mount has not been told yet."""
         return self._owed
 
+    @property
+    def sets_sky(self) -> bool:
+        """Whether a site or a clock is among it."""
+        return any(kind in (op.SetSite, op.SetClock) for kind, _ in self._owed)
+
     # --- what is owed -----------------------------------------------------------------------------------------------
 
     def owe(self, operation: op.Operation, left: int = TRIES, due: float = 0.0) -> None:
