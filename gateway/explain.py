@@ -20,7 +20,7 @@ from gateway.observatory import Observatory
 from gateway.pairs import effective, outcome, taken
 from gateway.recording import unescape
 from gateway.sky import Sky
-from gateway.surface import Again, Defer, Session, Speed, Start, Surface
+from gateway.surface import Again, Defer, Possible, Session, Speed, Start, Surface
 from gateway.tables import load
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def _run(surface_at: Endpoint, mount_at: Endpoint, frame: bytes) -> list[str]:
             if isinstance(wanted, Speed):
                 lines.append(f"  a serial port goes on at {wanted.baud} baud")
                 continue
-            if isinstance(wanted, Defer):
+            if isinstance(wanted, Defer | Possible):
                 continue
             operation = wanted.operation if isinstance(wanted, Start | Again) else wanted
             lines.append(f"  means {_words(operation)}")

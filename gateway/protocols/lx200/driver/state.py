@@ -49,6 +49,8 @@ class Meade(Driver):
     protocol = load("lx200")
     takes_site_aligned = True
     ends = frozenset({"Q"})
+    #: Two digits: from 51 on they are those of the century before.
+    years = range(1951, 2051)
     position_reads = 2
 
     def __init__(self, now: Callable[[], float], model: str | None = None) -> None:
