@@ -51,7 +51,7 @@ def explain(surface: str, scope: str, typed: str) -> str:
     if command.models is not None:
         lines.append(f"  by the manual only on {', '.join(sorted(command.models))}")
     if face.version and not command.known_to(None, effective(protocol, face.model or "", face.version)):
-        lines.append(f"  a hand control of version {face.version} does not know it and drops its first byte")
+        lines.append(f"  a hand control of version {face.version} does not know it and passes over all of it")
         return "\n".join(lines)
     if command.beyond:
         lines.append(f"  beyond the manual: {command.beyond}")
