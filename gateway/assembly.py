@@ -84,13 +84,13 @@ def _meade_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], flo
 
 
 def _nexstar_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Face:
-    from gateway.protocols.nexstar.surface import FORK, GERMAN, SPECIALS, framing, lacks, presented
+    from gateway.protocols.nexstar.surface import SPECIALS, fitting, framing, lacks, presented
     from gateway.protocols.nexstar.surface.beginning import BEGINNING
     from gateway.protocols.nexstar.surface.devices import no_response, passes
     from gateway.surface import Surface
 
     model = presented(endpoint.model, endpoint.version)
-    fit = None if endpoint.model else lambda equatorial: presented(GERMAN if equatorial else FORK, endpoint.version)
+    fit = None if endpoint.model else lambda polar, german, gps: fitting(polar, german, gps, endpoint.version)
     surface = Surface(load("nexstar"), SPECIALS, no_response)
     surface.passes, surface.lacks = passes, lacks
     still = (bytes((motor, way, 0)) for motor in (16, 17) for way in (36, 37, 6, 7))
@@ -291,9 +291,7 @@ class Gateway:
                 await asyncio.sleep(1.0)
         for _, face in self.faces:
             if face.fit is not None:
-                face.model.update(face.fit(equatorial))
-                if self.hub.driver.gps and "has" in face.model:
-                    face.model["has"] = [*face.model["has"], "gps"]
+                face.model.update(face.fit(equatorial, self.hub.driver.german, self.hub.driver.gps))
         self.fitted.set()
 
     def names(self) -> list[str]:

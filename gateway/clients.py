@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from gateway.access import Rights
 from gateway.begun import Begun
 from gateway.equinox import Equinox
-from gateway.errors import Busy, Fault
+from gateway.errors import Busy, Fault, NoAnswer
 from gateway.frames import Framing, Unterminated
 from gateway.hub import FRESH, MISSING, Hub
 from gateway.line import AT_ONCE, LATE
@@ -23,7 +23,7 @@ from gateway.motion_kinds import BY_HAND
 from gateway.mount.safety.dead_man import HostActivity
 from gateway.operations import CancelGoto, Halt, Operation, Stop
 from gateway.ports.baud import Trial
-from gateway.surface import Again, Defer, Handling, Session, Speed, Start, Surface
+from gateway.surface import Again, Defer, Handling, Possible, Session, Speed, Start, Surface
 from gateway.transcript import Transcript
 
 #: Commands that may wait for their turn in one connection; more than that and the oldest are dropped.
@@ -170,6 +170,9 @@ class Client:
                 self._halting = isinstance(wanted.operation, Halt | CancelGoto)
                 if not (stopping and isinstance(wanted.operation, Stop | Halt)):
                     self._begun.begin(wanted.operation, stops)
+            elif isinstance(wanted, Possible):
+                self._plain = False
+                fault = self._refused(wanted.operation) or self._unheard(wanted.operation)
             elif isinstance(wanted, Defer):
                 self._plain = False
                 self._defer(wanted)
@@ -203,6 +206,14 @@ class Client:
         if refusal is not None:
             self.refuse(type(operation).__name__, refusal.why)
         return None if refusal is None else refusal.fault
+
+    def _unheard(self, operation: Operation) -> Fault | None:
+        """What this client is told no with while the mount's line is down; the transcript knows."""
+        if not self.hub.unheard:
+            return None
+        fault = NoAnswer()
+        self.transcript.note(self.name, f"{type(operation).__name__}: {fault}")
+        return fault
 
     def refuse(self, what: str, why: str) -> None:
         """Leave a note of what a client was refused, once for every host."""

@@ -20,7 +20,7 @@ from gateway.observatory import Observatory
 from gateway.pairs import effective, outcome, taken
 from gateway.recording import unescape
 from gateway.sky import Sky
-from gateway.surface import Again, Defer, Session, Speed, Start, Surface
+from gateway.surface import Again, Defer, Possible, Session, Speed, Start, Surface
 from gateway.tables import load
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def explain(surface: str, scope: str, typed: str) -> str:
     if command.models is not None:
         lines.append(f"  by the manual only on {', '.join(sorted(command.models))}")
     if face.version and not command.known_to(None, effective(protocol, face.model or "", face.version)):
-        lines.append(f"  a hand control of version {face.version} does not know it and drops its first byte")
+        lines.append(f"  a hand control of version {face.version} does not know it and passes over all of it")
         return "\n".join(lines)
     if command.beyond:
         lines.append(f"  beyond the manual: {command.beyond}")
@@ -104,7 +104,7 @@ def _run(surface_at: Endpoint, mount_at: Endpoint, frame: bytes) -> list[str]:
             if isinstance(wanted, Speed):
                 lines.append(f"  a serial port goes on at {wanted.baud} baud")
                 continue
-            if isinstance(wanted, Defer):
+            if isinstance(wanted, Defer | Possible):
                 continue
             operation = wanted.operation if isinstance(wanted, Start | Again) else wanted
             lines.append(f"  means {_words(operation)}")

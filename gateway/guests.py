@@ -63,8 +63,9 @@ class Face(Struct, frozen=True):
     halts: Mapping[bytes, tuple[Operation, frozenset[bytes]]] = {}
     #: Bytes without which nothing that comes in can be the end of a motion.
     ends: tuple[bytes, ...] = ()
-    #: Whether the mount is equatorial -> the model to present; None where the user has named one.
-    fit: Callable[[bool], dict[str, Any]] | None = None
+    #: Whether the mount is equatorial, whether it is German, whether it has a GPS receiver -> the model to present;
+    #: None where the user has named one.
+    fit: Callable[[bool, bool | None, bool], dict[str, Any]] | None = None
     manners: tuple[Manner, ...] = ()
 
 

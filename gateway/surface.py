@@ -29,6 +29,14 @@ class Start(NamedTuple):
     operation: Operation
 
 
+class Possible(NamedTuple):
+    """Go on unless it is known already that nothing can come of this operation: it may not be asked for, or the mount
+    does not hear. Raises Fault then, so that no is said before a yes that would be no more than a guess.
+    """
+
+    operation: Operation
+
+
 class Again(NamedTuple):
     """What this client was told by a read a moment ago, so that two halves are of one instant; else asked anew."""
 
@@ -48,7 +56,7 @@ class Speed(NamedTuple):
     baud: int
 
 
-Want = Operation | Start | Again | Defer | Speed
+Want = Operation | Start | Possible | Again | Defer | Speed
 Handling = Generator[Want, Any, Any]
 Special = Callable[["Session", Command, dict[str, Any]], Any]
 
@@ -88,7 +96,8 @@ class Surface:
     """One protocol's face to its clients."""
 
     def __init__(
-        self, protocol: Protocol, specials: Mapping[str, Special], unanswered: Callable[[bytes], bytes] = lambda _: b""
+        self, protocol: Protocol, specials: Mapping[str, Special],
+        unanswered: Callable[[bytes, Fault | None], bytes] = lambda frame, fault: b""
     ) -> None:
         #: ``unanswered`` gives the reply to a frame that nothing here answers, and to a fault that has no form.
         self.protocol, self.specials, self.unanswered = protocol, specials, unanswered
@@ -110,12 +119,12 @@ class Surface:
             return b""
         found = self.protocol.find(frame)
         if found is None:
-            return self.unanswered(frame)
+            return self.unanswered(frame, None)
         command, picture = found
         row = self.protocol.surface.get(command.name)
         passed = self.verbatim and (row is None or row.passes or row.outcome == "refused")
         if row is None and not passed:
-            return self.unanswered(frame)
+            return self.unanswered(frame, None)
         try:
             try:
                 values = picture.decode(frame)
@@ -125,14 +134,14 @@ class Surface:
                 else:
                     raise Invalid(str(error)) from None
             if passed and not self.passes(command.name, values):
-                return self.unanswered(frame)
+                return self.unanswered(frame, None)
             if row is None or passed:
                 answer = yield from self._pass_on(session, command, row, values)
             else:
                 answer = yield from self._act(session, command, row, values)
             return self.reply(session, command, answer)
         except Fault as fault:
-            return self.refusal(command, fault) or self.unanswered(frame)
+            return self.refusal(command, fault) or self.unanswered(frame, fault)
 
     def _refuse(self, session: Session, frame: Unterminated) -> Handling:
         """Nothing of it is done, what it would have set is cleared, and the first command's no is said once."""

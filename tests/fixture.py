@@ -14,7 +14,7 @@ from gateway import operations as op
 from gateway.assembly import FACES
 from gateway.clients import PAIR
 from gateway.config import Endpoint, SurfaceConfig
-from gateway.errors import Fault, Unsupported
+from gateway.errors import Fault, NoAnswer, Unsupported
 from gateway.guests import Face
 from gateway.mount.safety.altitude import check_altitude
 from gateway.mount.safety.limits import Limits
@@ -23,7 +23,7 @@ from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.ephemeris_reads import PLACES
 from gateway.observatory import Observatory
 from gateway.sky import Sky
-from gateway.surface import Again, Defer, Session, Speed, Start
+from gateway.surface import Again, Defer, Possible, Session, Speed, Start
 
 
 @cache
@@ -44,6 +44,8 @@ class Mount:
         self.clock = op.Moment(unix("2026-03-21 04:15:30"), -8.0)
         self.status = op.Status(op.Tracking.EQ_NORTH, aligned=True, equatorial=True)
         self.identity = op.Identity("Test mount", "4.21", "cpc")
+        #: What its GPS receiver tells, where it has one.
+        self.gps: op.Gps | None = None
         self.slewing = False
         self.limits = Limits()
         self.sky = Sky()
@@ -65,6 +67,8 @@ class Mount:
             op.AxisPosition: self.axes, op.PierSide: self.pier,
             op.GetIdentity: self.identity,
         }
+        if isinstance(operation, op.GetGps) and self.gps is not None:
+            return self.gps
         if isinstance(operation, op.GetGps | op.GuideRate):
             raise Unsupported
         if type(operation) in PLACES:
@@ -137,6 +141,9 @@ class Talk:
                 wanted = steps.send(answer) if fault is None else steps.throw(fault)
                 answer, fault = None, None
                 if isinstance(wanted, Speed):
+                    continue
+                if isinstance(wanted, Possible):
+                    fault = self.mount.fault if isinstance(self.mount.fault, NoAnswer) else None
                     continue
                 if isinstance(wanted, Defer):
                     self.deferred = [item for item in self.deferred if item[1:] != (session, wanted.special)]

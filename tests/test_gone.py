@@ -181,6 +181,7 @@ def test_one_command_and_no_more_is_carried_out_and_answered(scheme: str) -> Non
             assert answer.endswith(heard), said
     if shutil.which("socat"):
         to = f"TCP:{address[0]}:{address[1]}"
-        done = subprocess.run(["socat", "-t20", "-", to], input=b":GR#", capture_output=True, timeout=PATIENCE, check=True)
+        talk = ["socat", "-t20", "-", to]
+        done = subprocess.run(talk, input=b":GR#", capture_output=True, timeout=PATIENCE, check=True)
         assert done.stdout.endswith(b"#")
     assert gateway.end() == 0

@@ -163,8 +163,16 @@ def test_gps_unit(model: str, command: int, count: int, reply: bytes) -> None:
     mount = Mount()
     mount.site = op.Place(33 + 50 / 60 + 41 / 3600, -(118 + 20 / 60 + 17 / 3600))
     mount.clock = op.Moment(unix("2005-04-06 19:26:35"), 5.75)
+    mount.gps = op.Gps(True, mount.site, mount.clock.unix)
     answer = talk_to(model, mount).send(read(176, command, count))
     assert answer == (reply + b"#" if model in WITH_GPS else bytes(count + 1) + b"#")
+
+
+def test_a_gps_unit_that_the_mount_has_not_is_not_linked() -> None:
+    """The site and the clock are told all the same, as a unit does before its first fix."""
+    talk = talk_to("cpc")
+    assert talk.send(read(176, 55, 1) + read(176, 54, 1)) == b"\0#\0#"
+    assert talk.send(read(176, 4, 2)) == b"\x07\xea#"
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -189,5 +197,5 @@ def test_real_time_clock(model: str) -> None:
 ])
 def test_an_impossible_part_of_the_clock_changes_nothing(setting: bytes) -> None:
     talk = talk_to("cge")
-    assert talk.send(setting) == b"#"
+    assert talk.send(setting) == b"\0#", "the form for no: no byte was asked for, and one comes"
     assert talk.mount.of(op.SetClock) == []

@@ -19,6 +19,8 @@ CASES = [(model, version) for model in MODELS for version in NEXSTAR.models[mode
 REFUSED = [row[1:] for row in rows("refused_and_silent.txt") if row[0] == "nexstar"]
 #: Rows that tell a place, which nobody knows when the mount does not answer.
 TELLING = {"E", "e", "Z", "z", "L", "J", "t", "w", "h", "i", "l", "p"}
+#: Rows whose acknowledgement would be a yes. A stop is owed, so it is acknowledged.
+ORDERS = {"R", "r", "B", "b", "S", "s", "T", "W", "H", "I", "x", "y"}
 
 
 def absent(asked: int) -> bytes:
@@ -37,6 +39,7 @@ def manual_mount() -> Mount:
     mount.axes = mount.horizontal = op.Horizontal(0x12AB05 / 2**24 * 360, 0x400005 / 2**24 * 360)
     mount.site = op.Place(33 + 50 / 60 + 41 / 3600, -(118 + 20 / 60 + 17 / 3600))
     mount.clock = op.Moment(unix("2005-04-06 19:26:00"), -4.0)
+    mount.gps = op.Gps(True, mount.site, mount.clock.unix)
     return mount
 
 
@@ -117,7 +120,7 @@ def test_refused_and_silent(form: str, outcome: str, when: str, reply: str, reas
         assert talk.send(b"Kz") == b"z#"
         assert mount.asked == []
     elif when.startswith(("the Meade refuses", "farther than")):
-        for fault in (BelowHorizon(), SyncTooFar(), NoAnswer()):
+        for fault in (BelowHorizon(), SyncTooFar()):
             mount.faults = dict.fromkeys((op.Goto, op.GotoHorizontal, op.GotoAxes, op.Sync), fault)
             field = b"3555,E000" if form.isupper() else b"35555500,E0000000"
             for model in ("6-8se", "cge"):
@@ -174,7 +177,9 @@ def test_a_mount_that_says_nothing_upsets_no_row(model: str, name: str) -> None:
     talk = talk_to(model, mount, "5.31")
     for frame in frames_of(name):
         reply = talk.send(frame)
-        if name in TELLING and not (name == "p" and model != "cge"):
+        if name in {"H", "I", "T"} and frame[1] == 35:
+            assert reply == b"#", "there is no such time or mode, whatever the mount says"
+        elif name in TELLING | ORDERS and not (name == "p" and model != "cge"):
             assert reply == b"", "an honest error is silence"
         else:
             assert reply.endswith(b"#")

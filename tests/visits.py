@@ -32,7 +32,7 @@ class Still:
         self.transcript = Transcript(self.clock)
         self.presence = Presence(self.now)
         self.version = self.stops = 0
-        self.closed = False
+        self.closed = self.unheard = False
         self.motions = self
         self.turnstile = Turnstile(self.loop, lambda: False)
         #: What the host's clock is ahead of the loop's, and the mount's ahead of the host's.

@@ -144,6 +144,11 @@ class Hub:
         return bool(self.motions.axes) or self.slewing
 
     @property
+    def unheard(self) -> bool:
+        """Whether the mount's line is down: whatever is sent now fails at once."""
+        return self.line.state == "down"
+
+    @property
     def slewing(self) -> bool:
         return bool(self.snapshot.value(op.Slewing))
 

@@ -77,10 +77,18 @@ class Identification:
         self.known.set()
         await self.learn(op.GetStatus())
         await self.learn(op.GetSite())
+        if self._counts_from_the_other_pole():
+            await self.learn(op.GetStatus())
         await self.learn(op.GetClock())
         self._hub.settings.sync.resume()
         self.settled.set()
         say_doubts(self._hub)
+
+    def _counts_from_the_other_pole(self) -> bool:
+        """Whether it was taken to follow the northern sky before it told that it stands in the south."""
+        place, status = self._hub.observatory.site(), self._hub.snapshot.value(op.GetStatus)
+        north = status is not None and status.tracking is op.Tracking.EQ_NORTH
+        return north and place is not None and place.latitude < 0.0
 
     async def learn(self, operation: op.Operation) -> None:
         """Ask for something that is told but once."""

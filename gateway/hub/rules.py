@@ -44,7 +44,8 @@ def say_doubts(hub: Hub) -> None:
 def _inputs(hub: Hub) -> MountInputs:
     return MountInputs(
         hub.driver, hub.now, hub.snapshot, hub.derived, hub.suns, lambda: _moving(hub), lambda: hub.policy.limits,
-        lambda: hub.line.typical, hub.transcript, RENEW[op.Position], hub.policy.own_park, hub.policy.unaligned)
+        lambda: hub.line.typical, hub.transcript, RENEW[op.Position], hub.policy.own_park, hub.policy.unaligned,
+        lambda: hub.settings.sync.sets_sky)
 
 
 def _moving(hub: Hub) -> Moving:

@@ -9,12 +9,13 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from msgspec.structs import replace
 
 from gateway import operations as op
-from gateway.errors import Fault, NoAnswer, NoDevice
+from gateway.errors import Fault, Invalid, NoAnswer, NoDevice
 from gateway.hub.sync_settings import SyncSettings
 from gateway.line import READ, SETTING
 
@@ -135,7 +136,11 @@ class SiteAndClock:
             self._hub.snapshot.version += 1
 
     async def _set_clock(self, operation: op.SetClock) -> None:
-        """The client is believed at once."""
+        """The client is believed at once. Raises Invalid for a year that the mount's clock has not."""
+        years = self._hub.driver.years
+        year = datetime.fromtimestamp(operation.unix + operation.offset * 3600.0, UTC).year
+        if year not in years:
+            raise Invalid(f"The clock of this mount takes the years {years[0]} to {years[-1]}, not {year}.")
         self._observatory.keep_clock(operation)
         self._hub.snapshot.version += 1
         self.sync.owe(operation)

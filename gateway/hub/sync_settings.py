@@ -66,6 +66,11 @@ class SyncSettings:
         """Whether the mount is being told one of this kind, or is still to be told."""
         return kind_of(operation) in self._owed
 
+    @property
+    def sets_sky(self) -> bool:
+        """Whether a site or a clock is among it."""
+        return any(kind in (op.SetSite, op.SetClock) for kind, _ in self._owed)
+
     # --- what is owed -----------------------------------------------------------------------------------------------
 
     def owe(self, operation: op.Operation, left: int = TRIES, due: float = 0.0) -> None:

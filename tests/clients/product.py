@@ -85,6 +85,6 @@ def start_gateway(workshop: Workshop, mount: Endpoint, model: str, transport: st
     return surface
 
 
-def start_celestron_gateway(workshop: Workshop, mount: Endpoint, transport: str) -> Endpoint:
-    """The gateway over a simulated Meade, presenting the NexStar model that suits the mount it finds."""
-    return _gateway(workshop, "lx200", mount.port, "nexstar", transport)
+def start_celestron_gateway(workshop: Workshop, mount: Endpoint, transport: str, model: str = "") -> Endpoint:
+    """The gateway over a simulated Meade, presenting the model that suits the mount it finds, or the one named."""
+    return _gateway(workshop, "lx200", mount.port, f"nexstar{':' * bool(model)}{model}", transport)

@@ -3,7 +3,7 @@
 Each model stands in the northern hemisphere behind TCP and in the southern behind a pseudo
 terminal; the simulated Meade is read beside it.  Arrows are judged by motor sense, for that is what
 a NexStar client commands: this driver's "north" turns the second motor forwards on a German mount
-that is east of its pier as the driver sees it, and backwards on every other.
+that is east of its pier as the driver sees it, and backwards on every other, forks on a wedge too.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ class Model:
 
 AUTOSTAR = Model("autostar", "nexstar:6-8se", "6/8 SE", "Fork")
 LX200GPS = Model("lx200gps", "nexstar:6-8se", "6/8 SE", "Fork")
-LX200 = Model("lx200", "nexstar:cge", "CGE", "GEM", polar=True, tells_status=False)
-LX200_16 = Model("lx200-16", "nexstar:cge", "CGE", "GEM", polar=True, speed=6.0, tells_status=False)
+LX200 = Model("lx200", "nexstar:cpc", "CPC", "Fork", polar=True, tells_status=False)
+LX200_16 = Model("lx200-16", "nexstar:cpc", "CPC", "Fork", polar=True, speed=6.0, tells_status=False)
 MODELS = (AUTOSTAR, LX200GPS, LX200, LX200_16)
 
 
@@ -86,15 +86,12 @@ def axes(truth: Meade, model: Model, site: Site) -> tuple[Callable[[], float], C
 def check_buttons(telescope: Telescope, truth: Meade, model: Model, site: Site) -> None:
     """Each arrow turns its motor the way the driver asked for, and stops when it is released.
 
-    A Meade never changes sides, so the gateway answers "E" to `p`; the driver reads it the other way
-    round in the south, as hand controls of this version mean it there.
+    A Meade is a fork: its north and south buttons are reversed in this driver, as on every fork.
     """
     telescope.choose_rate("7x")
     first, second = axes(truth, model, site)
-    forwards = "NORTH" if model.polar and site.latitude > 0 else "SOUTH"
-    backwards = "SOUTH" if forwards == "NORTH" else "NORTH"
-    assert scenario.moves(telescope, truth, forwards, second) > 0
-    assert scenario.moves(telescope, truth, backwards, second) < 0
+    assert scenario.moves(telescope, truth, "SOUTH", second) > 0
+    assert scenario.moves(telescope, truth, "NORTH", second) < 0
     assert scenario.moves(telescope, truth, "WEST", first) > 0
     assert scenario.moves(telescope, truth, "EAST", first) < 0
 
@@ -175,6 +172,20 @@ def test_night(workshop: Workshop, model: Model, site: Site, transport: str) -> 
     check_tracking(telescope, truth, model)
     scenario.aborts(telescope, truth, target_up(truth.position(), 70.0, site))
     check_park(telescope, truth, model)
+
+
+@pytest.mark.parametrize(("presented", "north"), [("cpc", -1.0), ("cge", 1.0)])
+def test_the_recipe_for_the_north_button(workshop: Workshop, presented: str, north: float) -> None:
+    """Reversed on a fork, and as it is written where a German mount is presented by name."""
+    requires("indiserver", DRIVER)
+    meade, truth = start_meade(workshop, "lx200", NORTH, speed=3.0)
+    surface = start_celestron_gateway(workshop, meade, "tcp", "" if presented == "cpc" else presented)
+    assert surface.speaks == f"nexstar:{presented}", surface
+    telescope = Telescope(workshop, DRIVER, DEVICE, surface)
+    scenario.goes_to(telescope, truth, target_up(truth.position(), 50.0, NORTH), exact_end=True)
+    telescope.choose_rate("7x")
+    assert scenario.moves(telescope, truth, "NORTH", lambda: truth.position().dec) * north > 0
+    assert scenario.moves(telescope, truth, "SOUTH", lambda: truth.position().dec) * north < 0
 
 
 @pytest.mark.parametrize("model", [AUTOSTAR, LX200GPS], ids=str)

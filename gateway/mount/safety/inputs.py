@@ -23,7 +23,8 @@ class Readings(Protocol):
 
 
 class MountInputs(NamedTuple):
-    """``exchange`` tells what an exchange with the mount takes, ``period`` is how often positions are asked in motion.
+    """``exchange`` tells what an exchange with the mount takes, ``period`` is how often positions are asked in motion,
+    ``being_set`` whether the mount has still to hear of a site or a time that was set.
 
     ``own_park`` is a park position of the owner's own choice; ``unaligned`` his word on axis readings before the
     alignment (``allow`` or ``refuse``).
@@ -41,6 +42,7 @@ class MountInputs(NamedTuple):
     period: float
     own_park: bool = False
     unaligned: str = "refuse"
+    being_set: Callable[[], bool] = lambda: False
 
     @property
     def timing(self) -> StopTiming:

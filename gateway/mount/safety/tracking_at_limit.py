@@ -33,11 +33,15 @@ class TrackingAtLimit:
 
     def __init__(self, mount: MountInputs, actions: Actions) -> None:
         self._mount, self._do = mount, actions
-        self._switching = self._helpless = self._resting = False
+        self._switching = self._helpless = self._resting = self._set_there = False
 
     def began(self) -> None:
         """A motion has begun: what was found before is not true for ever."""
-        self._helpless = self._resting = False
+        self._helpless = self._resting = self._set_there = False
+
+    def under_another_sky(self) -> None:
+        """Its site or clock was set while it rested: a limit that it is beyond now it has not come to by itself."""
+        self._set_there = True
 
     def seen(self, status: op.Status | None) -> None:
         """What the mount said of itself last, None while it must be asked anew."""
@@ -64,9 +68,10 @@ class TrackingAtLimit:
             say.note("mount", f"tracking is off: it came to {reason}")
         except Unsupported:
             self._helpless = True
-            say.note("mount", f"stopped at {reason}")
+            say.note("mount", f"{'WARNING: the mount is' if self._set_there else 'stopped'} at {reason}")
             say.note_once("mount", "the tracking of this mount cannot be switched off at a limit")
-            self._do.stop()
+            if not self._set_there:
+                self._do.stop()
         except Fault as fault:
             say.note("mount", f"tracking goes on beyond {reason}: {fault}")
         finally:

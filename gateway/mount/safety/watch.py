@@ -35,6 +35,8 @@ CLOSELY = 3.0
 COASTING = 1.0
 #: A clock that is set by more than that means another sky, seconds.
 SET_ANEW = 30.0
+#: For so many seconds after that a mount at rest may tell of the old sky, of the new one, and of half of each.
+SETTLES = 3.0
 #: How old the pier side may grow.
 SIDE_AGE = 5.0
 
@@ -53,6 +55,7 @@ class LimitWatch:
         self._astray = False
         self._tracking = TrackingAtLimit(mount, actions)
         self._frame: tuple[op.Place | None, float] = None, 0.0
+        self._settles_until = NEVER
         self.altitude_axis = AltitudeAxis(mount)
         #: When the last motion was ended.
         self.rests_since = NEVER
@@ -179,10 +182,19 @@ class LimitWatch:
             self.seen = replace(self.seen, before=None, last=replace(last, altitude=last.altitude + change))
 
     def _another_sky(self, now: float) -> bool:
-        """Whether site or clock were set since the last look: then positions before and after mean other altitudes."""
-        known, (place, ahead) = self._mount.astrometry.observatory, self._frame
+        """Whether site or clock were set since the last look: then positions before and after mean other altitudes.
+
+        The mount hears of them bit by bit: while nobody moves it, what changes meanwhile is no motion.
+        """
+        mount, (place, ahead) = self._mount, self._frame
+        known = mount.astrometry.observatory
         self._frame = known.site(), known.unix() - now
-        return place is not None and (place != self._frame[0] or abs(ahead - self._frame[1]) > SET_ANEW)
+        changed = place is not None and (place != self._frame[0] or abs(ahead - self._frame[1]) > SET_ANEW)
+        if changed or mount.being_set():
+            self._settles_until = now + SETTLES
+        if changed and not mount.moving().anything:
+            self._tracking.under_another_sky()
+        return changed or (now < self._settles_until and not mount.moving().anything and not self.restless)
 
     def _measured(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         mount = self._mount

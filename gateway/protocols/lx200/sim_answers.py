@@ -74,9 +74,9 @@ def letter(sim: Meade, name: str, _: Values) -> bytes:
 
 
 def status(sim: Meade, name: str, _: Values) -> bytes:
-    """:GW - how it stands, whether it tracks, whether it is aligned: three characters, no #."""
+    """:GW - how it is built, whether it tracks, whether it is aligned: three characters, no #."""
     polar = sim.mechanics.build is Build.WEDGE and not (sim.letter == "L" and sim.land_tells_altaz)
-    build = "P" if polar else "A"
+    build = "G" if sim.mechanics.build is Build.GERMAN else "P" if polar else "A"
     tracks = sim.mechanics.tracking(sim.now) or sim.mechanics.slewing(sim.now)
     return f"{build}{'T' if tracks else 'N'}{'P' if sim.parked else int(sim.aligned)}".encode()
 

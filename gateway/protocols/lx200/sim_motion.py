@@ -126,7 +126,9 @@ def _speed(sim: Meade, axis: int) -> float:
 
 def _axis(sim: Meade, letter: str) -> tuple[int, float]:
     """The motor and its sense for an arrow: north is up the declination, west the way of the stars."""
-    polar, pole = sim.mechanics.build is Build.WEDGE, sim.mechanics.geometry.pole
+    polar, pole = sim.mechanics.build is not Build.ALTAZ, sim.mechanics.geometry.pole
+    if letter in "ns" and sim.mechanics.build is Build.GERMAN and sim.mechanics.flipped:
+        pole = -pole
     if letter in "ns":
         return 2, (1.0 if letter == "n" else -1.0) * (pole if polar else 1)
     return 1, (1.0 if letter == "w" else -1.0) * (pole if polar else 1)

@@ -68,7 +68,7 @@ def align(sim: Meade, name: str, _: Values) -> None:
     """:AA :AP :AL - where :GW is not known, the alignment begins anew: what was learnt before is gone."""
     release(sim)
     sim.letter = {"AA": "A", "AP": "P", "AL": "L"}[name]
-    if sim.letter != "L":
+    if sim.letter != "L" and sim.mechanics.build is not Build.GERMAN:
         sim.mechanics.rebuild(sim.now, Build.WEDGE if sim.letter == "P" else Build.ALTAZ)
     sim.parked = False
     sim.track(sim.letter != "L")

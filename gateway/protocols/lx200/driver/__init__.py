@@ -8,14 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from gateway.protocols.lx200.driver import drive, ends, home, identify, motion, place, pointing
+from gateway.protocols.lx200.driver import drive, ends, home, identify, motion, pier, place, pointing
 
 SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
     function.__name__: function
     for function in (
         identify.identity, identify.status,
         pointing.position, pointing.horizontal_position, pointing.slewing, pointing.goto, pointing.goto_axes,
-        pointing.cancel_goto, pointing.sync,
+        pointing.cancel_goto, pointing.sync, pier.pier_side,
         home.park, home.home, home.set_home, home.home_state, home.unpark, home.sleep, home.wake,
         motion.move, motion.move_axis, motion.halt, motion.stop, motion.pulse, motion.pulse_axis, motion.set_guide_rate,
         drive.set_tracking, drive.rest, drive.rise, drive.track_rate, drive.backlash, drive.periodic_error, drive.focus,

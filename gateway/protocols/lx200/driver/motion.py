@@ -1,7 +1,7 @@
 """Arrows, their rates, and guiding.
 
-Motor sense is kept, that of the German mount which a polar telescope is presented as: positive is west on the first
-axis (east in the south) and north on the second, which is what programs mean by it in both hemispheres.
+Motor sense is kept: positive is west on the first axis (east in the south) and north on the second. On a Meade that is
+a German mount the second one turns with the side of the pier, as the motors of a German hand control do.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from gateway.driver import Steps
 from gateway.errors import Refused
 from gateway.operations import Halt, Move, MoveAxis, Pulse, PulseAxis, Pulsed, Rate, SetGuideRate, Stop
 from gateway.protocols.lx200.driver.ends import MOUNT, begins, end
+from gateway.protocols.lx200.driver.pier import beyond_pole
 from gateway.protocols.lx200.driver.state import SIDEREAL, SPEEDS, Meade, ask, rate_command
 
 #: Faster than that an LX200GPS takes degrees a second; slower ones are its guide rate.
@@ -17,7 +18,9 @@ _FREE_FROM = 0.1
 LONGEST_PULSE = 9999  # milliseconds: the four digits of :Mg
 
 
-def _letter(mount: Meade, axis: int, sense: int) -> str:
+def _letter(mount: Meade, axis: int, sense: int) -> Steps:
+    if axis == 2 and mount.german:  # its second motor turns the tube the other way on one side of the pier
+        sense = -sense if (yield from beyond_pole(mount)) is not mount.southern else sense
     if axis == 2:
         return "n" if sense > 0 else "s"
     if mount.equatorial and mount.southern:
@@ -32,7 +35,8 @@ def move(mount: Meade, operation: Move) -> Steps:
 
 def move_axis(mount: Meade, operation: MoveAxis) -> Steps:
     """:M… by motor sense."""
-    yield from _move(mount, operation.axis, _letter(mount, operation.axis, operation.sense), operation.rate)
+    letter = yield from _letter(mount, operation.axis, operation.sense)
+    yield from _move(mount, operation.axis, letter, operation.rate)
 
 
 def _move(mount: Meade, axis: int, letter: str, rate: Rate) -> Steps:
@@ -124,7 +128,7 @@ def pulse(mount: Meade, operation: Pulse) -> Steps:
 
 def pulse_axis(mount: Meade, operation: PulseAxis) -> Steps:
     """-> Pulsed. The same by motor sense, at a rate of its own where the model takes one."""
-    letter = _letter(mount, operation.axis, operation.sense)
+    letter = yield from _letter(mount, operation.axis, operation.sense)
     return (yield from _pulse(mount, operation.axis, letter, operation.ms, operation.rate))
 
 

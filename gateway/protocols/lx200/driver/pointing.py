@@ -17,6 +17,7 @@ from gateway.operations import (
 )
 from gateway.protocols.lx200.driver.ends import MOUNT, begins, end
 from gateway.protocols.lx200.driver.identify import HIGH, high_precision
+from gateway.protocols.lx200.driver.pier import chooses_side
 from gateway.protocols.lx200.driver.state import GotoState, Meade, ask
 from gateway.spherical import fold_declination
 
@@ -88,6 +89,7 @@ def goto(mount: Meade, operation: Goto) -> Steps:
     yield from ask(mount, "Sr", ra=operation.ra)
     yield from ask(mount, "Sd", dec=operation.dec)
     yield from begin(mount, "MS")
+    chooses_side(mount, operation.ra)
 
 
 def goto_axes(mount: Meade, operation: GotoAxes) -> Steps:

@@ -49,6 +49,8 @@ class Meade(Driver):
     protocol = load("lx200")
     takes_site_aligned = True
     ends = frozenset({"Q"})
+    #: Two digits: from 51 on they are those of the century before.
+    years = range(1951, 2051)
     position_reads = 2
 
     def __init__(self, now: Callable[[], float], model: str | None = None) -> None:
@@ -100,6 +102,10 @@ class Meade(Driver):
             self.fastest = UNKNOWN
         if self.guides_at != 1.0:
             self.guides_at = float(UNKNOWN)
+        #: The right ascension of the last goto, and when it was begun: a German mount chose its side of the pier by it.
+        self.side_by: tuple[float, float] | None = None
+        #: Whether its second axis is turned over the pole since; None until it was worked out.
+        self.beyond_pole: bool | None = None
         #: Whether it corrects periodic errors.
         self.corrects = False
 

@@ -20,8 +20,9 @@ SPECIALS: dict[str, Special] = {
     if callable(function) and getattr(function, "__module__", "") == module.__name__ and not name.startswith("_")
 }
 
-#: What is presented when nobody says otherwise: the version most programs know best, on a fork or a German mount.
-VERSION, FORK, GERMAN = "4.21", "6-8se", "cge"
+#: What is presented when nobody says otherwise: the version most programs know best, on an alt-az fork, a fork on a
+#: wedge or a German mount.
+VERSION, FORK, WEDGE, GERMAN = "4.21", "6-8se", "cpc", "cge"
 #: Answered whatever the version: one program asks it of every hand control and waits.
 ALWAYS = "v"
 #: GT hand controls count from 100.
@@ -32,6 +33,12 @@ def presented(model: str | None, version: str | None) -> dict[str, Any]:
     """The model's constants as a hand control of that version tells them."""
     name = model or FORK
     return {**load("nexstar").models[name], "name": name, "version": parse_version(version or VERSION)}
+
+
+def fitting(equatorial: bool, german: bool | None, gps: bool, version: str | None) -> dict[str, Any]:
+    """What is presented over a mount when nobody says otherwise; it has a GPS unit only if the mount has one."""
+    model = presented((GERMAN if german else WEDGE) if equatorial else FORK, version)
+    return {**model, "has": [part for part in model["has"] if part != "gps"] + ["gps"] * gps}
 
 
 def counts_as(version: Version) -> Version:

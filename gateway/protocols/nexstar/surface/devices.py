@@ -1,4 +1,4 @@
-"""The devices behind a hand control: two motors always, a GPS unit and a clock on some models, nothing else.
+"""The devices behind a hand control: two motors and a focuser always, a GPS unit and a clock on some models.
 
 A command to a device that is not there, and one that no device knows, gets the no-response form: as many bytes as
 were asked for, one more, ``#`` (NexStar protocol, Pass-through Commands with No Response). So does firmware upload.
@@ -10,9 +10,10 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from gateway.errors import NoDevice, Unsupported
-from gateway.operations import GetClock, GetGps, GetSite, Gps, Moment, Place, SetClock
-from gateway.surface import Handling, Session
+from gateway.errors import Asleep, Fault, Invalid, NoAnswer, NoDevice, Unsupported
+from gateway.operations import Focus, GetClock, GetGps, GetSite, Gps, Home, HomeState, Moment, Place, SetClock
+from gateway.protocols.nexstar.surface.begin import begin
+from gateway.surface import Handling, Possible, Session, Start
 from gateway.tables import Command, parse_version
 
 MOTORS = {16: 1, 17: 2}
@@ -24,7 +25,12 @@ CENTURY = range(2000, 2100)
 NEVER_PASSED = frozenset({"axis_set_position", "level_start"})
 #: Of the devices that can be told to move, this one alone: the number 0 reaches all of them, the motors too.
 MOVERS, FOCUSER = frozenset({"move_pos", "move_neg"}), 18
-SETTINGS = (b"R", b"r", b"B", b"b", b"S", b"s", b"T", b"W", b"H", b"I")
+#: What is acknowledged whatever becomes of it: there is no form for no.
+ACKNOWLEDGED = (b"R", b"r", b"B", b"b", b"S", b"s", b"T", b"W", b"H", b"I", b"x", b"y")
+#: Keys 1-9 of a focuser as the four speeds of a Meade.
+FOCUS_SPEEDS = (1, 1, 2, 2, 3, 3, 4, 4, 4)
+#: What the search for a switch has come to.
+FOUND, SEARCHING = 1, 2
 
 
 def motor(values: dict[str, Any]) -> int:
@@ -59,14 +65,14 @@ def _require(session: Session, part: str) -> None:
 
 
 def _receiver(session: Session) -> Handling:
-    """What the mount's own receiver tells; one presented over a mount without any is site and clock."""
+    """What the mount's own receiver tells; one presented over a mount without any has no fix, but site and clock."""
     _require(session, "gps")
     try:
         return (yield GetGps())
     except (Unsupported, NoDevice):
         place: Place = yield GetSite()
         moment: Moment = yield GetClock()
-        return Gps(True, place, moment.unix)
+        return Gps(False, place, moment.unix)
 
 
 def gps_flag(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -100,17 +106,46 @@ def _calendar(unix: float) -> dict[str, int]:
 
 
 def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """Set date, year, time of the clock: each changes its own part of UT, an impossible one nothing."""
+    """Set date, year, time of the clock: each changes its own part of UT. Raises Invalid for an impossible one."""
     _require(session, "rtc")
     if not command.known_to(None, session.model["version"]):
         raise NoDevice
+    yield Possible(SetClock(0.0, 0.0))
     moment: Moment = yield GetClock()
     try:
         now = datetime.fromtimestamp(moment.unix, UTC).replace(**values)
     except ValueError:
-        return
-    if now.year in CENTURY:
-        yield SetClock(now.timestamp(), moment.offset, moment.dst)
+        raise Invalid from None
+    if now.year not in CENTURY:
+        raise Invalid
+    yield SetClock(now.timestamp(), moment.offset, moment.dst)
+
+
+def seek_switch(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """AUX 0x0B - the search goes for both axes; the motor that is asked second finds it under way."""
+    motor(values)
+    yield Possible(Home())
+    if (yield HomeState()) != SEARCHING:
+        yield Home()
+
+
+def switch_found(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """AUX 0x12 - 255 when it was found, 0 before and when it was not."""
+    motor(values)
+    return {"done": 255 if (yield HomeState()) == FOUND else 0}
+
+
+def move_focuser(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """AUX 0x24, 0x25 of the focuser, whose positions count outwards; 0 stops it. Raises NoDevice, Invalid."""
+    rate = values["rate"]
+    if values["device"] != FOCUSER:
+        raise NoDevice
+    if rate == 0:
+        yield Start(Focus(0))
+    elif rate > len(FOCUS_SPEEDS):
+        raise Invalid
+    else:
+        yield from begin(Focus(-1 if command.name == "move_pos" else 1, FOCUS_SPEEDS[rate - 1]))
 
 
 def absent(session: Session, command: Command, values: dict[str, Any]) -> None:
@@ -118,8 +153,13 @@ def absent(session: Session, command: Command, values: dict[str, Any]) -> None:
     raise NoDevice
 
 
-def no_response(frame: bytes) -> bytes:
-    """The answer to a pass-through command that nobody answers; settings that do nothing are acknowledged too."""
+def no_response(frame: bytes, fault: Fault | None) -> bytes:
+    """The answer to a pass-through command that nobody answers; settings that do nothing are acknowledged too.
+
+    A mount that does not answer is no yes.
+    """
     if frame[:1] == b"P":
         return bytes(frame[7] + 1) + b"#"
-    return b"#" if frame[:1] in SETTINGS else b""
+    if isinstance(fault, NoAnswer) and not isinstance(fault, Asleep):
+        return b""
+    return b"#" if frame[:1] in ACKNOWLEDGED else b""

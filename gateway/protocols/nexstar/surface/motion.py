@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 from typing import Any
 
-from gateway.errors import Fault
+from gateway.errors import Asleep, Busy, Fault, Invalid, NoAnswer, Unsupported
 from gateway.operations import (
     Backlash,
     GetStatus,
@@ -23,6 +22,7 @@ from gateway.operations import (
     TrackRate,
     Wake,
 )
+from gateway.protocols.nexstar.surface.begin import begin
 from gateway.protocols.nexstar.surface.devices import motor
 from gateway.surface import Handling, Session, Start
 from gateway.tables import Command, parse_version
@@ -41,12 +41,14 @@ def _axis_and_sense(command: Command) -> tuple[int, int]:
 
 
 def fixed(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """AUX 0x24, 0x25 - a hand-control key 1-9; 0 stops the axis, a key that there is not does nothing."""
+    """AUX 0x24, 0x25 - a hand-control key 1-9; 0 stops the axis. Raises Invalid for a key that there is not."""
     axis, sense = _axis_and_sense(command)
     if values["rate"] == 0:
         yield Start(Halt(axis))
     elif values["rate"] <= _KEYS:
-        yield Start(MoveAxis(axis, sense, Rate(key=values["rate"])))
+        yield from begin(MoveAxis(axis, sense, Rate(key=values["rate"])))
+    else:
+        raise Invalid
 
 
 def variable(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -63,11 +65,11 @@ def fine(session: Session, command: Command, values: dict[str, Any]) -> Handling
 
 def _rate(axis: int, sense: int, degrees: float, tracking: str | None) -> Handling:
     if tracking is not None:
-        yield Start(TrackRate(name=tracking))
+        yield from begin(TrackRate(name=tracking))
     elif degrees == 0:
         yield Start(Halt(axis))
     else:
-        yield Start(MoveAxis(axis, sense, Rate(degrees=degrees)))
+        yield from begin(MoveAxis(axis, sense, Rate(degrees=degrees)))
 
 
 def _modes(session: Session) -> dict[int, Tracking]:
@@ -85,20 +87,26 @@ def mode(session: Session, command: Command, values: dict[str, Any]) -> Handling
 
 
 def set_mode(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """T - a mode above 3 does nothing."""
+    """T - a mode above 3 does nothing; what cannot be done shows in ``t`` and in the log. Raises NoAnswer."""
     wanted = _modes(session).get(values["mode"])
     if wanted is None:
         return
-    with contextlib.suppress(Fault):
+    try:
         yield SetTracking(on=wanted is not Tracking.OFF, mode=wanted)
+    except Asleep:
+        return
+    except NoAnswer:
+        raise
+    except Fault:
+        return
 
 
 def pulse(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """AUX 0x26 - percent of sidereal for hundredths of a second; the percentage is the mount's own guide rate."""
     axis, ms = motor(values), values["ticks"] * 10
     if values["rate"] and ms:
+        yield from begin(PulseAxis(axis, 1 if values["rate"] > 0 else -1, ms, abs(values["rate"]) / 100))
         session.shared[f"pulse ends {axis}"] = session.clock() + ms / 1000.0
-        yield Start(PulseAxis(axis, 1 if values["rate"] > 0 else -1, ms, abs(values["rate"]) / 100))
 
 
 def pulse_active(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
@@ -107,10 +115,19 @@ def pulse_active(session: Session, command: Command, values: dict[str, Any]) -> 
 
 
 def set_guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """AUX 0x46"""
+    """AUX 0x46 - a mount that lacks it says so by the no-response form."""
     axis = motor(values)
-    session.set_for_all(f"guide rate {axis}", values["rate"])
-    yield Start(SetGuideRate(axis, values["rate"] / 256.0))
+    yield from _set(session, f"guide rate {axis}", values["rate"], SetGuideRate(axis, values["rate"] / 256.0))
+
+
+def _set(session: Session, name: str, value: int, operation: SetGuideRate | Backlash) -> Handling:
+    """Tell the mount, and remember what it was told or will be told once it hears. Raises Fault."""
+    try:
+        yield operation
+    except (Busy, NoAnswer):
+        session.set_for_all(name, value)
+        raise
+    session.set_for_all(name, value)
 
 
 def guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -118,16 +135,16 @@ def guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Ha
     axis = motor(values)
     try:
         return {"rate": min(255, round((yield GuideRate(axis)) * 256))}
-    except Fault:
+    except Unsupported:
         return {"rate": session.shared.get(f"guide rate {axis}", 128)}
 
 
 def set_backlash(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """AUX 0x10, 0x11 - more than 99 does nothing."""
+    """AUX 0x10, 0x11 - up to 99; a mount that lacks it says so by the no-response form."""
     axis = motor(values)
-    if values["value"] <= _FULL_BACKLASH:
-        session.set_for_all(_backlash_name(command, axis), values["value"])
-        yield Start(Backlash(axis, values["value"]))
+    if values["value"] > _FULL_BACKLASH:
+        raise Invalid
+    yield from _set(session, _backlash_name(command, axis), values["value"], Backlash(axis, values["value"]))
 
 
 def backlash(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
@@ -140,18 +157,18 @@ def _backlash_name(command: Command, axis: int) -> str:
 
 
 def periodic_error(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """AUX 0x0D"""
-    yield Start(PeriodicError(motor(values), bool(values["on"])))
+    """AUX 0x0D - a mount that lacks it says so by the no-response form."""
+    yield PeriodicError(motor(values), bool(values["on"]))
 
 
 def hibernate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """x"""
-    yield Start(Sleep())
+    yield from begin(Sleep())
 
 
 def wake(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """y"""
-    yield Start(Wake())
+    yield from begin(Wake())
 
 
 def unsync(session: Session, command: Command, values: dict[str, Any]) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from gateway.errors import Fault
 from gateway.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite
-from gateway.surface import Handling, Session
+from gateway.surface import Handling, Possible, Session
 from gateway.tables import Command
 
 
@@ -22,8 +22,10 @@ def set_site(session: Session, command: Command, values: dict[str, Any]) -> Hand
     """W - an impossible place does nothing."""
     if "fault" in values:
         return
+    place = SetSite(latitude=values["latitude"], longitude=values["longitude"])
+    yield Possible(place)
     try:
-        yield SetSite(latitude=values["latitude"], longitude=values["longitude"])
+        yield place
     except Fault:
         return
 
@@ -59,8 +61,10 @@ def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Han
     except ValueError:
         return
     offset = zone + dst
-    session.set_for_all("zone", (zone, dst))
+    wanted = SetClock(calendar.timegm(local.timetuple()) - offset * 3600.0, offset, dst)
+    yield Possible(wanted)
     try:
-        yield SetClock(calendar.timegm(local.timetuple()) - offset * 3600.0, offset, dst)
+        yield wanted
     except Fault:
         return
+    session.set_for_all("zone", (zone, dst))

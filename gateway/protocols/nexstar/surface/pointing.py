@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.errors import Fault, Unsupported
+from gateway.errors import Asleep, Fault, NoAnswer, Unsupported
 from gateway.operations import (
     AxisPosition,
     CancelGoto,
@@ -22,6 +22,7 @@ from gateway.operations import (
     Slewing,
     Sync,
 )
+from gateway.protocols.nexstar.surface.begin import begin
 from gateway.protocols.nexstar.surface.devices import motor
 from gateway.spherical import fold_declination, wrap180
 from gateway.surface import Handling, Session, Start
@@ -42,14 +43,14 @@ def goto(session: Session, command: Command, values: dict[str, Any]) -> Handling
     """R r - acknowledged at once; a malformed one does nothing."""
     if "fault" not in values:
         session.kept.pop("axis goto", None)
-        yield Start(Goto(*fold_declination(values["ra"], values["dec"])))
+        yield from begin(Goto(*fold_declination(values["ra"], values["dec"])))
 
 
 def goto_axes(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """B b"""
     if "fault" not in values:
         session.kept.pop("axis goto", None)
-        yield Start(_to(session, values["az"], values["alt"]))
+        yield from begin(_to(session, values["az"], values["alt"]))
 
 
 def _to(session: Session, az: float, alt: float) -> GotoAxes | GotoHorizontal:
@@ -61,6 +62,10 @@ def sync(session: Session, command: Command, values: dict[str, Any]) -> Handling
     if "fault" not in values:
         try:
             yield Sync(*fold_declination(values["ra"], values["dec"]))
+        except Asleep:
+            return
+        except NoAnswer:
+            raise
         except Fault:
             return
 
@@ -112,8 +117,8 @@ def axis_goto(session: Session, command: Command, values: dict[str, Any]) -> Han
     seen = yield AxisPosition() if german(session) else HorizontalPosition()
     sent: dict[int, float] = session.kept.get("axis goto", {}) if (yield Slewing()) else {}
     wanted = {1: seen.az, 2: seen.alt, **sent, number: values["position"]}
+    yield from begin(_to(session, wanted[1], wrap180(wanted[2])))
     session.kept["axis goto"] = {**sent, number: values["position"]}
-    yield Start(_to(session, wanted[1], wrap180(wanted[2])))
 
 
 def axis_done(session: Session, command: Command, values: dict[str, Any]) -> Handling:
