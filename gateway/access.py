@@ -123,6 +123,10 @@ class Sealed(Mapping[str, Any]):
         return len(self._inner)
 
     def __setitem__(self, name: str, value: Any) -> None:
+        self.refuse()
+
+    def refuse(self) -> None:
+        """What a client does before it changes anything that is kept elsewhere. Raises ReadOnly."""
         self._refused()
         raise ReadOnly
 

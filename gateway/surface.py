@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from gateway import operations
+from gateway.access import Sealed
 from gateway.errors import Disturbed, Fault, Invalid, NoTarget, Unsupported
 from gateway.frames import Suspect, Unterminated
 from gateway.motion_kinds import begins_motion, may_begin_motion
@@ -71,6 +72,11 @@ class Session:
         """Set what all clients have in common and what outlives the gateway."""
         self.shared[name] = value
         self.changed()
+
+    def check_may_set(self) -> None:
+        """For what is set later than it is answered. Raises ReadOnly for a client that only looks."""
+        if isinstance(self.shared, Sealed):
+            self.shared.refuse()
 
     def known(self, name: str) -> Any:
         """A kept value, else the presented model's constant, else None."""

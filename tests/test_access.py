@@ -185,7 +185,7 @@ def test_reading_and_stopping_are_harmless_and_nothing_else_is() -> None:
 #: What a program sends -> what a client that only looks is told. None: no reply.
 LX200_REFUSED: dict[bytes, bytes | None] = {
     b":Sr05:34:32#:Sd+22*00:52#:MS#": b"111Read only.#", b":CM#": b"#", b":Sz180*00#:Sa+45*00#:MA#": b"111",
-    b":St+50*00#": b"0", b":Sg010*00#": b"0", b":SG+01#:SL12:00:00#:SC01/15/26#": b"110", b":ST60.0#": b"0",
+    b":St+50*00#": b"0", b":Sg010*00#": b"0", b":SG+01#:SL12:00:00#:SC01/15/26#": b"000", b":ST60.0#": b"0",
     b":SMhere#": b"0", b":gT#": b"0",
     b":Mn#": None, b":Mge0500#": None, b":hP#": None, b":hF#": None, b":hS#": None, b":hN#": None, b":hW#": None,
     b":AL#": None, b":AP#": None, b":TQ#": None, b":TL#": None, b":T+#": None, b":Rg10.0#": None, b":F+#": None,
@@ -211,7 +211,7 @@ def test_lx200_clients_that_only_look() -> None:
                 if command != b":Gr#":
                     assert await client.ask(command, 3.0), command
             assert await client.ask(b":Sr05:34:32#:Gr#", until=b"32#") == b"105:34:32#", "the target is its own"
-            assert re.fullmatch(rb"1\d\d:\d\d:\d\d#", await client.ask(b":SL12:00:00#:GL#", until=b"#")), "not silence"
+            assert re.fullmatch(rb"0\d\d:\d\d:\d\d#", await client.ask(b":SL12:00:00#:GL#", until=b"#")), "not silence"
             assert await client.ask(b":GT#") == b"60.1#"
             assert await client.ask(b":GM#") == b"SITE 1#"
             await asyncio.sleep(5)

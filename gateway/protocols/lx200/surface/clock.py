@@ -75,6 +75,7 @@ def set_piece(session: Session, command: Command, values: dict[str, Any]) -> Han
     """:SL :SC :SG - one of three; the third one, or a pause, hands them on."""
     if "fault" in values:
         raise values["fault"]
+    session.check_may_set()
     draft = _draft(session)
     draft["touched"] = session.clock()
     if command.name == "SG":
@@ -146,6 +147,7 @@ def _instant(session: Session, day: date, seconds: float, offset: float) -> floa
 
 def set_stamp(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:hIyyMMddHHmmss - date and local time at once."""
+    session.check_may_set()
     try:
         local = datetime.strptime(values.get("stamp", ""), "%y%m%d%H%M%S").replace(tzinfo=UTC)
     except ValueError:
