@@ -113,7 +113,7 @@ class Surface:
             return self.unanswered(frame)
         command, picture = found
         row = self.protocol.surface.get(command.name)
-        passed = self.verbatim and (row is None or row.passes or row.outcome == "refused")
+        passed = self.verbatim and (row is None or row.handed_on)
         if row is None and not passed:
             return self.unanswered(frame)
         try:

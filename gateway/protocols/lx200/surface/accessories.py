@@ -26,12 +26,6 @@ def baud(session: Session, command: Command, values: dict[str, Any]) -> Handling
     yield Speed(RATES[values["rate"]])
 
 
-def toggle_pointing(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
-    """:P - high-precision pointing, another thing than the format; the new state is told."""
-    on = session.kept["pointing"] = not session.kept.get("pointing", False)
-    return {"precision": "HIGH PRECISION" if on else "LOW  PRECISION"}
-
-
 def restart(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:I - back into service, and this client's state as at power-on; the stop in it was begun when it came."""
     session.kept.clear()
@@ -81,10 +75,5 @@ def periodic_error(session: Session, command: Command, values: dict[str, Any]) -
 
 
 def silence(session: Session, command: Command, values: dict[str, Any]) -> bytes:
-    """Nothing needs doing, and nothing is what programs take best."""
+    """Nothing needs doing, and nothing is what programs take best; or nothing true could be said."""
     return b""
-
-
-def tube_temperature(session: Session, command: Command, values: dict[str, Any]) -> Any:
-    """:fT - only an LX200GPS has a thermometer; there is none behind the gateway."""
-    return {"value": 0.0} if session.model["name"] == "lx200gps" else b""
