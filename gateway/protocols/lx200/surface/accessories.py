@@ -65,13 +65,14 @@ def backlash(session: Session, command: Command, values: dict[str, Any]) -> Hand
 
 
 def periodic_error(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """$Q :$QA :$QZ - a toggle for both axes, or on and off for one."""
-    if command.name == "$Q":
-        on = not session.shared.get("pec", False)
-        session.set_for_all("pec", on)
-        yield Start(PeriodicError(None, on))
-    else:
-        yield Start(PeriodicError(2 if "A" in command.name else 1, command.name.endswith("+")))
+    """$Q :$QA :$QZ - a toggle for both axes, or on and off for one; the toggle goes by right ascension's."""
+    if command.name.startswith("$QA"):
+        yield Start(PeriodicError(2, command.name.endswith("+")))
+        return
+    toggled = command.name == "$Q"
+    on = not session.shared.get("pec", False) if toggled else command.name.endswith("+")
+    session.set_for_all("pec", on)
+    yield Start(PeriodicError(None if toggled else 1, on))
 
 
 def silence(session: Session, command: Command, values: dict[str, Any]) -> bytes:
