@@ -169,12 +169,17 @@ def limit_to_set(raw: bytes) -> float:
     return value
 
 
-def offset(value: float) -> str:
-    """Hours -> ``sHH`` when whole, else ``sHH.H``."""
+def offset_in_full(value: float) -> str:
+    """Hours -> ``sHH.H``."""
     tenths = round(abs(value) * 10)
     sign = "-" if value < 0 and tenths else "+"
     whole, part = divmod(tenths, 10)
-    return f"{sign}{whole:02d}" + (f".{part}" if part else "")
+    return f"{sign}{whole:02d}.{part}"
+
+
+def offset(value: float) -> str:
+    """Hours -> ``sHH`` when whole, else ``sHH.H``."""
+    return offset_in_full(value).removesuffix(".0")
 
 
 def parse_offset(raw: bytes) -> float:
