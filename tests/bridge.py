@@ -89,7 +89,7 @@ class Bridge:
         await self.hub.settled.wait()
         return self
 
-    async def __aexit__(self, failed: object, *_: object) -> None:
+    async def __aexit__(self, failed: object = None, *_: object) -> None:
         await self.hub.close()
         if self.keeping is not None:
             await self.keeping.close()

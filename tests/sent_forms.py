@@ -14,7 +14,8 @@ from tests.manual_files import rows
 
 @cache
 def _forms(protocol: str) -> re.Pattern[bytes]:
-    return re.compile(b"|".join(b"(?:%s)" % row[0].encode("latin-1") for row in rows(f"{protocol}_sent.txt")), re.DOTALL)
+    forms = [row[0].encode("latin-1") for row in rows(f"{protocol}_sent.txt")]
+    return re.compile(b"|".join(b"(?:%s)" % form for form in forms), re.DOTALL)
 
 
 def malformed(protocol: str, sent: Iterable[bytes]) -> list[bytes]:
