@@ -12,7 +12,7 @@ import contextlib
 from datetime import UTC, date, datetime, timedelta
 from typing import Any
 
-from gateway.errors import Fault, ReadOnly, Unsupported
+from gateway.errors import Fault, Invalid, ReadOnly, Unsupported
 from gateway.operations import GetClock, Moment, SetClock, SiderealTime
 from gateway.surface import Defer, Handling, Session
 from gateway.tables import Command
@@ -151,7 +151,7 @@ def set_stamp(session: Session, command: Command, values: dict[str, Any]) -> Han
     try:
         local = datetime.strptime(values.get("stamp", ""), "%y%m%d%H%M%S").replace(tzinfo=UTC)
     except ValueError:
-        return b""
+        raise Invalid("The stamp is yyMMddHHmmss.") from None
     draft = _draft(session)
     draft["date"] = local.date()
     draft["time"] = (local.hour * 3600 + local.minute * 60 + local.second, session.clock())

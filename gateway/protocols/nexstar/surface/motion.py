@@ -88,6 +88,7 @@ def set_mode(session: Session, command: Command, values: dict[str, Any]) -> Hand
     """T - a mode above 3 does nothing."""
     wanted = _modes(session).get(values["mode"])
     if wanted is None:
+        session.refused = f"{command.help}: there is no mode {values['mode']}"
         return
     with contextlib.suppress(Fault):
         yield SetTracking(on=wanted is not Tracking.OFF, mode=wanted)
