@@ -271,6 +271,9 @@ class Client:
 
     def _answer(self, frame: bytes, reply: bytes | None) -> None:
         self.session.last = frame
+        if self.session.refused:
+            why, self.session.refused = self.session.refused, ""
+            self.transcript.note_once(self.name, f"{frame!r} refused: {why}", self.name.rpartition(":")[0])
         if self._plain and self._spent and reply:
             self._remember(frame, reply)
         elif not (self._plain and self._spent):

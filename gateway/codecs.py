@@ -53,6 +53,21 @@ _TEXT_ANGLES = {
     "sDDD*MM": _sexagesimal(sx.longitude, sx.parse_longitude, -180, 180),
     "hh:mm:ss": _sexagesimal(sx.clock, sx.parse_clock, 0, 86399.9999),
     "hh:mm:ss 12h": _sexagesimal(sx.clock_12, sx.parse_clock, 0, 86399.9999),
+    # A site as the manual has it set: unsigned, 0 to 360 degrees west; what programs send signed is understood.
+    "DDD*MM west": _sexagesimal(sx.azimuth_low, sx.parse_longitude, -180, 180),
+    # A place on the Moon has no second name beyond 180 degrees.
+    "sDDD*MM moon": _sexagesimal(sx.longitude, sx.parse, -180, 180),
+}
+
+
+def _below_sixty(codec: Codec) -> Codec:
+    """The same field where 60 minutes or seconds are refused instead of carried."""
+    return codec._replace(decode=lambda raw: codec.decode(sx.below_sixty(raw)))
+
+
+_TEXT_ANGLES |= {
+    f"{name} below 60": _below_sixty(_TEXT_ANGLES[name])
+    for name in ("HH:MM:SS", "HH:MM.T", "sDD*MM:SS", "sDD*MM", "hh:mm:ss")
 }
 
 # --- text: numbers and words ----------------------------------------------------------------------------------
@@ -119,13 +134,15 @@ _TEXT = Codec(
 
 _TEXT_OTHERS = {
     "sHH.H": Codec(lambda value: sx.offset(value).encode("ascii"), sx.parse_offset, _FREE),
+    "sHH.H in full": Codec(lambda value: sx.offset_in_full(value).encode("ascii"), sx.parse_offset, _FREE),
     "MM/DD/YY": Codec(lambda value: sx.date(value).encode("ascii"), sx.parse_date, _FREE),
     "sMM.M": _number("sMM.M", 1, 2, True, -99, 99),
     "NNN": _number("NNN", 0, 3, False, 0, 999),
     "NNN'": _suffixed(_number("NNN", 0, 3, False, 0, 999), "'"),
     "NNNN": _number("NNNN", 0, 4, False, 0, 999999, longest=6),
     "DD*": Codec(lambda value: b"%02d*" % round(value), sx.limit, _FREE),
-    "DD": Codec(lambda value: b"%02d" % round(value), sx.limit, _FREE),
+    "DD* to set": Codec(lambda value: b"%02d*" % round(value), sx.limit_to_set, _FREE),
+    "DD to set": Codec(lambda value: b"%02d" % round(value), sx.limit_to_set, _FREE),
     "N": _number("N", 0, 1, False, 2, 8),
     "TT.T": _number("TT.T", 1, 2, False, 0, 99.9),
     "TTT.T": _number("TTT.T", 1, 3, False, 0, 999.9),

@@ -2,7 +2,8 @@
 
 Everything printed goes through whole ticks: round once, wrap, then split. Everything read goes through one
 lenient pattern: any separator that a program was ever seen to send, seconds optional, a fraction on the last part,
-and a last part of exactly 60 that carries (some programs round that way). Degrees in, degrees out.
+and a last part of exactly 60 that carries (some programs round that way), where ``below_sixty`` does not forbid it.
+Degrees in, degrees out.
 """
 
 from __future__ import annotations
@@ -35,6 +36,14 @@ def parse(raw: bytes, least: int = 2) -> float:
         raise ValueError(f"{raw!r} has minutes or seconds over 59")
     value = sum((number / 60.0**power for power, number in enumerate(numbers)), 0.0)
     return -value if found[1] == b"-" else value
+
+
+def below_sixty(raw: bytes) -> bytes:
+    """The same text. Raises ValueError for minutes or seconds of exactly 60, which no program sends as a target."""
+    found = _PARTS.fullmatch(raw)
+    if found is not None and any(text is not None and float(text) >= 60 for text in found.groups()[2:]):
+        raise ValueError(f"{raw!r} has minutes or seconds over 59")
+    return raw
 
 
 def number(raw: bytes) -> float:
@@ -143,20 +152,34 @@ def clock_12(seconds: float) -> str:
 
 
 def limit(raw: bytes) -> float:
-    """An altitude limit in degrees; a number over 90 is in arcminutes."""
-    value = number(raw.rstrip(b"*'\xdf\xb0\xc2 "))
-    value = value / 60.0 if abs(value) > 90 else value
+    """An altitude limit in degrees, as it is told; four digits are arcminutes. Raises ValueError beyond 90 degrees."""
+    text = raw.rstrip(b"*'\xdf\xb0\xc2 ")
+    value = number(text)
+    value = value / 60.0 if re.fullmatch(rb" *\d{4} *", text) else value
     if not -90 <= value <= 90:
         raise ValueError(f"{raw!r} is no altitude limit")
     return value
 
 
-def offset(value: float) -> str:
-    """Hours -> ``sHH`` when whole, else ``sHH.H``."""
+def limit_to_set(raw: bytes) -> float:
+    """An altitude limit as it is set: 0 to 90 degrees, without a sign. Raises ValueError."""
+    value = limit(raw)
+    if value < 0 or b"-" in raw:
+        raise ValueError(f"{raw!r} is no altitude limit from 0 to 90 degrees")
+    return value
+
+
+def offset_in_full(value: float) -> str:
+    """Hours -> ``sHH.H``."""
     tenths = round(abs(value) * 10)
     sign = "-" if value < 0 and tenths else "+"
     whole, part = divmod(tenths, 10)
-    return f"{sign}{whole:02d}" + (f".{part}" if part else "")
+    return f"{sign}{whole:02d}.{part}"
+
+
+def offset(value: float) -> str:
+    """Hours -> ``sHH`` when whole, else ``sHH.H``."""
+    return offset_in_full(value).removesuffix(".0")
 
 
 def parse_offset(raw: bytes) -> float:

@@ -56,6 +56,8 @@ class Speed(NamedTuple):
     baud: int
 
 
+#: What some protocols answer whatever was done.
+ACKNOWLEDGED = b"#"
 Want = Operation | Start | Possible | Again | Defer | Speed
 Handling = Generator[Want, Any, Any]
 Special = Callable[["Session", Command, dict[str, Any]], Any]
@@ -64,7 +66,7 @@ Special = Callable[["Session", Command, dict[str, Any]], Any]
 class Session:
     """What belongs to one client: its target, formats, rates, limits. ``kept`` is copied when a client comes back."""
 
-    __slots__ = ("changed", "clock", "kept", "last", "model", "settings", "shared")
+    __slots__ = ("changed", "clock", "kept", "last", "model", "refused", "settings", "shared")
 
     def __init__(self, model: Mapping[str, Any], settings: Mapping[str, Any], clock: Callable[[], float],
                  shared: Any, changed: Callable[[], None] = lambda: None) -> None:
@@ -74,6 +76,8 @@ class Session:
         self.shared, self.changed = shared, changed
         #: The frame before this one.
         self.last = b""
+        #: What the command just handled asked for in vain, where its protocol has no form to say so; empty: nothing.
+        self.refused = ""
         self.kept: dict[str, Any] = {"precision": settings.get("precision", "high")}
 
     def set_for_all(self, name: str, value: Any) -> None:
@@ -119,10 +123,13 @@ class Surface:
             return b""
         found = self.protocol.find(frame)
         if found is None:
-            return self.unanswered(frame, None)
+            said = self.unanswered(frame, None)
+            if said == ACKNOWLEDGED:
+                session.refused = "its argument cannot be read"
+            return said
         command, picture = found
         row = self.protocol.surface.get(command.name)
-        passed = self.verbatim and (row is None or row.passes or row.outcome == "refused")
+        passed = self.verbatim and (row is None or row.handed_on)
         if row is None and not passed:
             return self.unanswered(frame, None)
         try:
@@ -139,9 +146,14 @@ class Surface:
                 answer = yield from self._pass_on(session, command, row, values)
             else:
                 answer = yield from self._act(session, command, row, values)
+                if "fault" in values:  # it says the same whatever was done
+                    session.refused = f"{command.help}: {values['fault']}"
             return self.reply(session, command, answer)
         except Fault as fault:
-            return self.refusal(command, fault) or self.unanswered(frame, fault)
+            said = self.refusal(command, fault)
+            if not said and isinstance(fault, Invalid):
+                session.refused = f"{command.help}: {fault}"
+            return said or self.unanswered(frame, fault)
 
     def _refuse(self, session: Session, frame: Unterminated) -> Handling:
         """Nothing of it is done, what it would have set is cleared, and the first command's no is said once."""

@@ -58,7 +58,8 @@ class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a surface does with a command: exactly one of the five verbs, and what a reader should know.
 
-    One that ``passes`` means nothing here, but something to a mount of the same protocol that has it.
+    One that ``passes`` means nothing here, but something to a mount of the same protocol that has it. Without a word
+    on that, what is refused here passes.
     """
 
     ask: str | None = None
@@ -69,12 +70,17 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     asks: list[str] = []
     outcome: str | None = None
     without: str | None = None
-    passes: bool = False
+    passes: bool | None = None
     why: str | None = None
 
     @property
     def verbs(self) -> list[str]:
         return [verb for verb in ("ask", "keep", "tell", "say", "call") if getattr(self, verb) is not None]
+
+    @property
+    def handed_on(self) -> bool:
+        """Whether it goes to a mount of the same protocol as it is."""
+        return self.outcome == "refused" if self.passes is None else self.passes
 
     @property
     def operations(self) -> list[str]:

@@ -22,6 +22,7 @@ from gateway.sky import Sky
 from gateway.state import Marked
 from gateway.transcript import Entry, Transcript
 from gateway.wires import SimulatorWire
+from tests.sent_forms import malformed
 
 #: 2026-01-15 22:00 UTC
 EVENING = 1768514400.0
@@ -71,6 +72,7 @@ class Bridge:
         shown = Endpoint(presented, "-", surface, surface_version)
         face = FACES[presented](shown, SurfaceConfig(at="-"), self.settings.limits)
         face.surface.verbatim = presented == driven
+        self._driven, self._hands_on = driven, presented == driven == "nexstar"
         self.warned: list[str] = []
         self.keeping: Keeping | None = None
         shared: dict[str, Any] = {"sites": {}}
@@ -87,10 +89,12 @@ class Bridge:
         await self.hub.settled.wait()
         return self
 
-    async def __aexit__(self, *_: object) -> None:
+    async def __aexit__(self, failed: object = None, *_: object) -> None:
         await self.hub.close()
         if self.keeping is not None:
             await self.keeping.close()
+        if failed is None and not self._hands_on:  # what passes through is the program's own
+            assert not (wrong := malformed(self._driven, self.sent())), f"no paper writes it so: {wrong}"
 
     async def kill(self) -> None:
         """End as a killed process does: nothing more is sent or written, only the lock is let go."""

@@ -18,6 +18,7 @@ from gateway.sky import Sky
 from gateway.transcript import Entry, Transcript
 from gateway.wires import OnData, OnLost
 from tests.bridge import Bridge, Visitor
+from tests.sent_forms import malformed
 
 
 class GuestWire:
@@ -47,7 +48,7 @@ class Chain:
     """``outer`` speaks to clients and drives ``inner``, which drives the simulated mount."""
 
     def __init__(self, inner: Bridge, link: str, presented: str, surface: str | None = None) -> None:
-        self.inner = inner
+        self.inner, self._link = inner, link
         loop = asyncio.get_running_loop()
         self.transcript = Transcript(inner.clock)
         self.entries: list[Entry] = []
@@ -67,9 +68,11 @@ class Chain:
         await self.hub.settled.wait()
         return self
 
-    async def __aexit__(self, *_: object) -> None:
+    async def __aexit__(self, failed: object = None, *_: object) -> None:
         await self.hub.close()
-        await self.inner.__aexit__()
+        await self.inner.__aexit__(failed)
+        if failed is None:
+            assert not (wrong := malformed(self._link, self.sent())), f"no paper writes it so: {wrong}"
 
     def client(self) -> Visitor:
         return Visitor(self, "127.0.0.1")

@@ -160,7 +160,7 @@ def test_fan_and_derotator_are_switched_where_the_mount_has_them_and_nowhere_els
             assert bridge.sim.parts == {"fan": True, "derotator": True, "reticle": 1}
         async with meade("autostar", surface="lx200gps") as bridge:
             before = len(bridge.sent())
-            assert await bridge.client().ask(b":f+#:fT#") == b"+00.000#"
+            assert await bridge.client().ask(b":f+#:fT#:Gc#") == b"24#"
             assert b":f+#" not in bridge.sent()[before:]
 
     run(program())

@@ -88,8 +88,8 @@ def test_replies_of_a_classic() -> None:
     assert sim.feed(b":GR#")[5:6] == b"."
     assert sim.feed(b":U#:GR#")[5:6] == b":"
     assert b"'" in sim.feed(b":GZ#")
-    assert sim.feed(b":ST60.0#") == b"0"
-    assert sim.feed(b":TM#:ST60.0#") == b"1"
+    assert sim.feed(b":ST060.0#") == b"0"
+    assert sim.feed(b":TM#:ST060.0#") == b"1"
 
 
 def test_an_autostar_says_no_to_a_good_latitude_and_takes_it() -> None:

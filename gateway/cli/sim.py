@@ -32,13 +32,16 @@ def add(commands: Any) -> None:
     sim.add_argument("--truth", metavar="FILE.jsonl", help="write what the mount physically does, ten times a second")
     sim.add_argument("--land-tells-altaz", action="store_true",
                      help="lx200: in land mode :GW# tells AN1 also on a wedge, where it else tells PN1")
+    sim.add_argument("--tolerant", action="store_true",
+                     help="lx200: takes arguments in every spelling that programs send, not in the manual's alone")
     sim.set_defaults(run=_sim)
 
 
 _EPILOG = """\
 Several programs may connect at once, by one --at or by several: all of them talk to the same mount.
 It behaves like a real one where that counts: its motors need about a second to reach full speed and run on as long
-after a stop, bytes on a pty or serial port take their time, and an LX200GPS that sleeps does not move.
+after a stop, bytes on a pty or serial port take their time, and an LX200GPS that sleeps does not move. A Meade refuses
+arguments that its manual does not write so, as :Sg-10*45# or :SG+8#, unless it is --tolerant.
 
 --truth writes one JSON object a line, ten times a second of its time, from the motor axes as they are and from --site
 and --time. Nothing that a program tells the mount changes what site and time this goes by, and a sync does not move it:
@@ -82,7 +85,10 @@ def _sim(arguments: argparse.Namespace) -> int:
         raise UserError("sim: --baud is a rate like 9600")
     if arguments.land_tells_altaz and endpoint.protocol != "lx200":
         raise UserError("sim: --land-tells-altaz is for lx200 mounts")
-    settings = {"land_tells_altaz": True} if arguments.land_tells_altaz else {}
+    if arguments.tolerant and endpoint.protocol != "lx200":
+        raise UserError("sim: --tolerant is for lx200 mounts; the commands of a hand control have one form each")
+    chosen = {"land_tells_altaz": arguments.land_tells_altaz, "tolerant": arguments.tolerant}
+    settings = {name: True for name, value in chosen.items() if value}
     start = parse_time(arguments.time) if arguments.time else None
     simulator = make_simulator(endpoint, clock=running_clock(start), site=parse_site(arguments.site),
                                aligned=not arguments.unaligned, speed=arguments.speed, **settings)

@@ -12,6 +12,8 @@ model, what it answers is what real ones were seen to answer, quirks included. W
   or ``:I#``. It says yes (``0``) to ``:MS#`` and ``:MA#`` all the same.
 - ``:GW#`` tells how the telescope stands, in land mode too (``PN1`` on a wedge). With ``land_tells_altaz`` it tells
   ``AN1`` there instead: nobody has seen what a real one does.
+- An argument that the manual does not write so is refused and changes nothing. A ``tolerant`` one takes every spelling
+  that the gateway's own surface takes.
 - The classics and the Autostar begin in low precision, the LX200GPS in high.
 """
 
@@ -29,6 +31,7 @@ from gateway.motors import RAMP_SECONDS
 from gateway.mount_geometry import Build, Pair, Sky
 from gateway.protocols.lx200 import sim_answers, sim_library, sim_motion, sim_parts, sim_settings, sim_tracking
 from gateway.protocols.lx200.framing import Framer
+from gateway.protocols.lx200.sim_forms import well_formed
 from gateway.protocols.lx200.sim_line import ClassicFramer
 from gateway.spherical import SIDEREAL_RATE, fold_declination, wrap180
 from gateway.tables import Command, load
@@ -69,7 +72,7 @@ class Meade:
 
     def __init__(self, model: str = "autostar", *, clock: Callable[[], float], site: Pair = (45.0, 10.0),
                  utc_offset: float = 0.0, aligned: bool = True, speed: float = 1.0,
-                 land_tells_altaz: bool = False, ramps: bool = True) -> None:
+                 land_tells_altaz: bool = False, tolerant: bool = False, ramps: bool = True) -> None:
         self.protocol = load("lx200")
         if model not in self.protocol.models:
             raise UserError(f"no LX200 model is called {model!r}; there are {', '.join(self.protocol.models)}")
@@ -91,7 +94,7 @@ class Meade:
         self.busy_until = 0.0
         self.seeking, self.home = False, 0
         self.parked, self.asleep = False, False
-        self.land_tells_altaz = land_tells_altaz
+        self.land_tells_altaz, self.tolerant = land_tells_altaz, tolerant
         build = Build.WEDGE if self.letter == "P" else Build.ALTAZ
         self.mechanics = Mechanics(build, Sky(*site), self.now, self.start(build))
         self.mechanics.speed = speed
@@ -136,6 +139,8 @@ class Meade:
             return NAK if self.model == "lx200gps" else b""
         if isinstance(frame, Suspect) and may_begin_motion(self.protocol.surface[command.name].operations):
             return b""
+        if not self.tolerant and not well_formed(command.name, frame):
+            return self._no(command)
         try:
             values = picture.decode(frame)
         except ValueError:

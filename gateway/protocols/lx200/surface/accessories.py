@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.errors import Unsupported
+from gateway.errors import Invalid, Unsupported
 from gateway.operations import Backlash, Focus, HomeState, PeriodicError, Unpark
 from gateway.surface import Handling, Session, Speed, Start
 from gateway.tables import Command
@@ -20,15 +20,10 @@ RATES = {1: 57600, 2: 38400, 3: 28800, 4: 19200, 5: 14400, 6: 9600, 7: 4800, 8: 
 
 
 def baud(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """:SB - 1 at the old rate; a network connection has none."""
-    if values.get("rate") in RATES:
-        yield Speed(RATES[values["rate"]])
-
-
-def toggle_pointing(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
-    """:P - high-precision pointing, another thing than the format; the new state is told."""
-    on = session.kept["pointing"] = not session.kept.get("pointing", False)
-    return {"precision": "HIGH PRECISION" if on else "LOW  PRECISION"}
+    """:SB - 1 at the old rate; a network connection has none. Raises Invalid for what is none of the nine."""
+    if values.get("rate") not in RATES:
+        raise Invalid("The baud rates are 1 to 9.")
+    yield Speed(RATES[values["rate"]])
 
 
 def restart(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -53,10 +48,13 @@ def focus(session: Session, command: Command, values: dict[str, Any]) -> Handlin
 
 
 def focus_speed(session: Session, command: Command, values: dict[str, Any]) -> None:
-    """:FF :FS :F<n>"""
+    """:FF :FS :F<n> - 1 to 4; any other number leaves the speed as it was. Raises Invalid."""
     if "fault" in values:
         raise values["fault"]
-    session.kept["focus speed"] = {"FF": 4, "FS": 1}.get(command.name) or max(1, min(4, values["speed"]))
+    speed = {"FF": 4, "FS": 1}.get(command.name) or values["speed"]
+    if not 1 <= speed <= 4:
+        raise Invalid("The focus speeds are 1 to 4.")
+    session.kept["focus speed"] = speed
 
 
 def backlash(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -67,20 +65,16 @@ def backlash(session: Session, command: Command, values: dict[str, Any]) -> Hand
 
 
 def periodic_error(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """$Q :$QA :$QZ - a toggle for both axes, or on and off for one."""
-    if command.name == "$Q":
-        on = not session.shared.get("pec", False)
-        session.set_for_all("pec", on)
-        yield Start(PeriodicError(None, on))
-    else:
-        yield Start(PeriodicError(2 if "A" in command.name else 1, command.name.endswith("+")))
+    """$Q :$QA :$QZ - a toggle for both axes, or on and off for one; the toggle goes by right ascension's."""
+    if command.name.startswith("$QA"):
+        yield Start(PeriodicError(2, command.name.endswith("+")))
+        return
+    toggled = command.name == "$Q"
+    on = not session.shared.get("pec", False) if toggled else command.name.endswith("+")
+    session.set_for_all("pec", on)
+    yield Start(PeriodicError(None if toggled else 1, on))
 
 
 def silence(session: Session, command: Command, values: dict[str, Any]) -> bytes:
-    """Nothing needs doing, and nothing is what programs take best."""
+    """Nothing needs doing, and nothing is what programs take best; or nothing true could be said."""
     return b""
-
-
-def tube_temperature(session: Session, command: Command, values: dict[str, Any]) -> Any:
-    """:fT - only an LX200GPS has a thermometer; there is none behind the gateway."""
-    return {"value": 0.0} if session.model["name"] == "lx200gps" else b""

@@ -12,7 +12,7 @@ import contextlib
 from datetime import UTC, date, datetime, timedelta
 from typing import Any
 
-from gateway.errors import Fault, ReadOnly
+from gateway.errors import Fault, Invalid, ReadOnly, Unsupported
 from gateway.operations import GetClock, Moment, SetClock, SiderealTime
 from gateway.surface import Defer, Handling, Session
 from gateway.tables import Command
@@ -168,7 +168,7 @@ def set_stamp(session: Session, command: Command, values: dict[str, Any]) -> Han
     try:
         local = datetime.strptime(values.get("stamp", ""), "%y%m%d%H%M%S").replace(tzinfo=UTC)
     except ValueError:
-        return b""
+        raise Invalid("The stamp is yyMMddHHmmss.") from None
     draft = _draft(session)
     draft["date"], draft["stamped"] = local.date(), True
     draft["time"] = (local.hour * 3600 + local.minute * 60 + local.second, session.clock())
@@ -176,18 +176,15 @@ def set_stamp(session: Session, command: Command, values: dict[str, Any]) -> Han
 
 
 def tell_sidereal(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """:GS - apparent, from the mount's clock and site, plus what :SS set."""
+    """:GS - apparent, from the mount's clock and site."""
     yield from _commit_if_allowed(session)
     sidereal: float = yield SiderealTime()
-    return {"sidereal": (sidereal + session.shared.get("sidereal offset", 0.0)) % 360.0}
+    return {"sidereal": sidereal % 360.0}
 
 
-def set_sidereal(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """:SS - kept as an offset of this surface: the mount's clock stays."""
-    if "fault" in values:
-        raise values["fault"]
-    sidereal: float = yield SiderealTime()
-    session.shared["sidereal offset"] = values["sidereal"] - sidereal
+def set_sidereal(session: Session, command: Command, values: dict[str, Any]) -> None:
+    """:SS - a mount has no sidereal clock of its own: it follows from clock and site. Raises Unsupported."""
+    raise Unsupported("The sidereal time follows from the mount's clock and site: :SL, :SC, :SG and :Sg set those.")
 
 
 def toggle_hours(session: Session, command: Command, values: dict[str, Any]) -> None:

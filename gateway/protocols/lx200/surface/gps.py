@@ -1,4 +1,4 @@
-"""The GPS of an LX200GPS: the mount's own unit, or the site and the clock in force."""
+"""The GPS of an LX200GPS: the mount's own unit. Without one, or without a fix, nothing says that there is one."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from gateway.tables import Command
 
 
 def sentence(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """:gps - one RMC sentence; without a fix one that says so."""
+    """:gps - one RMC sentence; without a fix one that says so (V), with the site and the clock in force."""
     try:
         seen: Gps = yield GetGps()
     except (Unsupported, NoDevice):
-        seen = Gps(linked=True)
+        seen = Gps(linked=False)
     place: Place = seen.place or (yield GetSite())
     moment: Moment = yield GetClock()
     return {"text": rmc(place.latitude, place.longitude, seen.unix or moment.unix, seen.linked)}

@@ -222,8 +222,10 @@ def backlash(mount: NexStar, operation: Backlash) -> Steps:
 
 def periodic_error(mount: NexStar, operation: PeriodicError) -> Steps:
     """AUX 0x0D on the right-ascension motor; only there is periodic error correction on these mounts."""
-    if not mount.has("pec") or operation.axis == 2:
+    if not mount.has("pec"):
         raise Unsupported("This mount has no periodic error correction.")
+    if operation.axis == 2:
+        raise Unsupported("Only the right-ascension motor has a periodic error correction.")
     yield Ask("pec_playback", {"device": 16, "on": int(operation.on is not False)})
 
 

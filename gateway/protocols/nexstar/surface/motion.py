@@ -90,6 +90,7 @@ def set_mode(session: Session, command: Command, values: dict[str, Any]) -> Hand
     """T - a mode above 3 does nothing; what cannot be done shows in ``t`` and in the log. Raises NoAnswer."""
     wanted = _modes(session).get(values["mode"])
     if wanted is None:
+        session.refused = f"{command.help}: there is no mode {values['mode']}"
         return
     try:
         yield SetTracking(on=wanted is not Tracking.OFF, mode=wanted)

@@ -54,11 +54,13 @@ def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Han
     zone = values["quarters"] / 4.0 if "quarters" in values else float(values["zone"])
     dst = values["dst"]
     if dst not in (0, 1) or not -14 <= zone <= 14 or values["year"] > 99:
+        session.refused = f"{command.help}: no such year, zone or daylight saving"
         return
     try:
         local = datetime(2000 + values["year"], values["month"], values["day"], values["hour"], values["minute"],
                          values["second"])
-    except ValueError:
+    except ValueError as error:
+        session.refused = f"{command.help}: {error}"
         return
     offset = zone + dst
     wanted = SetClock(calendar.timegm(local.timetuple()) - offset * 3600.0, offset, dst)
