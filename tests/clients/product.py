@@ -37,12 +37,12 @@ def endpoints(ready: Sequence[str]) -> list[Endpoint]:
 
 
 def _simulator(
-    workshop: Workshop, mount: str, site: Site, speed: float, aligned: bool
+    workshop: Workshop, mount: str, site: Site, speed: float, aligned: bool, *more: str
 ) -> tuple[Endpoint, Endpoint]:
     """A simulated mount on two TCP ports."""
     anywhere = "tcp://127.0.0.1:0"
     argv = [*PRODUCT, "sim", mount, "--at", anywhere, "--at", anywhere, "--speed", f"{speed:g}"]
-    argv += ["--time", NIGHT.strftime("%Y-%m-%dT%H:%M:%SZ"), f"--site={site.latitude:g},{site.longitude:g}"]
+    argv += ["--time", NIGHT.strftime("%Y-%m-%dT%H:%M:%SZ"), f"--site={site.latitude:g},{site.longitude:g}", *more]
     process = workshop.start(argv if aligned else [*argv, "--unaligned"], ends_well=True)
     wire, second_wire = endpoints(process.wait_for_lines("ready ", 2))
     return wire, second_wire
@@ -59,10 +59,14 @@ def start_simulator(
 
 
 def start_meade(
-    workshop: Workshop, model: str, site: Site, *, speed: float = 1.0, aligned: bool = True
+    workshop: Workshop, model: str, site: Site, *, speed: float = 1.0, aligned: bool = True, tolerant: bool = False
 ) -> tuple[Endpoint, Meade]:
-    """A simulated Meade on two TCP ports: the first for the program under test, and the truth."""
-    wire, second_wire = _simulator(workshop, f"lx200:{model}", site, speed, aligned)
+    """A simulated Meade on two TCP ports: the first for the program under test, and the truth.
+
+    Programs that are connected without a gateway send some values in spellings of their own: for a tolerant one.
+    """
+    more = ["--tolerant"] if tolerant else []
+    wire, second_wire = _simulator(workshop, f"lx200:{model}", site, speed, aligned, *more)
     truth = Meade(second_wire.port)
     workshop.keep(truth.close)
     return wire, truth
