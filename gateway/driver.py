@@ -72,8 +72,8 @@ class Driver:
     resolution = 20.0 / 3600.0
     #: How many times faster than a real one the mount slews: simulated ones may.
     hurry = 1.0
-    #: The years that its clock can be set to.
-    years = range(2000, 2100)
+    #: The years that its clock, or what stands in for it here, can be set to.
+    years = range(1900, 2100)
     #: Whether the mount has a GPS receiver of its own.
     gps = False
     #: Whether a sync is kept here that the mount's own axes know nothing of.
