@@ -15,7 +15,7 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from gateway.access import MOST_HOSTS, Access, Rights, Sealed, TurnedAway
+from gateway.access import MOST_HOSTS, Access, Rights, TurnedAway
 from gateway.backlog import Backlog
 from gateway.beginning import Beginning, Piece
 from gateway.clients import Client
@@ -27,6 +27,7 @@ from gateway.operations import Operation
 from gateway.ports import Guest
 from gateway.ports.baud import Trial
 from gateway.ports.guest import HangUp
+from gateway.sealed import Sealed
 from gateway.strangers import Greeting, page
 from gateway.surface import Session, Surface
 

@@ -15,11 +15,11 @@ from typing import Any, NamedTuple
 import msgspec
 
 from gateway import operations
-from gateway.access import Sealed
 from gateway.errors import Disturbed, Fault, Invalid, NoTarget, Unsupported
 from gateway.frames import Suspect, Unterminated
 from gateway.motion_kinds import begins_motion, may_begin_motion
 from gateway.operations import Operation, Verbatim
+from gateway.sealed import Sealed
 from gateway.tables import Command, Protocol, SurfaceRow
 
 

@@ -16,7 +16,6 @@ from gateway.clients import PAIR
 from gateway.config import Endpoint, SurfaceConfig
 from gateway.errors import Fault, NoAnswer, Unsupported
 from gateway.guests import Face
-from gateway.mount.safety.altitude import check_altitude
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.sync_sum import check_sync
 from gateway.mount.site.astrometry import SiteAstrometry
@@ -79,10 +78,10 @@ class Mount:
         if isinstance(operation, op.Goto):
             _, altitude = self.sky.horizon(operation.ra, operation.dec, self.site.latitude, self.site.longitude,
                                            self.clock.unix)
-            check_altitude(self.limits.narrowed(operation.lowest, operation.highest), altitude)
+            self.limits.narrowed(operation.lowest, operation.highest).check_altitude(altitude)
             self.slewing = True
         elif isinstance(operation, op.GotoHorizontal):
-            check_altitude(self.limits.narrowed(operation.lowest, operation.highest), operation.alt)
+            self.limits.narrowed(operation.lowest, operation.highest).check_altitude(operation.alt)
             self.slewing = True
         elif isinstance(operation, op.GotoAxes):
             self.slewing = True

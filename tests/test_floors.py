@@ -48,6 +48,7 @@ FLOORS = {
     "strangers": 1,
     "beginning": 2,
     "begun": 5,
+    "sealed": 1,
     "backlog": 5,
     "descriptors": 4,
     "streams": 6,

@@ -48,7 +48,7 @@ class Watched:
         self.mount = self.sim.ready()
         where = self.mount.replace("tcp", "socket") if port == "tcp" else self.sim.ready().removeprefix("pty:")
         self.arguments = ("run", "--mount", f"{kind}@{where}", "--surface", "lx200@tcp://127.0.0.1:0",
-                          "--state", str(place))
+                          "--state", str(place), "--sun", "0")
         self.started = started
         self.begin()
 

@@ -14,7 +14,6 @@ from gateway import operations as op
 from gateway.errors import BelowHorizon, Fault, NearSun, NotAligned, Refused, TooHigh, Unsupported
 from gateway.mount.safety import slew_paths
 from gateway.mount.safety.aligned import needs_alignment
-from gateway.mount.safety.altitude import check_altitude
 from gateway.mount.safety.contradictions import check_contradictions
 from gateway.mount.safety.hand_admission import HandAdmission
 from gateway.mount.safety.held import Hold
@@ -132,7 +131,7 @@ class Admission:
 
     async def _admit_horizontal(self, operation: op.GotoHorizontal) -> op.Operation:
         mount = self._mount
-        check_altitude(mount.limits().narrowed(operation.lowest, operation.highest), operation.alt)
+        mount.limits().narrowed(operation.lowest, operation.highest).check_altitude(operation.alt)
         fork = not (await self._status()).equatorial
         if fork and mount.driver.way(op.GotoAxes) and not mount.driver.displaced:
             return await self.admit(op.GotoAxes(operation.az, operation.alt))
@@ -160,7 +159,7 @@ class Admission:
         if altitude is None:
             mount.transcript.note_once("mount", "site unknown: gotos are not checked against the horizon")
             return
-        check_altitude(limits, altitude + await tilt(self._mount, self._ask, self._watch))
+        limits.check_altitude(altitude + await tilt(self._mount, self._ask, self._watch))
         status = mount.readings.value(op.GetStatus)
         if status is not None and status.equatorial and mount.driver.tube_side("E") is None:
             check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
@@ -170,7 +169,7 @@ class Admission:
         """
         mount = self._mount
         if not (await self._status()).equatorial:
-            check_altitude(limits, wanted.alt)
+            limits.check_altitude(wanted.alt)
             if mount.site_known:
                 goal = mount.astrometry.equatorial(op.GotoHorizontal(wanted.az, wanted.alt))
                 await self._check_way(limits, op.Equatorial(goal.ra, goal.dec), (wanted.az, wanted.alt))
@@ -180,7 +179,7 @@ class Admission:
         except Unsupported:
             mount.transcript.note_once("mount", "site unknown: axis gotos are not checked")
             return
-        check_altitude(limits, mount.astrometry.horizon(op.Equatorial(goal.ra, goal.dec)).alt)
+        limits.check_altitude(mount.astrometry.horizon(op.Equatorial(goal.ra, goal.dec)).alt)
         if mount.driver.german:
             check_shaft(limits, wanted.az)
         else:
@@ -216,7 +215,7 @@ class Admission:
         for altitude, place, radius in forbidden:
             begins = ((start, _first(turned, stretch)) for start, turned in possible)
             if not any(clear(*way, place, min(radius, separation(*way[0], *place) - 0.01)) for way in begins):
-                check_altitude(limits, altitude)
+                limits.check_altitude(altitude)
         self._watch.dips = not all(clear(*way, place, radius) for _, place, radius in forbidden for way in possible)
 
     async def _pointing(self) -> set[bool]:

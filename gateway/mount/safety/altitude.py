@@ -2,20 +2,11 @@
 
 from __future__ import annotations
 
-from gateway.errors import BelowHorizon, TooHigh
-from gateway.mount.safety.limits import AT_LIMIT, Limits
+from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.view import ALLOWED, Verdict, View
 
 #: A goto that ends at a limit may overshoot by so much.
 OVERSHOOT = 0.05
-
-
-def check_altitude(limits: Limits, altitude: float) -> None:
-    """Raises BelowHorizon or TooHigh for a target outside the limits."""
-    if altitude < limits.lowest - AT_LIMIT:
-        raise BelowHorizon("Object Below Horizon." if limits.lowest <= 0 else "Object Below Lower Limit.")
-    if altitude > limits.highest + AT_LIMIT:
-        raise TooHigh("Object Above Higher Limit.")
 
 
 def leaving(limits: Limits, before: float, now: float, margin: float) -> bool:

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 
 from gateway import operations as op
 from gateway.errors import Fault, Unsupported
-from gateway.mount.safety.altitude import check_altitude
 from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.park import check_own_park
 from gateway.mount.site.sources import BestSources
@@ -35,7 +34,7 @@ def _park(mount: MountInputs) -> Iterator[str]:
     there = mount.driver.destination(op.Park())
     try:
         if there is not None:
-            check_altitude(limits, _altitude(mount, there, status.equatorial))
+            limits.check_altitude(_altitude(mount, there, status.equatorial))
         elif not mount.own_park:
             check_own_park(op.Park(), limits)
     except Unsupported:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from gateway import operations as op
 from gateway.errors import NearSun, PastMeridian
-from gateway.mount.safety.altitude import check_altitude, leaving
+from gateway.mount.safety.altitude import leaving
 from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.limits import AT_LIMIT, Limits
 from gateway.mount.safety.meridian import past_meridian
@@ -68,7 +68,7 @@ def check_turns(mount: MountInputs, limits: Limits, start: Start, turns: dict[in
 def _check_step(mount: MountInputs, limits: Limits, start: Start, seen: op.Equatorial, soon: op.Equatorial) -> None:
     before, after = mount.astrometry.horizon(seen).alt + start.tilt, mount.astrometry.horizon(soon).alt + start.tilt
     if leaving(limits, before, after, 0.0):
-        check_altitude(limits, after)
+        limits.check_altitude(after)
     for now, then in zip(mount.suns.distances(seen), mount.suns.distances(soon), strict=True):
         if then < mount.suns.limit and then < now:
             raise NearSun

@@ -6,7 +6,6 @@ What is under way already is ended by the best source alone: whoever is wrong mu
 from __future__ import annotations
 
 from gateway.errors import Fault, NearSun
-from gateway.mount.safety.altitude import check_altitude
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.sun import SUN_IS_UP
 from gateway.mount.site.sources import BestSources
@@ -27,7 +26,7 @@ def check_contradictions(sources: BestSources, sky: Sky, limits: Limits, goal: E
         sun = sky.sun(unix)
         risen = sky.horizon(*sun, place.latitude, place.longitude, unix)[1] >= SUN_IS_UP
         try:
-            check_altitude(limits, altitude)
+            limits.check_altitude(altitude)
             if risen and separation(goal.ra, goal.dec, *sun) < limits.sun:
                 raise NearSun
         except Fault as fault:

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from gateway import operations as op
 from gateway.errors import Fault, PastMeridian
-from gateway.mount.safety.altitude import check_altitude, leaving
+from gateway.mount.safety.altitude import leaving
 from gateway.mount.safety.by_hand import Start, as_motion, check_either_way, check_turns, knows_meridian, turn
 from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.limits import Limits
@@ -62,7 +62,7 @@ class HandAdmission:
         before, after = astrometry.horizon(seen).alt + start.tilt, astrometry.horizon(soon).alt + start.tilt
         try:
             if leaving(limits, before, after, 0.0):
-                check_altitude(limits, before)
+                limits.check_altitude(before)
             if limits.hour_angle is not None and start.status.equatorial and knows_meridian(mount, start.side):
                 now = past_meridian(astrometry.sidereal_time() - seen.ra, start.side)
                 then = past_meridian(astrometry.sidereal_time() - soon.ra, start.side)

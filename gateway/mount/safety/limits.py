@@ -9,6 +9,8 @@ from __future__ import annotations
 from msgspec import Struct
 from msgspec.structs import replace
 
+from gateway.errors import BelowHorizon, TooHigh
+
 AT_LIMIT = 1.0 / 3600.0
 
 
@@ -30,6 +32,13 @@ class Limits(Struct, frozen=True):
             lowest=self.lowest if lowest is None else max(self.lowest, lowest),
             highest=self.highest if highest is None else min(self.highest, highest),
         )
+
+    def check_altitude(self, altitude: float) -> None:
+        """Raises BelowHorizon or TooHigh for an altitude outside of them."""
+        if altitude < self.lowest - AT_LIMIT:
+            raise BelowHorizon("Object Below Horizon." if self.lowest <= 0 else "Object Below Lower Limit.")
+        if altitude > self.highest + AT_LIMIT:
+            raise TooHigh("Object Above Higher Limit.")
 
     def at_any_altitude(self) -> Limits:
         """The same for a place whose altitude is the owner's own decision."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from gateway.errors import Fault, NoTarget
-from gateway.mount.safety.altitude import check_altitude
 from gateway.operations import Equatorial, Goto, GotoHorizontal, HorizontalPosition, Position, Slewing, Sync
 from gateway.protocols.lx200.surface import selected
 from gateway.surface import Again, Handling, Session
@@ -23,7 +22,7 @@ def set_horizontal_target(session: Session, _: Command, values: dict[str, Any]) 
     if "alt" in values:
         limits = session.settings["limits"].narrowed(session.kept.get("lowest"), session.kept.get("highest"))
         try:
-            check_altitude(limits, values["alt"])
+            limits.check_altitude(values["alt"])
         except Fault as fault:
             values = {"fault": fault}
     _set(session, values, "alt", "az")
