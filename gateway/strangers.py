@@ -9,6 +9,7 @@ is one more word or row. Sources: RFC 9110, 4918 and 3253 (HTTP), 7826 (RTSP), 3
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 
 from msgspec import Struct
 
@@ -121,11 +122,16 @@ def _greetings() -> Iterator[Greeting]:
             yield Greeting(words, _from_hexadecimal(row))
 
 
-GREETINGS = tuple(_greetings())
-#: A first byte -> the greetings that may begin with it.
-_BEGINNING_WITH: dict[int, list[Greeting]] = {
-    byte: [greeting for greeting in GREETINGS if byte in greeting.first[0]] for byte in range(256)
-}
+@cache
+def _all() -> tuple[Greeting, ...]:
+    """Worked out for the first connection: the start of the gateway need not wait for it."""
+    return tuple(_greetings())
+
+
+@cache
+def _beginning_with(byte: int) -> list[Greeting]:
+    """The greetings that may begin with a byte."""
+    return [greeting for greeting in _all() if byte in greeting.first[0]]
 
 
 class Recogniser:
@@ -145,7 +151,7 @@ class Recogniser:
         for byte in data:
             begun = [(greeting, count + 1) for greeting, count in self._begun if byte in greeting.first[count]]
             if self._leading:
-                begun += [(greeting, 1) for greeting in _BEGINNING_WITH[byte]]
+                begun += [(greeting, 1) for greeting in _beginning_with(byte)]
                 self._leading = byte in IDLE
             for greeting, count in begun:
                 if count == len(greeting.first):
