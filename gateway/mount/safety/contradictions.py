@@ -13,12 +13,18 @@ from gateway.operations import Equatorial
 from gateway.sky import Sky
 from gateway.spherical import separation
 
+#: Without the date nobody knows where the Sun is.
+UNKNOWN_TIME = ("The time is unknown: this computer's clock is lost, and neither the mount nor a program tells it. "
+                "Set the time, or sun = 0 at night.")
+
 
 def check_contradictions(sources: BestSources, sky: Sky, limits: Limits, goal: Equatorial) -> None:
     """A goto to ``goal`` by every source that contradicts the best one.
 
-    Raises BelowHorizon, TooHigh or NearSun, with who says what.
+    Raises BelowHorizon, TooHigh or NearSun, with who says what; NearSun also where nobody knows the time.
     """
+    if limits.sun > 0.0 and sources.time_unknown:
+        raise NearSun(UNKNOWN_TIME)
     for place, unix, words in sources.contradictions():
         if place is None:
             continue

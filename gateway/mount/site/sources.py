@@ -83,6 +83,12 @@ class BestSources:
         best = self.times()[0]
         return None if best.source == COMPUTER else Moment(best.unix, 0.0)
 
+    @property
+    def time_unknown(self) -> bool:
+        """Whether nobody tells the time: this computer has plainly lost its clock, and there is no other."""
+        best = self.times()[0]
+        return best.source == COMPUTER and best.unix < EARLIEST
+
     def host(self) -> float:
         """UTC by this computer's clock."""
         return self._observatory.host()
