@@ -123,7 +123,7 @@ def _greetings() -> Iterator[Greeting]:
 
 
 @cache
-def _all() -> tuple[Greeting, ...]:
+def greetings() -> tuple[Greeting, ...]:
     """Worked out for the first connection: the start of the gateway need not wait for it."""
     return tuple(_greetings())
 
@@ -131,7 +131,7 @@ def _all() -> tuple[Greeting, ...]:
 @cache
 def _beginning_with(byte: int) -> list[Greeting]:
     """The greetings that may begin with a byte."""
-    return [greeting for greeting in _all() if byte in greeting.first[0]]
+    return [greeting for greeting in greetings() if byte in greeting.first[0]]
 
 
 class Recogniser:

@@ -21,8 +21,7 @@ from hypothesis import strategies as st
 from gateway.beginning import Beginning, Piece
 from gateway.protocols.lx200.surface.beginning import BEGINNING as LX200_BEGINNING
 from gateway.protocols.nexstar.surface.beginning import BEGINNING as NEXSTAR_BEGINNING
-from gateway.strangers import GREETINGS as TABLE
-from gateway.strangers import IDLE, Greeting, Recogniser
+from gateway.strangers import IDLE, Greeting, Recogniser, greetings
 from tests.bridge import Bridge
 from tests.callers import Caller
 from tests.greetings import GREETINGS, TELNET
@@ -80,7 +79,7 @@ def can_begin(grammar: list[list[Bytes]], first: tuple[Bytes, ...]) -> bool:
 
 @pytest.mark.parametrize("grammar", [NEXSTAR, LX200], ids=["nexstar", "lx200"])
 def test_no_greeting_is_the_beginning_of_what_a_program_can_say(grammar: list[list[Bytes]]) -> None:
-    assert [greeting for greeting in TABLE if can_begin(grammar, greeting.first)] == []
+    assert [greeting for greeting in greetings() if can_begin(grammar, greeting.first)] == []
     assert can_begin(NEXSTAR, tuple(letters("EHe")[:1])) and can_begin(LX200, tuple(letters("#:GR#")))
 
 
@@ -88,14 +87,14 @@ def test_the_table_has_a_row_for_every_greeting_and_no_row_that_another_one_swal
     for name, data in [*GREETINGS.items(), ("Telnet", TELNET)]:
         for before in (b"", b"#", b"\r\n", b"\0 ?#"):
             assert isinstance(Recogniser().hear(before + data), Greeting), name
-    texts = [bytes(min(octet) for octet in greeting.first) for greeting in TABLE]
+    texts = [bytes(min(octet) for octet in greeting.first) for greeting in greetings()]
     assert len(set(texts)) == len(texts)
 
 
 def test_no_greeting_contains_a_command_that_does_more_than_ask() -> None:
     """However it is cut: only these go on before it is known what comes. (Any byte of a row stands for itself here.)"""
     asks = re.compile(rb"(?:[#\r\n\0 ?EeZzVvJLMmtwhipl]|K.)*", re.DOTALL)
-    for greeting in TABLE:
+    for greeting in greetings():
         text = bytes(0x80 if octet == EVERY else min(octet) for octet in greeting.first)
         for commands in (NEXSTAR_BEGINNING, LX200_BEGINNING):
             found = commands.match(text[:-1])
@@ -219,12 +218,12 @@ def test_a_conversation_is_answered_over_a_network_when_it_is_on_a_line(path: Pa
 
 def test_what_waits_is_bounded() -> None:
     """Never-ending beginnings of every kind: idle bytes, greetings that stop short, anything."""
-    longest = max(len(greeting.first) for greeting in TABLE)
+    longest = max(len(greeting.first) for greeting in greetings())
     chance = random.Random(5)
     for commands in (NEXSTAR_BEGINNING, LX200_BEGINNING):
         for _ in range(60):
             beginning = Beginning(commands)
-            short = chance.choice(TABLE).first[:-1]
+            short = chance.choice(greetings()).first[:-1]
             data = bytes(chance.choice(IDLE) for _ in range(100)) + bytes(chance.choice(sorted(set_)) for set_ in short)
             for byte in data:
                 if not beginning.over:
