@@ -29,8 +29,8 @@ class Cable:
         self._out = False
 
 
-def deafen(bridge: Any, beginnings: tuple[bytes, ...], times: int) -> list[bytes]:
-    """Let the mount miss the next commands that begin so -> those it has missed."""
+def deafen(bridge: Any, beginnings: tuple[bytes, ...], times: int = 1) -> list[bytes]:
+    """Let the mount miss the next commands that begin so, on a line that is otherwise good -> those it has missed."""
     wire = bridge.hub.line.wire
     missed: list[bytes] = []
     feed = wire._feed

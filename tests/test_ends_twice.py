@@ -9,7 +9,7 @@ import pytest
 
 from gateway.truth import truth_of
 from tests.bridge import Bridge
-from tests.test_lost_stops import deafen
+from tests.cable import deafen
 from tests.virtual import run
 
 MEADES = ["lx200", "lx200-16", "autostar", "lx200gps"]

@@ -9,6 +9,7 @@ import pytest
 
 from gateway.spherical import separation
 from tests.bridge import Bridge
+from tests.cable import deafen
 from tests.virtual import run
 
 MEADES = ["lx200", "lx200-16", "autostar", "lx200gps"]
@@ -17,21 +18,6 @@ GOTO = b":Sr08:00:00#:Sd+30*00:00#:MS#"
 
 def bridge_to(mount: str) -> Bridge:
     return Bridge(mount, driven="lx200" if mount in MEADES else "nexstar", config={"lowest": -90.0, "sun": 0.0})
-
-
-def deafen(bridge: Any, ends: tuple[bytes, ...], times: int = 1) -> list[bytes]:
-    """Let the mount miss the first commands that begin so, on a line that is otherwise good -> those it has missed."""
-    wire, missed = bridge.hub.line.wire, []
-    feed = wire._feed
-
-    def hear(data: bytes) -> bytes:
-        if data.startswith(ends) and len(missed) < times:
-            missed.append(data)
-            return b""
-        return bytes(feed(data))
-
-    wire._feed = hear
-    return missed
 
 
 def speed(bridge: Any, before: tuple[float, float], seconds: float) -> float:
