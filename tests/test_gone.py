@@ -164,9 +164,10 @@ def test_who_sends_no_more_is_answered_before_the_connection_closes(scheme: str)
 
 
 @pytest.mark.parametrize("scheme", ["tcp", "rfc2217"])
-def test_one_command_and_no_more_is_carried_out_and_answered(scheme: str) -> None:
+def test_one_command_and_no_more_is_carried_out_and_answered(scheme: str, started: list[Running]) -> None:
     gateway = Running("run", "--mount", "lx200:autostar@sim", "--surface", f"lx200@{scheme}://127.0.0.1:0",
-                      "--latency", "0.2")
+                      "--latency", "0.2", "--sun", "0")
+    started.append(gateway)
     where = gateway.ready()
     address = split_address(where)
     goto = b":Sa+40*00#:Sz180*00#:MA#"

@@ -193,11 +193,12 @@ def test_one_of_another_version_is_guessed_and_says_so(tmp_path: Path, capsys: p
     assert outcome.replies > 10
 
 
-def test_a_gateway_of_its_own_that_is_recorded_replays(tmp_path: Path) -> None:
+def test_a_gateway_of_its_own_that_is_recorded_replays(tmp_path: Path, started: list[Running]) -> None:
     """Over real sockets, with threads that read the state, write it and load the almanac."""
     path = tmp_path / "night.rec"
     gateway = Running("run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", "--record", str(path),
-                      "--state", str(tmp_path), "--latency", "0.01", "--lowest", "-90")
+                      "--state", str(tmp_path), "--latency", "0.01", "--lowest", "-90", "--sun", "0")
+    started.append(gateway)
     where = gateway.ready()
     for words in (b":GR#:GD#", b":GVP#", b":Mn#:GR#", b":Qn#:GZ#"):
         with ThreadPoolExecutor(4) as threads:

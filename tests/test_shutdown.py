@@ -309,7 +309,7 @@ class Moving:
 
     def begin(self) -> None:
         self.gateway = Running("run", "--mount", self.endpoint, "--surface", "lx200@tcp://127.0.0.1:0",
-                               "--state", str(self.state), "--no-watchdog")
+                               "--state", str(self.state), "--no-watchdog", "--sun", "0")
         self._started.append(self.gateway)
         self.where = self.gateway.ready()
 
