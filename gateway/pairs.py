@@ -14,7 +14,8 @@ from pathlib import Path
 from gateway.errors import UserError
 from gateway.logline import show
 from gateway.pictures import Source
-from gateway.tables import OUTCOMES, Command, Protocol, SurfaceRow, Version, Way, load, mappings_folder, parse_version
+from gateway.protocols.nexstar.versions import made_with, numbered
+from gateway.tables import OUTCOMES, Command, Protocol, SurfaceRow, Version, Way, load, mappings_folder
 
 PAIRS = (("lx200", "nexstar"), ("nexstar", "lx200"))
 MISSING = "missing"
@@ -49,9 +50,8 @@ passed over as a whole.
 
 
 def effective(mount: Protocol, model: str, text: str) -> Version:
-    """The version whose commands a mount has: a GT counts from 100, and 104.0 stands for 4.03, before it 1.2."""
-    version = parse_version(text)
-    return version if version[0] < 100 else ((4, 3) if version >= (104,) else (1, 2))
+    """The version whose commands a mount has. Raises ValueError."""
+    return numbered(text).counts_as
 
 
 def outcome(row: SurfaceRow | None, mount: Protocol, model: str | None = None, version: Version | None = None) -> str:
@@ -126,7 +126,7 @@ def missing(client: str, mount: str) -> list[str]:
 def versions(protocol: Protocol) -> Iterator[tuple[str, str, Version | None]]:
     """Every model with each of its versions: name, version as written (empty without one), what it counts as."""
     for model, facts in protocol.models.items():
-        for version in facts.get("versions", [""]):
+        for version in made_with(facts) or [""]:
             yield model, version, effective(protocol, model, version) if version else None
 
 

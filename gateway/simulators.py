@@ -13,7 +13,6 @@ from gateway.errors import UserError
 from gateway.pacing import Pace
 from gateway.ports import Arrive, Port, open_port
 from gateway.ports.guest import HangUp
-from gateway.tables import load, parse_version
 from gateway.wires import BAUD, SimulatorWire
 
 DEFAULT_MODEL = {"nexstar": "6-8se", "lx200": "autostar"}
@@ -52,10 +51,7 @@ def make_simulator(endpoint: Endpoint, *, clock: Callable[[], float], site: tupl
         return Meade(model, clock=clock, site=site, aligned=aligned, speed=speed, **settings)
     from gateway.protocols.nexstar.simulator import HandControl
 
-    if endpoint.version and not endpoint.version.startswith("starsense-"):
-        parse_version(endpoint.version)
-    return HandControl(model, endpoint.version or load("nexstar").models[model]["versions"][-1], clock=clock,
-                       site=site, aligned=aligned, speed=speed, **settings)
+    return HandControl(model, endpoint.version, clock=clock, site=site, aligned=aligned, speed=speed, **settings)
 
 
 def simulated_wire(endpoint: Endpoint, config: MountConfig) -> SimulatorWire:

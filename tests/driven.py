@@ -91,7 +91,7 @@ async def identity(b: Bridge) -> bool:
         named = b.sim.version >= (2, 2) or major >= 100  # only a GT counts from 100
         version = f"{major}.{minor:02d}" if 3 <= major < 100 else f"{major}.{minor}"
         return (seen.product, seen.version, seen.model) == (
-            "Celestron NexStar", version, name if named else "unknown")
+            "Celestron StarSense" if b.sim.starsense else "Celestron NexStar", version, name if named else "unknown")
     product, firmware = ("LX200", "?") if b.sim.classic else (b.sim.row["product"], b.sim.row["firmware"])
     return (seen.product, seen.version, seen.model) == (product, firmware, b.sim.model)
 

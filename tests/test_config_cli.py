@@ -48,7 +48,7 @@ def test_the_help_of_sim_lists_every_model(capsys: pytest.CaptureFixture[str]) -
     for protocol in ("lx200", "nexstar"):
         for name, row in load(protocol).models.items():
             [line] = [line for line in shown.splitlines() if line.split()[:1] == [f"{protocol}:{name}"]]
-            assert line.split()[1:] == row.get("versions", [])
+            assert line.split()[1:] == row.get("versions", []) + ["starsense-1.20"] * row.get("starsense", False)
 
 
 def test_the_help_of_run_tells_of_ranges_and_defaults(capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from gateway import operations as op
 from gateway.mount.site.ephemeris_reads import PLACES
+from gateway.protocols.nexstar.versions import made_with
 from gateway.tables import load
 from tests.driven import CHECKS, outcomes
 from tests.virtual import run
@@ -89,9 +90,15 @@ NEXSTAR: dict[str, dict[str, Refusals]] = {
     "skywatcher": {"4.21": _GERMAN_BARE},
 }
 
+#: A StarSense in the place of a mount's own hand control; once it is aligned it is told neither site nor time.
+_STARSENSE: Refusals = {"SetSite": "Kept", "SetClock": "Kept"}
+for _model in ("advanced-gt", "slt", "cpc", "4-5se", "6-8se", "cge-pro", "cgem", "lcm", "cpc-deluxe", "avx",
+               "evolution", "cgx", "cgx-l"):
+    NEXSTAR[_model] = NEXSTAR[_model] | {"starsense-1.20": [*NEXSTAR[_model].values()][-1] | _STARSENSE}
+
 #: One of each kind for the suite.
 KINDS = [("nexstar-gps", "1.2"), ("nexstar-gps", "2.2"), ("cge", "3.01"), ("6-8se", "4.21"), ("evolution", "5.31"),
-         ("cgx", "5.31")]
+         ("cgx", "5.31"), ("cpc", "starsense-1.20"), ("avx", "starsense-1.20")]
 
 
 def wrong(found: dict[str, str], refusals: Refusals) -> dict[str, tuple[str, str]]:
@@ -118,4 +125,4 @@ def test_every_operation_and_every_model_and_version_is_in_the_tables() -> None:
     assert operations - {op.Operation, op.Read, op.Verbatim} - set(PLACES) == set(CHECKS)  # those are the hub's own
     assert set(MEADE) == set(load("lx200").models)
     assert {model: list(rows) for model, rows in NEXSTAR.items()} == {
-        model: row["versions"] for model, row in load("nexstar").models.items()}
+        model: made_with(row) for model, row in load("nexstar").models.items()}

@@ -81,10 +81,11 @@ def _demanded(request: bytes, since: str, shape: str, model: list[str]) -> str |
     if _number(since) > _number(counts_as):  # a device that nobody asks does not answer
         passed_through = request[:1] == b"P" and _number(counts_as) >= (1, 6)
         return f"\\x00{{{request[7] + 1}}}#" if passed_through else None
-    major, minor = _number(version)[:2]
+    major, minor = _number(version.removeprefix("starsense-"))[:2]
     for word, device in (("GPS ", gps), ("RTC ", rtc)):
         if shape.startswith(word):
             shape = shape.removeprefix(word) if device != "-" else f"\\x00{{{request[7] + 1}}}#"
+    shape = shape.replace("TAIL", "\\x01\\x14" if version == "starsense-1.20" else "")
     return shape.replace("MODEL ", f"\\x{int(number):02x}").replace("MAJOR MINOR ", f"\\x{major:02x}\\x{minor:02x}")
 
 
@@ -111,4 +112,4 @@ def test_the_replies_are_those_of_all_23_opcodes_and_21_rows() -> None:
     assert [name for name, *_ in rows("nexstar_replies.txt")] == names
     since = {name: version for name, _, version, _ in rows("nexstar_forms.txt")}
     assert all(since[name] == version for name, _, version, _ in rows("nexstar_replies.txt"))
-    assert len(rows("nexstar_models.txt")) == 34
+    assert len(rows("nexstar_models.txt")) == 44

@@ -316,7 +316,7 @@ def test_the_starsense() -> None:
     assert bench(b"Vv") == b"\x01\x14#\x13#"
     assert bench(b"J") == b"\x01#"
     assert bench(b"W\x21\x32\x29\x00\x76\x14\x11\x01") == b"#"
-    assert bench(b"J") == b"\x00#" and bench(b"t") == b"\x00#"
+    assert bench(b"J") == b"\x00#" and bench(b"t") == b"\x00\x01\x14#"
     assert Bench("6-8se", None, starsense=True)(b"V") == b"\x01\x14#"
 
 

@@ -95,8 +95,8 @@ async def _received(path: Path, pace: str) -> None:
 
 def test_there_is_a_conversation_for_every_program() -> None:
     names = {path.stem.removeprefix("nexstar-") for path in FILES}
-    assert names >= {"indi-altaz", "indi-german", "indi-guide", "indigo", "stellarium", "stellarium-mobile",
-                     "skysafari", "ascom", "hamlib", "robustness"}
+    assert names >= {"indi-altaz", "indi-german", "indi-guide", "indigo", "indigo-starsense", "stellarium",
+                     "stellarium-mobile", "skysafari", "ascom", "hamlib", "robustness"}
     for path in FILES:
         lines = read(path).lines
         assert [line.mark for line in lines].count("<") > 4

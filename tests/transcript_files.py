@@ -14,7 +14,7 @@ from tests.manual_files import raw
 
 FOLDER = Path(__file__).parent / "transcripts"
 #: What ``!`` may set before the conversation begins; anything else is set up as it goes along.
-SETTINGS = ("model", "precision", "sync_text", "connections")
+SETTINGS = ("model", "version", "precision", "sync_text", "connections")
 
 
 class Line(NamedTuple):

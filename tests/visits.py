@@ -90,10 +90,10 @@ class House:
     """A mount behind a port. ``visit`` is one connection."""
 
     def __init__(self, mount: Mount | None = None, model: str = "autostar", protocol: str = "lx200",
-                 **settings: Any) -> None:
+                 version: str | None = None, **settings: Any) -> None:
         self.mount = mount or Mount()
         self.hub = Still(self.mount)
-        face = FACES[protocol](Endpoint(protocol, "-", model), SurfaceConfig(at="-", **settings), Limits())
+        face = FACES[protocol](Endpoint(protocol, "-", model, version), SurfaceConfig(at="-", **settings), Limits())
         self.shared: dict[str, Any] = {"sites": {}}
         self.reception = Reception(cast(Any, self.hub), face, self.shared, self.hub.clock, lambda: None)
 

@@ -45,6 +45,9 @@ def script(shell: str) -> str:
         raise UserError("completion: the package shtab is missing; pip install shtab") from None
     from gateway.cli import parser
     from gateway.config.describing import keys
+    from gateway.config.endpoints import PROTOCOLS
+    from gateway.pairs import versions
+    from gateway.tables import load
 
     whole = parser()
     _words(whole)
@@ -54,6 +57,9 @@ def script(shell: str) -> str:
             action.complete = shtab.FILE  # type: ignore[attr-defined]
         elif action.metavar == "PATH":
             action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
+        elif action.dest == "model" and "--model" in action.option_strings:
+            action.choices = [f"{name}/{version}" if version else name
+                              for protocol in PROTOCOLS for name, version, _ in versions(load(protocol))]
         elif choices := few.get(action.option_strings[0] if action.option_strings else ""):
             action.choices = choices
     return str(shtab.complete(whole, shell))

@@ -14,6 +14,7 @@ from gateway.cli.signals import until_signal
 from gateway.config import parse_device, parse_site
 from gateway.config.endpoints import PROTOCOLS
 from gateway.errors import UserError
+from gateway.protocols.nexstar.versions import made_with
 from gateway.tables import load
 
 
@@ -67,10 +68,11 @@ def _epilog() -> str:
 
 def models() -> str:
     """Every model of both protocols, and the versions it was made with."""
-    lines = ["models, and versions of the hand control (the last one is the default; others are possible):"]
+    lines = ["models, and versions of the hand control (the last number is the default; others are possible, and",
+             "nexstar:starsense is a StarSense hand control on the default model):"]
     for protocol in PROTOCOLS:
         for name, row in load(protocol).models.items():
-            lines.append(f"  {protocol}:{name:<16} {' '.join(row.get('versions', ()))}".rstrip())
+            lines.append(f"  {protocol}:{name:<16} {' '.join(made_with(row))}".rstrip())
     return "\n".join(lines)
 
 

@@ -11,7 +11,14 @@ from collections.abc import Sequence
 import msgspec
 
 from gateway.errors import UserError
-from gateway.tables import load, parse_version
+from gateway.protocols.nexstar.versions import (
+    STARSENSE,
+    STARSENSE_NEWEST,
+    STARSENSE_OLDEST,
+    is_starsense,
+    numbered,
+)
+from gateway.tables import load, parse_version, show_version
 
 PROTOCOLS = ("lx200", "nexstar")
 OLDEST, NEWEST = (1, 2), (6, 0)
@@ -26,8 +33,10 @@ class Endpoint(msgspec.Struct, frozen=True):
     version: str | None = None
 
     def __str__(self) -> str:
-        model = f":{self.model}" if self.model else ""
-        return f"{self.protocol}{model}{'/' + self.version if self.version else ''}@{self.where}"
+        version = f"/{self.version}" if self.version else ""
+        if self.model is None and is_starsense(self.version):
+            return f"{self.protocol}:{version[1:].replace('-', '/')}@{self.where}"
+        return f"{self.protocol}{':' + self.model if self.model else ''}{version}@{self.where}"
 
 
 def parse_endpoint(text: str) -> Endpoint:
@@ -39,22 +48,36 @@ def parse_endpoint(text: str) -> Endpoint:
 
 
 def parse_device(what: str, where: str = "") -> Endpoint:
-    """``PROTOCOL[:MODEL[/VERSION]]``. Raises UserError."""
+    """``PROTOCOL[:MODEL[/VERSION]]``; a StarSense hand control is a version or a model of its own. Raises UserError."""
     protocol, _, rest = what.partition(":")
     if protocol not in PROTOCOLS:
         raise UserError(f"{protocol!r} is no protocol; write one of {', '.join(PROTOCOLS)}")
-    model, _, version = rest.partition("/")
-    if model and model not in load(protocol).models:
-        raise UserError(f"{protocol} has no model {model!r}; {nearest(model, list(load(protocol).models))}")
-    if version and not version.startswith("starsense-"):
+    model, slash, version = rest.partition("/")
+    if protocol == "nexstar" and model == STARSENSE:
+        model, version = "", f"{STARSENSE}-{version}" if slash else STARSENSE
+    words = [*load(protocol).models, *([STARSENSE] if protocol == "nexstar" else [])]
+    if model and model not in words:
+        raise UserError(f"{protocol} has no model {model!r}; {nearest(model, words)}")
+    return Endpoint(protocol, where, model or None, _version(protocol, version) if version else None)
+
+
+def _version(protocol: str, text: str) -> str:
+    """The version as it is written. Raises UserError for one that there never was."""
+    if protocol == "nexstar" and is_starsense(text):
         try:
-            parse_version(version)
+            return numbered(text).written
         except ValueError:
-            raise UserError(f"{version!r} is no version; write it like 4.21") from None
-        known = OLDEST <= parse_version(version) < NEWEST or parse_version(version)[0] >= 100
-        if protocol == "nexstar" and not known:
-            raise UserError(f"{version!r}: hand controls have versions from 1.2 to 5.x, a GT from 100.0 on")
-    return Endpoint(protocol, where, model or None, version or None)
+            oldest, newest = show_version(STARSENSE_OLDEST), show_version(STARSENSE_NEWEST)
+            raise UserError(f"{text!r}: a StarSense has versions from {oldest} on; write it like "
+                            f"{STARSENSE}-{newest}") from None
+    try:
+        version = parse_version(text)
+    except ValueError:
+        raise UserError(f"{text!r} is no version; write it like 4.21") from None
+    if protocol == "nexstar" and not (OLDEST <= version < NEWEST or version[0] >= 100):
+        raise UserError(f"{text!r}: hand controls have versions from 1.2 to 5.x, a GT from 100.0 on, a StarSense "
+                        f"from {STARSENSE}-{show_version(STARSENSE_OLDEST)} on")
+    return text
 
 
 def nearest(word: str, choices: Sequence[str]) -> str:

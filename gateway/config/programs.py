@@ -14,10 +14,12 @@ import msgspec
 from gateway.config.endpoints import parse_endpoint
 from gateway.config.keys import SurfaceConfig
 from gateway.errors import MappingError
+from gateway.protocols.nexstar.versions import is_starsense
 from gateway.tables import load, parse_version
 
 #: What a nexstar surface without a version presents.
 PRESENTED = "4.21"
+NEWEST = (99,)
 
 
 class Need(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -57,7 +59,7 @@ def wanted_by(surface: SurfaceConfig, program: str | None = None) -> list[Need]:
     if row is None:
         return []
     version = endpoint.version or PRESENTED
-    numbers = parse_version(version) if version[0].isdigit() else (99,)
+    numbers = NEWEST if is_starsense(version) else parse_version(version)  # of a StarSense all speak as of the newest
     return [need for need in row.needs if getattr(surface, need.key.replace("-", "_")) is None
             and (need.below is None or numbers < parse_version(need.below) or numbers[0] >= 100)]
 

@@ -28,9 +28,10 @@ def _signed_byte(value: int) -> int:
 
 
 class HandControl:
-    """One TCP connection to a hand control. Every answer has two seconds."""
+    """One TCP connection to a hand control, maybe a StarSense 1.20. Every answer has two seconds."""
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, starsense: bool = False) -> None:
+        self.starsense = starsense
         self._wire = socket.create_connection(("127.0.0.1", port), timeout=2.0)
 
     def close(self) -> None:
@@ -62,8 +63,8 @@ class HandControl:
         return {b"0": False, b"1": True}[self.ask(b"L", 1)]
 
     def tracking_mode(self) -> int:
-        """`t`: 0 off, 1 alt-azimuth, 2 equatorial north, 3 equatorial south."""
-        return self.ask(b"t", 1)[0]
+        """`t`: 0 off, 1 alt-azimuth, 2 equatorial north, 3 equatorial south; StarSense 1.20 adds its version."""
+        return self.ask(b"t", 3 if self.starsense else 1)[0]
 
     def aligned(self) -> bool:
         """`J`: binary 1 when the alignment is complete."""

@@ -53,7 +53,7 @@ def start_simulator(
 ) -> tuple[Endpoint, HandControl]:
     """A simulated hand control on two TCP ports: the first for the program under test, and the truth."""
     wire, second_wire = _simulator(workshop, mount, site, speed, aligned)
-    truth = HandControl(second_wire.port)
+    truth = HandControl(second_wire.port, "starsense" in mount)
     workshop.keep(truth.close)
     return wire, truth
 

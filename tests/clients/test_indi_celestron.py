@@ -60,6 +60,7 @@ def check_park(telescope: Telescope, truth: HandControl, mode: int) -> None:
         pytest.param("nexstar:6-8se", NORTH, 1, ("6/8 SE", "4.21", "Fork"), id="fork-north"),
         pytest.param("nexstar:cge", NORTH, 2, ("CGE", "4.21", "GEM"), id="german-north"),
         pytest.param("nexstar:cge", SOUTH, 3, ("CGE", "4.21", "GEM"), id="german-south"),
+        pytest.param("nexstar:avx/starsense", NORTH, 2, ("AVX", "1.20", "GEM"), id="starsense"),
     ],
 )
 def test_night(workshop: Workshop, mount: str, site: Site, mode: int, info: tuple[str, str, str]) -> None:

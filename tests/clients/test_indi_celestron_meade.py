@@ -188,6 +188,18 @@ def test_the_recipe_for_the_north_button(workshop: Workshop, presented: str, nor
     assert scenario.moves(telescope, truth, "SOUTH", lambda: truth.position().dec) * north < 0
 
 
+def test_it_takes_what_is_presented_for_a_starsense(workshop: Workshop) -> None:
+    """Its version is below what the driver asks of others for park, time and sync, and all of these are there."""
+    requires("indiserver", DRIVER)
+    meade, truth = start_meade(workshop, "lx200gps", NORTH, speed=3.0)
+    telescope = Telescope(workshop, DRIVER, DEVICE, start_celestron_gateway(workshop, meade, "tcp", "starsense"))
+    told = telescope.client.wait_for_vector("Firmware Info").values
+    assert (told["Model"], told["HC Version"], told["Mount Type"]) == ("6/8 SE", "1.20", "Fork"), told
+    scenario.goes_to(telescope, truth, target_up(truth.position(), 50.0, NORTH), exact_end=True)
+    scenario.syncs(telescope, truth)
+    check_park(telescope, truth, LX200GPS)
+
+
 @pytest.mark.parametrize("model", [AUTOSTAR, LX200GPS], ids=str)
 def test_time_and_site(workshop: Workshop, model: Model) -> None:
     """Set on a Meade that is not aligned, read back by a second process of the driver."""

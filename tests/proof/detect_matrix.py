@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 from gateway.config import Endpoint
 from gateway.detect import Place, look
 from gateway.detect.looking import OTHERS, USUAL
+from gateway.protocols.nexstar.versions import made_with
 from gateway.simulators import make_simulator, serve_simulator
 from gateway.tables import load
 
@@ -43,7 +44,7 @@ def cases() -> list[Case]:
     rates = sorted({USUAL, *OTHERS})
     found = [Case("lx200", model, None, rate) for model in load("lx200").models for rate in rates]
     for model, row in load("nexstar").models.items():
-        found += [Case("nexstar", model, version, USUAL) for version in [*row["versions"], "starsense-1.20"]]
+        found += [Case("nexstar", model, version, USUAL) for version in made_with(row)]
     return found
 
 

@@ -25,6 +25,7 @@ from gateway.assembly import FACES
 from gateway.clients import INBOX, MEMO, Client
 from gateway.config import Endpoint, SurfaceConfig
 from gateway.mount.safety.limits import Limits
+from gateway.protocols.nexstar.versions import made_with
 from gateway.sky import Sky
 from gateway.tables import load
 from gateway.transcript import MOST, Entry
@@ -59,11 +60,15 @@ class Case(NamedTuple):
 
 
 def cases() -> list[Case]:
-    """Every model that can be presented, NexStar's in their oldest and newest versions, on a mount of either kind."""
+    """Every model that can be presented, on a mount of either kind.
+
+    NexStar's are in their oldest and newest versions, and with a StarSense where that takes their place.
+    """
     mounts = (("nexstar", "6-8se"), ("lx200", "autostar"), ("nexstar", "cge"), ("lx200", "lx200gps"))
     faces = [("lx200", model, None) for model in load("lx200").models]
     for model, row in load("nexstar").models.items():
-        faces += [("nexstar", model, version) for version in dict.fromkeys((row["versions"][0], row["versions"][-1]))]
+        newest = row["versions"][-1], made_with(row)[-1]
+        faces += [("nexstar", model, version) for version in dict.fromkeys((row["versions"][0], *newest))]
     lx200 = [Case(*face, *mount) for face in faces[:4] for mount in mounts]
     return lx200 + [Case(*face, *mounts[n % 4]) for n, face in enumerate(faces[4:])]
 

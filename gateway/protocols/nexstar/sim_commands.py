@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from gateway.mount_geometry import Build
 from gateway.protocols.nexstar.sim_clock import Handler, Values
+from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT
 from gateway.spherical import wrap180
 from gateway.tables import Version
 
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from gateway.protocols.nexstar.simulator import HandControl
 
 OFF, ALTAZ, EQ_NORTH, EQ_SOUTH = range(4)
-NEXSTAR, STARSENSE = 17, 19  # what ``v`` answers
 #: Slew limits of a fork, degrees of altitude.
 LOWEST, HIGHEST = -5.0, 90.0
 #: Up to this version ``p`` tells the side in the northern way, also in the southern hemisphere.
@@ -139,6 +139,6 @@ COMMANDS: dict[str, Handler] = {
     "J": lambda sim, _: {"aligned": int(sim.aligned)},
     "K": lambda sim, values: values,
     "V": lambda sim, _: {"major": sim.shown_version[0], "minor": sim.shown_version[1]},
-    "v": lambda sim, _: {"variant": STARSENSE if sim.starsense else NEXSTAR},
+    "v": lambda sim, _: {"variant": STARSENSE_VARIANT if sim.starsense else NEXSTAR_VARIANT},
     "m": lambda sim, _: {"model": sim.row["id"]},
 }

@@ -25,17 +25,13 @@ from gateway.protocols.nexstar.framing import Framer
 from gateway.protocols.nexstar.sim_clock import CLOCKS, GPS, RTC, Handler
 from gateway.protocols.nexstar.sim_commands import ALTAZ, COMMANDS, EQ_NORTH, EQ_SOUTH, OFF
 from gateway.protocols.nexstar.sim_devices import ALT, AZM, DEVICES, FOCUSER, FocuserMotor
+from gateway.protocols.nexstar.versions import STARSENSE, STARSENSE_LONG_MODE, numbered
 from gateway.spherical import SIDEREAL_RATE, wrap180, wrap360
 from gateway.tables import Command, Version, load, parse_version
 
 HANDLERS: dict[str, Handler] = {**COMMANDS, **CLOCKS, **DEVICES}
 
 RESTORE_WHEN_QUIET, RESTORE_ALTAZ = 20.0, 30.0
-#: A GT hand control counts from 100; these are the versions the manual says to take it for.
-GT_FIRST, GT_NEW = 100, (104, 0)
-GT_TAKEN_FOR: dict[bool, Version] = {False: (1, 2), True: (4, 3)}
-#: A StarSense counts anew from 1.18, and has what a 4.21 has.
-STARSENSE_TAKEN_FOR, STARSENSE_SHOWN = (4, 21), (1, 20)
 AWAKE_OR_NOT = b"yKV"
 GERMAN_START: Pair = (90.0, 90.0)
 PASS_THROUGH = ord("P")
@@ -90,21 +86,15 @@ class HandControl:
 
     def _know_version(self, version: str | None, starsense: bool) -> None:
         """What ``V`` shows, and which commands are known for it."""
-        text = version or ("" if starsense else self.row["versions"][-1])
-        name, dash, number = text.rpartition("-")
         try:
-            shown = parse_version(number)[:2] if number else STARSENSE_SHOWN
-            self.shown_version: tuple[int, int] = (shown[0], shown[1])
+            number = numbered(version or (STARSENSE if starsense else self.row["versions"][-1]))
+            self.shown_version: tuple[int, int] = (number.shown[0], number.shown[1])
         except (ValueError, IndexError):
             raise UserError(f"{version!r} is no hand-control version: 4.21 or starsense-1.20 are") from None
-        if (dash and name != "starsense") or not all(0 <= part <= 255 for part in self.shown_version):
+        if not all(0 <= part <= 255 for part in self.shown_version):
             raise UserError(f"{version!r} is no hand-control version: 4.21 or starsense-1.20 are")
-        self.starsense: bool = starsense or bool(dash)
-        self.version: Version = self.shown_version
-        if self.starsense:
-            self.version = STARSENSE_TAKEN_FOR
-        elif self.shown_version[0] >= GT_FIRST:
-            self.version = GT_TAKEN_FOR[self.shown_version >= GT_NEW]
+        self.starsense: bool = number.starsense
+        self.version: Version = number.counts_as
         first, last = self.row.get("shifted", ("1.0", "0.0"))
         self.shifted = parse_version(first) <= self.version <= parse_version(last)
 
@@ -155,6 +145,8 @@ class HandControl:
             values = HANDLERS[command.name](self, picture.decode(frame)) or {}
         except ValueError:
             return b"#"  # acknowledged, not carried out
+        if command.name == "t" and self.starsense and self.shown_version == STARSENSE_LONG_MODE:
+            return bytes((values["mode"], *self.shown_version)) + b"#"
         return command.replies[0][1].encode(values)
 
     def _pass(self, frame: bytes) -> bytes:

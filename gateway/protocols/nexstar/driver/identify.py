@@ -7,11 +7,12 @@ from gateway.errors import Fault, NoDevice
 from gateway.operations import Identity, Operation, Tracking
 from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.protocols.nexstar.driver.tracking import read_status
+from gateway.protocols.nexstar.versions import GT_FIRST, STARSENSE_END, STARSENSE_OLDEST, STARSENSE_VARIANT, counts_as
 from gateway.tables import show_version
 
-STARSENSE, STARSENSE_BEFORE = 19, (2, 0)
-#: What a GT hand control's number stands for, by the manual: before 104.0 treat it as 1.2, from then on as 4.03.
-GT_OLD, GT_NEW = (1, 2), (4, 3)
+#: From this version on a hand control may be a StarSense as well.
+ASKED_AGAIN_FROM = (5, 28)
+
 AZM, ALT, FOCUSER = 16, 17, 18
 #: What a hand control too old to tell its model may have behind it.
 PARTS = {"gps": 176, "rtc": 178}
@@ -22,13 +23,13 @@ def identity(mount: NexStar, _: Operation) -> Steps:
     answer = yield Ask("V")
     raw = (answer["major"], answer["minor"])
     mount.version_text = show_version(raw)
-    mount.version = raw
-    if raw[0] >= 100:
-        mount.version = GT_NEW if raw[0] >= 104 else GT_OLD
-        mount.model = mount.named_model or "gt"
-    elif (raw[0] == 1 and raw[1] >= 18) or raw >= (5, 28):
+    mount.version, mount.starsense = raw, False
+    if STARSENSE_OLDEST <= raw < STARSENSE_END or ASKED_AGAIN_FROM <= raw < (GT_FIRST,):
         yield from _variant(mount)
-    if mount.knows("m") and raw[0] < 100:
+    mount.version = counts_as(raw, starsense=mount.starsense)
+    if raw[0] >= GT_FIRST:
+        mount.model = mount.named_model or "gt"
+    elif mount.knows("m"):
         yield from _model(mount)
     if mount.knows("device_version"):
         yield from _motors(mount)
@@ -52,12 +53,9 @@ def _variant(mount: NexStar) -> Steps:
     Nothing else has counted there, so one that does not say what it is hibernates.
     """
     try:
-        starsense = (yield Ask("v"))["variant"] == STARSENSE
+        mount.starsense = (yield Ask("v"))["variant"] == STARSENSE_VARIANT
     except Fault:
-        starsense = mount.version is not None and mount.version < STARSENSE_BEFORE
-    if starsense:
-        mount.starsense = True
-        mount.version = (4, 21)
+        mount.starsense = mount.version is not None and mount.version < STARSENSE_END
 
 
 def _model(mount: NexStar) -> Steps:

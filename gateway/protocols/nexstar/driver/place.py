@@ -44,8 +44,16 @@ def set_site(mount: NexStar, operation: SetSite) -> Steps:
     """``W``. Both halves are needed."""
     if not mount.knows("W") or operation.latitude is None or operation.longitude is None:
         raise Unsupported("This hand control takes no site.")
+    yield from _not_aligned(mount)
     yield Ask("W", {"latitude": operation.latitude, "longitude": wrap180(operation.longitude)})
     mount.site = Place(operation.latitude, operation.longitude)
+
+
+def _not_aligned(mount: NexStar) -> Steps:
+    """A StarSense is asked first: somebody may have aligned it since anybody looked. Raises Unsupported."""
+    if mount.starsense and (yield Ask("J"))["aligned"]:
+        mount.aligned = True
+        raise Unsupported("A StarSense that is told site or time while it is aligned loses its alignment.")
 
 
 def unix_of(year: int, month: int, day: int, hour: int, minute: int, second: int) -> float:
@@ -55,7 +63,7 @@ def unix_of(year: int, month: int, day: int, hour: int, minute: int, second: int
 
 def get_clock(mount: NexStar, _: GetClock) -> Steps:
     """``i`` or ``h``; else the clock of a CGE; else the GPS unit. -> Moment."""
-    if mount.knows("i") and not mount.starsense:
+    if mount.knows("i"):
         a = yield Ask("i")
         return _moment(a, a["quarters"] / 4.0)
     if mount.knows("h"):
@@ -121,7 +129,7 @@ def set_clock(mount: NexStar, operation: SetClock) -> Steps:
     saving already make that offset: then they are left as they are.
     """
     dst, began = operation.dst or 0, mount.now()
-    if mount.knows("I") and not mount.starsense:
+    if mount.knows("I"):
         quarters = round((operation.offset - dst) * 4)
         name, zone, fields = "I", quarters / 4.0, {"quarters": quarters}
     elif mount.knows("H"):
@@ -136,6 +144,7 @@ def set_clock(mount: NexStar, operation: SetClock) -> Steps:
     else:
         raise Unsupported("This hand control takes no time.")
     for _ in range(SET_TRIES):
+        yield from _not_aligned(mount)
         asked = mount.now()
         local = datetime.fromtimestamp(round(operation.unix + asked - began), UTC) + timedelta(hours=zone + dst)
         yield Ask(name, {"hour": local.hour, "minute": local.minute, "second": local.second, "month": local.month,

@@ -21,6 +21,7 @@ from gateway.operations import (
     Tracking,
     TrackRate,
 )
+from gateway.protocols.nexstar.versions import numbered
 from gateway.tables import Version, load, parse_version
 
 
@@ -74,11 +75,11 @@ class NexStar(Driver):
         self.specials = SPECIALS
         self.now, self.settings = now, settings
         self.named_model = model
-        self.named_version = parse_version(version) if version and version[0].isdigit() else None
+        named = numbered(version) if version else None
         self.model = model
-        self.version: Version | None = self.named_version
+        self.version: Version | None = named.counts_as if named else None
         self.version_text = "?"
-        self.starsense = False
+        self.starsense = named is not None and named.starsense
         self.motors: dict[int, Version] = {}
         self.focuser = False
         self.found: set[str] = set()

@@ -9,8 +9,9 @@ from typing import Any
 from gateway.frames import Framing
 from gateway.protocols.nexstar.framing import Framer
 from gateway.protocols.nexstar.surface import devices, identity, motion, place, pointing
+from gateway.protocols.nexstar.versions import STARSENSE_VARIANT, numbered
 from gateway.surface import Special
-from gateway.tables import Version, load, parse_version, show_version
+from gateway.tables import Version, load, show_version
 
 #: row word -> function; the same word may stand in several modules, so it is written ``module.function``.
 SPECIALS: dict[str, Special] = {
@@ -25,14 +26,14 @@ SPECIALS: dict[str, Special] = {
 VERSION, FORK, WEDGE, GERMAN = "4.21", "6-8se", "cpc", "cge"
 #: Answered whatever the version: one program asks it of every hand control and waits.
 ALWAYS = "v"
-#: GT hand controls count from 100.
-GT_FIRST, GT_SECOND, GT_OLD, GT_NEW = 100, (104, 0), (1, 2), (4, 3)
 
 
 def presented(model: str | None, version: str | None) -> dict[str, Any]:
     """The model's constants as a hand control of that version tells them."""
     name = model or FORK
-    return {**load("nexstar").models[name], "name": name, "version": parse_version(version or VERSION)}
+    number = numbered(version or VERSION)
+    return {**load("nexstar").models[name], "name": name, "version": number.shown, "counts_as": number.counts_as,
+            "variant": number.variant}
 
 
 def fitting(equatorial: bool, german: bool | None, gps: bool, version: str | None) -> dict[str, Any]:
@@ -41,26 +42,19 @@ def fitting(equatorial: bool, german: bool | None, gps: bool, version: str | Non
     return {**model, "has": [part for part in model["has"] if part != "gps"] + ["gps"] * gps}
 
 
-def counts_as(version: Version) -> Version:
-    """What a hand control of that number knows: before 104.0 a GT is to be treated as 1.2, from then on as 4.03."""
-    if version[0] < GT_FIRST:
-        return version
-    return GT_NEW if version >= GT_SECOND else GT_OLD
-
-
 @cache
 def _opcodes(version: Version) -> frozenset[int]:
-    """The first bytes of the requests that a hand control which shows that version knows."""
-    taken_for = counts_as(version)
-    known = [c for c in load("nexstar").commands.values() if c.name == ALWAYS or c.known_to(None, taken_for)]
+    """The first bytes of the requests that a hand control which counts as that version knows."""
+    known = [c for c in load("nexstar").commands.values() if c.name == ALWAYS or c.known_to(None, version)]
     return frozenset(command.request.literal[0] for command in known)
 
 
 def lacks(model: Mapping[str, Any], frame: bytes) -> str:
     """Why the presented hand control passes over a request as a whole; empty where it knows it."""
-    if frame[0] in _opcodes(model["version"]):
+    if frame[0] in _opcodes(model["counts_as"]):
         return ""
-    return f"a hand control {show_version(model['version'])} has no such command"
+    name = "StarSense" if model["variant"] == STARSENSE_VARIANT else "hand control"
+    return f"a {name} {show_version(model['version'])} has no such command"
 
 
 def framing(now: Callable[[], float]) -> Framing:

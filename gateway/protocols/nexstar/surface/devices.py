@@ -108,7 +108,7 @@ def _calendar(unix: float) -> dict[str, int]:
 def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """Set date, year, time of the clock: each changes its own part of UT. Raises Invalid for an impossible one."""
     _require(session, "rtc")
-    if not command.known_to(None, session.model["version"]):
+    if not command.known_to(None, session.model["counts_as"]):
         raise NoDevice
     yield Possible(SetClock(0.0, 0.0))
     moment: Moment = yield GetClock()

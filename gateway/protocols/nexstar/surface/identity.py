@@ -7,8 +7,6 @@ from typing import Any
 from gateway.surface import Session
 from gateway.tables import Command
 
-NEXSTAR_VARIANT = 17
-
 
 def version(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
     """V"""
@@ -18,7 +16,7 @@ def version(session: Session, command: Command, values: dict[str, Any]) -> dict[
 
 def variant(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
     """v - answered whatever the version: one program waits five seconds for it, twice."""
-    return {"variant": NEXSTAR_VARIANT}
+    return {"variant": session.model["variant"]}
 
 
 def model(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:

@@ -24,6 +24,7 @@ from gateway.operations import (
 )
 from gateway.protocols.nexstar.surface.begin import begin
 from gateway.protocols.nexstar.surface.devices import motor
+from gateway.protocols.nexstar.versions import STARSENSE_LONG_MODE, STARSENSE_VARIANT
 from gateway.surface import Handling, Session, Start
 from gateway.tables import Command, parse_version
 
@@ -74,16 +75,19 @@ def _rate(axis: int, sense: int, degrees: float, tracking: str | None) -> Handli
 
 def _modes(session: Session) -> dict[int, Tracking]:
     """The tracking modes as the presented version counts them."""
-    first_last = session.model.get("shifted")
-    if first_last and parse_version(first_last[0]) <= session.model["version"] <= parse_version(first_last[1]):
+    first_last, version = session.model.get("shifted"), session.model["counts_as"]
+    if first_last and parse_version(first_last[0]) <= version <= parse_version(first_last[1]):
         return _SHIFTED
     return _MODES
 
 
 def mode(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """t - binary. What is: a mount that cannot stop tracking goes on after T 0."""
+    """t - binary. What is: a mount that cannot stop tracking goes on after T 0. A StarSense 1.20 says more."""
     status: Status = yield GetStatus()
-    return {"mode": next((code for code, known in _modes(session).items() if known is status.tracking), 1)}
+    told = next((code for code, known in _modes(session).items() if known is status.tracking), 1)
+    if (session.model["variant"], session.model["version"]) == (STARSENSE_VARIANT, STARSENSE_LONG_MODE):
+        return bytes((told, *STARSENSE_LONG_MODE)) + b"#"
+    return {"mode": told}
 
 
 def set_mode(session: Session, command: Command, values: dict[str, Any]) -> Handling:
