@@ -14,7 +14,7 @@ import pytest
 from gateway import pairs
 from gateway.codecs import Codec
 from gateway.errors import MappingError, UserError
-from gateway.explain import explain
+from gateway.rehearsal.explain import explain
 from gateway.protocols.lx200.surface import SPECIALS as LX200_SPECIALS
 from gateway.protocols.nexstar.driver import SPECIALS as NEXSTAR_SPECIALS
 from gateway.tables import Protocol, load, mappings_folder

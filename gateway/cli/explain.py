@@ -18,7 +18,7 @@ def add(commands: Any) -> None:
 
 
 def _explain(arguments: argparse.Namespace) -> int:
-    from gateway.explain import explain
+    from gateway.rehearsal.explain import explain
 
     print(explain(arguments.client, arguments.mount, arguments.command))
     return 0
