@@ -59,7 +59,8 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a surface does with a command: exactly one of the five verbs, and what a reader should know.
 
     One that ``passes`` means nothing here, but something to a mount of the same protocol that has it. Without a word
-    on that, what is refused here passes.
+    on that, what is refused here passes. On a presented model that is none of ``models`` the outcome is ``elsewhere``.
+    ``after`` is what a program says before it, for an example of it.
     """
 
     ask: str | None = None
@@ -71,6 +72,9 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     outcome: str | None = None
     without: str | None = None
     passes: bool | None = None
+    models: list[str] | None = None
+    elsewhere: str | None = None
+    after: list[str] = []
     why: str | None = None
 
     @property
@@ -92,7 +96,8 @@ class Way(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One way of carrying out an operation: the commands it sends, or a Python special, what it needs and what it uses.
 
     A way whose ``send`` or ``needs`` the mount lacks is passed over; the others it uses where there are some. ``part``
-    names what a model must have for it (``has`` in ``models.toml``); the tables count by it.
+    names what a model must have for it (``has`` in ``models.toml``); the tables count by it. ``aligned`` says that it is
+    taken on an aligned mount alone, or only before the alignment.
     """
 
     send: list[str] = []
@@ -100,6 +105,7 @@ class Way(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     needs: list[str] = []
     uses: list[str] = []
     part: str | None = None
+    aligned: bool | None = None
     outcome: str = "translated"
     why: str | None = None
 
@@ -202,7 +208,7 @@ class Protocol:
         for name in row.operations:
             if operations.named(name) is None:
                 raise MappingError(where, key, f"no operation is called {name!r}")
-        for outcome in (row.outcome, row.without):
+        for outcome in (row.outcome, row.without, row.elsewhere):
             if outcome is not None and outcome not in OUTCOMES:
                 raise MappingError(where, key, f"outcome {outcome!r} is none of {', '.join(OUTCOMES)}")
         if "refused" in (row.outcome, row.without) and not row.why:

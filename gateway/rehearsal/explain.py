@@ -1,50 +1,38 @@
-"""What happens to one command: words and bytes on both sides, found by running it through the real surface and driver.
+"""What happens to one command: words and bytes on both sides, found by playing it through the whole gateway.
 
-The mount is a stand-in that answers every question with something plausible and never moves.
+The mount is a simulated one, aligned and tracking, in virtual time.
 """
 
 from __future__ import annotations
 
-import time
-from datetime import date
-from typing import TYPE_CHECKING, Any
+from msgspec.structs import replace
 
-from gateway import operations as op
-from gateway.codecs import Codec
-from gateway.driver import Ask, Driver, Steps
-from gateway.errors import Fault, UserError
+from gateway.config import Endpoint, parse_words
+from gateway.errors import UserError
 from gateway.logline import meaning, show
-from gateway.mount.site.astrometry import SiteAstrometry
-from gateway.mount.site.ephemeris_reads import PLACES
-from gateway.observatory import Observatory
 from gateway.pairs import effective, outcome, taken
 from gateway.recording import unescape
+from gateway.rehearsal.play import Play, Player, stage
+from gateway.simulators import DEFAULT_MODEL
 from gateway.sky import Sky
-from gateway.surface import Again, Defer, Possible, Session, Speed, Start, Surface
-from gateway.tables import load
+from gateway.tables import Protocol, SurfaceRow, Version, load
+from gateway.virtual import run
 
-if TYPE_CHECKING:
-    from gateway.config import Endpoint
-
-_SITE = op.Place(45.0, 10.0)
-_PLACE = op.Equatorial(83.633, 22.0145)
+#: What programs that speak LX200 have said before, so that there is a target.
+TARGET = {"lx200": (":Sr05:34:32#", ":Sd+22*00:52#", ":Sa+50*00#", ":Sz200*00#")}
 
 
-def explain(surface: str, scope: str, typed: str) -> str:
-    """Lines of text. ``surface`` and ``scope`` are ``PROTOCOL[:MODEL[/VERSION]]``.
+def explain(surface: str, mount: str, typed: str) -> str:
+    """Lines of text. ``surface`` and ``mount`` are ``PROTOCOL[:MODEL[/VERSION]]``, or a model's word alone.
 
     Raises UserError for one of them that does not exist, and for a command that the protocol does not have.
     """
-    from gateway.config import parse_device
-
-    face, at = parse_device(surface), parse_device(scope)
-    client, mount = face.protocol, at.protocol
+    face, at = parse_words(surface), whole(parse_words(mount))
     frame = unescape(typed)
-    protocol, driven = load(client), load(mount)
-    version = effective(driven, at.model, at.version) if at.model and at.version else None
+    protocol, driven = load(face.protocol), load(at.protocol)
     found = protocol.find(frame)
     if found is None:
-        raise UserError(f"{client} has no command {typed!r}{_hint(client, frame)}")
+        raise UserError(f"{face.protocol} has no command {typed!r}{_hint(face.protocol, frame)}")
     command, picture = found
     row = protocol.surface.get(command.name)
     lines = [f"{show(frame)}  {command.help}"]
@@ -56,19 +44,58 @@ def explain(surface: str, scope: str, typed: str) -> str:
     if command.beyond:
         lines.append(f"  beyond the manual: {command.beyond}")
     try:
-        values = picture.decode(frame)
-        lines += [f"  {name} = {value}" for name, value in values.items()]
+        lines += [f"  {name} = {value}" for name, value in picture.decode(frame).items()]
     except ValueError as error:
         lines.append(f"  not valid: {error}")
-    name = f"{at.model or mount}{f'/{at.version}' if at.version else ''}"
-    lines.append(f"outcome on a {name} mount: {outcome(row, driven, at.model, version)}")
+    lines += _said(row, driven, at, face)
+    if row is not None:
+        lines.append("  for example, with the Crab nebula as the target and an aligned mount that tracks:")
+        lines += shown(play_one(face, at, frame, row), at.protocol)
+    return "\n".join(lines)
+
+
+def whole(mount: Endpoint) -> Endpoint:
+    """A mount with its model and version: what is not said is what a simulated one is."""
+    model = mount.model or DEFAULT_MODEL[mount.protocol]
+    versions = load(mount.protocol).models[model].get("versions", [None])
+    return replace(mount, model=model, version=mount.version or versions[-1])
+
+
+def counted(mount: Endpoint) -> Version | None:
+    """The version whose commands a whole mount has."""
+    return effective(load(mount.protocol), mount.model or "", mount.version) if mount.version else None
+
+
+def before(face: Endpoint, row: SurfaceRow) -> tuple[bytes, ...]:
+    """What a program has said before this command."""
+    return tuple(unescape(said) for said in (*TARGET.get(face.protocol, ()), *row.after))
+
+
+def play_one(face: Endpoint, mount: Endpoint, frame: bytes, row: SurfaceRow, aligned: bool = True) -> Play:
+    """A frame played on a stage of its own."""
+    sky = Sky()
+    sky.load()
+
+    async def play() -> Play:
+        async with stage(face, mount, sky, aligned=aligned) as whole_gateway:
+            return await Player(whole_gateway).play(frame, before(face, row))
+
+    result: Play = run(play())
+    return result
+
+
+def _said(row: SurfaceRow | None, driven: Protocol, at: Endpoint, face: Endpoint) -> list[str]:
+    """What the tables say becomes of it on this mount."""
+    model, version = at.model, counted(at)
+    name = f"{model}{f'/{at.version}' if at.version else ''}"
+    said = outcome(row, driven, model, version, aligned=True, face=face.model)
+    lines = [f"outcome on a {name} mount: {said}"]
+    early = outcome(row, driven, model, version, aligned=False, face=face.model)
+    if early != said:
+        lines.append(f"  before the alignment: {early}")
     if row is not None and row.why:
         lines.append(f"  {row.why}")
-    if at.model:
-        lines += [f"  {way.why}" for way in taken(row, driven, at.model, version) if way.why]
-    if row is not None:
-        lines += _run(face, at, frame)
-    return "\n".join(lines)
+    return lines + [f"  {way.why}" for way in taken(row, driven, model, version, aligned=True) if way.why]
 
 
 def _hint(client: str, frame: bytes) -> str:
@@ -81,109 +108,22 @@ def _hint(client: str, frame: bytes) -> str:
     return ""
 
 
-def _run(surface_at: Endpoint, mount_at: Endpoint, frame: bytes) -> list[str]:
-    """The command carried out on a mount that only answers."""
-    from gateway.assembly import DRIVERS, FACES
-    from gateway.config import MountConfig, SurfaceConfig
-    from gateway.mount.safety.limits import Limits
-
-    face = FACES[surface_at.protocol](surface_at, SurfaceConfig(at="-"), Limits())
-    driver, _, dialogue = DRIVERS[mount_at.protocol](mount_at, MountConfig(at="-"), time.monotonic)
-    surface: Surface = face.surface
-    session = Session(face.model, face.settings, time.time, {"sites": {}})
-    session.kept.update(ra=_PLACE.ra, dec=_PLACE.dec, az=180.0, alt=45.0)
-    lines: list[str] = ["  for example, with the Crab nebula as the target and an aligned mount that tracks:"]
-    stand_in = _StandIn(driver, dialogue, lines)
-    steps = surface.handle(session, frame)
-    answer: Any = None
-    fault: Fault | None = None
-    try:
-        while True:
-            wanted = steps.send(answer) if fault is None else steps.throw(fault)
-            answer, fault = None, None
-            if isinstance(wanted, Speed):
-                lines.append(f"  a serial port goes on at {wanted.baud} baud")
-                continue
-            if isinstance(wanted, Defer | Possible):
-                continue
-            operation = wanted.operation if isinstance(wanted, Start | Again) else wanted
-            lines.append(f"  means {_words(operation)}")
-            try:
-                answer = stand_in.perform(operation)
-            except Fault as error:
-                fault = error if not isinstance(wanted, Start) else None
-                lines.append(f"    {error}")
-    except StopIteration as end:
-        reply = end.value
-    lines.append(f"reply: {show(reply) if reply else 'none'}")
-    return lines
-
-
-def _words(operation: op.Operation) -> str:
-    fields = ", ".join(f"{f}={getattr(operation, f)!r}" for f in operation.__struct_fields__
-                       if getattr(operation, f) is not None)
-    return f"{type(operation).__name__}({fields})"
-
-
-class _StandIn:
-    """Performs operations on a driver whose mount answers each command with the emptiest true-looking reply."""
-
-    def __init__(self, driver: Driver, dialogue: Any, lines: list[str]) -> None:
-        self.driver, self.dialogue, self.lines = driver, dialogue, lines
-        self.derived = SiteAstrometry(Sky(), Observatory(time.monotonic, time.time, _SITE), "jnow")
-
-    def perform(self, operation: op.Operation) -> Any:
-        if isinstance(operation, op.SiderealTime):
-            return self.derived.sidereal_time()
-        if type(operation) in PLACES:
-            self.derived.sky.load()
-            return PLACES[type(operation)](self.derived, operation)
-        if isinstance(operation, op.SetSite):
-            operation = op.SetSite(operation.latitude if operation.latitude is not None else _SITE.latitude,
-                                   operation.longitude if operation.longitude is not None else _SITE.longitude)
-        if isinstance(operation, op.GotoHorizontal):
-            operation = op.GotoAxes(operation.az, operation.alt)
-        answer = self._drive(self.driver.perform(operation))
-        if isinstance(operation, op.HorizontalPosition) and answer is None:  # the axes of an equatorial mount are none
-            return self.derived.horizon(_PLACE)
-        return answer
-
-    def _drive(self, steps: Steps) -> Any:
-        answer: Any = None
-        try:
-            while True:
-                step = steps.send(answer)
-                answer = None
-                if isinstance(step, Ask):
-                    request = self.dialogue.encode(step)
-                    answer = self._answer(step)
-                    words = meaning(self.driver.protocol.name, request)
-                    self.lines.append(f"    to the mount: {show(request)}  {words}")
-        except StopIteration as end:
-            return end.value
-
-    def _answer(self, ask: Ask) -> dict[str, Any]:
-        """Something plausible for every field of the reply."""
-        command = self.driver.protocol.commands[ask.command]
-        if not command.replies:
-            return {}
-        picture = command.replies[0][1]
-        fields = {name: _plausible(name, field) for name, field in picture.fields.items()}
-        return {**fields, "length": len(picture.encode(fields))}
-
-
-_KNOWN: dict[str, Any] = {
-    "ra": _PLACE.ra, "dec": _PLACE.dec, "az": 180.0, "alt": 45.0, "aligned": 1, "mode": 1, "slewing": "0",
-    "latitude": _SITE.latitude, "longitude": _SITE.longitude, "month": 1, "day": 1, "year": 26, "side": "E",
-    "linked": 1, "echo": 120, "major": 4, "minor": 21, "model": 12,
-}  # fmt: skip
-
-
-def _plausible(name: str, field: Codec) -> Any:
-    """What is known by this name, else whatever such a field can carry: letters of modes, a number, a text, a date."""
-    for value in (_KNOWN.get(name, 0), "A", "T", "1", date(2026, 1, 1)):
-        try:
-            return field.decode(field.encode(value))
-        except (ValueError, TypeError, AttributeError):
-            continue
-    return 0
+def shown(play: Play, mount: str) -> list[str]:
+    """A play as lines: what it means, what goes to the mount up to the reply, what changes the mount after it."""
+    lines: list[str] = []
+    answered = False
+    for event in play.events:
+        line = ""
+        if event.kind == "reply":
+            answered = True
+        elif event.kind == "means":
+            line = f"  means {event.words}"
+        elif event.kind == "act" or (event.kind == "look" and not answered):
+            line = f"    to the mount: {show(event.data)}  {meaning(mount, event.data)}"
+        elif event.kind in ("note", "fault"):
+            line = f"    {event.words}"
+        elif event.kind == "baud":
+            line = f"  a serial port goes on at {event.words} baud"
+        if line and line not in lines[-1:]:
+            lines.append(line)
+    return [*lines, f"reply: {show(play.reply) if play.reply else 'none'}"]
