@@ -55,14 +55,14 @@ def effective(mount: Protocol, model: str, text: str) -> Version:
 
 
 def outcome(row: SurfaceRow | None, mount: Protocol, model: str | None = None, version: Version | None = None, *,
-            aligned: bool | None = None, face: str | None = None) -> str:
-    """What becomes of a command on a mount, of any or of one model and version; ``face`` is the presented model.
+            aligned: bool | None = None, face: frozenset[str] | None = None) -> str:
+    """What becomes of a command on a mount, of any or of one model and version; ``face``: the presented one's traits.
 
     ``aligned`` asks for an aligned mount or for one before its alignment; without it the best of both is told.
     """
     if row is None:
         return MISSING
-    if row.models is not None and face is not None and face not in row.models:
+    if row.models is not None and face is not None and face.isdisjoint(row.models):
         return row.elsewhere or MISSING
     if row.outcome:
         return row.outcome
@@ -78,7 +78,7 @@ def taken(row: SurfaceRow | None, mount: Protocol, model: str | None = None, ver
     found = []
     for name in [] if row is None else row.operations:
         for way in mount.driver.get(name, ()):
-            if way.part and model and way.part not in mount.models[model].get("has", ()):
+            if way.part and model and way.part not in mount.traits(model):
                 continue
             if None not in (aligned, way.aligned) and aligned != way.aligned:
                 continue
@@ -116,8 +116,10 @@ def presented_counts(client: str, mount: str, model: str, version: Version | Non
     """Outcome -> number of commands that a presented model has by its manual; ``beyond`` are all others."""
     protocol, driven = load(client), load(mount)
     rows = protocol.surface
+    face = protocol.traits(model)
     return Counter(
-        outcome(rows.get(name), driven) if command.known_to(model, version) and not command.beyond else BEYOND
+        outcome(rows.get(name), driven, face=face) if command.known_to(model, version) and not command.beyond
+        else BEYOND
         for name, command in protocol.commands.items()
     )
 

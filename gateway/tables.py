@@ -59,8 +59,9 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a surface does with a command: exactly one of the five verbs, and what a reader should know.
 
     One that ``passes`` means nothing here, but something to a mount of the same protocol that has it. Without a word
-    on that, what is refused here passes. On a presented model that is none of ``models`` the outcome is ``elsewhere``.
-    ``after`` is what a program says before it, for an example of it.
+    on that, what is refused here passes. Where ``models`` names the presented models that it is for, or what they
+    are or have (``traits``), the outcome on all others is ``elsewhere``. For an example of it a program has said
+    ``after`` before, the mount has come to rest, and then ``during``.
     """
 
     ask: str | None = None
@@ -75,6 +76,7 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     models: list[str] | None = None
     elsewhere: str | None = None
     after: list[str] = []
+    during: list[str] = []
     why: str | None = None
 
     @property
@@ -96,8 +98,8 @@ class Way(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One way of carrying out an operation: the commands it sends, or a Python special, what it needs and what it uses.
 
     A way whose ``send`` or ``needs`` the mount lacks is passed over; the others it uses where there are some. ``part``
-    names what a model must have for it (``has`` in ``models.toml``); the tables count by it. ``aligned`` says that it is
-    taken on an aligned mount alone, or only before the alignment.
+    names what a model must be or have for it (``traits``); the tables count by it. ``aligned`` says that it is taken on
+    an aligned mount alone, or only before the alignment.
     """
 
     send: list[str] = []
@@ -242,6 +244,12 @@ class Protocol:
         if self._models is None:
             self._models = self._read("models.toml", dict[str, Any])
         return self._models
+
+    def traits(self, model: str) -> frozenset[str]:
+        """What rows may ask of a model: its name, how it is mounted, what it ``has``, and its keys that are true."""
+        facts = self.models[model]
+        flags = (key for key, value in facts.items() if value is True)
+        return frozenset((model, facts.get("mount", ""), *facts.get("has", ()), *flags))
 
     def extra(self, file: str) -> dict[str, dict[str, Any]]:
         """A further table of this protocol, such as ``rates.toml``."""

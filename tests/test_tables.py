@@ -14,9 +14,9 @@ import pytest
 from gateway import pairs
 from gateway.codecs import Codec
 from gateway.errors import MappingError, UserError
-from gateway.rehearsal.explain import explain
 from gateway.protocols.lx200.surface import SPECIALS as LX200_SPECIALS
 from gateway.protocols.nexstar.driver import SPECIALS as NEXSTAR_SPECIALS
+from gateway.rehearsal.explain import explain
 from gateway.tables import Protocol, load, mappings_folder
 from tests.bridge import Bridge
 from tests.virtual import run

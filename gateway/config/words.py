@@ -20,7 +20,7 @@ _MAKERS = re.compile("^(celestron|meade|nexstar)(?=.)")
 
 
 def parse_words(text: str) -> Endpoint:
-    """A device as ``parse_device`` takes it, or a model's word alone, with ``/VERSION`` where wanted. Raises UserError."""
+    """A device for ``parse_device``, or a model's word alone, with or without ``/VERSION``. Raises UserError."""
     name, slash, version = text.partition("/")
     if name.partition(":")[0] in PROTOCOLS:
         return parse_device(text)

@@ -12,7 +12,7 @@ from gateway.errors import UserError
 from gateway.logline import meaning, show
 from gateway.pairs import effective, outcome, taken
 from gateway.recording import unescape
-from gateway.rehearsal.play import Play, Player, stage
+from gateway.rehearsal.play import Before, Play, Player, stage
 from gateway.simulators import DEFAULT_MODEL
 from gateway.sky import Sky
 from gateway.tables import Protocol, SurfaceRow, Version, load
@@ -20,6 +20,8 @@ from gateway.virtual import run
 
 #: What programs that speak LX200 have said before, so that there is a target.
 TARGET = {"lx200": (":Sr05:34:32#", ":Sd+22*00:52#", ":Sa+50*00#", ":Sz200*00#")}
+#: So many commands of a kind in a row are shown.
+MANY = 3
 
 
 def explain(surface: str, mount: str, typed: str) -> str:
@@ -47,9 +49,10 @@ def explain(surface: str, mount: str, typed: str) -> str:
         lines += [f"  {name} = {value}" for name, value in picture.decode(frame).items()]
     except ValueError as error:
         lines.append(f"  not valid: {error}")
-    lines += _said(row, driven, at, face)
+    lines += _said(row, driven, at, traits(face))
     if row is not None:
-        lines.append("  for example, with the Crab nebula as the target and an aligned mount that tracks:")
+        said = f"after {' '.join((*row.after, *row.during))}, " if row.after or row.during else ""
+        lines.append(f"  for example, {said}with the Crab nebula as the target and an aligned mount that tracks:")
         lines += shown(play_one(face, at, frame, row), at.protocol)
     return "\n".join(lines)
 
@@ -66,9 +69,15 @@ def counted(mount: Endpoint) -> Version | None:
     return effective(load(mount.protocol), mount.model or "", mount.version) if mount.version else None
 
 
-def before(face: Endpoint, row: SurfaceRow) -> tuple[bytes, ...]:
-    """What a program has said before this command."""
-    return tuple(unescape(said) for said in (*TARGET.get(face.protocol, ()), *row.after))
+def traits(face: Endpoint) -> frozenset[str]:
+    """What rows may ask of a presented model."""
+    return load(face.protocol).traits(face.model or DEFAULT_MODEL[face.protocol])
+
+
+def before(face: Endpoint, row: SurfaceRow) -> Before:
+    """What a program has said before this command, and what just before."""
+    after = (*TARGET.get(face.protocol, ()), *row.after)
+    return Before(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
 
 
 def play_one(face: Endpoint, mount: Endpoint, frame: bytes, row: SurfaceRow, aligned: bool = True) -> Play:
@@ -84,13 +93,13 @@ def play_one(face: Endpoint, mount: Endpoint, frame: bytes, row: SurfaceRow, ali
     return result
 
 
-def _said(row: SurfaceRow | None, driven: Protocol, at: Endpoint, face: Endpoint) -> list[str]:
+def _said(row: SurfaceRow | None, driven: Protocol, at: Endpoint, face: frozenset[str]) -> list[str]:
     """What the tables say becomes of it on this mount."""
     model, version = at.model, counted(at)
     name = f"{model}{f'/{at.version}' if at.version else ''}"
-    said = outcome(row, driven, model, version, aligned=True, face=face.model)
+    said = outcome(row, driven, model, version, aligned=True, face=face)
     lines = [f"outcome on a {name} mount: {said}"]
-    early = outcome(row, driven, model, version, aligned=False, face=face.model)
+    early = outcome(row, driven, model, version, aligned=False, face=face)
     if early != said:
         lines.append(f"  before the alignment: {early}")
     if row is not None and row.why:
@@ -111,7 +120,7 @@ def _hint(client: str, frame: bytes) -> str:
 def shown(play: Play, mount: str) -> list[str]:
     """A play as lines: what it means, what goes to the mount up to the reply, what changes the mount after it."""
     lines: list[str] = []
-    answered = False
+    answered, last, again = False, "", 0
     for event in play.events:
         line = ""
         if event.kind == "reply":
@@ -119,8 +128,15 @@ def shown(play: Play, mount: str) -> list[str]:
         elif event.kind == "means":
             line = f"  means {event.words}"
         elif event.kind == "act" or (event.kind == "look" and not answered):
-            line = f"    to the mount: {show(event.data)}  {meaning(mount, event.data)}"
-        elif event.kind in ("note", "fault"):
+            words = meaning(mount, event.data)
+            line = f"    to the mount: {show(event.data)}  {words}"
+            again = again + 1 if words == last else 0
+            last = words
+            if again == MANY:
+                line = "    to the mount: and so on"
+            elif again > MANY:
+                continue
+        elif event.kind == "note":
             line = f"    {event.words}"
         elif event.kind == "baud":
             line = f"  a serial port goes on at {event.words} baud"

@@ -18,6 +18,7 @@ from gateway.surface import ACKNOWLEDGED, Surface
 from gateway.tables import Command, Protocol, SurfaceRow, Version
 
 #: Notes that are about the mount or the site, not about a command.
+PRECISIONS = ("high", "low")
 _ASIDE = ("WARNING", "the mount tells no time", "astronomy ")
 
 
@@ -26,7 +27,8 @@ class Case(NamedTuple):
 
     command: Command
     row: SurfaceRow | None
-    face: str | None
+    #: The presented model's traits.
+    face: frozenset[str]
     driven: Protocol
     model: str
     version: Version | None
@@ -47,7 +49,7 @@ def writes(row: SurfaceRow | None) -> bool:
 
 
 def differences(case: Case, play: Play, surface: Surface, asked: frozenset[str]) -> Iterator[str]:
-    """Everything in which a play is not what the tables say; ``asked`` are the commands the mount has ever been sent."""
+    """All in which a play is not what the tables say; ``asked`` are the commands that the mount has been sent."""
     if play.lines != b"".join(play.wire):
         yield "explain shows other bytes than the mount has heard"
     if case.lacking:
@@ -88,9 +90,10 @@ def _answered(case: Case, play: Play, surface: Surface, said: str) -> Iterator[s
             yield f"silent, and yet {play.reply!r} is said"
     elif no:
         yield f"{said}, and yet the reply is no: {play.reply!r}"
-    elif command.replies and not play.reply:
+    elif not play.reply and any(form.fault is None and form.when in (None, *case.face, *PRECISIONS)
+                                for form, _ in command.replies):
         yield f"{said}, and yet there is no reply"
-    elif said == "kept" and not command.replies and not play.kept:
+    elif said == "kept" and not command.replies and not (play.kept or (play.learnt and writes(row))):
         yield "kept, and nothing is kept"
     ways = taken(row, case.driven, case.model, case.version, aligned=case.aligned)
     if (notes or said == "refused") and not remarks(row, ways):

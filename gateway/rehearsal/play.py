@@ -16,13 +16,17 @@ from gateway.errors import Fault
 from gateway.operations import Operation, Read, named
 from gateway.rehearsal.samples import START
 from gateway.rehearsal.stage import Stage, Visitor
-from gateway.simulators import DEFAULT_MODEL
+from gateway.simulators import DEFAULT_MODEL, DEFAULT_SITE
 from gateway.sky import Sky
 from gateway.surface import Again, Defer, Handling, Possible, Session, Speed, Start
 from gateway.tables import Protocol, load
 
-#: How long a reply may take, and how long a command that may change something is watched after it, seconds.
-PATIENCE, WATCHED = 30.0, 8.0
+#: How long a reply may take, seconds.
+PATIENCE = 30.0
+#: How long a command is watched after its reply that may change the mount; a setting waits for its other half.
+WATCHED, WATCHED_SETTING = 2.0, 8.0
+#: Rehearsed slews are so much faster than real ones.
+HURRY = 10.0
 #: How long a mount may be under way before a command, seconds.
 ARRIVED = 300.0
 #: How long anything at all takes to begin: what is only read has been asked for by then.
@@ -38,15 +42,23 @@ class Event(NamedTuple):
     data: bytes = b""
 
 
+class Before(NamedTuple):
+    """What a program has said: ``after`` which the mount came to rest, and ``during`` what then goes on."""
+
+    after: tuple[bytes, ...] = ()
+    during: tuple[bytes, ...] = ()
+
+
 class Play(NamedTuple):
-    """All that came of one frame, in order; ``wire`` is what the mount heard that changes it, at its end of the line."""
+    """All that came of one frame, in order; ``wire`` is what the mount itself heard that changes it."""
 
     frame: bytes
     events: tuple[Event, ...]
     reply: bytes
     wire: tuple[bytes, ...]
-    #: Whether something is otherwise in the gateway than before.
+    #: Whether something that clients have said is otherwise than before, and whether the driver knows anything new.
     kept: bool
+    learnt: bool
 
     @property
     def lines(self) -> bytes:
@@ -74,11 +86,15 @@ def is_look(protocol: Protocol, data: bytes) -> bool:
     return found is not None and found[0].name in looks(protocol.name)
 
 
-def stage(face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, **settings: Any) -> Stage:
-    """The gateway between a presented model and a simulated mount, each with its version, in the night of ``START``."""
+def stage(face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True) -> Stage:
+    """The gateway between a presented model and a simulated mount, each with its version, in the night of ``START``.
+
+    The site is in the settings, for mounts that do not tell theirs; a NexStar has a focuser on it.
+    """
+    simulated = {"focuser": True} if mount.protocol == "nexstar" else {}
     return Stage(mount.model or DEFAULT_MODEL[mount.protocol], mount.version, start=START, driven=mount.protocol,
                  presented=face.protocol, surface=face.model, surface_version=face.version, aligned=aligned, sky=sky,
-                 **settings)
+                 speed=HURRY, config={"site": DEFAULT_SITE}, simulated=simulated)
 
 
 class Player:
@@ -94,17 +110,20 @@ class Player:
         surface.handle = lambda session, frame: self._told(session, handle(session, frame))  # type: ignore[method-assign]
         stage.transcript.sinks.append(self._note)
 
-    async def play(self, frame: bytes, before: tuple[bytes, ...] = (), watched: float = WATCHED) -> Play:
+    async def play(self, frame: bytes, before: Before = Before(), watched: float = WATCHED_SETTING) -> Play:
         """Say ``before``, one after the other, then the frame; ``watched`` seconds are looked on after its answer."""
         self._visitors += 1
         visitor = self.stage.client(f"rehearsal{self._visitors}")
-        for said in before:
+        for said in before.after:
             visitor.tell(said)
             await self._settled(visitor, 0.0)
             await self._at_rest()
+        for said in before.during:
+            visitor.tell(said)
+            await self._settled(visitor, GLANCE)
         else:
             self._session = None
-        known, wire = self._known(), len(self.stage.wire)
+        kept, known, wire = self._kept(), self._known(), len(self.stage.wire)
         self._events.clear()
         visitor.heard = b""
         visitor.tell(frame)
@@ -114,7 +133,7 @@ class Player:
         await asyncio.sleep(watched)
         protocol = self.driver.protocol
         acts = tuple(data for data in self.stage.wire[wire:] if not is_look(protocol, data))
-        return Play(frame, tuple(self._events), reply, acts, known != self._known())
+        return Play(frame, tuple(self._events), reply, acts, kept != self._kept(), known != self._known())
 
     async def _settled(self, visitor: Visitor, least: float) -> None:
         """Until everything said was answered, and no longer than a program waits."""
@@ -131,10 +150,13 @@ class Player:
         while (self.stage.sim.slewing or self.stage.hub.motions.busy) and loop.time() < end:
             await asyncio.sleep(_STEP)
 
+    def _kept(self) -> str:
+        """What this client and all of them together keep, as one comparable text."""
+        return repr((None if self._session is None else self._session.kept, self.stage.shared))
+
     def _known(self) -> str:
-        """What this client, all of them together, the driver and the observatory keep, as one comparable text."""
-        kept = None if self._session is None else self._session.kept
-        return repr((kept, self.stage.shared, vars(self.driver), vars(self.stage.observatory)))
+        """The same of the driver and of who knows site and time."""
+        return repr((vars(self.driver), vars(self.stage.observatory)))
 
     def _told(self, session: Session, steps: Handling) -> Handling:
         """The same command, each operation noted as it is asked for."""

@@ -1,4 +1,4 @@
-"""A stage: a whole gateway in one process on virtual time, a client's bytes in at one end, a simulated mount at the other.
+"""A stage: a whole gateway in one process on virtual time, a client at one end, a simulated mount at the other.
 
 The parts are those of a real one, put together as ``assembly`` does; only ports, files and the watchdog are missing.
 ``wire`` is what the mount itself heard, taken at its end of the line and not from the gateway's own records.

@@ -16,14 +16,17 @@ from typing import NamedTuple
 from gateway.config import Endpoint
 from gateway.operations import named
 from gateway.pairs import PAIRS, versions
-from gateway.rehearsal.explain import before, counted
+from gateway.rehearsal.explain import before, counted, traits
 from gateway.rehearsal.judge import Case, differences, writes
-from gateway.rehearsal.play import GLANCE, WATCHED, Play, Player, stage
+from gateway.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Before, Play, Player, stage
 from gateway.rehearsal.samples import example
 from gateway.rehearsal.stage import Stage
 from gateway.sky import Sky
 from gateway.tables import Command, Protocol, SurfaceRow, load
 from gateway.virtual import run
+
+#: Operations that wait for more of their kind before the mount is told.
+SETTINGS = frozenset({"SetSite", "SetClock", "ClockFromGps"})
 
 
 class Pair(NamedTuple):
@@ -75,7 +78,7 @@ async def _rehearse(pair: Pair, only: frozenset[str]) -> tuple[int, list[Differe
     commands = [command for name, command in protocol.commands.items() if not only or name in only]
     found: list[Difference] = []
     plays = 0
-    asking = [command for command in commands if not writes(protocol.surface.get(command.name))]
+    asking = [command for command in commands if not _alone(protocol.surface.get(command.name))]
     async with stage(pair.face, pair.mount, _sky()) as shared:
         player = Player(shared)
         for command in asking:
@@ -83,13 +86,23 @@ async def _rehearse(pair: Pair, only: frozenset[str]) -> tuple[int, list[Differe
             found += await _one(pair, player, command, protocol, driven, True, GLANCE)
     for command in commands:
         row = protocol.surface.get(command.name)
-        for aligned in (True, False) if row is not None and writes(row) else ():
+        for aligned in (True, False) if _alone(row) else ():
             if not aligned and not _depends(row, driven):
                 continue
             plays += 1
             async with stage(pair.face, pair.mount, _sky(), aligned=aligned) as own:
-                found += await _one(pair, Player(own), command, protocol, driven, aligned, WATCHED)
+                found += await _one(pair, Player(own), command, protocol, driven, aligned, _long(row))
     return plays, found
+
+
+def _alone(row: SurfaceRow | None) -> bool:
+    """Whether the mount is another after it."""
+    return row is not None and bool(writes(row) or row.after or row.during)
+
+
+def _long(row: SurfaceRow | None) -> float:
+    """How long it is watched: a setting waits for its other half."""
+    return WATCHED_SETTING if row is not None and SETTINGS.intersection(row.operations) else WATCHED
 
 
 def _depends(row: SurfaceRow | None, driven: Protocol) -> bool:
@@ -104,11 +117,11 @@ async def _one(pair: Pair, player: Player, command: Command, protocol: Protocol,
     row = protocol.surface.get(command.name)
     frame = example(command)
     own: Stage = player.stage
-    said = before(pair.face, row) if row is not None and (writes(row) or row.after) else ()
+    said = before(pair.face, row) if row is not None and _alone(row) else Before()
     play: Play = await player.play(frame, said, watched)
     asked = frozenset(found[0].name for data in own.sent() if (found := driven.find(data)) is not None)
     surface = own.face.surface
-    case = Case(command, row, pair.face.model, driven, pair.mount.model or "", counted(pair.mount), aligned,
+    case = Case(command, row, traits(pair.face), driven, pair.mount.model or "", counted(pair.mount), aligned,
                 bool(surface.lacks(own.face.model, frame)))
     where = str(pair) if aligned else f"{pair}, not aligned"
     return [Difference(protocol.name, command.name, words, where) for words in differences(case, play, surface, asked)]
