@@ -5,6 +5,8 @@ The mount is a simulated one, aligned and tracking, in virtual time.
 
 from __future__ import annotations
 
+from functools import cache
+
 from msgspec.structs import replace
 
 from gateway.config import Endpoint, parse_words
@@ -57,6 +59,14 @@ def explain(surface: str, mount: str, typed: str) -> str:
     return "\n".join(lines)
 
 
+@cache
+def sky() -> Sky:
+    """One for all rehearsals, with exact answers: loading it takes longer than most of them."""
+    loaded = Sky()
+    loaded.load()
+    return loaded
+
+
 def whole(mount: Endpoint) -> Endpoint:
     """A mount with its model and version: what is not said is what a simulated one is."""
     model = mount.model or DEFAULT_MODEL[mount.protocol]
@@ -82,11 +92,9 @@ def before(face: Endpoint, row: SurfaceRow) -> Before:
 
 def play_one(face: Endpoint, mount: Endpoint, frame: bytes, row: SurfaceRow, aligned: bool = True) -> Play:
     """A frame played on a stage of its own."""
-    sky = Sky()
-    sky.load()
 
     async def play() -> Play:
-        async with stage(face, mount, sky, aligned=aligned) as whole_gateway:
+        async with stage(face, mount, sky(), aligned=aligned) as whole_gateway:
             return await Player(whole_gateway).play(frame, before(face, row))
 
     result: Play = run(play())

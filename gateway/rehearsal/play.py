@@ -25,6 +25,8 @@ from gateway.tables import Protocol, load
 PATIENCE = 30.0
 #: How long a command is watched after its reply that may change the mount; a setting waits for its other half.
 WATCHED, WATCHED_SETTING = 2.0, 8.0
+#: How long what has no reply takes to reach the mount, seconds.
+BEGUN = 1.0
 #: Rehearsed slews are so much faster than real ones.
 HURRY = 10.0
 #: How long a mount may be under way before a command, seconds.
@@ -89,12 +91,12 @@ def is_look(protocol: Protocol, data: bytes) -> bool:
 def stage(face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True) -> Stage:
     """The gateway between a presented model and a simulated mount, each with its version, in the night of ``START``.
 
-    The site is in the settings, for mounts that do not tell theirs; a NexStar has a focuser on it.
+    The mount's name and site are in the settings, for those that do not tell them; a NexStar has a focuser on it.
     """
     simulated = {"focuser": True} if mount.protocol == "nexstar" else {}
     return Stage(mount.model or DEFAULT_MODEL[mount.protocol], mount.version, start=START, driven=mount.protocol,
                  presented=face.protocol, surface=face.model, surface_version=face.version, aligned=aligned, sky=sky,
-                 speed=HURRY, config={"site": DEFAULT_SITE}, simulated=simulated)
+                 speed=HURRY, named=True, config={"site": DEFAULT_SITE}, simulated=simulated)
 
 
 class Player:
@@ -105,7 +107,9 @@ class Player:
         self.driver: Driver = stage.driver
         self._events: list[Event] = []
         self._visitors = 0
-        self._session: Any = None
+        self._session: Session | None = None
+        #: What was kept when the frame came.
+        self._before = ""
         surface, handle = stage.face.surface, stage.face.surface.handle
         surface.handle = lambda session, frame: self._told(session, handle(session, frame))  # type: ignore[method-assign]
         stage.transcript.sinks.append(self._note)
@@ -117,13 +121,13 @@ class Player:
         for said in before.after:
             visitor.tell(said)
             await self._settled(visitor, 0.0)
+            await asyncio.sleep(BEGUN)
             await self._at_rest()
         for said in before.during:
             visitor.tell(said)
             await self._settled(visitor, GLANCE)
-        else:
-            self._session = None
-        kept, known, wire = self._kept(), self._known(), len(self.stage.wire)
+        self._session, self._before = None, ""
+        known, wire = self._known(), len(self.stage.wire)
         self._events.clear()
         visitor.heard = b""
         visitor.tell(frame)
@@ -133,7 +137,7 @@ class Player:
         await asyncio.sleep(watched)
         protocol = self.driver.protocol
         acts = tuple(data for data in self.stage.wire[wire:] if not is_look(protocol, data))
-        return Play(frame, tuple(self._events), reply, acts, kept != self._kept(), known != self._known())
+        return Play(frame, tuple(self._events), reply, acts, self._before != self._kept(), known != self._known())
 
     async def _settled(self, visitor: Visitor, least: float) -> None:
         """Until everything said was answered, and no longer than a program waits."""
@@ -152,7 +156,7 @@ class Player:
 
     def _kept(self) -> str:
         """What this client and all of them together keep, as one comparable text."""
-        return repr((None if self._session is None else self._session.kept, self.stage.shared))
+        return "" if self._session is None else repr((self._session.kept, self.stage.shared))
 
     def _known(self) -> str:
         """The same of the driver and of who knows site and time."""
@@ -160,7 +164,9 @@ class Player:
 
     def _told(self, session: Session, steps: Handling) -> Handling:
         """The same command, each operation noted as it is asked for."""
-        self._session = session
+        if self._session is None:
+            self._session = session
+            self._before = self._kept()
         answer: Any = None
         fault: Fault | None = None
         while True:

@@ -32,7 +32,8 @@ class Stage:
     """``sim`` is the simulated mount, ``hub`` the gateway's, ``client()`` a new connection. Needs a running loop.
 
     ``start`` is Unix time; ``ramps`` False is a mount whose motors change their speed at once; ``on`` a stage that has
-    ended, whose mount is used again; ``simulated`` are further settings of the simulator.
+    ended, whose mount is used again; ``simulated`` are further settings of the simulator. The driver finds out which
+    mount it is, and where it is ``named`` it was told before, as on a command line.
     """
 
     def __init__(self, mount: str | None, version: str | None = None, *, start: float, driven: str = "nexstar",
@@ -40,7 +41,7 @@ class Stage:
                  site: tuple[float, float] = DEFAULT_SITE, latency: float = 0.05, aligned: bool = True,
                  speed: float = 1.0, config: dict[str, Any] | None = None, host_ahead: float = 0.0,
                  on: Stage | None = None, access: Access = Access(), ramps: bool = True, sky: Sky | None = None,
-                 simulated: dict[str, Any] | None = None) -> None:
+                 named: bool = False, simulated: dict[str, Any] | None = None) -> None:
         loop = asyncio.get_running_loop()
         self._began: float = loop.time() if on is None else on._began
         self.clock: Callable[[], float] = lambda: start + loop.time() - self._began
@@ -52,7 +53,8 @@ class Stage:
         self.transcript = Transcript(self.clock)
         self.entries: list[Entry] = []
         self.transcript.sinks.append(self.entries.append)
-        driver, follow_ups, dialogue = DRIVERS[driven](Endpoint(driven, "sim"), self.settings, loop.time)
+        known = endpoint if named else Endpoint(driven, "sim")
+        driver, follow_ups, dialogue = DRIVERS[driven](known, self.settings, loop.time)
         self.driver: Any = driver
         driver.hurry = speed
         self.wire: list[bytes] = []

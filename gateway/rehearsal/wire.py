@@ -10,18 +10,16 @@ import os
 import sys
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from functools import cache
 from typing import NamedTuple
 
 from gateway.config import Endpoint
 from gateway.operations import named
 from gateway.pairs import PAIRS, versions
-from gateway.rehearsal.explain import before, counted, traits
+from gateway.rehearsal.explain import before, counted, sky, traits
 from gateway.rehearsal.judge import Case, differences, writes
 from gateway.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Before, Play, Player, stage
 from gateway.rehearsal.samples import example
 from gateway.rehearsal.stage import Stage
-from gateway.sky import Sky
 from gateway.tables import Command, Protocol, SurfaceRow, load
 from gateway.virtual import run
 
@@ -60,13 +58,6 @@ def _models(protocol: str) -> list[Endpoint]:
     return [Endpoint(protocol, "-", model, version or None) for model, version, _ in versions(load(protocol))]
 
 
-@cache
-def _sky() -> Sky:
-    sky = Sky()
-    sky.load()
-    return sky
-
-
 def rehearse(pair: Pair, only: frozenset[str] = frozenset()) -> tuple[int, list[Difference]]:
     """Play all rows of one pair, or some of them -> how many plays there were, and what is different."""
     result: tuple[int, list[Difference]] = run(_rehearse(pair, only))
@@ -79,7 +70,7 @@ async def _rehearse(pair: Pair, only: frozenset[str]) -> tuple[int, list[Differe
     found: list[Difference] = []
     plays = 0
     asking = [command for command in commands if not _alone(protocol.surface.get(command.name))]
-    async with stage(pair.face, pair.mount, _sky()) as shared:
+    async with stage(pair.face, pair.mount, sky()) as shared:
         player = Player(shared)
         for command in asking:
             plays += 1
@@ -90,7 +81,7 @@ async def _rehearse(pair: Pair, only: frozenset[str]) -> tuple[int, list[Differe
             if not aligned and not _depends(row, driven):
                 continue
             plays += 1
-            async with stage(pair.face, pair.mount, _sky(), aligned=aligned) as own:
+            async with stage(pair.face, pair.mount, sky(), aligned=aligned) as own:
                 found += await _one(pair, Player(own), command, protocol, driven, aligned, _long(row))
     return plays, found
 
