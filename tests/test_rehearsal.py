@@ -10,7 +10,10 @@ from gateway.errors import UserError
 from gateway.pairs import PAIRS
 from gateway.rehearsal import wire
 from gateway.rehearsal.explain import explain
+from gateway.rehearsal.judge import Case, differences
+from gateway.rehearsal.play import Event, Play
 from gateway.rehearsal.samples import example
+from gateway.surface import Surface
 from gateway.tables import SurfaceRow, Way, load
 
 
@@ -72,6 +75,21 @@ def test_a_way_that_is_not_taken_is_found(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setitem(load("nexstar").driver, "SetSite", [Way(call="set_site", uses=["W"])])
     _, found = wire.rehearse(CPC, frozenset(["Sg"]))
     assert [difference.words for difference in found] == ["translated, and nothing that changes the mount is sent"]
+
+
+def test_a_mount_that_says_no_while_the_program_hears_yes_is_found() -> None:
+    nexstar, protocol = load("nexstar"), load("lx200")
+    surface = Surface(protocol, {})
+    request = bytes((80, 2, 17, 36, 9, 0, 0, 0))  # P: move the altitude motor by key 9, no reply byte asked for
+
+    def words(answer: bytes, *notes: Event) -> list[str]:
+        events = (Event("act", "", request), Event("answer", "", answer), *notes, Event("reply", ""))
+        case = Case(protocol.commands["Mn"], protocol.surface["Mn"], frozenset(), nexstar, "cpc", (4, 21), True, False)
+        return list(differences(case, Play(b":Mn#", events, b"", (request,), False, True), surface, frozenset()))
+
+    assert words(b"#") == []
+    assert words(b"\x00#") == ["the mount says no, and nobody is told"]  # one byte too many: no such device
+    assert words(b"\x00#", Event("note", "Move: No such device on the mount.")) == []
 
 
 def test_a_new_row_is_played_without_being_listed() -> None:

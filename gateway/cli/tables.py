@@ -18,6 +18,15 @@ def add(commands: Any) -> None:
     tables.set_defaults(run=_tables)
 
 
+def _model(words: str) -> str:
+    """A model by the word that is on the mount, as ``PROTOCOL:MODEL[/VERSION]``. Raises UserError."""
+    from gateway.config import parse_words
+
+    known = parse_words(words)
+    version = f"/{known.version}" if known.version else ""
+    return f"{known.protocol}:{known.model}{version}" if known.model else words
+
+
 def _tables(arguments: argparse.Namespace) -> int:
     from gateway import pairs
 
@@ -30,5 +39,5 @@ def _tables(arguments: argparse.Namespace) -> int:
     if arguments.write:
         print(f"wrote {pairs.write()}")
         return 0
-    print(pairs.one(arguments.model) if arguments.model else pairs.text())
+    print(pairs.one(_model(arguments.model)) if arguments.model else pairs.text())
     return 0

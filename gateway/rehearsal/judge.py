@@ -19,7 +19,7 @@ from gateway.tables import Command, Protocol, SurfaceRow, Version
 
 #: Notes that are about the mount or the site, not about a command.
 PRECISIONS = ("high", "low")
-_ASIDE = ("WARNING", "the mount tells no time", "astronomy ")
+_ASIDE = ("WARNING", "the mount tells no time", "astronomy ", "not aligned: positions")
 
 
 class Case(NamedTuple):
@@ -70,12 +70,45 @@ def differences(case: Case, play: Play, surface: Surface, asked: frozenset[str])
         if not writes(case.row) and not asked.intersection(listed):
             yield "translated, and the mount has never been asked"
     yield from _answered(case, play, surface, said)
+    answers = _answers(play)
+    denied = bool(answers) and all(_mount_says_no(case.driven, *pair) for pair in answers)
+    if denied and not is_no(case.command, play.reply, surface, play.frame) and not _notes(play):
+        yield "the mount says no, and nobody is told"
+
+
+def _answers(play: Play) -> list[tuple[bytes, bytes]]:
+    """What changes the mount, each with its answer, where the mount gives one."""
+    waiting: bytes | None = None
+    found = []
+    for event in play.events:
+        if event.kind in ("act", "look"):
+            waiting = event.data if event.kind == "act" else None
+        elif event.kind == "answer" and waiting is not None:
+            found.append((waiting, event.data))
+            waiting = None
+    return found
+
+
+def _mount_says_no(mount: Protocol, request: bytes, answer: bytes) -> bool:
+    """Whether the mount has refused: a form for that, or a device that does not respond, which is one byte too long."""
+    command = mount.find(request)
+    if command is None:
+        return False
+    forms = command[0].replies
+    refused = any(reply.fault and form.matcher.fullmatch(answer) for reply, form in forms)
+    widths = {form.width for _, form in forms if form.width is not None}
+    return refused or (bool(widths) and mount.name == "nexstar" and len(answer) > max(widths))
+
+
+def _notes(play: Play) -> list[str]:
+    """What the log has to say that is about the command."""
+    return [event.words for event in play.of("note") if not event.words.startswith(_ASIDE)]
 
 
 def _answered(case: Case, play: Play, surface: Surface, said: str) -> Iterator[str]:
     """What the reply and the log say, beside the outcome."""
     command, row = case.command, case.row
-    notes = [event.words for event in play.of("note") if not event.words.startswith(_ASIDE)]
+    notes = _notes(play)
     no = is_no(command, play.reply, surface, play.frame)
     if said == "missing":
         yield "missing"

@@ -37,7 +37,7 @@ _STEP = 0.05
 
 
 class Event(NamedTuple):
-    """``kind`` is means, baud, act (it changes the mount), look (it does not), note, fault or reply."""
+    """``kind`` is means, baud, act (it changes the mount), look (it does not), answer (the mount's), note or reply."""
 
     kind: str
     words: str
@@ -180,7 +180,6 @@ class Player:
                 answer = yield wanted
             except Fault as error:
                 fault = error
-                self._events.append(Event("fault", str(error)))
 
     def _ask(self, wanted: Any) -> None:
         if isinstance(wanted, Speed):
@@ -196,6 +195,8 @@ class Player:
         elif entry.side == "mount" and entry.arrow == ">":
             kind = "look" if is_look(self.driver.protocol, entry.data) else "act"
             self._events.append(Event(kind, "", entry.data))
+        elif entry.side == "mount" and entry.arrow == "<":
+            self._events.append(Event("answer", "", entry.data))
 
 
 def words(operation: Operation) -> str:
