@@ -54,25 +54,33 @@ def effective(mount: Protocol, model: str, text: str) -> Version:
     return numbered(text).counts_as
 
 
-def outcome(row: SurfaceRow | None, mount: Protocol, model: str | None = None, version: Version | None = None) -> str:
-    """What becomes of a command on a mount, of any or of one model and version."""
+def outcome(row: SurfaceRow | None, mount: Protocol, model: str | None = None, version: Version | None = None, *,
+            aligned: bool | None = None, face: frozenset[str] | None = None) -> str:
+    """What becomes of a command on a mount, of any or of one model and version; ``face``: the presented one's traits.
+
+    ``aligned`` asks for an aligned mount or for one before its alignment; without it the best of both is told.
+    """
     if row is None:
         return MISSING
+    if row.models is not None and face is not None and face.isdisjoint(row.models):
+        return row.elsewhere or MISSING
     if row.outcome:
         return row.outcome
     if not row.operations:
         return "synthesised" if row.say is not None else "kept"
-    ways = taken(row, mount, model, version)
+    ways = taken(row, mount, model, version, aligned=aligned)
     return str(ways[0].outcome) if ways else row.without or MISSING
 
 
-def taken(row: SurfaceRow | None, mount: Protocol, model: str | None = None,
-          version: Version | None = None) -> list[Way]:
+def taken(row: SurfaceRow | None, mount: Protocol, model: str | None = None, version: Version | None = None, *,
+          aligned: bool | None = None) -> list[Way]:
     """The ways by which a mount carries out the operations of a row: of each the first whose commands it has."""
     found = []
     for name in [] if row is None else row.operations:
         for way in mount.driver.get(name, ()):
-            if way.part and model and way.part not in mount.models[model].get("has", ()):
+            if way.part and model and way.part not in mount.traits(model):
+                continue
+            if None not in (aligned, way.aligned) and aligned != way.aligned:
                 continue
             needed = [mount.commands[command].known_to(model, version) for command in way.send + way.needs]
             used = [mount.commands[command].known_to(model, version) for command in way.uses]
@@ -82,10 +90,10 @@ def taken(row: SurfaceRow | None, mount: Protocol, model: str | None = None,
     return found
 
 
-def sent(row: SurfaceRow | None, mount: Protocol, model: str | None = None,
-         version: Version | None = None) -> list[str]:
+def sent(row: SurfaceRow | None, mount: Protocol, model: str | None = None, version: Version | None = None, *,
+         aligned: bool | None = None) -> list[str]:
     """The mount commands a row may send (to one model and version, those that it has), each once."""
-    commands = [c for way in taken(row, mount, model, version) for c in way.commands
+    commands = [c for way in taken(row, mount, model, version, aligned=aligned) for c in way.commands
                 if mount.commands[c].known_to(model, version)]
     return list(dict.fromkeys(commands))
 
@@ -108,8 +116,10 @@ def presented_counts(client: str, mount: str, model: str, version: Version | Non
     """Outcome -> number of commands that a presented model has by its manual; ``beyond`` are all others."""
     protocol, driven = load(client), load(mount)
     rows = protocol.surface
+    face = protocol.traits(model)
     return Counter(
-        outcome(rows.get(name), driven) if command.known_to(model, version) and not command.beyond else BEYOND
+        outcome(rows.get(name), driven, face=face) if command.known_to(model, version) and not command.beyond
+        else BEYOND
         for name, command in protocol.commands.items()
     )
 
@@ -198,23 +208,26 @@ def _rows(client: str, mount: str, model: str | None = None, version: Version | 
     for name, command in protocol.commands.items():
         row = rows.get(name)
         mounted = ", ".join(f"`{c}`" for c in sent(row, driven, model, version))
-        remarks = _remarks(command, row, taken(row, driven, model, version) if model else [])
+        said = _remarks(command, row, taken(row, driven, model, version) if model else [])
         lines.append(f"| `{_cell(wire(command.request.source))}` | {command.help} "
-                     f"| {outcome(row, driven, model, version)} | {mounted} | {_cell(remarks)} |")
+                     f"| {outcome(row, driven, model, version)} | {mounted} | {_cell(said)} |")
     return lines
 
 
 def _remarks(command: Command, row: SurfaceRow | None, ways: list[Way]) -> str:
-    """Who has it, and what a user should know: of the row, and of the ways that one mount takes."""
-    remarks = []
+    """Who has it, and what a user should know."""
+    about = []
     if command.models is not None and not command.beyond:
-        remarks.append("by the manual only " + ", ".join(sorted(command.models)))
+        about.append("by the manual only " + ", ".join(sorted(command.models)))
     if command.beyond:
-        remarks.append(f"beyond the manual ({command.beyond})")
-    if row is not None and row.why:
-        remarks.append(row.why)
-    remarks += [way.why for way in ways if way.why]
-    return "; ".join(remarks)
+        about.append(f"beyond the manual ({command.beyond})")
+    return "; ".join(about + remarks(row, ways))
+
+
+def remarks(row: SurfaceRow | None, ways: list[Way]) -> list[str]:
+    """What a user should know of a row, and of the ways that one mount takes; each once."""
+    said = [row.why] if row is not None and row.why else []
+    return list(dict.fromkeys(said + [way.why for way in ways if way.why]))
 
 
 def _summary(total: Counter[str]) -> str:

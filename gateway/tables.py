@@ -59,7 +59,9 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a surface does with a command: exactly one of the five verbs, and what a reader should know.
 
     One that ``passes`` means nothing here, but something to a mount of the same protocol that has it. Without a word
-    on that, what is refused here passes.
+    on that, what is refused here passes. Where ``models`` names the presented models that it is for, or what they
+    are or have (``traits``), the outcome on all others is ``elsewhere``. For an example of it a program has said
+    ``after`` before, the mount has come to rest, and then ``during``.
     """
 
     ask: str | None = None
@@ -71,6 +73,10 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     outcome: str | None = None
     without: str | None = None
     passes: bool | None = None
+    models: list[str] | None = None
+    elsewhere: str | None = None
+    after: list[str] = []
+    during: list[str] = []
     why: str | None = None
 
     @property
@@ -92,7 +98,8 @@ class Way(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One way of carrying out an operation: the commands it sends, or a Python special, what it needs and what it uses.
 
     A way whose ``send`` or ``needs`` the mount lacks is passed over; the others it uses where there are some. ``part``
-    names what a model must have for it (``has`` in ``models.toml``); the tables count by it.
+    names what a model must be or have for it (``traits``); the tables count by it. ``aligned`` says that it is taken on
+    an aligned mount alone, or only before the alignment.
     """
 
     send: list[str] = []
@@ -100,6 +107,7 @@ class Way(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     needs: list[str] = []
     uses: list[str] = []
     part: str | None = None
+    aligned: bool | None = None
     outcome: str = "translated"
     why: str | None = None
 
@@ -202,7 +210,7 @@ class Protocol:
         for name in row.operations:
             if operations.named(name) is None:
                 raise MappingError(where, key, f"no operation is called {name!r}")
-        for outcome in (row.outcome, row.without):
+        for outcome in (row.outcome, row.without, row.elsewhere):
             if outcome is not None and outcome not in OUTCOMES:
                 raise MappingError(where, key, f"outcome {outcome!r} is none of {', '.join(OUTCOMES)}")
         if "refused" in (row.outcome, row.without) and not row.why:
@@ -236,6 +244,12 @@ class Protocol:
         if self._models is None:
             self._models = self._read("models.toml", dict[str, Any])
         return self._models
+
+    def traits(self, model: str) -> frozenset[str]:
+        """What rows may ask of a model: its name, how it is mounted, what it ``has``, and its keys that are true."""
+        facts = self.models[model]
+        flags = (key for key, value in facts.items() if value is True)
+        return frozenset((model, facts.get("mount", ""), *facts.get("has", ()), *flags))
 
     def extra(self, file: str) -> dict[str, dict[str, Any]]:
         """A further table of this protocol, such as ``rates.toml``."""

@@ -238,4 +238,4 @@ def test_tables_and_explain_print(capsys: pytest.CaptureFixture[str]) -> None:
     assert "LX200 on NexStar" in tables
     assert "NexStar on LX200" in tables
     assert main(["explain", "lx200", "nexstar", ":MS#"]) == 0
-    assert "r3B78EC00,0FA79E00" in capsys.readouterr().out
+    assert "r3B78FC00,0FA79B00" in capsys.readouterr().out

@@ -12,17 +12,32 @@ def add(commands: Any) -> None:
     group = tables.add_mutually_exclusive_group()
     group.add_argument("--write", action="store_true", help="write mappings/README.md")
     group.add_argument("--check", action="store_true", help="fail when mappings/README.md is stale or a row is wrong")
+    tables.add_argument("--wire", action="store_true", help="with --check: play every row between all presented "
+                        "models and all mounts on simulated ones, and fail on what is not as the tables say (minutes)")
     group.add_argument("--model", metavar="MODEL[/VERSION]", help="only what becomes of them on one mount: cpc/4.21")
     tables.set_defaults(run=_tables)
+
+
+def _model(words: str) -> str:
+    """A model by the word that is on the mount, as ``PROTOCOL:MODEL[/VERSION]``. Raises UserError."""
+    from gateway.config import parse_words
+
+    known = parse_words(words)
+    version = f"/{known.version}" if known.version else ""
+    return f"{known.protocol}:{known.model}{version}" if known.model else words
 
 
 def _tables(arguments: argparse.Namespace) -> int:
     from gateway import pairs
 
+    if arguments.check and arguments.wire:
+        from gateway.rehearsal import wire
+
+        return pairs.check() or wire.check()
     if arguments.check:
         return pairs.check()
     if arguments.write:
         print(f"wrote {pairs.write()}")
         return 0
-    print(pairs.one(arguments.model) if arguments.model else pairs.text())
+    print(pairs.one(_model(arguments.model)) if arguments.model else pairs.text())
     return 0

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from msgspec.structs import replace
 
 from gateway import operations as op
-from gateway.errors import Fault, Invalid, NoAnswer, NoDevice
+from gateway.errors import Fault, Invalid, NoAnswer, NoDevice, Unsupported
 from gateway.hub.sync_settings import SyncSettings
 from gateway.line import READ, SETTING
 
@@ -152,9 +152,10 @@ class SiteAndClock:
         except Fault:
             mount_too = False
         if mount_too:
-            await self._hub.drive(self._hub.driver.perform(operation), SETTING)
-            await self.renew(op.GetClock)
-            return
+            with contextlib.suppress(Unsupported):  # a hand control that takes no time: what its GPS says is kept here
+                await self._hub.drive(self._hub.driver.perform(operation), SETTING)
+                await self.renew(op.GetClock)
+                return
         self._hub.transcript.note_once("mount", "the clock that was set by the GPS is kept in the gateway")
         seen = await self._get_gps(op.GetGps())
         if not seen.linked or seen.unix is None:

@@ -1,0 +1,153 @@
+"""What happens to one command: words and bytes on both sides, found by playing it through the whole gateway.
+
+The mount is a simulated one, aligned and tracking, in virtual time.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+from msgspec.structs import replace
+
+from gateway.config import Endpoint, parse_words
+from gateway.errors import UserError
+from gateway.logline import meaning, show
+from gateway.pairs import effective, outcome, taken
+from gateway.recording import unescape
+from gateway.rehearsal.play import Before, Play, Player, stage
+from gateway.simulators import DEFAULT_MODEL
+from gateway.sky import Sky
+from gateway.tables import Protocol, SurfaceRow, Version, load
+from gateway.virtual import run
+
+#: What programs that speak LX200 have said before, so that there is a target.
+TARGET = {"lx200": (":Sr05:34:32#", ":Sd+22*00:52#", ":Sa+50*00#", ":Sz200*00#")}
+#: So many commands of a kind in a row are shown.
+MANY = 3
+
+
+def explain(surface: str, mount: str, typed: str) -> str:
+    """Lines of text. ``surface`` and ``mount`` are ``PROTOCOL[:MODEL[/VERSION]]``, or a model's word alone.
+
+    Raises UserError for one of them that does not exist, and for a command that the protocol does not have.
+    """
+    face, at = parse_words(surface), whole(parse_words(mount))
+    frame = unescape(typed)
+    protocol, driven = load(face.protocol), load(at.protocol)
+    found = protocol.find(frame)
+    if found is None:
+        raise UserError(f"{face.protocol} has no command {typed!r}{_hint(face.protocol, frame)}")
+    command, picture = found
+    row = protocol.surface.get(command.name)
+    lines = [f"{show(frame)}  {command.help}"]
+    if command.models is not None:
+        lines.append(f"  by the manual only on {', '.join(sorted(command.models))}")
+    if face.version and not command.known_to(None, effective(protocol, face.model or "", face.version)):
+        lines.append(f"  a hand control of version {face.version} does not know it and passes over all of it")
+        return "\n".join(lines)
+    if command.beyond:
+        lines.append(f"  beyond the manual: {command.beyond}")
+    try:
+        lines += [f"  {name} = {value}" for name, value in picture.decode(frame).items()]
+    except ValueError as error:
+        lines.append(f"  not valid: {error}")
+    lines += _said(row, driven, at, traits(face))
+    if row is not None:
+        said = f"after {' '.join((*row.after, *row.during))}, " if row.after or row.during else ""
+        lines.append(f"  for example, {said}with the Crab nebula as the target and an aligned mount that tracks:")
+        lines += shown(play_one(face, at, frame, row), at.protocol)
+    return "\n".join(lines)
+
+
+@cache
+def sky() -> Sky:
+    """One for all rehearsals, with exact answers: loading it takes longer than most of them."""
+    loaded = Sky()
+    loaded.load()
+    return loaded
+
+
+def whole(mount: Endpoint) -> Endpoint:
+    """A mount with its model and version: what is not said is what a simulated one is."""
+    model = mount.model or DEFAULT_MODEL[mount.protocol]
+    versions = load(mount.protocol).models[model].get("versions", [None])
+    return replace(mount, model=model, version=mount.version or versions[-1])
+
+
+def counted(mount: Endpoint) -> Version | None:
+    """The version whose commands a whole mount has."""
+    return effective(load(mount.protocol), mount.model or "", mount.version) if mount.version else None
+
+
+def traits(face: Endpoint) -> frozenset[str]:
+    """What rows may ask of a presented model."""
+    return load(face.protocol).traits(face.model or DEFAULT_MODEL[face.protocol])
+
+
+def before(face: Endpoint, row: SurfaceRow) -> Before:
+    """What a program has said before this command, and what just before."""
+    after = (*TARGET.get(face.protocol, ()), *row.after)
+    return Before(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
+
+
+def play_one(face: Endpoint, mount: Endpoint, frame: bytes, row: SurfaceRow, aligned: bool = True) -> Play:
+    """A frame played on a stage of its own."""
+
+    async def play() -> Play:
+        async with stage(face, mount, sky(), aligned=aligned) as whole_gateway:
+            return await Player(whole_gateway).play(frame, before(face, row))
+
+    result: Play = run(play())
+    return result
+
+
+def _said(row: SurfaceRow | None, driven: Protocol, at: Endpoint, face: frozenset[str]) -> list[str]:
+    """What the tables say becomes of it on this mount."""
+    model, version = at.model, counted(at)
+    name = f"{model}{f'/{at.version}' if at.version else ''}"
+    said = outcome(row, driven, model, version, aligned=True, face=face)
+    lines = [f"outcome on a {name} mount: {said}"]
+    early = outcome(row, driven, model, version, aligned=False, face=face)
+    if early != said:
+        lines.append(f"  before the alignment: {early}")
+    if row is not None and row.why:
+        lines.append(f"  {row.why}")
+    return lines + [f"  {way.why}" for way in taken(row, driven, model, version, aligned=True) if way.why]
+
+
+def _hint(client: str, frame: bytes) -> str:
+    """What may be wrong with it."""
+    other = "nexstar" if client == "lx200" else "lx200"
+    if load(other).find(frame) is not None:
+        return f"; it is one of {other}: write explain {other} {client}"
+    if client == "lx200" and not frame.endswith(b"#"):
+        return "; its # is missing"
+    return ""
+
+
+def shown(play: Play, mount: str) -> list[str]:
+    """A play as lines: what it means, what goes to the mount up to the reply, what changes the mount after it."""
+    lines: list[str] = []
+    answered, last, again = False, "", 0
+    for event in play.events:
+        line = ""
+        if event.kind == "reply":
+            answered = True
+        elif event.kind == "means":
+            line = f"  means {event.words}"
+        elif event.kind == "act" or (event.kind == "look" and not answered):
+            words = meaning(mount, event.data)
+            line = f"    to the mount: {show(event.data)}  {words}"
+            again = again + 1 if words == last else 0
+            last = words
+            if again == MANY:
+                line = "    to the mount: and so on"
+            elif again > MANY:
+                continue
+        elif event.kind == "note":
+            line = f"    {event.words}"
+        elif event.kind == "baud":
+            line = f"  a serial port goes on at {event.words} baud"
+        if line and line not in lines[-1:]:
+            lines.append(line)
+    return [*lines, f"reply: {show(play.reply) if play.reply else 'none'}"]

@@ -1,0 +1,138 @@
+"""A stage: a whole gateway in one process on virtual time, a client at one end, a simulated mount at the other.
+
+The parts are those of a real one, put together as ``assembly`` does; only ports, files and the watchdog are missing.
+``wire`` is what the mount itself heard, taken at its end of the line and not from the gateway's own records.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+from gateway import operations as op
+from gateway.access import Access
+from gateway.assembly import DRIVERS, FACES, policy
+from gateway.config import Endpoint, MountConfig, SurfaceConfig
+from gateway.guests import Face, Reception
+from gateway.hub import Hub
+from gateway.line import Line
+from gateway.observatory import Observatory
+from gateway.simulators import DEFAULT_SITE, make_simulator
+from gateway.sky import Sky
+from gateway.transcript import Entry, Transcript
+from gateway.wires import SimulatorWire
+
+
+def _nobody() -> None:
+    """What has changed is kept by nobody."""
+
+
+class Stage:
+    """``sim`` is the simulated mount, ``hub`` the gateway's, ``client()`` a new connection. Needs a running loop.
+
+    ``start`` is Unix time; ``ramps`` False is a mount whose motors change their speed at once; ``on`` a stage that has
+    ended, whose mount is used again; ``simulated`` are further settings of the simulator. The driver finds out which
+    mount it is, and where it is ``named`` it was told before, as on a command line.
+    """
+
+    def __init__(self, mount: str | None, version: str | None = None, *, start: float, driven: str = "nexstar",
+                 presented: str = "lx200", surface: str | None = None, surface_version: str | None = None,
+                 site: tuple[float, float] = DEFAULT_SITE, latency: float = 0.05, aligned: bool = True,
+                 speed: float = 1.0, config: dict[str, Any] | None = None, host_ahead: float = 0.0,
+                 on: Stage | None = None, access: Access = Access(), ramps: bool = True, sky: Sky | None = None,
+                 named: bool = False, simulated: dict[str, Any] | None = None) -> None:
+        loop = asyncio.get_running_loop()
+        self._began: float = loop.time() if on is None else on._began
+        self.clock: Callable[[], float] = lambda: start + loop.time() - self._began
+        self.host: Callable[[], float] = lambda: self.clock() + host_ahead
+        self.settings = MountConfig(at="-", **(config or {}))
+        endpoint = Endpoint(driven, "sim", mount, version)
+        self.sim: Any = on.sim if on else make_simulator(endpoint, clock=self.clock, site=site, aligned=aligned,
+                                                         speed=speed, ramps=ramps, **(simulated or {}))
+        self.transcript = Transcript(self.clock)
+        self.entries: list[Entry] = []
+        self.transcript.sinks.append(self.entries.append)
+        known = endpoint if named else Endpoint(driven, "sim")
+        driver, follow_ups, dialogue = DRIVERS[driven](known, self.settings, loop.time)
+        self.driver: Any = driver
+        driver.hurry = speed
+        self.wire: list[bytes] = []
+        line = Line(SimulatorWire("sim", self._listening(self.sim.connection), latency), dialogue, self.transcript)
+        given = self.settings.site
+        self.observatory = Observatory(loop.time, self.host, op.Place(*given) if given else None)
+        self.hub = Hub(driver, follow_ups, line, sky or Sky(), self.observatory, self.transcript,
+                       policy(self.settings))
+        shown = Endpoint(presented, "-", surface, surface_version)
+        self.face: Face = FACES[presented](shown, SurfaceConfig(at="-"), self.settings.limits)
+        self.face.surface.verbatim = presented == driven
+        self.shared, changed = self.remember()
+        self.reception = Reception(self.hub, self.face, self.shared, self.clock, changed, access=access)
+
+    def remember(self) -> tuple[dict[str, Any], Callable[[], None]]:
+        """What all clients have in common, and what to call when it has changed: here nothing outlives the stage."""
+        return {"sites": {}}, _nobody
+
+    def _listening(self, connect: Callable[..., Any]) -> Callable[..., Any]:
+        """The same way into the mount, where what it is sent is noted."""
+
+        def connection(later: Callable[[float, bytes], None]) -> Callable[[bytes], bytes]:
+            feed = connect(later)
+
+            def heard(data: bytes) -> bytes:
+                self.wire.append(data)
+                answer: bytes = feed(data)
+                return answer
+
+            return heard
+
+        return connection
+
+    async def __aenter__(self) -> Any:
+        self.hub.start()
+        await self.hub.settled.wait()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.hub.close()
+
+    def client(self, host: str = "127.0.0.1") -> Visitor:
+        return Visitor(self, host)
+
+    def sent(self) -> list[bytes]:
+        """Every request that went to the mount so far."""
+        return [entry.data for entry in self.entries if entry.side == "mount" and entry.arrow == ">"]
+
+
+class Visitor:
+    """One connection."""
+
+    def __init__(self, stage: Any, host: str) -> None:
+        self.heard = b""
+        self._guest = stage.reception.arrive(host, host, self._hear)
+
+    def _hear(self, data: bytes) -> None:
+        self.heard += data
+
+    @property
+    def answered(self) -> bool:
+        """Whether everything said so far has been answered, as far as it is answered at all."""
+        return bool(self._guest.answered)
+
+    async def ask(self, data: bytes, seconds: float = 10.0, *, until: bytes = b"") -> bytes:
+        """Send bytes and wait for the reply: up to ``until``, else for whatever comes first; b"" after ``seconds``."""
+        self.heard = b""
+        self._guest.feed(data)
+        end = asyncio.get_running_loop().time() + seconds
+        while asyncio.get_running_loop().time() < end:
+            if self.heard and (not until or self.heard.endswith(until)):
+                break
+            await asyncio.sleep(0.01)
+        return self.heard
+
+    def tell(self, data: bytes) -> None:
+        """Send bytes that have no reply."""
+        self._guest.feed(data)
+
+    def close(self) -> None:
+        self._guest.close()

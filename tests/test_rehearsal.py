@@ -1,0 +1,135 @@
+"""Rehearsals: every row can be explained, and what the tables say of a row is compared with what the wire carries."""
+
+from __future__ import annotations
+
+import pytest
+from msgspec.structs import replace
+
+from gateway.config import Endpoint, parse_words
+from gateway.errors import UserError
+from gateway.pairs import PAIRS
+from gateway.rehearsal import wire
+from gateway.rehearsal.explain import explain
+from gateway.rehearsal.judge import Case, differences
+from gateway.rehearsal.play import Event, Play
+from gateway.rehearsal.samples import example
+from gateway.surface import Surface
+from gateway.tables import SurfaceRow, Way, load
+
+
+@pytest.mark.parametrize(("client", "mount"), PAIRS)
+def test_every_row_is_explained(client: str, mount: str) -> None:
+    for name, command in load(client).commands.items():
+        told = explain(client, mount, "".join(f"\\x{byte:02x}" for byte in example(command)))
+        assert command.help in told, name
+        assert ": missing" not in told, name
+        assert "\nreply: " in told, name
+
+
+#: The mounts that have the least, the oddest and the most, behind different models.
+SOME = [
+    ("lx200:autostar", "nexstar:nexstar-gps/1.2"), ("lx200:lx200", "nexstar:cge/3.02"),
+    ("lx200:lx200gps", "nexstar:cpc/4.21"), ("lx200:lx200-16", "nexstar:avx/5.31"),
+    ("nexstar:nexstar-gps/1.2", "lx200:autostar"), ("nexstar:cge/3.02", "lx200:lx200"),
+    ("nexstar:cpc/4.21", "lx200:lx200gps"), ("nexstar:gt/104.0", "lx200:lx200-16"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("face", "mount"), SOME)
+def test_the_tables_say_what_the_wire_carries(face: str, mount: str) -> None:
+    plays, found = wire.rehearse(wire.Pair(parse_words(face), parse_words(mount)))
+    assert plays >= len(load(face.partition(":")[0]).commands)
+    assert list(wire.report(found)) == []
+
+
+CPC = wire.Pair(Endpoint("lx200", "-", "lx200gps"), Endpoint("nexstar", "-", "cpc", "4.21"))
+OVER_MEADE = wire.Pair(Endpoint("nexstar", "-", "cge", "4.21"), Endpoint("lx200", "-", "lx200gps"))
+
+
+@pytest.mark.parametrize(
+    ("pair", "name", "row", "says"),
+    [
+        (CPC, "GR", {"outcome": "kept", "call": "silence"}, "kept, and yet there is no reply"),
+        (CPC, "GVP", {"outcome": "translated"}, "the mount has never been asked"),
+        (CPC, "GVP", {"outcome": "silent"}, "silent, and yet b'LX2001#' is said"),
+        (CPC, "Mn", {"outcome": "kept"}, "kept, and yet T, slew_alt_pos goes to the mount"),
+        (CPC, "B+", {"outcome": "kept"}, "kept, and nothing is kept"),
+        (CPC, "St", {"outcome": "translated"}, "translated, and nothing that changes the mount is sent"),
+        (CPC, "SS", {"outcome": "kept"}, "kept, and yet the reply is no: b'0'"),
+        (CPC, "SB", {"outcome": "refused"}, "refused, and the reply b'1' is no no"),
+        (CPC, "$QA+", {"why": None}, "no remark on it, and the log says"),
+        (CPC, "Mn", {"asks": ["Sync"]}, "slew_alt_pos goes to the mount, and is not listed"),
+        (OVER_MEADE, "pec_record", {"outcome": "kept"}, "kept, and yet the reply is no"),
+    ],
+)
+def test_a_row_that_says_something_else_is_found(
+    monkeypatch: pytest.MonkeyPatch, pair: wire.Pair, name: str, row: dict[str, object], says: str
+) -> None:
+    rows: dict[str, SurfaceRow] = load(pair.face.protocol).surface
+    monkeypatch.setitem(rows, name, replace(rows[name], **row))
+    _, found = wire.rehearse(pair, frozenset([name]))
+    assert any(says in difference.words for difference in found), found
+
+
+def test_a_way_that_is_not_taken_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(load("nexstar").driver, "SetSite", [Way(call="set_site", uses=["W"])])
+    _, found = wire.rehearse(CPC, frozenset(["Sg"]))
+    assert [difference.words for difference in found] == ["translated, and nothing that changes the mount is sent"]
+
+
+def test_a_mount_that_says_no_while_the_program_hears_yes_is_found() -> None:
+    nexstar, protocol = load("nexstar"), load("lx200")
+    surface = Surface(protocol, {})
+    request = bytes((80, 2, 17, 36, 9, 0, 0, 0))  # P: move the altitude motor by key 9, no reply byte asked for
+
+    def words(answer: bytes, *notes: Event) -> list[str]:
+        events = (Event("act", "", request), Event("answer", "", answer), *notes, Event("reply", ""))
+        case = Case(protocol.commands["Mn"], protocol.surface["Mn"], frozenset(), nexstar, "cpc", (4, 21), True, False)
+        return list(differences(case, Play(b":Mn#", events, b"", (request,), False, True), surface, frozenset()))
+
+    assert words(b"#") == []
+    assert words(b"\x00#") == ["the mount says no, and nobody is told"]  # one byte too many: no such device
+    assert words(b"\x00#", Event("note", "Move: No such device on the mount.")) == []
+
+
+def test_a_new_row_is_played_without_being_listed() -> None:
+    plays, _ = wire.rehearse(CPC)
+    assert plays >= len(load("lx200").commands)
+    models = {(str(pair.face), str(pair.mount)) for pair in wire.pairs()}
+    assert len(models) == len(list(wire.pairs()))
+    assert {pair.mount.model for pair in wire.pairs()} == load("lx200").models.keys() | load("nexstar").models.keys()
+
+
+def test_a_difference_is_told_once_with_the_pairs_that_show_it() -> None:
+    found = [wire.Difference("lx200", "GR", "kept, and yet", f"autostar on cpc/{text}") for text in ("4.10", "4.21")]
+    assert list(wire.report(found)) == [
+        "mappings/lx200/surface.toml: [GR]: kept, and yet (autostar on cpc/4.10 and 1 more)"]
+
+
+def test_what_is_explained_is_what_the_mount_was_sent() -> None:
+    told = explain("lx200gps", "cge", ":TL#")  # FFFD hexadecimal is the lunar rate of the azimuth motor
+    assert "to the mount: P\\x03\\x10\\x06\\xff\\xfd\\x00\\x00  variable rate" in told
+    assert explain("lx200", "cge", "\\x06").endswith("reply: P")
+    small = explain("lx200", "gt/101.0", ":Mn#")
+    assert "to the mount: R" in small and "P\\x02" not in small
+    assert "to the mount: and so on" in small
+    home = explain("lx200gps", "6se", ":hF#")
+    assert "after :hS#, with the Crab nebula" in home and "No home position" not in home
+
+
+@pytest.mark.parametrize(
+    ("words", "device"),
+    [
+        ("6se", "nexstar:6-8se"), ("NexStar 8SE", "nexstar:6-8se"), ("cpc", "nexstar:cpc"),
+        ("CPC/4.10", "nexstar:cpc/4.10"), ("lx200gps", "lx200:lx200gps"), ("lx200", "lx200"),
+        ("Celestron AVX", "nexstar:avx"), ("nexstar:cge/3.02", "nexstar:cge/3.02"), ("LX200 Classic", "lx200:lx200"),
+        ("nexstar-gps", "nexstar:nexstar-gps"), ("evo", "nexstar:evolution"),
+    ],
+)
+def test_a_mount_is_known_by_the_word_on_it(words: str, device: str) -> None:
+    assert str(parse_words(words)) == f"{device}@"
+
+
+def test_a_word_that_is_on_no_mount_is_refused() -> None:
+    with pytest.raises(UserError, match=r"no protocol .* and no model; did you mean 'cgx'"):
+        parse_words("cgx9")
