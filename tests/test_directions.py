@@ -11,7 +11,7 @@ from gateway.protocols.nexstar.driver.altaz import SLOW
 from gateway.spherical import following, hour_angle_to_horizon, northwards, wrap180
 from gateway.truth import truth_of
 from tests.bridge import Bridge
-from tests.proof.directions import NORTH, SOUTH, Scenario, play
+from tests.proof.directions import NORTH, SOUTH, Scenario, on_the_axes, play
 from tests.virtual import run
 
 #: A fork on the meridian at 45 degrees of altitude and of latitude: its azimuth follows the stars at 21.27"/s, 85 as a
@@ -143,12 +143,14 @@ def test_a_pulse_in_alt_az_ends_with_tracking_and_never_stands(config: dict[str,
                                                                second: bytes) -> None:
     async def program() -> None:
         async with fork(**config) as bridge:
+            bridge.driver.apart = 0.0  # nothing stands still while this line tells both motors
             client, before = bridge.client(), len(bridge.sent())
             client.tell(b":Mg%s1000#" % pulse)
             await asyncio.sleep(0.9)
             assert motions(bridge, before) == [b"T\0", first, second]
             await asyncio.sleep(0.3)
-            assert motions(bridge, before)[3:] == [FOLLOWS, STANDS, b"T\x01"]
+            back = [FOLLOWS, STANDS] if pulse in b"ew" else [STANDS, FOLLOWS]
+            assert motions(bridge, before)[3:] == [*back, b"T\x01"]
             assert bridge.sim.tracking and not truth_of(bridge.sim).moving
 
     run(program())
@@ -170,6 +172,31 @@ def test_two_pulses_at_once_add_up_on_both_axes() -> None:
             assert truth_of(bridge.sim).t > before.t and bridge.sim.tracking
             assert wrap180(began[0] - ended[0]) * 3600 == pytest.approx(15.04, rel=0.15)
             assert (ended[1] - began[1]) * 3600 == pytest.approx(15.04, rel=0.15)
+
+    run(program())
+
+
+@pytest.mark.parametrize("latency", [0.02, 0.05])
+@pytest.mark.parametrize("pulse", [b"n", b"e"])
+@pytest.mark.parametrize("ms", [100, 300])
+def test_pulses_as_short_as_a_guider_sends_them_are_as_long_as_asked(latency: float, pulse: bytes, ms: int) -> None:
+    """To tell two motors takes longer, and tracking stands still meanwhile: both are made up for."""
+
+    async def program() -> None:
+        async with Bridge("cpc", "4.21", latency=latency, config={"sun": 0.0}) as bridge:
+            client = bridge.client()
+            await client.ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")
+            await asyncio.sleep(60.0)
+            for learning in (True, False):
+                before = truth_of(bridge.sim)
+                for _ in range(1 if learning else 5):
+                    client.tell(b":Mg%s%04d#" % (pulse, ms))
+                    await asyncio.sleep(3.0)
+            first, second = on_the_axes(before, truth_of(bridge.sim), NORTH, True)
+            asked = 5 * ms / 1000.0 * 7.5205 * (1 if pulse == b"n" else -1)
+            along, across = (second, first) if pulse == b"n" else (first, second)
+            assert along * 3600 == pytest.approx(asked, abs=0.15 * abs(asked) + 1.0)
+            assert abs(across) * 3600 < 5 * 0.7
 
     run(program())
 

@@ -31,7 +31,7 @@ TOLERANCE = 0.15
 NOISE = 0.3 / 3600.0
 #: Seconds until an arrow has its speed, for how long it is then measured, and for how long at guide rate.
 BEFORE, MEASURED, SLOWLY = 1.6, 1.0, 4.0
-PULSE_MS = 2500
+PULSES_MS = (300, 2500)
 #: Hour angle of the goal: a German mount goes there with its tube on the other side of the pier.
 PLACES = {"fork": 30.0, "german east": 35.0, "german west": -35.0, "alt-az": -35.0}
 #: Axis and sense of an LX200 direction.
@@ -171,10 +171,10 @@ async def _lx200(bridge: Bridge, case: Scenario) -> list[Row]:
             before, after = await _seen(bridge, tell(f":M{letter}#".encode()), tell(f":Q{letter}#".encode()), seconds)
             rows.append(_row(case, name, letter, sense * speed * (after.t - before.t), axis,
                              _lx200_measure(case, True, before, after)))
-    for letter, (axis, sense) in LETTERS.items():
+    for ms, (letter, (axis, sense)) in product(PULSES_MS, LETTERS.items()):
         rate = bridge.driver.guide_rates[axis] * SIDEREAL_RATE
-        before, after = await _pulse(bridge, tell(f":Mg{letter}{PULSE_MS:04d}#".encode()))
-        rows.append(_row(case, f"pulse {case.guide}", letter, sense * rate * PULSE_MS / 1000.0, axis,
+        before, after = await _pulse(bridge, tell(f":Mg{letter}{ms:04d}#".encode()))
+        rows.append(_row(case, f"pulse {case.guide} {ms} ms", letter, sense * rate * ms / 1000.0, axis,
                          _lx200_measure(case, False, before, after)))
     return rows
 
@@ -183,7 +183,7 @@ async def _pulse(bridge: Bridge, begin: Callable[[], None]) -> tuple[Truth, Trut
     await asyncio.sleep(3.0)
     before = truth_of(bridge.sim)
     begin()
-    await asyncio.sleep(PULSE_MS / 1000.0 + 3.0)
+    await asyncio.sleep(max(PULSES_MS) / 1000.0 + 3.0)
     return before, truth_of(bridge.sim)
 
 
@@ -203,11 +203,11 @@ async def _nexstar(bridge: Bridge, case: Scenario) -> list[Row]:
             asked = (1 if way == 36 else -1) * speed * (after.t - before.t)
             rows.append(_row(case, f"key {key}", f"{axis}{'+' if way == 36 else '-'}", asked, axis,
                              on_the_axes(before, after, case.site, altaz)))
-    for axis, way in senses:
+    for ms, (axis, way) in product(PULSES_MS, senses):
         percent = 100 if way == 36 else 156
-        before, after = await _pulse(bridge, tell(80, 3, 15 + axis, 38, percent, PULSE_MS // 10, 0, 0))
-        asked = (1 if way == 36 else -1) * SIDEREAL_RATE * PULSE_MS / 1000.0
-        rows.append(_row(case, "pulse 100 %", f"{axis}{'+' if way == 36 else '-'}", asked, axis,
+        before, after = await _pulse(bridge, tell(80, 3, 15 + axis, 38, percent, ms // 10, 0, 0))
+        asked = (1 if way == 36 else -1) * SIDEREAL_RATE * ms / 1000.0
+        rows.append(_row(case, f"pulse 100 % {ms} ms", f"{axis}{'+' if way == 36 else '-'}", asked, axis,
                          on_the_axes(before, after, case.site, altaz)))
     return rows
 

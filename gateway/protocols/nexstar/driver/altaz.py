@@ -21,8 +21,8 @@ Pair = tuple[float, float]
 
 #: From here on, degrees a second, tracking is no part of a motion that anybody could see.
 SLOW = 0.1
-#: What stands still while a pulse is begun is made up for within the pulse, and within so many seconds at the soonest.
-SHORTEST = 0.1
+#: Seconds for which the line waits after an acknowledgement, and the most that two motors are taken to be told apart.
+BETWEEN, FARTHEST = 0.03, 0.5
 _AXIS = {1: "azm", 2: "alt"}
 
 
@@ -54,7 +54,11 @@ def move(mount: NexStar, operation: Move) -> Steps:
 
 
 def pulse(mount: NexStar, operation: Pulse) -> Steps:
-    """-> Pulsed: by the motors, or in right ascension and declination with both; it has to be ended."""
+    """-> Pulsed: by the motors, or in right ascension and declination with both; it has to be ended.
+
+    What tracking misses until each motor has its rate is made up for within the pulse. One that is shorter than it
+    takes to begin and to end it is longer and slower.
+    """
     direction = operation.direction
     if mount.goto is not None:
         raise Refused("The mount is slewing: the guide pulse is dropped.")
@@ -62,20 +66,19 @@ def pulse(mount: NexStar, operation: Pulse) -> Steps:
         raise Refused("An arrow is held down: the guide pulse is dropped.")
     if mount.site is None:
         raise Unsupported("This mount is guided on top of its tracking, which takes the latitude: --site tells it.")
-    began = mount.now()
     where = yield from _look(mount)
-    exchange = mount.now() - began
     rested = mount.suspended is None
     yield from tracking.suspend(mount)
-    rate = direction.sense * mount.guide_rates[direction.axis] * SIDEREAL
+    lasts = max(operation.ms / 1000.0, 2.0 * mount.apart)
+    rate = direction.sense * mount.guide_rates[direction.axis] * SIDEREAL * operation.ms / 1000.0 / lasts
     share = _share(direction.axis, rate)
     if mount.settings.guide_directions == "sky":
         first, second = _on_the_sky(direction, where, mount)
         share = rate * first, rate * second
-    late = exchange / max(operation.ms / 1000.0, SHORTEST) if rested else 0.0
+    late = mount.apart / lasts if rested else 0.0
     mount.pulsing.add(direction.axis)
-    sent = yield from _add(mount, direction.axis, share, (late, 2.0 * late))
-    return Pulsed(max(0.0, operation.ms / 1000.0 - (mount.now() - sent)), ends=False)
+    heard = yield from _add(mount, direction.axis, share, (late, 2.0 * late))
+    return Pulsed(max(0.0, lasts - (mount.now() - heard) - max(0.0, mount.apart - BETWEEN)), ends=False)
 
 
 def halt(mount: NexStar, axis: int) -> Steps:
@@ -85,7 +88,7 @@ def halt(mount: NexStar, axis: int) -> Steps:
     mount.pulsing.discard(axis)
     mount.moving.pop(axis, None)
     if mount.riding or mount.moving or pulsed:
-        yield from go_on(mount)
+        yield from go_on(mount, axis)
     if mount.riding or mount.moving:
         return
     if not pulsed:
@@ -94,9 +97,9 @@ def halt(mount: NexStar, axis: int) -> Steps:
     yield from tracking.resume(mount)
 
 
-def go_on(mount: NexStar) -> Steps:
-    """The axes that no fast arrow turns get what they are to do now."""
-    for axis in _AXIS:
+def go_on(mount: NexStar, first: int) -> Steps:
+    """The axes that no fast arrow turns get what they are to do now, in the order in which they were told before."""
+    for axis in (first, 3 - first):
         if axis not in mount.moving or axis in mount.riding:
             yield _rate(mount, axis, (0.0, 0.0), prompt=False)
 
@@ -122,15 +125,15 @@ def _share(axis: int, rate: float) -> Pair:
 
 
 def _add(mount: NexStar, axis: int, share: Pair, late: Pair = (0.0, 0.0)) -> Steps:
-    """One more share -> when the first axis had it. ``late``: by which part of its rate tracking is to catch up."""
+    """One more share -> when the first motor acknowledged it. ``late``: by which part of its rate tracking makes up."""
     before = mount.riding.get(axis)
     mount.riding[axis] = share
-    sent: float | None = None
+    heard: list[float] = []
     try:
         for number in (axis, 3 - axis):
             if number not in mount.moving or number in mount.riding:
                 yield _rate(mount, number, late if number == axis else late[::-1], prompt=True)
-                sent = mount.now() if sent is None else sent
+                heard.append(mount.now())
     except Busy:  # it was never sent
         if before is None:
             del mount.riding[axis]
@@ -139,7 +142,9 @@ def _add(mount: NexStar, axis: int, share: Pair, late: Pair = (0.0, 0.0)) -> Ste
         if not mount.riding and not mount.moving:
             yield from tracking.resume(mount)
         raise
-    return mount.now() if sent is None else sent
+    if len(heard) > 1:
+        mount.apart = min(FARTHEST, heard[1] - heard[0])
+    return heard[0]
 
 
 def _rate(mount: NexStar, axis: int, late: Pair, prompt: bool) -> Ask:

@@ -124,7 +124,7 @@ def halt(mount: NexStar, operation: Halt) -> Steps:
     mount.pulsing.discard(operation.axis)
     yield from _end_pulses(mount, [operation.axis])
     if mount.riding:
-        yield from altaz.go_on(mount)
+        yield from altaz.go_on(mount, operation.axis)
     elif not mount.moving:
         yield from (tracking.resume(mount) if mount.suspended is not None else tracking.keep_rate(mount))
 

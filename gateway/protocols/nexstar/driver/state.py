@@ -107,6 +107,8 @@ class NexStar(Driver):
         #: that was asked for; and those tracking rates.
         self.riding: dict[int, tuple[float, float]] = {}
         self.following: tuple[float, float] = (0.0, 0.0)
+        #: How many seconds after one motor the other one was told, the last time.
+        self.apart = 0.1
         #: When the pulse that a motor times itself is over, axis by axis.
         self.pulse_ends: dict[int, float] = {}
         # position
