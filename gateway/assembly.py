@@ -52,6 +52,7 @@ def _nexstar_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], f
     from gateway.protocols.nexstar.driver.state import NexStar, Settings
 
     settings = Settings(site=config.site, mode=config.mode, guide_rate=config.guide_rate,
+                        guide_directions=config.guide_directions,
                         park=config.park if isinstance(config.park, tuple) else None, aux_home=config.aux_home,
                         lowest=config.lowest)
     return NexStar(now, settings, endpoint.model, endpoint.version), dict(FOLLOW_UPS), NexStarDialogue()

@@ -93,6 +93,10 @@ def separation(lon1: float, lat1: float, lon2: float, lat2: float) -> float:
     return math.degrees(math.atan2(math.hypot(across, up), along))
 
 
+#: The cosine of 89.4 degrees: nearer to where an angle means nothing its rate grows no more.
+_NEAR_ZENITH = 0.01
+
+
 # -- horizon --------------------------------------------------------------------------------------------
 
 
@@ -109,6 +113,25 @@ def horizon_to_hour_angle(az: float, alt: float, lat: float) -> tuple[float, flo
     """(hour angle in [-180, 180), declination in [-90, 90]) of a geometric direction."""
     hour_angle, dec = hour_angle_to_horizon(az, alt, lat)  # the formula is its own inverse
     return wrap180(hour_angle), dec
+
+
+def following(az: float, alt: float, lat: float) -> tuple[float, float]:
+    """How (azimuth, altitude) of a star change as its hour angle grows, degrees a degree. Held finite in the zenith."""
+    a, h, phi = math.radians(az), math.radians(alt), math.radians(lat)
+    up = max(math.cos(h), _NEAR_ZENITH)
+    return math.sin(phi) - math.cos(phi) * math.cos(a) * math.sin(h) / up, math.cos(phi) * math.sin(a)
+
+
+def northwards(az: float, alt: float, lat: float) -> tuple[float, float]:
+    """How (azimuth, altitude) change as the declination grows, degrees a degree: the parallactic angle, in effect.
+
+    Held finite in the zenith and at the poles.
+    """
+    a, h, phi = math.radians(az), math.radians(alt), math.radians(lat)
+    across = -math.cos(phi) * math.sin(a)
+    along = math.sin(phi) * math.cos(h) - math.cos(phi) * math.sin(h) * math.cos(a)
+    from_pole = max(math.hypot(across, along), _NEAR_ZENITH)
+    return across / from_pole / max(math.cos(h), _NEAR_ZENITH), along / from_pole
 
 
 # -- time -----------------------------------------------------------------------------------------------

@@ -48,6 +48,9 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
                                    ge=-90.0, le=90.0)] = 90.0
     sync_limit: Annotated[float, _key("refuse syncs further than this, degrees", "DEG", gt=0.0, le=180.0)] = 15.0
     guide_rate: Annotated[float, _key("speed of guide pulses, as a part of sidereal", "RATE", gt=0.0, le=1.0)] = 0.5
+    guide_directions: Annotated[Literal["motor", "sky"], _key(
+        "what guide pulses (:Mgn#) to a NexStar mean: the same turn of a motor, or the sky, on both sides of the pier"
+        )] = "motor"
     park: Annotated[tuple[Annotated[float, Meta(ge=-360.0, le=360.0)], Annotated[float, Meta(ge=-180.0, le=180.0)]]
                     | Literal["mount"] | None, _key(
         "axis readings that a NexStar parks at, degrees (default: the pole on an equatorial mount, else north at the "

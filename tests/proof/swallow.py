@@ -33,8 +33,10 @@ MOUNTS: dict[str, tuple[str, str, str | None]] = {
     "lx200gps": ("lx200", "lx200gps", None), "autostar": ("lx200", "autostar", None),
 }  # fmt: skip
 #: What a program of either kind says: typed from the manuals.
-LX200_MOTIONS = {"arrow": b":RM#:Me#", "goto": b":Sr08:00:00#:Sd+30*00:00#:MS#", "pulse": b":Mgn3000#", "park": b":hP#"}
-LX200_ENDS = {"arrow": (b":Qe#", b":Q#"), "goto": (b":Q#", b":Qe#"), "pulse": (b":Q#", b":Qn#"), "park": (b":Q#",)}
+LX200_MOTIONS = {"arrow": b":RM#:Me#", "nudge": b":RG#:Mn#", "goto": b":Sr08:00:00#:Sd+30*00:00#:MS#",
+                 "pulse": b":Mgn3000#", "park": b":hP#"}  # fmt: skip
+LX200_ENDS = {"arrow": (b":Qe#", b":Q#"), "nudge": (b":Qn#", b":Q#"), "goto": (b":Q#", b":Qe#"),
+              "pulse": (b":Q#", b":Qn#"), "park": (b":Q#",)}  # fmt: skip
 NEXSTAR_MOTIONS = {"arrow": b"P\x02\x10\x24\x09\x00\x00\x00", "goto": b"r55555500,15555500",
                    "rate": b"P\x03\x11\x06\x40\x00\x00\x00"}  # fmt: skip
 _RATE_0 = b"P\x02\x10\x24\x00\x00\x00\x00", b"P\x02\x11\x24\x00\x00\x00\x00"

@@ -1,7 +1,8 @@
 """Arrows, their rates, and guiding.
 
-Motor sense is kept: positive is west on the first axis (east in the south) and north on the second. On a Meade that is
-a German mount the second one turns with the side of the pier, as the motors of a German hand control do.
+Motor sense is kept: positive is west on the first axis (east in the south); on the second it lifts the tube of a fork,
+towards the elevated pole where it stands on a wedge. On a Meade that is a German mount the second one turns with the
+side of the pier, as the motors of a German hand control do.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ LONGEST_PULSE = 9999  # milliseconds: the four digits of :Mg
 
 
 def _letter(mount: Meade, axis: int, sense: int) -> Steps:
-    if axis == 2 and mount.german:  # its second motor turns the tube the other way on one side of the pier
+    if axis == 2 and mount.equatorial and not mount.german and mount.southern:  # it lifts the tube to the southern pole
+        sense = -sense
+    elif axis == 2 and mount.german:  # its second motor turns the tube the other way on one side of the pier
         sense = -sense if (yield from beyond_pole(mount)) is not mount.southern else sense
     if axis == 2:
         return "n" if sense > 0 else "s"

@@ -102,10 +102,11 @@ def stop_current_motion(mount: NexStar) -> Steps:
     """End what moves now: the newer goto wins, as at the keypad. Hand motion and pulses: rate 0; ``M`` until ``L`` = 0.
     """
     mount.steps.clear()
-    for axis in sorted({*mount.moving, *mount.pulsing}):
+    for axis in sorted({*mount.moving, *mount.pulsing, *((1, 2) if mount.riding else ())}):
         yield Ask(f"slew_{'azm' if axis == 1 else 'alt'}_pos", {"rate": 0})
         mount.moving.pop(axis, None)
     mount.pulsing.clear()
+    mount.riding.clear()
     if mount.goto is not None and mount.goto.seeks:
         yield from _stop_seeking(mount)
     elif mount.goto is not None:

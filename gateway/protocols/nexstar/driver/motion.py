@@ -26,7 +26,7 @@ from gateway.operations import (
     Stop,
     Tracking,
 )
-from gateway.protocols.nexstar.driver import tracking
+from gateway.protocols.nexstar.driver import altaz, tracking
 from gateway.protocols.nexstar.driver.goto import Arrived, need_alignment, stop_current_motion
 from gateway.protocols.nexstar.driver.position import pier_side
 from gateway.protocols.nexstar.driver.state import NexStar
@@ -67,7 +67,9 @@ def _reversed(mount: NexStar, direction: Direction) -> Steps:
 
 
 def move(mount: NexStar, operation: Move) -> Steps:
-    """A sky direction: corrected for the side of the pier, and beyond the pole."""
+    """A sky direction: corrected for the side of the pier, and beyond the pole. Alt-az: an axis, on top of tracking."""
+    if altaz.carries(mount, operation) and (yield from altaz.move(mount, operation)):
+        return
     sign = sense(mount, operation.direction)
     if mount.goto is not None:
         yield from stop_current_motion(mount)  # under way to the other side, the control tells the side of the goal
@@ -92,6 +94,7 @@ def move_axis(mount: NexStar, operation: MoveAxis) -> Steps:
     if not (gentle and equatorial and mount.suspended is None):
         yield from tracking.suspend(mount)
     before = dict(mount.moving)
+    mount.riding.pop(axis, None)
     mount.moving[axis] = max(mount.speed(rate), mount.moving.get(axis, 0.0))  # until it has taken the new rate
     try:
         if variable is not None:
@@ -113,11 +116,16 @@ def halt(mount: NexStar, operation: Halt) -> Steps:
         if stepped is not None:
             yield Ask("M")  # the last small goto may lead far in azimuth; the other axis takes its next one by itself
         return
+    if operation.axis in mount.riding:
+        yield from altaz.halt(mount, operation.axis)
+        return
     yield Ask(f"slew_{_AXIS[operation.axis]}_pos", {"rate": 0})
     mount.moving.pop(operation.axis, None)
     mount.pulsing.discard(operation.axis)
     yield from _end_pulses(mount, [operation.axis])
-    if not mount.moving:
+    if mount.riding:
+        yield from altaz.go_on(mount, operation.axis)
+    elif not mount.moving:
         yield from (tracking.resume(mount) if mount.suspended is not None else tracking.keep_rate(mount))
 
 
@@ -128,6 +136,7 @@ def stop(mount: NexStar, _: Stop) -> Steps:
     """
     mount.steps.clear()
     mount.pulsing.clear()
+    mount.riding.clear()
     going = mount.goto
     if going is not None:
         mount.home_state = 0 if going.then == "home" else mount.home_state
@@ -182,9 +191,21 @@ def step_on(mount: NexStar, _: StepOn) -> Steps:
 
 
 def pulse(mount: NexStar, operation: Pulse) -> Steps:
-    """-> Pulsed: a guide pulse in a sky direction."""
+    """-> Pulsed. ``motor``: n turns the second motor one way, wherever the tube is. ``sky``: n is north."""
+    by_sky = mount.settings.guide_directions == "sky"
+    if operation.ms > 0 and altaz.stands(mount) and (by_sky or not _times_pulses(mount)):
+        return (yield from altaz.pulse(mount, operation))
+    if tracking.native_mode(mount) is None and not (mount.stepping or _times_pulses(mount)):
+        raise Unsupported("This hand control does not tell how it tracks, which guiding goes by: --mode tells it.")
     axis, sign = operation.direction.axis, sense(mount, operation.direction)
+    if by_sky and not mount.stepping and (yield from _reversed(mount, operation.direction)):
+        sign = -sign
     return (yield from pulse_axis(mount, PulseAxis(axis, sign, operation.ms)))
+
+
+def _times_pulses(mount: NexStar) -> bool:
+    """Whether both motors know guide pulses, which they add to whatever they do."""
+    return bool(mount.motors) and min(mount.motors.values()) >= PULSE_FIRMWARE
 
 
 def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
@@ -197,7 +218,7 @@ def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
         return None
     if mount.goto is not None:
         raise Refused("The mount is slewing: the guide pulse is dropped.")
-    if mount.motors and min(mount.motors.values()) >= PULSE_FIRMWARE:
+    if _times_pulses(mount):
         percent = max(-100, min(100, round(100 * sign * (operation.rate or mount.guide_rates[axis]))))
         piece = min(operation.ms, LONGEST_PULSE)
         mount.pulse_ends[axis] = mount.now() + piece / 1000.0

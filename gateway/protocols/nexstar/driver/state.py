@@ -31,6 +31,7 @@ class Settings(Struct, frozen=True):
     site: tuple[float, float] | None = None
     mode: str | None = None
     guide_rate: float = 0.5
+    guide_directions: str = "motor"  # what a pulse's direction means: the motor's, or the sky's
     park: tuple[float, float] | None = None
     aux_home: bool = False  # home is where the motors' own switches are
     lowest: float = 0.0  # where nobody has chosen a park position it is not below that
@@ -102,6 +103,12 @@ class NexStar(Driver):
         self.guide_rates = {1: settings.guide_rate, 2: settings.guide_rate}  # of pulses, until they are set
         #: The axes that a guide pulse turns which has to be ended by a command.
         self.pulsing: set[int] = set()
+        #: What is added to the tracking rates of both axes of an alt-az mount, degrees a second: a share for each axis
+        #: that was asked for; and those tracking rates.
+        self.riding: dict[int, tuple[float, float]] = {}
+        self.following: tuple[float, float] = (0.0, 0.0)
+        #: How many seconds after one motor the other one was told, the last time.
+        self.apart = 0.1
         #: When the pulse that a motor times itself is over, axis by axis.
         self.pulse_ends: dict[int, float] = {}
         # position
@@ -169,6 +176,7 @@ class NexStar(Driver):
         self.moving.clear()
         self.steps.clear()
         self.pulsing.clear()
+        self.riding.clear()
 
     def memory(self, moving: bool) -> dict[str, Any]:
         """Home and park; in motion also how to talk to this hand control, and the tracking to come back to."""

@@ -170,7 +170,7 @@ class VerifyTracking(Operation, frozen=True):
 
 def verify(mount: NexStar, operation: VerifyTracking) -> Steps:
     """``t`` a second later; once more ``T`` if it did not take."""
-    if mount.moving or mount.goto is not None or mount.checks_left == 0 or mount.parked:
+    if mount.moving or mount.riding or mount.goto is not None or mount.checks_left == 0 or mount.parked:
         return
     mount.checks_left -= 1
     wanted = Tracking(operation.mode)
