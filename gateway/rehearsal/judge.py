@@ -19,7 +19,8 @@ from gateway.tables import Command, Protocol, SurfaceRow, Version
 
 #: Notes that are about the mount or the site, not about a command.
 PRECISIONS = ("high", "low")
-_ASIDE = ("WARNING", "the mount tells no time", "astronomy ", "not aligned: positions")
+_ASIDE = ("WARNING", "the mount tells no time", "astronomy ", "not aligned: positions",
+          "the hand control does not tell how it tracks")
 
 
 class Case(NamedTuple):
