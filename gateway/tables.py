@@ -245,11 +245,16 @@ class Protocol:
             self._models = self._read("models.toml", dict[str, Any])
         return self._models
 
-    def traits(self, model: str) -> frozenset[str]:
-        """What rows may ask of a model: its name, how it is mounted, what it ``has``, and its keys that are true."""
+    def traits(self, model: str, wedge: bool = False) -> frozenset[str]:
+        """What rows may ask of a model: its name, how it is mounted, what it ``has``, and its keys that are true.
+
+        A fork is ``alt-az``, or ``equatorial`` on a wedge, as a German mount always is.
+        """
         facts = self.models[model]
         flags = (key for key, value in facts.items() if value is True)
-        return frozenset((model, facts.get("mount", ""), *facts.get("has", ()), *flags))
+        build = facts.get("mount", "")
+        moves = {"german": "equatorial", "fork": "equatorial" if wedge else "alt-az"}.get(build, "")
+        return frozenset((model, build, moves, *facts.get("has", ()), *flags))
 
     def extra(self, file: str) -> dict[str, dict[str, Any]]:
         """A further table of this protocol, such as ``rates.toml``."""

@@ -84,7 +84,8 @@ def test_a_mount_that_says_no_while_the_program_hears_yes_is_found() -> None:
 
     def words(answer: bytes, *notes: Event) -> list[str]:
         events = (Event("act", "", request), Event("answer", "", answer), *notes, Event("reply", ""))
-        case = Case(protocol.commands["Mn"], protocol.surface["Mn"], frozenset(), nexstar, "cpc", (4, 21), True, False)
+        row = protocol.commands["Mn"], protocol.surface["Mn"]
+        case = Case(*row, frozenset(), nexstar, "cpc", (4, 21), True, False, False)
         return list(differences(case, Play(b":Mn#", events, b"", (request,), False, True), surface, frozenset()))
 
     assert words(b"#") == []

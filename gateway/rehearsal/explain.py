@@ -110,6 +110,9 @@ def _said(row: SurfaceRow | None, driven: Protocol, at: Endpoint, face: frozense
     early = outcome(row, driven, model, version, aligned=False, face=face)
     if early != said:
         lines.append(f"  before the alignment: {early}")
+    wedged = outcome(row, driven, model, version, aligned=True, wedge=True, face=face)
+    if wedged != said:
+        lines.append(f"  on a wedge: {wedged}")
     if row is not None and row.why:
         lines.append(f"  {row.why}")
     return lines + [f"  {way.why}" for way in taken(row, driven, model, version, aligned=True) if way.why]

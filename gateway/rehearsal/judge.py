@@ -19,7 +19,8 @@ from gateway.tables import Command, Protocol, SurfaceRow, Version
 
 #: Notes that are about the mount or the site, not about a command.
 PRECISIONS = ("high", "low")
-_ASIDE = ("WARNING", "the mount tells no time", "astronomy ", "not aligned: positions")
+_ASIDE = ("WARNING", "the mount tells no time", "astronomy ", "not aligned: positions",
+          "the hand control does not tell how it tracks")
 
 
 class Case(NamedTuple):
@@ -33,13 +34,16 @@ class Case(NamedTuple):
     model: str
     version: Version | None
     aligned: bool
+    #: The fork stands on a wedge.
+    wedge: bool
     #: What is presented does not know it and passes over it.
     lacking: bool
 
     @property
     def said(self) -> str:
         """What the tables say becomes of it."""
-        return outcome(self.row, self.driven, self.model, self.version, aligned=self.aligned, face=self.face)
+        return outcome(self.row, self.driven, self.model, self.version, aligned=self.aligned, wedge=self.wedge,
+                       face=self.face)
 
 
 def writes(row: SurfaceRow | None) -> bool:
@@ -57,7 +61,7 @@ def differences(case: Case, play: Play, surface: Surface, asked: frozenset[str])
             yield "the presented model does not know it, and something is done or answered"
         return
     said = case.said
-    listed = sent(case.row, case.driven, case.model, case.version, aligned=case.aligned)
+    listed = sent(case.row, case.driven, case.model, case.version, aligned=case.aligned, wedge=case.wedge)
     changing = [found[0].name if (found := case.driven.find(data)) else repr(data) for data in play.wire]
     unlisted = sorted({name for name in changing if name not in listed})
     if said != "translated" and changing:
@@ -128,7 +132,7 @@ def _answered(case: Case, play: Play, surface: Surface, said: str) -> Iterator[s
         yield f"{said}, and yet there is no reply"
     elif said == "kept" and not command.replies and not (play.kept or (play.learnt and writes(row))):
         yield "kept, and nothing is kept"
-    ways = taken(row, case.driven, case.model, case.version, aligned=case.aligned)
+    ways = taken(row, case.driven, case.model, case.version, aligned=case.aligned, wedge=case.wedge)
     if (notes or said == "refused") and not remarks(row, ways):
         yield f"no remark on it, and the log says: {'; '.join(notes) or 'nothing'}"
 

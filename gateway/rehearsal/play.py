@@ -88,15 +88,16 @@ def is_look(protocol: Protocol, data: bytes) -> bool:
     return found is not None and found[0].name in looks(protocol.name)
 
 
-def stage(face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True) -> Stage:
+def stage(face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, wedge: bool = False) -> Stage:
     """The gateway between a presented model and a simulated mount, each with its version, in the night of ``START``.
 
     The mount's name and site are in the settings, for those that do not tell them; a NexStar has a focuser on it.
     """
-    simulated = {"focuser": True} if mount.protocol == "nexstar" else {}
+    simulated = {"focuser": True, "wedge": wedge} if mount.protocol == "nexstar" else {}
+    config = {"site": DEFAULT_SITE, **({"mode": "eq-north"} if wedge else {})}
     return Stage(mount.model or DEFAULT_MODEL[mount.protocol], mount.version, start=START, driven=mount.protocol,
                  presented=face.protocol, surface=face.model, surface_version=face.version, aligned=aligned, sky=sky,
-                 speed=HURRY, named=True, config={"site": DEFAULT_SITE}, simulated=simulated)
+                 speed=HURRY, named=True, config=config, simulated=simulated)
 
 
 class Player:

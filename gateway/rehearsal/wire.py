@@ -13,7 +13,6 @@ from concurrent.futures import ProcessPoolExecutor
 from typing import NamedTuple
 
 from gateway.config import Endpoint
-from gateway.operations import named
 from gateway.pairs import PAIRS, versions
 from gateway.rehearsal.explain import before, counted, sky, traits
 from gateway.rehearsal.judge import Case, differences, writes
@@ -23,6 +22,8 @@ from gateway.rehearsal.stage import Stage
 from gateway.tables import Command, Protocol, SurfaceRow, load
 from gateway.virtual import run
 
+#: What rows ask of a mount that a wedge changes.
+BUILDS = ("alt-az", "equatorial")
 #: Operations that wait for more of their kind before the mount is told.
 SETTINGS = frozenset({"SetSite", "SetClock", "ClockFromGps"})
 
@@ -35,6 +36,13 @@ class Pair(NamedTuple):
 
     def __str__(self) -> str:
         return " on ".join(f"{end.model}{f'/{end.version}' if end.version else ''}" for end in self)
+
+
+class State(NamedTuple):
+    """How a mount stands: aligned or before that, a fork in alt-az or on a wedge."""
+
+    aligned: bool = True
+    wedge: bool = False
 
 
 class Difference(NamedTuple):
@@ -74,15 +82,13 @@ async def _rehearse(pair: Pair, only: frozenset[str]) -> tuple[int, list[Differe
         player = Player(shared)
         for command in asking:
             plays += 1
-            found += await _one(pair, player, command, protocol, driven, True, GLANCE)
+            found += await _one(pair, player, command, protocol, driven, State(), GLANCE)
     for command in commands:
         row = protocol.surface.get(command.name)
-        for aligned in (True, False) if _alone(row) else ():
-            if not aligned and not _depends(row, driven):
-                continue
+        for state in _states(row, driven, pair.mount.model or ""):
             plays += 1
-            async with stage(pair.face, pair.mount, sky(), aligned=aligned) as own:
-                found += await _one(pair, Player(own), command, protocol, driven, aligned, _long(row))
+            async with stage(pair.face, pair.mount, sky(), aligned=state.aligned, wedge=state.wedge) as own:
+                found += await _one(pair, Player(own), command, protocol, driven, state, _long(row))
     return plays, found
 
 
@@ -96,13 +102,18 @@ def _long(row: SurfaceRow | None) -> float:
     return WATCHED_SETTING if row is not None and SETTINGS.intersection(row.operations) else WATCHED
 
 
-def _depends(row: SurfaceRow | None, driven: Protocol) -> bool:
-    """Whether it is otherwise before the alignment."""
-    ways = [way for name in (row.operations if row else ()) if named(name) for way in driven.driver.get(name, ())]
-    return any(way.aligned is not None for way in ways)
+def _states(row: SurfaceRow | None, driven: Protocol, model: str) -> Iterator[State]:
+    """The states in which a row is played on a mount of its own: all in which the tables say something else."""
+    ways = [way for name in (row.operations if row else ()) for way in driven.driver.get(name, ())]
+    if _alone(row):
+        yield State()
+        if any(way.aligned is not None for way in ways):
+            yield State(aligned=False)
+    if driven.traits(model) != driven.traits(model, wedge=True) and any(way.part in BUILDS for way in ways):
+        yield State(wedge=True)
 
 
-async def _one(pair: Pair, player: Player, command: Command, protocol: Protocol, driven: Protocol, aligned: bool,
+async def _one(pair: Pair, player: Player, command: Command, protocol: Protocol, driven: Protocol, state: State,
                watched: float) -> list[Difference]:
     """One row, played and judged."""
     row = protocol.surface.get(command.name)
@@ -112,9 +123,9 @@ async def _one(pair: Pair, player: Player, command: Command, protocol: Protocol,
     play: Play = await player.play(frame, said, watched)
     asked = frozenset(found[0].name for data in own.sent() if (found := driven.find(data)) is not None)
     surface = own.face.surface
-    case = Case(command, row, traits(pair.face), driven, pair.mount.model or "", counted(pair.mount), aligned,
+    case = Case(command, row, traits(pair.face), driven, pair.mount.model or "", counted(pair.mount), *state,
                 bool(surface.lacks(own.face.model, frame)))
-    where = str(pair) if aligned else f"{pair}, not aligned"
+    where = f"{pair}{'' if state.aligned else ', not aligned'}{', on a wedge' if state.wedge else ''}"
     return [Difference(protocol.name, command.name, words, where) for words in differences(case, play, surface, asked)]
 
 
