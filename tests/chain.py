@@ -21,6 +21,10 @@ from tests.bridge import Bridge, Visitor
 from tests.sent_forms import malformed
 
 
+#: Seconds until the outer gateway must have found out what it drives.
+MOST = 60.0
+
+
 class GuestWire:
     """A wire to the surface of another gateway."""
 
@@ -57,7 +61,7 @@ class Chain:
         self.driver: Any = driver
         line = Line(GuestWire(inner.reception), dialogue, self.transcript)
         observatory = Observatory(loop.time, inner.clock, None)
-        limits = Limits(lowest=-90.0)  # the inner gateway and the mount have limits of their own
+        limits = Limits(lowest=-90.0, sun=0.0)  # the inner gateway and the mount have limits of their own
         self.hub = Hub(driver, follow_ups, line, Sky(), observatory, self.transcript, Policy(limits))
         face = FACES[presented](Endpoint(presented, "-", surface), SurfaceConfig(at="-"), limits)
         self.reception = Reception(self.hub, face, {"sites": {}}, inner.clock, lambda: None)
@@ -65,7 +69,8 @@ class Chain:
     async def __aenter__(self) -> Chain:
         await self.inner.__aenter__()
         self.hub.start()
-        await self.hub.settled.wait()
+        async with asyncio.timeout(MOST):  # else one that is never identified is asked for ever
+            await self.hub.settled.wait()
         return self
 
     async def __aexit__(self, failed: object = None, *_: object) -> None:

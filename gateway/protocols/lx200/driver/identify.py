@@ -27,6 +27,7 @@ def identity(mount: Meade, _: Operation) -> Steps:
         firmware = yield from _probe("GVN")
         mount.firmware = firmware["firmware"] if firmware else ""
         mount.tells_status = (yield from _probe("GW")) is not None
+        mount.more = frozenset({"GW"}) if mount.tells_status else frozenset()
     yield from high_precision(mount)
     yield from read_status(mount)
     return Identity(product=mount.product or "LX200", version=mount.firmware or "?", model=mount.model or "autostar")

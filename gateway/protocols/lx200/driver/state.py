@@ -67,6 +67,8 @@ class Meade(Driver):
         #: It was put into land mode, in which it does not track.
         self.land = False
         self.tells_status = False
+        #: The commands that it has beyond those of its model: some that tell a classic's name answer what that lacks.
+        self.more: frozenset[str] = frozenset()
         self.aligned = True
         self.tracking = Tracking.ALTAZ
         #: The drive rate that was asked for last; None for its own.
@@ -108,6 +110,10 @@ class Meade(Driver):
         self.beyond_pole: bool | None = None
         #: Whether it corrects periodic errors.
         self.corrects = False
+
+    def knows(self, name: str) -> bool:
+        """Whether it has a command, by the manual or because it was seen to answer it."""
+        return name in self.more or super().knows(name)
 
     @property
     def facts(self) -> dict[str, Any]:
