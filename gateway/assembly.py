@@ -63,6 +63,7 @@ def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Fa
     from gateway.protocols.lx200.framing import Framer
     from gateway.protocols.lx200.surface import SPECIALS
     from gateway.protocols.lx200.surface.beginning import BEGINNING
+    from gateway.protocols.lx200.surface.own import stands_against
     from gateway.surface import Surface
 
     protocol = load("lx200")
@@ -72,6 +73,7 @@ def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Fa
     halts = {b":Q%c#" % letter: (op.Halt(axis), frozenset(b":M%c#" % other for other in letters))
              for axis, letters in ((1, b"ew"), (2, b"ns")) for letter in letters}
     surface = Surface(protocol, SPECIALS)
+    surface.stands_against = stands_against
     return Face("LX200", surface, lambda now: Framing(Framer(), now), BEGINNING, frozenset({b":Q#", b":I#"}), model,
                 settings, halts=halts, ends=(b":Q",))
 
@@ -88,12 +90,13 @@ def _nexstar_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> 
     from gateway.protocols.nexstar.surface import SPECIALS, fitting, framing, lacks, presented
     from gateway.protocols.nexstar.surface.beginning import BEGINNING
     from gateway.protocols.nexstar.surface.devices import no_response, passes
+    from gateway.protocols.nexstar.surface.own import stands_against
     from gateway.surface import Surface
 
     model = presented(endpoint.model, endpoint.version)
     fit = None if endpoint.model else lambda polar, german, gps: fitting(polar, german, gps, endpoint.version)
     surface = Surface(load("nexstar"), SPECIALS, no_response)
-    surface.passes, surface.lacks = passes, lacks
+    surface.passes, surface.lacks, surface.stands_against = passes, lacks, stands_against
     still = (bytes((motor, way, 0)) for motor in (16, 17) for way in (36, 37, 6, 7))
     return Face("NexStar", surface, framing, BEGINNING, frozenset(), model, {"precision": "high"}, fit=fit,
                 ends=(b"M", *still))
@@ -143,6 +146,17 @@ def tell_of_motions(hub: Hub, watched: WatchedMount) -> None:
         changed()
 
     hub.before_motion, hub.changed = before_motion, also_changed
+
+
+def shows_itself(mount: Endpoint, surface: Endpoint) -> bool:
+    """Whether what is presented on a surface is the mount itself: the same protocol, and no model was named."""
+    return mount.protocol == surface.protocol and surface.model is None and surface.version is None
+
+
+def own_face(hub: Hub, face: Face) -> None:
+    """Present the mount itself, as it has told what it is."""
+    face.model.update(hub.driver.presented())
+    face.surface.as_written = hub.line.dialogue.as_written
 
 
 class Gateway:
@@ -254,15 +268,26 @@ class Gateway:
             tell_of_motions(self.hub, self.watched)
         self.hub.before_motion = self.entrance.waiting(self.hub.before_motion)
         changed = (lambda: None) if self.keeping is None else self.keeping.changed
+        own: list[Face] = []
+        self.hub.identification.told = lambda: self._show_itself(own)
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
             face = FACES[endpoint.protocol](endpoint, surface, config.limits)
             face.surface.verbatim = endpoint.protocol == self.mount.protocol
+            if shows_itself(self.mount, endpoint):
+                face = replace(face, fit=None)
+                own.append(face)
             j2000 = J2000(self.sky, observatory.unix)
             face = replace(face, equinox=j2000 if surface.equinox == "j2000" else None,
                            manners=tuple(manners(endpoint.protocol, surface, j2000)))
             self.receptions.append(Reception(self.hub, face, shared, self.clock, changed, number,
                                              access(surface, config)))
             self.faces.append((endpoint.protocol, face))
+
+    def _show_itself(self, faces: list[Face]) -> None:
+        """The mount has said what it is, for the first time or anew."""
+        assert self.hub is not None
+        for face in faces:
+            own_face(self.hub, face)
 
     def begin(self, refresh: bool = True) -> None:
         """Open the line and find out what is on it; ``refresh``: keep what clients ask for fresh."""

@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Mapping
 from typing import Any, NamedTuple
 
 from gateway.errors import Unsupported
-from gateway.operations import GotoAxes, Operation, Rate, Read, Verbatim
+from gateway.operations import GotoAxes, Operation, Own, Rate, Read, Verbatim
 from gateway.tables import Command, Protocol, Version, Way
 
 
@@ -23,6 +23,7 @@ class Ask(NamedTuple):
     A ``prompt`` one begins a motion by hand: it waits for no line and no mount that is busy, but is refused.
     A ``long`` one is work that takes the mount up to that many seconds: a stop that needs no answer goes out meanwhile,
     everything else is refused as busy, and silence at the end is a fault of the line.
+    A ``raw`` one is answered with the reply's bytes, too, as the field ``raw``.
     """
 
     command: str
@@ -30,6 +31,7 @@ class Ask(NamedTuple):
     patience: float | None = None
     long: bool = False
     prompt: bool = False
+    raw: bool = False
 
 
 class Pause(NamedTuple):
@@ -142,12 +144,24 @@ class Driver:
         return
         yield  # a generator like all others
 
+    def presented(self) -> dict[str, Any]:
+        """The model's constants that a surface of this protocol presents when it is to be the mount itself."""
+        return {}
+
+    def own(self, operation: Own) -> Steps:
+        """What the mount itself answers -> bytes. Raises Unsupported for a command that this mount has not."""
+        if not self.knows(operation.command):
+            raise Unsupported
+        return (yield Ask(operation.command, dict(operation.fields), raw=True))["raw"]
+
     def perform(self, operation: Operation) -> Steps:
         """Carry out one operation; the generator's value is the operation's answer. Raises Fault."""
         if isinstance(operation, Verbatim):
             if not self.knows(operation.command):
                 raise Unsupported
             return (yield Ask(operation.command, dict(operation.fields)))
+        if isinstance(operation, Own):
+            return (yield from self.own(operation))
         way = self.way(type(operation))
         if way is None:
             raise Unsupported

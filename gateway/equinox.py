@@ -8,6 +8,8 @@ from typing import Any, Protocol
 from msgspec.structs import replace
 
 from gateway.operations import (
+    Choose,
+    Chosen,
     Equatorial,
     Goto,
     MoonPlace,
@@ -36,13 +38,16 @@ class J2000:
 
     def inward(self, operation: Operation) -> Operation:
         """What the client asked for, in coordinates of date."""
-        if isinstance(operation, Goto | Sync | OfCatalog):
+        if isinstance(operation, Goto | Sync | OfCatalog | Choose):
             ra, dec = self._sky.to_of_date(operation.ra, operation.dec, self._unix())
             return replace(operation, ra=ra, dec=dec)
         return operation
 
     def outward(self, operation: Operation, value: Any) -> Any:
         """What the hub answered, in J2000."""
+        if isinstance(value, Chosen) and value.place is not None:
+            place = Equatorial(*self._sky.to_j2000(value.place.ra, value.place.dec, self._unix()))
+            return replace(value, place=place)
         if isinstance(operation, Position | OfDate | PlanetPlace | MoonPlace) and isinstance(value, Equatorial):
             return Equatorial(*self._sky.to_j2000(value.ra, value.dec, self._unix()))
         return value

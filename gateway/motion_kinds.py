@@ -14,7 +14,7 @@ BY_HAND = (op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
 MOVING = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis, op.SetHome)
 MOTIONS = (
     *GOTOS, op.CancelGoto, op.Sync, op.Move, op.MoveAxis, op.Halt, op.Pulse, op.PulseAxis, op.SetTracking, op.TrackRate,
-    op.SetHome, op.Unpark, op.Sleep, op.Wake, op.Focus,
+    op.SetHome, op.Unpark, op.Sleep, op.Wake, op.Focus, op.Choose,
 )  # fmt: skip
 #: Of these the last one counts: what still waits is not carried out any more, so no joystick gets ahead of the line.
 LATEST = (op.Move, op.MoveAxis, op.TrackRate)

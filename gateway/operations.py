@@ -123,6 +123,17 @@ class Identity(Struct, frozen=True):
     motors: tuple[str, ...] = ()
 
 
+class Chosen(Struct, frozen=True):
+    """What the mount's own library has found: its place, what the mount calls it, and its reply, if there was one.
+
+    ``place`` is None where nothing was found.
+    """
+
+    place: Equatorial | None
+    text: str = ""
+    reply: bytes = b""
+
+
 class Pulsed(Struct, frozen=True):
     """A guide pulse was begun: seconds until it is over, whether the motor ``ends`` it by itself, milliseconds left."""
 
@@ -392,6 +403,36 @@ class Verbatim(Operation, frozen=True):
 
     command: str
     fields: tuple[tuple[str, Any], ...] = ()
+
+
+class Own(Read, frozen=True):
+    """A question of the client's own protocol -> bytes: what the mount itself answers, as it writes it.
+
+    Only where client and mount speak the same protocol. ``fields`` are the request's, ``keep`` says how long an answer
+    serves everybody and what stands against it (``KEEPS`` in ``gateway/tables.py``). Raises Unsupported where the
+    gateway has told something else meanwhile, Silence where the mount does not answer to it.
+    """
+
+    command: str
+    fields: tuple[tuple[str, Any], ...] = ()
+    keep: str = "state"
+
+
+class Choose(Operation, frozen=True):
+    """An object of the mount's own library -> Chosen. ``first`` are commands that its number depends on.
+
+    No motion, but carried out among them: the mount has one target, and gotos and syncs set it, too.
+
+    ``ra`` and ``dec`` are the target so far, which stays where nothing is found.
+    """
+
+    outlives_stop = True
+
+    command: str
+    fields: tuple[tuple[str, Any], ...] = ()
+    first: tuple[tuple[str, tuple[tuple[str, Any], ...]], ...] = ()
+    ra: float = 0.0
+    dec: float = 0.0
 
 
 # --- settings -------------------------------------------------------------------------------------------------

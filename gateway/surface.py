@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import msgspec
 
 from gateway import operations
-from gateway.errors import Disturbed, Fault, Invalid, NoTarget, Unsupported
+from gateway.errors import Disturbed, Fault, Invalid, NoTarget, Silence, Unsupported
 from gateway.frames import Suspect, Unterminated
 from gateway.motion_kinds import begins_motion, may_begin_motion
-from gateway.operations import Operation, Verbatim
+from gateway.operations import Operation, Own, Verbatim
 from gateway.sealed import Sealed
 from gateway.tables import Command, Protocol, SurfaceRow
 
@@ -108,6 +108,10 @@ class Surface:
         #: The mount speaks the same protocol: what means nothing here is passed on as it is, where it ``passes``.
         self.verbatim = False
         self.passes: Callable[[str, Mapping[str, Any]], bool] = lambda name, values: True
+        #: Whether this client was told something that the mount's own answer would contradict.
+        self.stands_against: Callable[[Session, str, Mapping[str, Any]], bool] = lambda session, name, values: False
+        #: A reply as the mount itself would write it, where it is the mount that is presented.
+        self.as_written: Callable[[str, bytes], bytes] = lambda name, reply: reply
         #: Why what is presented does not know a frame, which is then passed over whatever it says; empty: it knows it.
         self.lacks: Callable[[Mapping[str, Any], bytes], str] = lambda model, frame: ""
 
@@ -128,6 +132,8 @@ class Surface:
                 session.refused = "its argument cannot be read"
             return said
         command, picture = found
+        if command.name in session.model.get("lacking", ()):
+            return b""
         row = self.protocol.surface.get(command.name)
         passed = self.verbatim and (row is None or row.handed_on)
         if row is None and not passed:
@@ -140,6 +146,9 @@ class Surface:
                     values = {"fault": Invalid(str(error))}
                 else:
                     raise Invalid(str(error)) from None
+            if session.model.get("own") and "fault" not in values and (keep := self._keep(command)) is not None:
+                with suppress(Unsupported):
+                    return (yield from self._own(session, command, keep, values))
             if passed and not self.passes(command.name, values):
                 return self.unanswered(frame, None)
             if row is None or passed:
@@ -174,6 +183,26 @@ class Surface:
                 with closing(steps):  # whatever it would ask of the mount is not asked
                     next(steps, None)
 
+    def _keep(self, command: Command) -> str | None:
+        """For how long the mount's own answer to a command serves; None where the gateway answers."""
+        row = self.protocol.own.get(command.name)
+        return None if row is None else row.keep
+
+    def _own(self, session: Session, command: Command, keep: str, values: dict[str, Any]) -> Handling:
+        """The mount's own answer -> the reply. Raises Fault, Unsupported where the gateway answers after all."""
+        if self.stands_against(session, command.name, values):
+            raise Unsupported
+        if keep == "library":
+            answer = yield from self.specials["own_library"](session, command, values)
+        elif keep == "order":
+            answer = yield Verbatim(command.name, tuple(values.items()))
+        else:
+            try:
+                answer = yield Own(command.name, tuple(values.items()), keep)
+            except Silence:
+                answer = b""
+        return self.reply(session, command, answer)
+
     def _pass_on(self, session: Session, command: Command, row: SurfaceRow | None, values: dict[str, Any]) -> Handling:
         """To a mount of the same protocol; one that lacks it leaves it to this surface."""
         try:
@@ -192,6 +221,8 @@ class Surface:
         found = self.protocol.find(frame)
         if found is None:
             return f"{self.protocol.name} has no such command"
+        if found[0].name in session.model.get("lacking", ()):
+            return f"{found[0].help}: this mount has no such command; a surface that names a model has it"
         row = self.protocol.surface.get(found[0].name)
         if row is None:
             return f"{found[0].help}: not answered here"
@@ -239,7 +270,7 @@ class Surface:
             return answer
         for reply, picture in command.replies:
             if reply.fault is None and reply.when in (None, session.kept["precision"], session.model.get("name")):
-                return picture.encode(_fields(answer, picture.fields))
+                return self.as_written(command.name, picture.encode(_fields(answer, picture.fields)))
         return b""
 
     def refusal(self, command: Command, fault: Fault) -> bytes:

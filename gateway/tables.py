@@ -1,6 +1,7 @@
 """The mappings as objects: what a command looks like, what a surface does with it, how a driver carries it out.
 
-Four files a protocol: ``commands.toml`` (the manual), ``surface.toml`` (a client says this -> what we do),
+Five files a protocol: ``commands.toml`` (the manual), ``surface.toml`` (a client says this -> what we do),
+``own.toml`` (what a mount of the same protocol answers itself),
 ``driver.toml`` (to carry out an operation -> which commands), ``models.toml`` (what differs between models).
 The verbs of a surface row are ask, keep, tell, say, call; those of a driver's way are send and call; there are no
 others. Whatever cannot be used raises MappingError with file, row and reason. (tomli is the standard library's own
@@ -22,6 +23,16 @@ from gateway.pictures import Picture, Source
 
 Version = tuple[int, ...]
 
+#: How long what a mount answers itself serves everybody, and what stands against it.
+KEEPS = {
+    "fixed": "asked once, until the mount is found anew",
+    "state": "one answer serves everybody for a second",
+    "moment": "asked each time, and shared by those who ask meanwhile",
+    "clock": "asked each time, unless a program has set another clock that is kept here",
+    "site": "one answer serves everybody for a second, unless a program has set another site that is kept here",
+    "order": "sent each time",
+    "library": "its own object library, and this program's target",
+}
 OUTCOMES = ("translated", "derived", "kept", "synthesised", "refused", "silent")
 
 
@@ -92,6 +103,16 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def operations(self) -> list[str]:
         """Every operation this row may ask of the mount."""
         return ([self.ask] if self.ask else []) + self.asks
+
+
+class OwnRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the mount itself answers to programs of its own protocol, where nobody has named a model to present.
+
+    ``keep`` is a word of ``KEEPS``; without one the gateway goes on answering, and ``why`` says why.
+    """
+
+    keep: str | None = None
+    why: str | None = None
 
 
 class Way(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -172,6 +193,7 @@ class Protocol:
             for picture in command.requests:
                 self._by_literal.setdefault(picture.literal, []).append((command, picture))
         self._surface: dict[str, SurfaceRow] | None = None
+        self._own: dict[str, OwnRow] | None = None
         self._driver: dict[str, list[Way]] | None = None
         self._models: dict[str, dict[str, Any]] | None = None
 
@@ -215,6 +237,19 @@ class Protocol:
                 raise MappingError(where, key, f"outcome {outcome!r} is none of {', '.join(OUTCOMES)}")
         if "refused" in (row.outcome, row.without) and not row.why:
             raise MappingError(where, key, "a refused row says why")
+
+    @property
+    def own(self) -> dict[str, OwnRow]:
+        """Command name -> who answers it where the mount itself is presented."""
+        if self._own is None:
+            where, rows = self._where("own.toml"), self._read("own.toml", OwnRow)
+            for key, row in rows.items():
+                if key not in self.commands:
+                    raise MappingError(where, key, "commands.toml has no such command")
+                if row.keep is not None and row.keep not in KEEPS:
+                    raise MappingError(where, key, f"keep = {row.keep!r} is none of {', '.join(KEEPS)}")
+            self._own = rows
+        return self._own
 
     @property
     def driver(self) -> dict[str, list[Way]]:

@@ -40,6 +40,8 @@ MOST_STRANGERS = 4
 #: How many questions' last answers are remembered: programs may ask for devices without end.
 KNOWN = 100
 DAY = 86400.0
+#: What is told of an answer's form, not of its meaning.
+_FORM = ("length", "raw")
 #: The angles on a sphere: each longitude with its latitude.
 _LATITUDE = {"ra": "dec", "az": "alt", "longitude": "latitude"}
 
@@ -67,7 +69,7 @@ class Belief:
         if kind is None:
             asked = self._now()
             return Heard(await self._order(ask, rank), None, asked, self._now()), 1
-        key = (ask.command, *sorted((name, value) for name, value in ask.values.items() if name != "low"))
+        key = (ask.command, ask.raw, *sorted((name, value) for name, value in ask.values.items() if name != "low"))
         row: list[Heard] = []
         longest = slow = strangers = 0
         times = 0
@@ -178,7 +180,7 @@ class Belief:
             return math.inf
         total = 0.0
         for name, value in after.values.items():
-            if name == "length":
+            if name in _FORM:
                 continue
             apart = wrap180(value - before.values[name])
             if name in _LATITUDE:
@@ -202,5 +204,5 @@ def _runs_on(before: Heard, after: Heard) -> bool:
     then, now = _seconds(before.values), _seconds(after.values)
     gone = (now - then - (after.came - before.came) + DAY / 2) % DAY - DAY / 2
     slack = CLOCK + (before.came - before.asked) + (after.came - after.asked)
-    others = [name for name in after.values if name not in ("time", "hour", "minute", "second", "length")]
+    others = [name for name in after.values if name not in ("time", "hour", "minute", "second", *_FORM)]
     return abs(gone) <= slack and (now < then or all(before.values.get(n) == after.values[n] for n in others))

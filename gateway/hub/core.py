@@ -21,6 +21,7 @@ from gateway.hub.belief import Belief
 from gateway.hub.ending import end_motion
 from gateway.hub.executor import HubExecutor
 from gateway.hub.identification import Identification
+from gateway.hub.own_answers import OwnAnswers
 from gateway.hub.reader import Reader
 from gateway.hub.refresh import Refresh
 from gateway.hub.rules import make_rules
@@ -99,7 +100,7 @@ class Hub:
         self.motions = Reconciler(driver, self.executor, follow_ups)
         self.slumber = Slumber(driver, self.now, lambda: self.motions.waking)
         self.refresh = Refresh(self)
-        self.telling = Telling(self)
+        self.telling, self.own = Telling(self), OwnAnswers(self)
         self.settings = SiteAndClock(self)
         #: Called when something that outlives the gateway may have changed; awaited before the mount is set moving.
         self.changed: Callable[[], None] = lambda: None
@@ -154,7 +155,7 @@ class Hub:
 
     def peek(self, operation: op.Operation) -> Any:
         """The answer of a read for a program, when it is at hand; MISSING when it must be waited for."""
-        return self.telling.tell(operation)
+        return self.own.tell(operation) if isinstance(operation, op.Own) else self.telling.tell(operation)
 
     @property
     def version(self) -> int:
@@ -201,6 +202,16 @@ class Hub:
             if self.driver.asleep:
                 await self.motions.woken()
             return await self.telling.read(operation)
+        if isinstance(operation, op.Own):
+            return await self.own.read(operation)
+        try:
+            return await self._order(operation, stops, life)
+        finally:
+            if not isinstance(operation, op.Read):
+                self.own.forget()
+
+    async def _order(self, operation: op.Operation, stops: int | None, life: HostActivity | None) -> Any:
+        """Whatever is no question that everybody shares."""
         if isinstance(operation, op.Stop):
             return await self.stop()
         if isinstance(operation, MOTIONS):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from gateway import operations as op
@@ -28,6 +29,8 @@ class Identification:
         self._hub = hub
         self.known, self.settled = asyncio.Event(), asyncio.Event()
         self._asking: asyncio.Task[Any] | None = None
+        #: Called whenever the mount has said who it is.
+        self.told: Callable[[], None] = lambda: None
         #: Something moved when the mount's port was lost.
         self._cut_short = False
         line = hub.line
@@ -48,6 +51,7 @@ class Identification:
 
     def _on_up(self) -> None:
         self._hub.snapshot.clear()
+        self._hub.own.forget(everything=True)
         self._hub.driver.line_was_lost()
         if self._hub.driver.unsure:  # it is looked at until it is seen to be over
             self._hub.snapshot.put(op.Slewing, True, self._hub.now())
@@ -74,6 +78,7 @@ class Identification:
             self._hub.begin_stop()
         if self._hub.policy.equinox == "auto":
             self._hub.derived.equinox = self._hub.told.equinox = self._hub.driver.equinox
+        self.told()
         self.known.set()
         await self.learn(op.GetStatus())
         await self.learn(op.GetSite())

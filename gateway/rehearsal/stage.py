@@ -12,7 +12,7 @@ from typing import Any
 
 from gateway import operations as op
 from gateway.access import Access
-from gateway.assembly import DRIVERS, FACES, policy
+from gateway.assembly import DRIVERS, FACES, own_face, policy, shows_itself
 from gateway.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.guests import Face, Reception
 from gateway.hub import Hub
@@ -66,6 +66,8 @@ class Stage:
         shown = Endpoint(presented, "-", surface, surface_version)
         self.face: Face = FACES[presented](shown, SurfaceConfig(at="-"), self.settings.limits)
         self.face.surface.verbatim = presented == driven
+        if shows_itself(Endpoint(driven, "sim"), shown):
+            self.hub.identification.told = lambda: own_face(self.hub, self.face)
         self.shared, changed = self.remember()
         self.reception = Reception(self.hub, self.face, self.shared, self.clock, changed, access=access)
 

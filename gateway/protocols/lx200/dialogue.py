@@ -14,6 +14,7 @@ from typing import Any
 
 from gateway.driver import Ask
 from gateway.errors import Busy, Fault, Garbled, Refused
+from gateway.protocols.lx200.handwriting import Handwriting
 from gateway.tables import Protocol, load
 
 NAK = 0x15
@@ -41,6 +42,10 @@ _FORMS = {
     "sHH.H": rb"[+-]?\d\d?(?:[.:]\d\d?)?",
 }
 _FIELD = re.compile(r"\{\w+:([^}]*)\}")
+
+
+#: Answers that are another one every time.
+STREAMS = frozenset({"gps"})
 
 
 @cache
@@ -76,6 +81,9 @@ class MeadeDialogue:
     protocol: Protocol = load("lx200")
     closing = b"#"
 
+    def __init__(self) -> None:
+        self._hand = Handwriting()
+
     def timeout(self, ask: Ask) -> float:
         return TIMEOUT
 
@@ -84,7 +92,11 @@ class MeadeDialogue:
 
     def kind(self, ask: Ask) -> str | None:
         """What a question's answer may do from one to the next; None for a command that is no question."""
-        return KINDS.get(ask.command)
+        return KINDS.get(ask.command, "same" if ask.raw and ask.command not in STREAMS else None)
+
+    def as_written(self, command: str, reply: bytes) -> bytes:
+        """A reply by the manual as this telescope would write it."""
+        return self._hand.write(command, reply)
 
     def bare(self, ask: Ask) -> bool:
         """Whether nothing tells the end of the reply."""
@@ -130,6 +142,7 @@ class MeadeDialogue:
             values = picture.decode(found[0])
             if reply.fault is not None:
                 return _fault(reply.fault, values), length
+            self._hand.learn(ask.command, found[0])
             return {**values, "length": length}, length
         hashes = max(source.count("#") for source in self._sources(ask))
         if buffer.count(b"#") >= max(1, hashes) or len(buffer) > LONGEST or not hashes:

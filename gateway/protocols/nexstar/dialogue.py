@@ -45,7 +45,7 @@ class NexStarDialogue:
 
     def kind(self, ask: Ask) -> str | None:
         """What a question's answer may do from one to the next; None for a command that is no question."""
-        return KINDS.get(ask.command)
+        return KINDS.get(ask.command, "same" if ask.raw else None)
 
     def bare(self, ask: Ask) -> bool:
         """Whether the reply is ``#`` alone."""
@@ -66,6 +66,10 @@ class NexStarDialogue:
 
     def _passed_through(self, ask: Ask) -> bool:
         return self.protocol.commands[ask.command].request.literal.startswith(b"P")
+
+    def as_written(self, command: str, reply: bytes) -> bytes:
+        """Every hand control writes alike."""
+        return reply
 
     def encode(self, ask: Ask) -> bytes:
         """The request bytes. Raises Fault for a value that has no form on the wire."""

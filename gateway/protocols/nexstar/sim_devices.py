@@ -24,6 +24,8 @@ DRIVE_RATES = {0xFFFF: SIDEREAL_RATE, 0xFFFE: SOLAR_RATE, 0xFFFD: LUNAR_RATE}
 GENTLE_KEYS = (1, 2)
 #: Motor firmware that knows guide pulses.
 PULSE_FIRMWARE = (6, 12)
+#: Motor firmware that tells its model, and that keeps cords from being wound up.
+MODEL_FIRMWARE, CORDWRAP_FIRMWARE = (7, 0), (5, 0)
 INDEX = 90.0  # where the home switches of both axes are
 FULL_BACKLASH = 99
 OTHER_VERSIONS: dict[int, Version] = {GPS: (1, 6), RTC: (1, 2), FOCUSER: (7, 16)}
@@ -197,6 +199,28 @@ def _periodic_error(sim: HandControl, values: Values) -> Values | None:
     return {}
 
 
+def _steady(value: int, *, motors: Version, part: str = "") -> Handler:
+    """What a motor control tells and nothing here changes, from a firmware on, on mounts that carry a part."""
+
+    def steady(sim: HandControl, values: Values) -> Values | None:
+        own: Version = sim.motors
+        if values["device"] not in (AZM, ALT) or own < motors or (part and part not in sim.row["has"]):
+            return None
+        return dict.fromkeys(("value", "done", "on", "other"), value)
+
+    return steady
+
+
+def _motor_model(sim: HandControl, values: Values) -> Values | None:
+    """05: only newer motors tell it."""
+    return {"value": sim.row["id"]} if values["device"] in (AZM, ALT) and sim.motors >= MODEL_FIRMWARE else None
+
+
+def _cordwrap_position(sim: HandControl, values: Values) -> Values | None:
+    """3C hex: only the azimuth motor winds cords up."""
+    return {"position": 180.0} if values["device"] == AZM and sim.motors >= CORDWRAP_FIRMWARE else None
+
+
 def _version(sim: HandControl, values: Values) -> Values | None:
     """FE hex. Old motors send two bytes also to who asks for four."""
     device = values["device"]
@@ -236,6 +260,18 @@ DEVICES: dict[str, Handler] = {
     "backlash_neg": _tell("negative backlash", 0),
     "pec_record": _periodic_error,
     "pec_playback": _periodic_error,
+    "motor_model": _motor_model,
+    "pec_bin": _steady(0, motors=(1, 0), part="pec"),
+    "pec_recorded": _steady(0, motors=(1, 0), part="pec"),
+    "at_index": _steady(255, motors=(1, 0), part="pec"),
+    "max_rate": lambda sim, values: None,
+    "max_rate_on": _steady(0, motors=(1, 0)),
+    "cordwrap": _steady(255, motors=CORDWRAP_FIRMWARE),
+    "cordwrap_position": _cordwrap_position,
+    "approach": _steady(1, motors=(1, 0)),
+    "gps_satellites": lambda sim, values: {"visible": 9, "tracked": 7},
+    "gps_receiver": lambda sim, values: {"value": 0x0800},
+    "gps_hardware": lambda sim, values: {"value": 1},
     "device_version": _version,
     "long_version": _version,
 }

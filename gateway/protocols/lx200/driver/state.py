@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from gateway.driver import Ask, Driver, Pause, Steps
 from gateway.errors import Busy, Refused, Unsupported
-from gateway.operations import Place, Rate, Tracking, TrackRate
+from gateway.operations import Own, Place, Rate, Tracking, TrackRate
 from gateway.tables import load
 
 SIDEREAL = 15.041067  # arcseconds a second
@@ -25,6 +25,10 @@ BY_HAND = frozenset({"RG", "RC", "RM", "RS", "Sw", "RA", "RE", "Rg", "Mn", "Ms",
 #: All that is understood while it seeks its home; a Meade that is asked anything else says NAK, or nothing.
 WHILE_SEEKING = frozenset({"hS", "hF", "Q", "h?"})
 _NAMES = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
+#: What tells who it is; a nameless one is silent to them all.
+NAMES = frozenset({"GVP", "GVN", "GVD", "GVT", "GVF"})
+#: Seconds in which a telescope answers what it knows.
+OWN_PATIENCE = 1.5
 #: Hand-control keys 1-9 as Meade's four rates.
 _KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS", 9: "RS"}
 #: The four rates in degrees a second, as their manual says: 1x, 16x, 2 and 8 degrees a second.
@@ -136,6 +140,21 @@ class Meade(Driver):
     @property
     def equatorial(self) -> bool:
         return self.home_letter in "PG"
+
+    def presented(self) -> dict[str, Any]:
+        """The row of its model, and what it does not answer: commands that it has not, and a name it cannot tell."""
+        lacking = {name for name, command in self.protocol.commands.items() if command.replies and not self.knows(name)}
+        return {**self.facts, "name": self.model or "autostar", "own": True, "build": self.home_letter,
+                "lacking": frozenset(lacking if self.product else lacking | NAMES)}
+
+    def own(self, operation: Own) -> Steps:
+        """Firmware differs in what it knows: nobody waits long for an answer, and silence is one. Raises Busy."""
+        if self.seeking and operation.command not in WHILE_SEEKING:
+            raise Busy("The mount seeks its home.")
+        if not self.knows(operation.command):
+            raise Unsupported
+        values = {**dict(operation.fields), "low": self.low}
+        return (yield Ask(operation.command, values, OWN_PATIENCE, raw=True))["raw"]
 
     def memory(self, moving: bool) -> dict[str, Any]:
         """A telescope keeps its home itself, and stops by a command that all of them have.

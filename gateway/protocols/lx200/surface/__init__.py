@@ -10,6 +10,7 @@ from gateway.protocols.lx200.surface import (
     moon,
     motion,
     objects,
+    own,
     search,
     site,
     target,
@@ -17,7 +18,10 @@ from gateway.protocols.lx200.surface import (
 )
 from gateway.surface import Special
 
-SPECIALS: dict[str, Special] = {"gps_sentence": gps.sentence, "gps_clock": gps.set_clock} | {
+_SEVERAL: dict[str, Special] = {
+    "gps_sentence": gps.sentence, "gps_clock": gps.set_clock, "own_library": own.own_library,
+}  # fmt: skip
+SPECIALS: dict[str, Special] = _SEVERAL | {
     name: function
     for module in (accessories, clock, help, moon, motion, objects, search, site, target, tracking)
     for name, function in vars(module).items()

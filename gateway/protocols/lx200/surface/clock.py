@@ -93,7 +93,14 @@ def set_piece(session: Session, command: Command, values: dict[str, Any]) -> Han
         yield from commit(session)
     else:
         yield Defer(QUIET, "commit_quiet")
-    return {"text": _TEXT, "blank": " " * 32} if command.name == "SC" else None
+    return _said(session) if command.name == "SC" else None
+
+
+def _said(session: Session) -> dict[str, str]:
+    """What :SC answers: as the mount itself does where that is presented, else in the columns that one needs."""
+    if session.model.get("own"):
+        return {"text": session.model["date_text"], "blank": " " * session.model["date_blanks"]}
+    return {"text": _TEXT, "blank": " " * 32}
 
 
 def _keep_local_time(session: Session, draft: dict[str, Any], offset: float) -> None:

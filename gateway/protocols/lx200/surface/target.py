@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.errors import Fault, NoTarget
-from gateway.operations import Equatorial, Goto, GotoHorizontal, HorizontalPosition, Position, Slewing, Sync
+from gateway.errors import Fault, NoTarget, Silence, Unsupported
+from gateway.operations import Equatorial, Goto, GotoHorizontal, HorizontalPosition, Own, Position, Slewing, Sync
 from gateway.protocols.lx200.surface import selected
 from gateway.surface import Again, Handling, Session
 from gateway.tables import Command
@@ -86,7 +86,20 @@ def sync(session: Session, _: Command, values: dict[str, Any]) -> Handling:
     return {"text": session.settings.get("sync_text") or session.model["sync_text"]}
 
 
+def _own_idle() -> Handling:
+    """What this telescope sends while it stands; empty where it does not say, or moves at somebody's keys."""
+    try:
+        said: bytes = yield Own("D", (), "fixed")
+    except (Unsupported, Silence):
+        return b""
+    return b"" if said.strip(b" #") else said
+
+
 def distance_bars(session: Session, _: Command, values: dict[str, Any]) -> Handling:
     """:D - one bar while a goto is under way, nothing when it is over."""
     slewing = yield Slewing()
+    if not slewing and session.model.get("own"):
+        idle = yield from _own_idle()
+        if idle:
+            return idle
     return {"bars": session.model["bars_moving" if slewing else "bars_idle"]}

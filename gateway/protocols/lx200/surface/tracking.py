@@ -41,7 +41,7 @@ def status(session: Session, command: Command, values: dict[str, Any]) -> Handli
     """:GW - how it is built, whether it tracks, whether it is aligned."""
     seen: Status = yield GetStatus()
     return {
-        "build": "P" if seen.equatorial else "A",
+        "build": "G" if session.model.get("build") == "G" else "P" if seen.equatorial else "A",
         "tracking": "N" if seen.tracking is Tracking.OFF else "T",
         "aligned": "1" if seen.aligned else "0",
     }

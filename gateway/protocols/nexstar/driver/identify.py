@@ -23,7 +23,7 @@ def identity(mount: NexStar, _: Operation) -> Steps:
     answer = yield Ask("V")
     raw = (answer["major"], answer["minor"])
     mount.version_text = show_version(raw)
-    mount.version, mount.starsense = raw, False
+    mount.version, mount.shown, mount.starsense = raw, raw, False
     if STARSENSE_OLDEST <= raw < STARSENSE_END or ASKED_AGAIN_FROM <= raw < (GT_FIRST,):
         yield from _variant(mount)
     mount.version = counts_as(raw, starsense=mount.starsense)
@@ -60,6 +60,7 @@ def _variant(mount: NexStar) -> Steps:
 
 def _model(mount: NexStar) -> Steps:
     answer = yield Ask("m")
+    mount.number = answer["model"]
     by_id = {row["id"]: name for name, row in mount.protocol.models.items()}
     mount.model = by_id.get(answer["model"], f"unknown ({answer['model']})")
 

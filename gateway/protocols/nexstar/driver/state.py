@@ -15,12 +15,14 @@ from gateway.operations import (
     Horizontal,
     Moment,
     Operation,
+    Own,
     Park,
     Place,
     Rate,
     Tracking,
     TrackRate,
 )
+from gateway.protocols.nexstar.driver import itself
 from gateway.protocols.nexstar.versions import numbered
 from gateway.tables import Version, load, parse_version
 
@@ -80,6 +82,11 @@ class NexStar(Driver):
         self.model = model
         self.version: Version | None = named.counts_as if named else None
         self.version_text = "?"
+        #: What ``V`` and ``m`` have answered.
+        self.shown: Version | None = None
+        self.number: int | None = None
+        #: Commands that it did not answer.
+        self.mute: set[str] = set()
         self.starsense = named is not None and named.starsense
         self.motors: dict[int, Version] = {}
         self.focuser = False
@@ -122,6 +129,12 @@ class NexStar(Driver):
         # site and clock
         self.site: Place | None = None
         self.clock: Moment | None = None
+
+    def presented(self) -> dict[str, Any]:
+        return itself.presented(self)
+
+    def own(self, operation: Own) -> Steps:
+        return itself.own(self, operation)
 
     @property
     def facts(self) -> dict[str, Any]:

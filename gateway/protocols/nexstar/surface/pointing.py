@@ -20,6 +20,7 @@ from gateway.operations import (
     PierSide,
     SiderealTime,
     Slewing,
+    Status,
     Sync,
 )
 from gateway.protocols.nexstar.surface.begin import begin
@@ -34,9 +35,22 @@ def german(session: Session) -> bool:
     return bool(session.model["mount"] == "german")
 
 
+def _by_axes(session: Session) -> Handling:
+    """-> whether this hand control counts by its motors: a German mount's, and the mount's own where it is polar."""
+    if not session.model.get("own"):
+        return german(session)
+    status: Status = yield GetStatus()
+    return status.equatorial
+
+
+def _axes_told(session: Session) -> Handling:
+    """-> Horizontal: the readings of the motors, or azimuth and altitude."""
+    return (yield AxisPosition() if (yield from _by_axes(session)) else HorizontalPosition())
+
+
 def axes(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """Z z"""
-    return (yield AxisPosition() if german(session) else HorizontalPosition())
+    return (yield from _axes_told(session))
 
 
 def goto(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -50,11 +64,12 @@ def goto_axes(session: Session, command: Command, values: dict[str, Any]) -> Han
     """B b"""
     if "fault" not in values:
         session.kept.pop("axis goto", None)
-        yield from begin(_to(session, values["az"], values["alt"]))
+        yield from begin((yield from _to(session, values["az"], values["alt"])))
 
 
-def _to(session: Session, az: float, alt: float) -> GotoAxes | GotoHorizontal:
-    return GotoAxes(az, alt) if german(session) else GotoHorizontal(az % 360.0, alt)
+def _to(session: Session, az: float, alt: float) -> Handling:
+    """-> GotoAxes, or GotoHorizontal."""
+    return GotoAxes(az, alt) if (yield from _by_axes(session)) else GotoHorizontal(az % 360.0, alt)
 
 
 def sync(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -107,17 +122,17 @@ def sidereal(session: Session, command: Command, values: dict[str, Any]) -> Hand
 def axis_position(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """AUX 0x01"""
     number = motor(values)
-    seen = yield AxisPosition() if german(session) else HorizontalPosition()
+    seen = yield from _axes_told(session)
     return {"position": seen.az if number == 1 else seen.alt}
 
 
 def axis_goto(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """AUX 0x02, 0x17 - while the other axis is under way to where it was sent, it goes on; else it stays."""
     number = motor(values)
-    seen = yield AxisPosition() if german(session) else HorizontalPosition()
+    seen = yield from _axes_told(session)
     sent: dict[int, float] = session.kept.get("axis goto", {}) if (yield Slewing()) else {}
     wanted = {1: seen.az, 2: seen.alt, **sent, number: values["position"]}
-    yield from begin(_to(session, wanted[1], wrap180(wanted[2])))
+    yield from begin((yield from _to(session, wanted[1], wrap180(wanted[2]))))
     session.kept["axis goto"] = {**sent, number: values["position"]}
 
 
