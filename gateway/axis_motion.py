@@ -15,6 +15,8 @@ from gateway.spherical import SIDEREAL_RATE, wrap180, wrap360
 
 #: Seconds over which an ordered motion is compared with itself to find its speed: a power of two, so that it is exact.
 _STEP = 2.0**-7
+#: The aim of axes of which none goes by it: to reckon it takes longer than all the rest.
+_NOWHERE: Pair = (math.nan, math.nan)
 
 
 class AxisMotion:
@@ -59,14 +61,16 @@ class AxisMotion:
 
     def _ordered(self, now: float) -> Pair:
         """Where they would be if every change of speed had been done at once, from where they then came to."""
-        aimed = self._aimed(now)
+        held = self._held
+        follows = held or any(motor.leg is not None and motor.goal is None for motor in self._axes.values())
+        aimed = self._aimed(now) if follows else _NOWHERE
         found = []
         for motor, aim in zip(self._axes.values(), aimed, strict=True):
             if motor.leg is not None:
                 found.append((aim if motor.goal is None else motor.goal) - motor.leg.remaining(now))
             else:
-                rate = motor.added + motor.pulse + (0.0 if self._held else motor.rate)
-                found.append((aim if self._held else motor.position) + rate * (now - motor.since))
+                rate = motor.added + motor.pulse + (0.0 if held else motor.rate)
+                found.append((aim if held else motor.position) + rate * (now - motor.since))
         return found[0], found[1]
 
     def _ordered_speeds(self, now: float) -> Pair:

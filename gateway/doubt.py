@@ -35,5 +35,7 @@ class Doubt:
         return len(self._like(ask, now))
 
     def _like(self, ask: Ask, now: float) -> list[tuple[float, Ask]]:
+        if not self._open:
+            return []
         self._open = [(end, other) for end, other in self._open if end > now]
         return [(end, other) for end, other in self._open if self._alike(ask, other)]

@@ -10,7 +10,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import heapq
-from collections.abc import Callable
+import types
+from collections.abc import Callable, Iterator
 from itertools import count
 from typing import Any
 
@@ -249,16 +250,20 @@ class Line:
                 job.future.set_exception(NoAnswer())
             raise
 
-    async def _what_follows(self) -> None:
+    @types.coroutine
+    def _what_follows(self) -> Iterator[None]:
         """Give whoever had an answer its turns, unless nothing or a stop waits."""
         for _ in range(TURNS):
             if not self._queue or self._stop_waits():
                 return
-            await asyncio.sleep(0)
+            yield  # a turn, as asyncio.sleep(0) is one; there are eight to an exchange
 
     def _stop_waits(self) -> bool:
         """Whether a stop is in the queue that is still wanted."""
-        return any(rank == STOP and not job.future.done() for rank, _, job in self._queue)
+        for rank, _, job in self._queue:  # noqa: SIM110  # asked in every turn: a generator costs more than the rest
+            if rank == STOP and not job.future.done():
+                return True
+        return False
 
     async def _pause(self, seconds: float, firm: bool) -> bool:
         """Give a scope time after a command without a reply. A stop cuts it short, unless ``firm``: then False."""

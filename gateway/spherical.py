@@ -10,6 +10,7 @@ number in range.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
@@ -173,6 +174,7 @@ def nutation(t: float) -> tuple[float, float]:
     return longitude / 3600.0, tilt / 3600.0
 
 
+@lru_cache(256)  # within a moment it is asked for again and again
 def sidereal_time(unix: float, longitude_east: float) -> float:
     """Apparent sidereal time in [0, 360), from UTC taken as UT1.
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from tests.running import Running
+from tests.running import ALIVE, Running
 
 _COUNT = itertools.count()
 
@@ -34,6 +34,7 @@ def pytest_configure(config: pytest.Config) -> None:
     tests takes each worker four seconds, compiling the product takes each process as long as all else of its start.
     """
     sys.dont_write_bytecode = False
+    gc.disable()  # until everything is collected
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     if sys.flags.bytes_warning and getattr(config.option, "tx", None):
         strict = f"popen//python={shlex.quote(sys.executable)} -{'b' * sys.flags.bytes_warning}"
@@ -42,9 +43,25 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_finish() -> None:
-    """Thousands of tests live as long as their process: the garbage collector need not look through them each time."""
+    """Thousands of tests live as long as their process: the garbage collector need not look through them each time.
+
+    A play makes and drops hundreds of thousands of values, of which next to nothing needs the collector.
+    """
     gc.collect()
     gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
+    gc.enable()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call() -> Iterator[None]:
+    """What a test itself has started ends with it, also when it fails: left open it makes others fail after it."""
+    before = len(ALIVE)
+    try:
+        return (yield)
+    finally:
+        for one in ALIVE[before:]:
+            one.end_at_once()
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -70,6 +87,4 @@ def started() -> Iterator[list[Running]]:
     running: list[Running] = []
     yield running
     for one in running:
-        if one.process.poll() is None:
-            one.process.kill()
-        one.end()
+        one.end_at_once()

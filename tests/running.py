@@ -1,4 +1,7 @@
-"""Product processes: started, listened to, ended; and a client of one."""
+"""Product processes: started, listened to, ended; and a client of one.
+
+``tests/conftest.py`` ends whatever a test has started and, having failed, not ended.
+"""
 
 from __future__ import annotations
 
@@ -9,17 +12,21 @@ import sys
 
 GATEWAY = [sys.executable, "-bb", "-m", "gateway"]
 PATIENCE = 20.0
+#: Those that have been started and not ended yet.
+ALIVE: list[Running] = []
 
 
 class Running:
-    """A product process whose stdout is read line by line. ``said`` is its stderr, once it has ended."""
+    """A product process whose stdout is read line by line. ``said`` is its stderr, once it has ended.
+
+    ``by`` is what starts it.
+    """
 
     said = ""
 
-    def __init__(self, *arguments: str) -> None:
-        self.process = subprocess.Popen(
-            [*GATEWAY, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
+    def __init__(self, *arguments: str, by: list[str] = GATEWAY) -> None:
+        self.process = subprocess.Popen([*by, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        ALIVE.append(self)
 
     def ready(self) -> str:
         """The WHERE of the next ready line."""
@@ -39,7 +46,15 @@ class Running:
         for stream in (self.process.stdout, self.process.stderr):
             assert stream is not None
             stream.close()
+        if self in ALIVE:
+            ALIVE.remove(self)
         return code
+
+    def end_at_once(self) -> None:
+        """Whatever it is doing, and whether it has ended already."""
+        if self.process.poll() is None:
+            self.process.kill()
+        self.end()
 
 
 def ask(where: str, data: bytes, until: bytes = b"#") -> bytes:

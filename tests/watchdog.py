@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -29,8 +28,7 @@ class Started(Running):
     """A gateway process that can also be made to hang."""
 
     def __init__(self, *arguments: str) -> None:
-        self.process = subprocess.Popen([sys.executable, "-bb", "-c", PROGRAM, *arguments], stdout=subprocess.PIPE,
-                                        stderr=subprocess.PIPE, text=True)
+        super().__init__(*arguments, by=[sys.executable, "-bb", "-c", PROGRAM])
 
 
 class Watched:

@@ -79,9 +79,10 @@ class Refresh:
             if hub.line.state != "up" or hub.slumber.deep:
                 await asyncio.sleep(0.2)
                 continue
-            if self._wanted(kind, hub.now()) and self._pause(kind, hub.now()) <= SOON:
-                await self.renew(kind)
             pause = self._pause(kind, hub.now())
+            if pause <= SOON:
+                await self.renew(kind)
+                pause = self._pause(kind, hub.now())
             if kind is op.Position:
                 await self._now_and_then(hub.now())
                 pause = min(self._pause(kind, hub.now()), HEARTBEAT - hub.snapshot.age(kind, hub.now()))

@@ -22,8 +22,8 @@ from tests.property.orders import Event, Keypad, lx200, nexstar, set_up
 from tests.property.scripts import DAY, MOUNTS, NIGHT, Script, draw, shrink
 from tests.virtual import run
 
-#: How often the truth is looked at, seconds.
-GLANCE = 0.2
+#: How often the truth is looked at, seconds: while anything moves, and while the mount has been at rest.
+GLANCE, GLANCE_AT_REST = 0.2, 0.5
 SETTLE = 10.0
 #: Seconds that a goto may take from its order on.
 LONGEST_GOTO = 150.0
@@ -85,6 +85,7 @@ class _Stage:
         self.judge = Judge(bridge, script, wire, self.began)
         self.arrows: dict[int, set[str]] = {}
         self._polled = 0.0
+        self._moves = False
 
     async def act(self) -> None:
         for event in self.script.events:
@@ -94,8 +95,8 @@ class _Stage:
     async def until(self, at: float) -> None:
         """Let time pass, to so many seconds after the beginning."""
         while (left := self.began + at - self.now()) > 1e-6:
-            await asyncio.sleep(min(GLANCE, left))
-            self.judge.look()
+            await asyncio.sleep(min(GLANCE if self._moves else GLANCE_AT_REST, left))
+            self._moves = self.judge.look()
             if self.script.polled and self.now() - self._polled > 1.0:
                 self._polled = self.now()
                 self.program(9).tell(b":GR#" if self.script.presented == "lx200" else b"e")

@@ -73,8 +73,8 @@ class Judge:
                 since = start if since is None else min(since, start)
         return 0.0 if since is None else now - since
 
-    def look(self) -> None:
-        """Compare with the limits."""
+    def look(self) -> bool:
+        """Compare with the limits -> whether anything moves."""
         truth, now, fastest = truth_of(self.sim), self.now(), float(self.sim.mechanics.fastest)
         speed = hypot(truth.rate1, truth.rate2)
         if self.sim.now < getattr(self.sim, "busy_until", 0.0):  # it hears nothing
@@ -102,6 +102,7 @@ class Judge:
         self._look_at_goal(truth)
         if self._cancelled is not None and now > self._cancelled + 1.5 and self.sim.slewing:
             self.complain("undone", "a goto that was cancelled at the keys goes on")
+        return truth.moving
 
     def _look_at_goal(self, truth: Truth) -> None:
         """A goto beyond the limit is refused: the mount never comes to its goal."""

@@ -138,7 +138,13 @@ class Wanted(Struct, frozen=True):
     @property
     def by_hand(self) -> dict[int, Move | MoveAxis]:
         """What moves by hand, axis by axis."""
-        return {axis: motion.operation for axis, motion in self.motion} if isinstance(self.motion, ByHand) else {}
+        motion, found = self.motion, {}
+        if isinstance(motion, ByHand):  # written out: it is asked for a dozen times with every look at the mount
+            if motion.first is not None:
+                found[1] = motion.first.operation
+            if motion.second is not None:
+                found[2] = motion.second.operation
+        return found
 
     @property
     def waiting_gotos(self) -> list[Order]:

@@ -71,22 +71,28 @@ class BestSources:
 
     def site(self) -> Place | None:
         """The site in force for the limits; None when nobody has told one."""
-        found = self.sites()
-        return found[0].place if found else None
+        told = self._observatory
+        return told.mount_site or told.gps_site or told.configured or told.set_site()
+
+    def best_time(self) -> Time:
+        """The best of ``times``, without the others where the mount tells one."""
+        told = self._observatory
+        moment = told.running(told.mount_clock)
+        return self.times()[0] if moment is None else Time(moment.unix, MOUNT)
 
     def unix(self) -> float:
         """UTC in force for the limits, Unix seconds."""
-        return self.times()[0].unix
+        return self.best_time().unix
 
     def clock(self) -> Moment | None:
         """The same as a clock reading; None while only this computer tells the time."""
-        best = self.times()[0]
+        best = self.best_time()
         return None if best.source == COMPUTER else Moment(best.unix, 0.0)
 
     @property
     def time_unknown(self) -> bool:
         """Whether nobody tells the time: this computer has plainly lost its clock, and there is no other."""
-        best = self.times()[0]
+        best = self.best_time()
         return best.source == COMPUTER and best.unix < EARLIEST
 
     def host(self) -> float:
