@@ -20,7 +20,6 @@ from gateway.wires import OnData, OnLost
 from tests.bridge import Bridge, Visitor
 from tests.sent_forms import malformed
 
-
 #: Seconds until the outer gateway must have found out what it drives.
 MOST = 60.0
 
