@@ -60,7 +60,8 @@ class Still:
     def fresh_until(self, kinds: list[type[op.Operation]]) -> float:
         return self.now() + 0.5
 
-    async def perform(self, operation: op.Operation, stops: int | None = None, life: HostActivity | None = None) -> Any:
+    async def perform(self, operation: op.Operation, stops: int | None = None, life: HostActivity | None = None,
+                      patience: float = 3.5) -> Any:
         await asyncio.sleep(0)
         self.mount.clock = op.Moment(self.clock() + self._ahead, self.mount.clock.offset)
         answer = self.mount.perform(operation)

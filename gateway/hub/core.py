@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -196,8 +197,12 @@ class Hub:
         for kind in kinds:
             self.snapshot.asked[kind] = now
 
-    async def perform(self, operation: op.Operation, stops: int | None = None, life: HostActivity | None = None) -> Any:
-        """Carry out an operation for ``life``. ``stops`` is the count of stops when it was asked for. Raises Fault."""
+    async def perform(self, operation: op.Operation, stops: int | None = None, life: HostActivity | None = None,
+                      patience: float = math.inf) -> Any:
+        """Carry out an operation for ``life``. ``stops`` is the count of stops when it was asked for. Raises Fault.
+
+        Nobody is told what came of it after ``patience`` seconds.
+        """
         if type(operation) in FRESH:
             if self.driver.asleep:
                 await self.motions.woken()
@@ -205,17 +210,18 @@ class Hub:
         if isinstance(operation, op.Own):
             return await self.own.read(operation)
         try:
-            return await self._order(operation, stops, life)
+            return await self._order(operation, stops, life, patience)
         finally:
             if not isinstance(operation, op.Read):
                 self.own.forget()
 
-    async def _order(self, operation: op.Operation, stops: int | None, life: HostActivity | None) -> Any:
+    async def _order(self, operation: op.Operation, stops: int | None, life: HostActivity | None,
+                     patience: float) -> Any:
         """Whatever is no question that everybody shares."""
         if isinstance(operation, op.Stop):
             return await self.stop()
         if isinstance(operation, MOTIONS):
-            return await ended(self.motions.begin(operation, stops, life))
+            return await ended(self.motions.begin(operation, stops, life, patience))
         if type(operation) in PLACES:
             return PLACES[type(operation)](self.told, operation)
         handler = self.settings.handlers.get(type(operation))
