@@ -50,7 +50,7 @@ class Reconciler:
         self._work: asyncio.Task[tuple[op.Operation, Any]] | None = None
         #: The order that is being carried out, and the last one that was admitted, by their numbers.
         self._active = self._admitted = 0
-        self._stopping = Stopping(driver, executor, self._rests, self._go_on)
+        self._stopping = Stopping(driver, executor, self._rests, self._go_on, self._to_be_ended)
         self._timer: asyncio.TimerHandle | None = None
         self._closed = False
 
@@ -208,6 +208,11 @@ class Reconciler:
     async def stop(self) -> None:
         """End every motion, and wait until the mount has acknowledged it. Raises Fault."""
         await asyncio.shield(self.begin_stop())
+
+    def _to_be_ended(self) -> object:
+        """The motion that a stop is owed for; None where none is, or something else is about to be set moving."""
+        coming = any(isinstance(order.operation, MOVING) for order in self.wanted.pending)
+        return None if self._closed or coming or not self.wanted.owed else self.wanted.motion
 
     def _rests(self) -> None:
         self._want(outcomes.at_rest(self.wanted))
@@ -369,6 +374,7 @@ class Reconciler:
     def close(self) -> None:
         """Forget everything that was planned or waits."""
         self._closed = True
+        self._stopping.close()
         if self._timer is not None:
             self._timer.cancel()
         self._want(replace(self.wanted, pending=(), active=0, motion=Theirs()))
