@@ -231,7 +231,7 @@ class Client:
                     self._begun.begin(wanted.operation, turn.stops)
             elif isinstance(wanted, Possible):
                 turn.plain = False
-                fault = self._refused(wanted.operation, turn.came) or self._unheard(wanted.operation)
+                fault = self._refused(wanted.operation, turn.came) or self._impossible(wanted.operation)
             elif isinstance(wanted, Defer):
                 turn.plain = False
                 self._defer(wanted)
@@ -267,12 +267,11 @@ class Client:
             self.refuse(type(operation).__name__, refusal.why)
         return None if refusal is None else refusal.fault
 
-    def _unheard(self, operation: Operation) -> Fault | None:
-        """What this client is told no with while the mount's line is down; the transcript knows."""
-        if not self.hub.unheard:
-            return None
-        fault = NoAnswer()
-        self.transcript.note(self.name, f"{type(operation).__name__}: {fault}")
+    def _impossible(self, operation: Operation) -> Fault | None:
+        """What this client is told no with where nothing can come of it; the transcript knows."""
+        fault = self.hub.impossible(operation)
+        if fault is not None:
+            self.transcript.note(self.name, f"{type(operation).__name__}: {fault}")
         return fault
 
     def refuse(self, what: str, why: str) -> None:

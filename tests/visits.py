@@ -32,7 +32,7 @@ class Still:
         self.transcript = Transcript(self.clock)
         self.presence = Presence(self.now)
         self.version = self.stops = 0
-        self.closed = self.unheard = False
+        self.closed = False
         self.motions = self
         self.turnstile = Turnstile(self.loop, lambda: False)
         #: What the host's clock is ahead of the loop's, and the mount's ahead of the host's.
@@ -53,6 +53,9 @@ class Still:
         if isinstance(operation, op.Position | op.Slewing) and self.mount.fault is None:
             return self.mount.perform(operation)
         return MISSING
+
+    def impossible(self, operation: op.Operation) -> None:
+        """Everything may be tried."""
 
     def touch(self, kinds: list[type[op.Operation]], now: float) -> None:
         """Nobody refreshes anything here."""

@@ -17,7 +17,7 @@ from msgspec import Struct
 
 from gateway import operations as op
 from gateway.driver import Driver, Steps
-from gateway.errors import Fault
+from gateway.errors import Asleep, Fault, Held, NoAnswer
 from gateway.hub.belief import Belief
 from gateway.hub.ending import end_motion
 from gateway.hub.executor import HubExecutor
@@ -32,7 +32,7 @@ from gateway.hub.snapshot import FRESH, Kind, Snapshot
 from gateway.hub.telling import Telling
 from gateway.hub.turnstile import Turnstile
 from gateway.line import SETTING, STOP, Line
-from gateway.motion_kinds import MOTIONS
+from gateway.motion_kinds import MOTIONS, begins_motion
 from gateway.mount.motion.awaited import ended
 from gateway.mount.motion.end_watch import EndWatch
 from gateway.mount.motion.reconciler import Reconciler
@@ -145,10 +145,19 @@ class Hub:
         """Whether anything moves that a stop should end."""
         return bool(self.motions.axes) or self.slewing
 
-    @property
-    def unheard(self) -> bool:
-        """Whether the mount's line is down: whatever is sent now fails at once."""
-        return self.line.state == "down"
+    def impossible(self, operation: op.Operation) -> Fault | None:
+        """Why nothing can come of an operation, as far as that is known without asking: no may be said at once."""
+        if self.line.state == "down" or (self.line.overdue and not self.driver.asleep):
+            return NoAnswer()
+        sleeps = (self.driver.asleep or self.driver.powerless) and not self.motions.waking
+        if sleeps and begins_motion(operation):
+            return Asleep()
+        try:
+            if isinstance(operation, MOTIONS):
+                self.hold.admit(operation)
+        except Held as fault:
+            return fault
+        return None
 
     @property
     def slewing(self) -> bool:
