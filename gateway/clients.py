@@ -3,6 +3,9 @@
 One ``Client`` belongs to one connection. What the snapshot can answer is answered within the call that delivered the
 bytes; the rest waits in a task of this client's own, so nobody waits for anybody else. A reply that was made of
 snapshot answers alone is good again for as long as they are.
+
+A reply stands in the place of its command, or is absent: what is not answered in time is never answered, and those
+behind it are. What it asked for is done all the same, unless it would set something moving that late.
 """
 
 from __future__ import annotations
@@ -19,9 +22,9 @@ from gateway.errors import Busy, Fault, NoAnswer
 from gateway.frames import Framing, Unterminated
 from gateway.hub import FRESH, MISSING, Hub
 from gateway.line import AT_ONCE, LATE
-from gateway.motion_kinds import BY_HAND
+from gateway.motion_kinds import BY_HAND, begins_motion
 from gateway.mount.safety.dead_man import HostActivity
-from gateway.operations import CancelGoto, Halt, Operation, Stop
+from gateway.operations import CancelGoto, ClockFromGps, Halt, Operation, Stop, Sync
 from gateway.ports.baud import Trial
 from gateway.surface import Again, Defer, Handling, Possible, Session, Speed, Start, Surface
 from gateway.transcript import Transcript
@@ -32,6 +35,14 @@ MEMO = 32
 #: In the place of the count of stops: it was sent before all of them, and nobody may be there any more who sent it. It
 #: begins no motion and holds none.
 LONG_AGO = -1
+#: Seconds after which a reply is not given any more: programs have gone on by then, and would take it for that of the
+#: next (NexStar protocol: the hand control answers within 3.5 s). The mount is waited for a little less long, so that
+#: what came together with a command which it does not answer is answered itself.
+ANSWER_WITHIN, WAIT_FOR_MOUNT = 3.5, 3.4
+#: A motion that is not begun so many seconds after it was asked for is refused, while that can still be said.
+NO_IN_TIME = 3.0
+#: What takes minutes by its manual, and ends with the next command: its answer is waited for until that comes.
+LASTING = ClockFromGps
 #: A half that is asked for within this many seconds of the other one belongs to the same instant.
 PAIR = 1.0
 
@@ -44,6 +55,25 @@ class Told(NamedTuple):
     version: int
 
 
+class Turn:
+    """A command on its way to its reply, which came at this loop time, after so many stops.
+
+    ``plain`` and ``spent`` say whether it may be repeated, ``halting`` that it has ended a motion last, ``baud`` the
+    rate to go on with after its answer. It is ``late`` once nobody waits for its reply any more.
+    """
+
+    __slots__ = ("baud", "came", "frame", "halting", "lasting", "late", "plain", "spent", "steps", "stopping", "stops",
+                 "timer")
+
+    def __init__(self, frame: bytes, stops: int, stopping: bool, came: float) -> None:
+        self.frame, self.stops, self.stopping, self.came = frame, stops, stopping, came
+        self.steps: Handling
+        self.spent: list[type[Operation]] = []
+        self.plain, self.halting, self.lasting, self.late = True, False, False, False
+        self.baud: int | None = None
+        self.timer: asyncio.TimerHandle | None = None
+
+
 class Client:
     """Answers one connection. ``write`` takes reply bytes; ``stop_frames`` are the commands that stop everything."""
 
@@ -54,10 +84,15 @@ class Client:
         self.name, self.hub, self.surface, self.session = name, hub, surface, session
         self.framing, self.write, self.stop_frames, self.equinox = framing, write, stop_frames, equinox
         self.transcript = transcript
-        self._inbox: deque[tuple[bytes, int, bool, float]] = deque(maxlen=INBOX)
-        #: When the command at hand came.
-        self._came = 0.0
+        self._inbox: deque[Turn] = deque(maxlen=INBOX)
+        #: The command that waits for the mount; those that nobody waits for any more.
         self._task: asyncio.Task[None] | None = None
+        self._late: set[asyncio.Task[None]] = set()
+        #: What that is; and whether it is waited for until the next command comes.
+        self._turn: Turn | None = None
+        self._lasting = False
+        #: When the bytes came that are being fed, loop time.
+        self.came: Callable[[], float] = hub.now
         self.rights = Rights()
         self.open = True
         #: Whether the last bytes did nothing but end motions without a reply.
@@ -68,19 +103,14 @@ class Client:
         self._memo: dict[bytes, tuple[bytes, list[type[Operation]]]] = {}
         self._idle = True
         self._memo_version, self._memo_until = -1, 0.0
-        self._spent: list[type[Operation]] = []
-        self._plain = True
-        #: Whether the command at hand has ended a motion last.
-        self._halting = False
         self.halts: Mapping[bytes, tuple[Operation, frozenset[bytes]]] = {}
-        #: Where the connection is a serial port: its baud rate, and the one to go on with after this answer.
+        #: Where the connection is a serial port: its baud rate.
         self.rate: Trial | None = None
-        self._next_rate: int | None = None
 
     @property
     def busy(self) -> bool:
         """Whether anything it has asked for is still under way."""
-        return self._task is not None or bool(self._begun)
+        return self._task is not None or bool(self._late) or bool(self._begun)
 
     @property
     def answered(self) -> bool:
@@ -125,81 +155,111 @@ class Client:
                     self._halt(frame)
                 else:
                     hub.begin_stop()
-            self._inbox.append((frame, hub.stops if stops is None else stops, stopping, hub.now()))
+            self._inbox.append(Turn(frame, hub.stops if stops is None else stops, stopping, self.came()))
+        if self._lasting and self._inbox and self._turn is not None:
+            self._give_up(self._turn)
         if self._task is None:
             self._pump()
 
     def _pump(self) -> None:
         """Answer what waits, until something must be waited for, or the gateway ends."""
         while self._inbox and not self.hub.closed:
-            frame, stops, stopping, self._came = self._inbox.popleft()
-            self.transcript.put(self.name, ">", frame)
-            self._spent, self._plain, self._halting = [], True, False
-            steps = self.surface.handle(self.session, frame)
+            turn = self._inbox.popleft()
+            self.transcript.put(self.name, ">", turn.frame)
+            turn.steps = self.surface.handle(self.session, turn.frame)
             try:
-                wanted = self._through(steps, None, stops, stopping)
+                wanted = self._through(turn, None)
             except StopIteration as end:
-                again = self._again_in_a_row(frame) if self._halting else 0
-                self._answer(frame, end.value * (1 + again) if end.value else None)
+                again = self._again_in_a_row(turn.frame) if turn.halting else 0
+                self._answer(turn, end.value * (1 + again) if end.value else None)
                 continue
             except Exception as error:  # a defect must cost one command, never the client's connection
-                self._defect(frame, error)
+                self._defect(turn.frame, error)
                 continue
-            self._task = self.hub.loop.create_task(self._wait(frame, steps, wanted, stops, stopping))
+            self._task, self._turn = self.hub.loop.create_task(self._wait(turn, wanted)), turn
+            until = turn.came + WAIT_FOR_MOUNT
+            if self.hub.now() < until:
+                turn.timer = self.hub.loop.call_at(until, self._give_up, turn)
+                return
+            self._forget(turn)
+
+    def _give_up(self, turn: Turn) -> None:
+        """The mount has not answered in time: those behind it have their turn, and this one has no reply any more."""
+        self._lasting = turn.lasting and not self._inbox
+        if turn is self._turn and not self._lasting:
+            self._forget(turn)
+            self._pump()
+
+    def _forget(self, turn: Turn) -> None:
+        """Nobody waits for the outcome of what is under way: it is answered as where the mount does not answer."""
+        assert self._task is not None
+        self._late.add(self._task)
+        self._task.add_done_callback(self._late.discard)
+        self._task, self._turn, turn.late = None, None, True
+        reply = self.surface.unanswered(turn.frame, NoAnswer())
+        if not reply:
+            self._too_late(turn.frame)
+        self._answer(turn, reply)
+
+    def _too_late(self, frame: bytes) -> None:
+        found = self.surface.protocol.find(frame)
+        if found is not None and not found[0].replies:
             return
+        self.transcript.note_once(self.name, f"no reply to {frame!r}: the mount has not answered within "
+                                             f"{ANSWER_WITHIN} s, and later its answer would be taken for another's",
+                                  self.name.rpartition(":")[0])
 
     def _again_in_a_row(self, frame: bytes) -> int:
         """How often a halt that has just been asked for follows once more; what was done for it does for all."""
         count = 0
-        while self._inbox and self._inbox[0][0] == frame:
-            self.transcript.put(self.name, ">", self._inbox.popleft()[0])
+        while self._inbox and self._inbox[0].frame == frame:
+            self.transcript.put(self.name, ">", self._inbox.popleft().frame)
             count += 1
         return count
 
-    def _through(
-        self, steps: Handling, answer: Any, stops: int, stopping: bool, fault: Fault | None = None
-    ) -> Operation:
+    def _through(self, turn: Turn, answer: Any, fault: Fault | None = None) -> Operation:
         """Go on with a command as far as it goes without waiting -> the operation that must be waited for."""
         while True:
-            wanted = steps.send(answer) if fault is None else steps.throw(fault)
-            answer, fault = None, None
+            wanted = turn.steps.send(answer) if fault is None else turn.steps.throw(fault)
+            answer, fault, turn.lasting = None, None, isinstance(wanted, LASTING)
             if isinstance(wanted, Start):
-                self._plain = False
-                if self._refused(wanted.operation):
+                turn.plain = False
+                if self._refused(wanted.operation, turn.came):
                     continue
-                self._halting = isinstance(wanted.operation, Halt | CancelGoto)
-                if not (stopping and isinstance(wanted.operation, Stop | Halt)):
-                    self._begun.begin(wanted.operation, stops)
+                turn.halting = isinstance(wanted.operation, Halt | CancelGoto)
+                if not (turn.stopping and isinstance(wanted.operation, Stop | Halt)):
+                    self._begun.begin(wanted.operation, turn.stops)
             elif isinstance(wanted, Possible):
-                self._plain = False
-                fault = self._refused(wanted.operation) or self._unheard(wanted.operation)
+                turn.plain = False
+                fault = self._refused(wanted.operation, turn.came) or self._impossible(wanted.operation)
             elif isinstance(wanted, Defer):
-                self._plain = False
+                turn.plain = False
                 self._defer(wanted)
             elif isinstance(wanted, Speed):
-                self._plain, self._next_rate = False, wanted.baud
+                turn.plain, turn.baud = False, wanted.baud
             else:
                 if isinstance(wanted, Again):
                     wanted = wanted.operation
-                    answer = self._again(wanted)
+                    answer = self._again(wanted, turn)
                     if answer is not None:
                         continue
-                fault = self._refused(wanted)
+                fault = self._refused(wanted, turn.came)
                 if fault is not None:
-                    self._plain = False
+                    turn.plain = False
                     continue
                 value = self.hub.peek(wanted)
                 if value is MISSING:
                     return wanted
                 if type(wanted) in FRESH:
-                    self._spent.append(type(wanted))
+                    turn.spent.append(type(wanted))
                 else:
-                    self._plain = False
+                    turn.plain = False
                 answer = self._tell(wanted, value)
 
-    def _refused(self, operation: Operation) -> Fault | None:
+    def _refused(self, operation: Operation, came: float) -> Fault | None:
         """What this client is told no with, where it may not ask for this or it is too late; the transcript knows."""
-        if isinstance(operation, BY_HAND) and self.hub.now() - self._came > AT_ONCE:
+        late = self.hub.now() - came
+        if late > AT_ONCE and (isinstance(operation, BY_HAND) or (late > WAIT_FOR_MOUNT and _never_late(operation))):
             self.transcript.note(self.name, f"{type(operation).__name__}: {LATE}")
             return Busy(LATE)
         refusal = self.rights.refusal(operation)
@@ -207,27 +267,26 @@ class Client:
             self.refuse(type(operation).__name__, refusal.why)
         return None if refusal is None else refusal.fault
 
-    def _unheard(self, operation: Operation) -> Fault | None:
-        """What this client is told no with while the mount's line is down; the transcript knows."""
-        if not self.hub.unheard:
-            return None
-        fault = NoAnswer()
-        self.transcript.note(self.name, f"{type(operation).__name__}: {fault}")
+    def _impossible(self, operation: Operation) -> Fault | None:
+        """What this client is told no with where nothing can come of it; the transcript knows."""
+        fault = self.hub.impossible(operation)
+        if fault is not None:
+            self.transcript.note(self.name, f"{type(operation).__name__}: {fault}")
         return fault
 
     def refuse(self, what: str, why: str) -> None:
         """Leave a note of what a client was refused, once for every host."""
         self.transcript.note_once(self.name, f"{what} refused: {why}", self.name.rpartition(":")[0])
 
-    def _again(self, operation: Operation) -> Any:
+    def _again(self, operation: Operation, turn: Turn) -> Any:
         """What this client was told a moment ago; None when that is too long ago."""
         told = self._told.get(type(operation))
         if told is None or self.hub.now() - told.at >= PAIR:
             return None
         if told.version == self.hub.version:
-            self._spent.append(type(operation))
+            turn.spent.append(type(operation))
         else:
-            self._plain = False
+            turn.plain = False
         return told.value
 
     def _tell(self, operation: Operation, value: Any) -> Any:
@@ -237,31 +296,40 @@ class Client:
             self._told[type(operation)] = Told(value, self.hub.now(), self.hub.version)
         return value
 
-    async def _finish(self, steps: Handling, wanted: Operation, stops: int, stopping: bool) -> Any:
+    async def _finish(self, turn: Turn, wanted: Operation) -> Any:
         """Wait for one operation after the other until the command is done -> its reply."""
         while True:
             answer, fault = None, None
             try:
-                answer = self._tell(wanted, await self.hub.perform(self.inward(wanted), stops, self.life))
+                patience = turn.came + NO_IN_TIME - self.hub.now()
+                told = await self.hub.perform(self.inward(wanted), turn.stops, self.life, patience)
+                answer = self._tell(wanted, told)
             except Fault as error:
                 self.transcript.note(self.name, f"{type(wanted).__name__}: {error}")
                 fault = error
             try:
-                wanted = self._through(steps, answer, stops, stopping, fault)
+                wanted = self._through(turn, answer, fault)
             except StopIteration as end:
                 return end.value
 
-    async def _wait(self, frame: bytes, steps: Handling, wanted: Operation, stops: int, stopping: bool) -> None:
+    async def _wait(self, turn: Turn, wanted: Operation) -> None:
         """Finish a command that needs the mount, then the ones that came meanwhile."""
-        self._plain = False
+        turn.plain = False
         reply = None
         try:
-            reply = await self._finish(steps, wanted, stops, stopping)
+            reply = await self._finish(turn, wanted)
         except Exception as error:
-            self._defect(frame, error)
+            self._defect(turn.frame, error)
         finally:
-            self._task = None
-        self._answer(frame, reply)
+            if not turn.late:
+                self._task = self._turn = None
+                self._lasting = False
+                if turn.timer is not None:
+                    turn.timer.cancel()
+        if turn.late:
+            self._say_refused(turn.frame)
+            return
+        self._answer(turn, reply)
         self._pump()
 
     def _defect(self, frame: bytes, error: Exception) -> None:
@@ -269,43 +337,47 @@ class Client:
         if self.hub.motions.busy:
             self.hub.begin_stop()  # what failed may have been what should have ended a motion
 
-    def _answer(self, frame: bytes, reply: bytes | None) -> None:
-        self.session.last = frame
-        if self.session.refused:
-            why, self.session.refused = self.session.refused, ""
-            self.transcript.note_once(self.name, f"{frame!r} refused: {why}", self.name.rpartition(":")[0])
-        if self._plain and self._spent and reply:
-            self._remember(frame, reply)
-        elif not (self._plain and self._spent):
+    def _answer(self, turn: Turn, reply: bytes | None) -> None:
+        frame = self.session.last = turn.frame
+        self._say_refused(frame)
+        if turn.plain and turn.spent and reply:
+            self._remember(turn, reply)
+        elif not (turn.plain and turn.spent):
             self._memo.clear()
+        if reply and self.hub.now() - turn.came > ANSWER_WITHIN and not turn.lasting:
+            reply = None
+            self._too_late(frame)
         if reply:
             self.transcript.put(self.name, "<", reply)
             self.write(reply)
         elif self.transcript.sinks:
             self._explain(frame)
-        if self._next_rate is not None:
-            if self.rate is not None:
-                self.rate.begin(self._next_rate)
-            self._next_rate = None
+        if turn.baud is not None and self.rate is not None:
+            self.rate.begin(turn.baud)
+
+    def _say_refused(self, frame: bytes) -> None:
+        if self.session.refused:
+            why, self.session.refused = self.session.refused, ""
+            self.transcript.note_once(self.name, f"{frame!r} refused: {why}", self.name.rpartition(":")[0])
 
     def _explain(self, frame: bytes) -> None:
         """Leave a reason for a silence, once for every command of every host."""
         if why := self.surface.silence(self.session, frame):
             self.transcript.note_once(self.name, f"no reply to {frame!r}: {why}", self.name.rpartition(":")[0])
 
-    def _remember(self, frame: bytes, reply: bytes) -> None:
+    def _remember(self, turn: Turn, reply: bytes) -> None:
         """The same question gets the same reply until an answer it was made of is renewed or grows old."""
         outdated = self._memo_version != self.hub.version or self.hub.now() >= self._memo_until
         if outdated or len(self._memo) >= MEMO:
             self._memo.clear()
             self._memo_version, self._memo_until = self.hub.version, float("inf")
-        self._memo[frame] = reply, self._spent
-        self._memo_until = min(self._memo_until, self.hub.fresh_until(self._spent))
+        self._memo[turn.frame] = reply, turn.spent
+        self._memo_until = min(self._memo_until, self.hub.fresh_until(turn.spent))
 
     def _halt(self, frame: bytes) -> None:
         """End the motion of an axis before everything that waits here, and take back what would begin it."""
         operation, beginnings = self.halts[frame]
-        for waiting in [item for item in self._inbox if item[0] in beginnings]:
+        for waiting in [turn for turn in self._inbox if turn.frame in beginnings]:
             self._inbox.remove(waiting)
         self._begun.begin(operation, self.hub.stops)
 
@@ -319,10 +391,10 @@ class Client:
 
     async def _deferred_special(self, special: str) -> None:
         """Run a special later; it has no reply, so it may also outlive its connection."""
-        steps = self.surface.specials[special](self.session, None, {})  # type: ignore[arg-type]
+        turn = Turn(special.encode(), self.hub.stops, False, self.hub.now())
+        turn.steps = self.surface.specials[special](self.session, None, {})  # type: ignore[arg-type]
         try:
-            wanted = self._through(steps, None, self.hub.stops, False)
-            await self._finish(steps, wanted, self.hub.stops, False)
+            await self._finish(turn, self._through(turn, None))
         except StopIteration:
             return
         except Fault as fault:
@@ -345,3 +417,8 @@ class Client:
             deque(self.surface.handle(self.session, frame), 0)
         if self.rate is not None:
             self.rate.end()
+
+
+def _never_late(operation: Operation) -> bool:
+    """Whether it is not to be done when whoever asked for it is not told any more: a motion, or a sync."""
+    return begins_motion(operation) or isinstance(operation, Sync)

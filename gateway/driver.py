@@ -98,6 +98,8 @@ class Driver:
     ends: frozenset[str] = frozenset()
     #: Whether a goto may be under way that the mount was sent and has not acknowledged.
     unsure = False
+    #: Whether its motors have no power while it answers all the same.
+    powerless = False
     #: Whether the mount was sent to sleep, and what is said to it all the same.
     asleep = False
     awake_or_not: frozenset[str] = frozenset()

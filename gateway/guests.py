@@ -268,7 +268,8 @@ class _Visit:
         client, now = self._client, self._hub.now
         self._hang_up, self._screen, self._after = hang_up, Beginning(self._face.beginning), self._take
         client.rights = self._rights
-        client.framing = self._face.framing(lambda: now() if self._came is None else self._came)
+        client.came = lambda: now() if self._came is None else self._came
+        client.framing = self._face.framing(client.came)
         self._take = self._screened
 
     def _screened(self, data: bytes, stops: int | None) -> None:

@@ -48,6 +48,8 @@ TURNS = 8
 TICK = 0.001
 #: What is said of it.
 LATE = "The line to the mount was busy for too long: this motion is not begun any more."
+#: Seconds after which an answer is overdue: whether the mount hears at all is not known from then on.
+OVERDUE = 2.0
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 
 
@@ -80,6 +82,8 @@ class Line:
         self._opened = self._motions = self._passed_over = 0
         self._urgent: list[float] = []
         self._hurried = self._spoken_on = False
+        #: Since when what was sent has not been answered; None while all is well.
+        self._silent_since: float | None = None
         self._task: asyncio.Task[None] | None = None
 
     def start(self) -> None:
@@ -100,6 +104,13 @@ class Line:
     def occupied(self) -> bool:
         """Whether the mount is at a long piece of work and hears nothing but a stop."""
         return self.state == "busy" or self.talk.long
+
+    @property
+    def overdue(self) -> bool:
+        """Whether an answer has not come for so long that the mount seems not to hear."""
+        if self._silent_since is None or self.occupied:
+            return False
+        return self._now() - self._silent_since > max(OVERDUE, 2.5 * self.typical)
 
     def worked_after(self, when: float) -> bool:
         """Whether it has been at a long piece of work since this loop time."""
@@ -224,7 +235,10 @@ class Line:
             hurried, self._hurried = self._hurried, False
             self._motions = self._motions + 1 if job.rank == MOTION else 0
             self._passed_over = 0 if job.rank == SETTING else self._passed_over + 1
+            self._silent_since = self._silent_since or self._now()
             outcome = await self._carry_out(job, hurried)
+            if not isinstance(outcome, NoAnswer | Silence):
+                self._silent_since = None
             if self.state == "busy":
                 self.state = "up"
             if not job.future.done():
@@ -373,6 +387,7 @@ class Line:
 
     def _up(self) -> None:
         """The line is in step; when it was not so before, whoever waits for it is told."""
+        self._silent_since = None
         if self.state != "up":
             self.state, self.reason = "up", ""
             self.on_up()

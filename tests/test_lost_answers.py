@@ -215,7 +215,7 @@ def test_a_goto_whose_acknowledgement_was_lost_is_seen_and_can_be_ended(mount: s
         async with Bridge(mount, driven="lx200") as bridge:
             client = bridge.client()
             swallow(bridge, lambda data: data == b":MS#", carried_out=True)
-            assert await client.ask(GOTO, until=b"0") == b"110", "it has begun, and is told so"
+            assert await client.ask(GOTO, 5.0, until=b"0") == b"11", "it has begun, and nobody knows that in time"
             assert bridge.sim.slewing
             assert bridge.hub.slewing
             assert bridge.sent().count(b":MS#") == 1
@@ -234,7 +234,8 @@ def test_a_goto_that_was_not_heard_is_told_as_failed_and_is_over(mount: str) -> 
         async with Bridge(mount, driven="lx200") as bridge:
             client = bridge.client()
             swallow(bridge, lambda data: data == b":MS#")
-            assert (await client.ask(GOTO, until=b".#")).startswith(b"111")
+            assert await client.ask(GOTO, until=b".#") == b"11"
+            assert [entry.note for entry in bridge.entries if entry.note.startswith("Goto: ")]
             assert not bridge.sim.slewing
             assert await client.ask(b":D#", until=b"#") == b"#"
             assert await client.ask(GOTO, until=b"0") == b"110"
@@ -258,7 +259,7 @@ def test_a_goto_on_a_line_that_falls_silent_is_looked_for_when_it_is_back(mount:
                 return b"" if silent[0] else answer
 
             wire._feed = feed  # type: ignore[attr-defined]
-            assert (await client.ask(GOTO, 20.0, until=b".#")).startswith(b"111")
+            assert await client.ask(GOTO, 8.0, until=b".#") == b"11"
             wire._feed = good  # type: ignore[attr-defined]
             await asyncio.sleep(8.0)
             assert bridge.sim.slewing

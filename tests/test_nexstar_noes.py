@@ -251,3 +251,69 @@ def test_a_motion_is_begun_again_after_the_line_is_back() -> None:
             await bridge.hub.perform(Move(Direction.NORTH, Rate(name="guide")))
 
     run(program())
+
+
+MOTIONS = (b"P\x02\x10\x24\x05\0\0\0", b"P\x03\x11\x06\x0e\x10\0\0",
+           b"P\x03\x10\x26\x32\x1e\0\0", b"P\x04\x10\x06\0\x3c\0\0")
+STOPS = (b"M", b"P\x02\x10\x24\0\0\0\0", b"P\x03\x11\x06\0\0\0\0")
+
+
+@pytest.mark.parametrize("mount", ["lx200gps", "cge"])
+@pytest.mark.parametrize("why", ["held", "asleep"])
+def test_a_mount_that_is_held_or_asleep_says_no_to_a_motion(mount: str, why: str) -> None:
+    async def program() -> None:
+        driven = "nexstar" if mount == "cge" else "lx200"
+        async with Bridge(mount, driven=driven, presented="nexstar", surface="cge", surface_version="4.22",
+                          config={"lowest": -90.0, "sun": 0.0}) as bridge:
+            client = bridge.client()
+            if why == "held":
+                bridge.hub.hold.on = True
+            else:
+                client.tell(b"x")
+                await asyncio.sleep(3.0)
+            before = len(bridge.sent())
+            for motion in MOTIONS:
+                assert await client.ask(motion) == NO, motion
+            for stop in STOPS:
+                assert await client.ask(stop) == b"#", stop
+            assert await client.ask(b"r40000000,10000000") == b"#", "there is no form for no"
+            assert [entry for entry in bridge.entries if entry.note.startswith("Goto: ")]
+            await asyncio.sleep(2.0)
+            assert not [one for one in bridge.sent()[before:] if one.startswith((b"r", b":MS", b":M", b":RG#"))]
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", ["lx200gps", "cge"])
+def test_no_is_said_as_soon_as_an_answer_of_the_mount_is_overdue(mount: str) -> None:
+    """Not only once the line counts as down, which takes up to ten seconds."""
+    async def program() -> None:
+        driven = "nexstar" if mount == "cge" else "lx200"
+        async with Bridge(mount, driven=driven, presented="nexstar", surface="cge",
+                          config={"lowest": -90.0, "sun": 0.0}) as bridge:
+            client = bridge.client()
+            await client.ask(b"e")
+            bridge.hub.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+            polling = bridge.client("10.0.0.9")
+            for _ in range(15):
+                polling.tell(b"e")
+                await asyncio.sleep(0.2)
+            assert bridge.hub.line.state == "up"
+            assert await client.ask(b"r40000000,10000000", 3.5) == b""
+            assert await client.ask(MOTIONS[0], 3.5) == NO
+            assert await client.ask(b"M", 3.5) == b"#"
+
+    run(program())
+
+
+@pytest.mark.parametrize("data", [b"P\x03\x10\x26\x65\x1e\0\0", b"P\x03\x11\x26\x9b\x1e\0\0",
+                                  b"P\x02\x10\x0d\x02\0\0\0", b"P\x02\x11\x24\x0a\0\0\0", b"P\x02\x10\x10\x64\0\0\0"])
+def test_data_that_are_out_of_range_are_refused(data: bytes) -> None:
+    """101 % of the guide rate either way, PEC 2, key 10, backlash 100."""
+    async def program() -> None:
+        async with over("lx200gps") as bridge:
+            client, before = bridge.client(), len(bridge.sent())
+            assert await client.ask(data) == NO
+            assert not [one for one in bridge.sent()[before:] if one.startswith((b":M", b":$", b":R"))]
+
+    run(program())

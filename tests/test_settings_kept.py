@@ -259,8 +259,8 @@ def test_a_guide_rate_and_a_backlash_are_told_when_the_motors_can_be_reached(how
                 await asyncio.sleep(2.0)
             else:
                 deafen(bridge, (b"P\x02\x10\x46", b"P\x02\x10\x10"), 2)
-            await client.ask(b"P\x02\x10\x46\x40\0\0\0")
-            await client.ask(b"P\x02\x10\x10\x1e\0\0\0")
+            await client.ask(b"P\x02\x10\x46\x40\0\0\0", 4.0)
+            await client.ask(b"P\x02\x10\x10\x1e\0\0\0", 4.0)
             await plugged_in(bridge, cable)
             heard = bridge.sent()
             assert b"P\x02\x10\x46\x40\0\0\0" in heard

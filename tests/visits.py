@@ -32,7 +32,7 @@ class Still:
         self.transcript = Transcript(self.clock)
         self.presence = Presence(self.now)
         self.version = self.stops = 0
-        self.closed = self.unheard = False
+        self.closed = False
         self.motions = self
         self.turnstile = Turnstile(self.loop, lambda: False)
         #: What the host's clock is ahead of the loop's, and the mount's ahead of the host's.
@@ -54,13 +54,17 @@ class Still:
             return self.mount.perform(operation)
         return MISSING
 
+    def impossible(self, operation: op.Operation) -> None:
+        """Everything may be tried."""
+
     def touch(self, kinds: list[type[op.Operation]], now: float) -> None:
         """Nobody refreshes anything here."""
 
     def fresh_until(self, kinds: list[type[op.Operation]]) -> float:
         return self.now() + 0.5
 
-    async def perform(self, operation: op.Operation, stops: int | None = None, life: HostActivity | None = None) -> Any:
+    async def perform(self, operation: op.Operation, stops: int | None = None, life: HostActivity | None = None,
+                      patience: float = 3.5) -> Any:
         await asyncio.sleep(0)
         self.mount.clock = op.Moment(self.clock() + self._ahead, self.mount.clock.offset)
         answer = self.mount.perform(operation)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -16,7 +17,7 @@ from msgspec import Struct
 
 from gateway import operations as op
 from gateway.driver import Driver, Steps
-from gateway.errors import Fault
+from gateway.errors import Asleep, Fault, Held, NoAnswer
 from gateway.hub.belief import Belief
 from gateway.hub.ending import end_motion
 from gateway.hub.executor import HubExecutor
@@ -31,7 +32,7 @@ from gateway.hub.snapshot import FRESH, Kind, Snapshot
 from gateway.hub.telling import Telling
 from gateway.hub.turnstile import Turnstile
 from gateway.line import SETTING, STOP, Line
-from gateway.motion_kinds import MOTIONS
+from gateway.motion_kinds import MOTIONS, begins_motion
 from gateway.mount.motion.awaited import ended
 from gateway.mount.motion.end_watch import EndWatch
 from gateway.mount.motion.reconciler import Reconciler
@@ -144,10 +145,19 @@ class Hub:
         """Whether anything moves that a stop should end."""
         return bool(self.motions.axes) or self.slewing
 
-    @property
-    def unheard(self) -> bool:
-        """Whether the mount's line is down: whatever is sent now fails at once."""
-        return self.line.state == "down"
+    def impossible(self, operation: op.Operation) -> Fault | None:
+        """Why nothing can come of an operation, as far as that is known without asking: no may be said at once."""
+        if self.line.state == "down" or (self.line.overdue and not self.driver.asleep):
+            return NoAnswer()
+        sleeps = (self.driver.asleep or self.driver.powerless) and not self.motions.waking
+        if sleeps and begins_motion(operation):
+            return Asleep()
+        try:
+            if isinstance(operation, MOTIONS):
+                self.hold.admit(operation)
+        except Held as fault:
+            return fault
+        return None
 
     @property
     def slewing(self) -> bool:
@@ -196,8 +206,12 @@ class Hub:
         for kind in kinds:
             self.snapshot.asked[kind] = now
 
-    async def perform(self, operation: op.Operation, stops: int | None = None, life: HostActivity | None = None) -> Any:
-        """Carry out an operation for ``life``. ``stops`` is the count of stops when it was asked for. Raises Fault."""
+    async def perform(self, operation: op.Operation, stops: int | None = None, life: HostActivity | None = None,
+                      patience: float = math.inf) -> Any:
+        """Carry out an operation for ``life``. ``stops`` is the count of stops when it was asked for. Raises Fault.
+
+        Nobody is told what came of it after ``patience`` seconds.
+        """
         if type(operation) in FRESH:
             if self.driver.asleep:
                 await self.motions.woken()
@@ -205,17 +219,18 @@ class Hub:
         if isinstance(operation, op.Own):
             return await self.own.read(operation)
         try:
-            return await self._order(operation, stops, life)
+            return await self._order(operation, stops, life, patience)
         finally:
             if not isinstance(operation, op.Read):
                 self.own.forget()
 
-    async def _order(self, operation: op.Operation, stops: int | None, life: HostActivity | None) -> Any:
+    async def _order(self, operation: op.Operation, stops: int | None, life: HostActivity | None,
+                     patience: float) -> Any:
         """Whatever is no question that everybody shares."""
         if isinstance(operation, op.Stop):
             return await self.stop()
         if isinstance(operation, MOTIONS):
-            return await ended(self.motions.begin(operation, stops, life))
+            return await ended(self.motions.begin(operation, stops, life, patience))
         if type(operation) in PLACES:
             return PLACES[type(operation)](self.told, operation)
         handler = self.settings.handlers.get(type(operation))

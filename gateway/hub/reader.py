@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 #: How soon it is noticed that the mount has begun to move, seconds.
 A_MOMENT = 0.2
+#: Seconds that whoever asks whether a goto is over waits, at most, until that is known.
+UNTIL_KNOWN = 2.0
 
 
 class Reader:
@@ -54,13 +56,18 @@ class Reader:
         return await self.asked(operation) if value is MISSING else value
 
     async def asked(self, operation: op.Operation) -> Any:
-        """The answer of the exchange under way, or of a new one; not long after the start. Raises Fault."""
-        first = not self._hub.identified.is_set()
+        """The answer of the exchange under way, or of a new one; not long after the start. Raises Fault.
+
+        A goto goes on until it is known to be over: a slow mount is not waited for long to say so.
+        """
+        first, slews = not self._hub.identified.is_set(), isinstance(operation, op.Slewing) and self._hub.slewing
         try:
-            async with asyncio.timeout(FIRST_ANSWER if first else None):
+            async with asyncio.timeout(FIRST_ANSWER if first else UNTIL_KNOWN if slews else None):
                 return await self._hub.turnstile.outcome(self.shared(operation))
         except TimeoutError:
-            raise NoAnswer from None
+            if first or not self._hub.slewing:
+                raise NoAnswer from None
+            return True
 
     async def anew(self, operation: op.Operation) -> Any:
         """A read from the mount, however fresh the last answer is; who gives up ends it for nobody. Raises Fault."""

@@ -23,8 +23,8 @@ def patient(order: Order) -> bool:
 
 
 def may_wait(order: Order, now: float) -> bool:
-    """Whether it has not waited for too long."""
-    return order.heard or now - order.since < LONGEST
+    """Whether it has not waited for too long; whoever waits for its outcome is told no while he still listens."""
+    return order.heard or now < min(order.since + LONGEST, order.until)
 
 
 def forsaken(order: Order) -> bool:

@@ -11,6 +11,7 @@ import asyncio
 from collections.abc import Callable
 from functools import partial
 from itertools import count
+from math import inf
 from typing import Any
 
 from msgspec.structs import replace
@@ -49,7 +50,7 @@ class Reconciler:
         self._work: asyncio.Task[tuple[op.Operation, Any]] | None = None
         #: The order that is being carried out, and the last one that was admitted, by their numbers.
         self._active = self._admitted = 0
-        self._stopping = Stopping(driver, executor, self._rests, self._go_on)
+        self._stopping = Stopping(driver, executor, self._rests, self._go_on, self._to_be_ended)
         self._timer: asyncio.TimerHandle | None = None
         self._closed = False
 
@@ -103,8 +104,12 @@ class Reconciler:
 
     # --- orders -----------------------------------------------------------------------------------------------------
 
-    def begin(self, operation: op.Operation, stops: int | None, by: HostActivity | None) -> Outcome:
-        """Take an order -> its outcome; from now on it counts as asked for. ``stops``: their count when it was."""
+    def begin(self, operation: op.Operation, stops: int | None, by: HostActivity | None,
+              patience: float = inf) -> Outcome:
+        """Take an order -> its outcome; from now on it counts as asked for. ``stops``: their count when it was.
+
+        Whoever asked waits for the outcome for ``patience`` seconds: a goto is not begun after that.
+        """
         if self._closed or self._too_late(operation, stops):
             return self._awaited.too_late()
         if self._only_a_stop_is_heard(operation):
@@ -112,7 +117,8 @@ class Reconciler:
             return self.begin_stop()
         wakes = isinstance(operation, op.Wake) and self._driver.asleep  # what is before it would not be heard
         now = self._loop.time()
-        order = Order(next(self._numbers), operation, by, rank=FIRST if wakes else IN_ORDER, since=now)
+        order = Order(next(self._numbers), operation, by, rank=FIRST if wakes else IN_ORDER, since=now,
+                      until=now + patience if isinstance(operation, (*GOTOS, op.Sync)) else inf)
         before = self.wanted
         try:
             after = apply(before, order, now, self._executor.slewing)
@@ -203,6 +209,11 @@ class Reconciler:
         """End every motion, and wait until the mount has acknowledged it. Raises Fault."""
         await asyncio.shield(self.begin_stop())
 
+    def _to_be_ended(self) -> object:
+        """The motion that a stop is owed for; None where none is, or something else is about to be set moving."""
+        coming = any(isinstance(order.operation, MOVING) for order in self.wanted.pending)
+        return None if self._closed or coming or not self.wanted.owed else self.wanted.motion
+
     def _rests(self) -> None:
         self._want(outcomes.at_rest(self.wanted))
 
@@ -256,7 +267,7 @@ class Reconciler:
             special = self._follow_ups.get(type(operation))
             steps = special(self._driver, operation) if special else self._driver.perform(operation)
             return operation, await executor.drive(steps, STOP if order.urgent else MOTION)
-        operation = await executor.admit(operation)
+        operation = await self._admitted_in_time(order)
         self._admitted = order.number
         if isinstance(operation, MOVING):
             await executor.before_motion()
@@ -264,6 +275,14 @@ class Reconciler:
             await self.stop()
         rank = MOTION if not isinstance(operation, ENDS) else SETTING if order.hammered else STOP
         return operation, await executor.drive(self._driver.perform(operation), rank, since)
+
+    async def _admitted_in_time(self, order: Order) -> op.Operation:
+        """-> the operation as it was admitted. Raises Fault, while whoever asked for it can still be told."""
+        try:
+            async with asyncio.timeout_at(order.until if order.until < inf else None):
+                return await self._executor.admit(order.operation)
+        except TimeoutError:
+            raise Busy from None
 
     def _has_ended(self, order: Order, work: asyncio.Task[tuple[op.Operation, Any]]) -> None:
         """An operation was carried out, failed, or was given up."""
@@ -355,6 +374,7 @@ class Reconciler:
     def close(self) -> None:
         """Forget everything that was planned or waits."""
         self._closed = True
+        self._stopping.close()
         if self._timer is not None:
             self._timer.cancel()
         self._want(replace(self.wanted, pending=(), active=0, motion=Theirs()))

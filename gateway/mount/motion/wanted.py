@@ -8,6 +8,7 @@ beside the mount, and nobody here wants anything of it (``Theirs``).
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import inf
 
 from msgspec import Struct
 
@@ -25,10 +26,11 @@ class Order(Struct, frozen=True):
     """Something that was asked for and is not done.
 
     ``number`` counts the orders, ``by`` is the connection it came from, ``since`` the loop time at which it came,
-    ``at`` the one before which it is not due. A ``follow_up`` is the gateway's own, and ``urgent`` when it ends a
-    motion; one that is to be ``heard`` waits until the mount hears. ``unless`` is the number of a goto after whose
-    beginning it is void. Of a halt it is known whether it ``overtakes`` what waits, and the ``repeats`` of an equal one
-    before it while nothing else was asked for (``asked`` counts that).
+    ``at`` the one before which it is not due, ``until`` the one after which nobody is told any more what came of it. A
+    ``follow_up`` is the gateway's own, and ``urgent`` when it ends a motion; one that is to be ``heard`` waits until
+    the mount hears. ``unless`` is the number of a goto after whose beginning it is void. Of a halt it is known whether
+    it ``overtakes`` what waits, and the ``repeats`` of an equal one before it while nothing else was asked for
+    (``asked`` counts that).
     """
 
     number: int
@@ -37,6 +39,7 @@ class Order(Struct, frozen=True):
     rank: int = IN_ORDER
     since: float = 0.0
     at: float = 0.0
+    until: float = inf
     follow_up: bool = False
     urgent: bool = False
     heard: bool = False

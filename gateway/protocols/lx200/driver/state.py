@@ -138,6 +138,10 @@ class Meade(Driver):
         return self.goto is not None and self.goto.unsure
 
     @property
+    def powerless(self) -> bool:  # type: ignore[override]
+        return self.asleep_as_told
+
+    @property
     def equatorial(self) -> bool:
         return self.home_letter in "PG"
 

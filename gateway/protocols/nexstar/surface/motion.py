@@ -32,7 +32,8 @@ _TRACKING = {0xFFFF: "sidereal", 0xFFFE: "solar", 0xFFFD: "lunar"}
 _MODES = {0: Tracking.OFF, 1: Tracking.ALTAZ, 2: Tracking.EQ_NORTH, 3: Tracking.EQ_SOUTH}
 #: How German mounts of a few versions count, which have no alt-az mode.
 _SHIFTED = {0: Tracking.OFF, 1: Tracking.EQ_NORTH, 2: Tracking.EQ_SOUTH}
-_KEYS, _FULL_BACKLASH = 9, 99
+_KEYS, _FULL_BACKLASH, _FULL_GUIDE_RATE = 9, 99, 100
+_OFF_OR_ON = (0, 1)
 
 
 def _axis_and_sense(command: Command) -> tuple[int, int]:
@@ -107,8 +108,13 @@ def set_mode(session: Session, command: Command, values: dict[str, Any]) -> Hand
 
 
 def pulse(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """AUX 0x26 - percent of sidereal for hundredths of a second; the percentage is the mount's own guide rate."""
+    """AUX 0x26 - percent of sidereal for hundredths of a second; the percentage is the mount's own guide rate.
+
+    Raises Invalid for more than 100 percent.
+    """
     axis, ms = motor(values), values["ticks"] * 10
+    if abs(values["rate"]) > _FULL_GUIDE_RATE:
+        raise Invalid
     if values["rate"] and ms:
         yield from begin(PulseAxis(axis, 1 if values["rate"] > 0 else -1, ms, abs(values["rate"]) / 100))
         session.shared[f"pulse ends {axis}"] = session.clock() + ms / 1000.0
@@ -162,7 +168,9 @@ def _backlash_name(command: Command, axis: int) -> str:
 
 
 def periodic_error(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """AUX 0x0D - a mount that lacks it says so by the no-response form."""
+    """AUX 0x0D - a mount that lacks it says so by the no-response form. Raises Invalid for neither on nor off."""
+    if values["on"] not in _OFF_OR_ON:
+        raise Invalid
     yield PeriodicError(motor(values), bool(values["on"]))
 
 
