@@ -12,8 +12,11 @@ from typing import Any
 import pytest
 
 from gateway.access import Access
-from gateway.assembly import shows_itself
-from gateway.config import parse_endpoint
+from gateway.assembly import Gateway, shows_itself
+from gateway.config import MountConfig, SurfaceConfig, parse_endpoint
+from gateway.line import Line
+from gateway.simulators import make_simulator
+from gateway.wires import SimulatorWire
 from tests.bridge import Bridge
 from tests.transparent import ALLOWED, MOUNTS, asked_of, differences
 from tests.virtual import run
@@ -181,6 +184,30 @@ def test_another_mount_behind_the_same_cable_is_asked_anew() -> None:
         await asyncio.sleep(5.0)
         assert await client.ask(MOTORS) == b"\6\x10#"
         assert await client.ask(b"m") == b"\x14#"
+
+
+@pytest.mark.parametrize(("mount", "told"), [
+    ("nexstar:avx/5.31", "nexstar:avx"), ("nexstar:gt/104.0", "nexstar:gt"), ("lx200:lx200-16", "lx200:lx200-16"),
+])  # fmt: skip
+def test_a_whole_gateway_presents_what_it_has_found(mount: str, told: str) -> None:
+    """As it is started by a person: the surface is named by its protocol alone."""
+
+    async def found() -> None:
+        at = parse_endpoint(f"{mount}@sim")
+        surface = SurfaceConfig(at=f"{at.protocol}@tcp://127.0.0.1:0")
+        clock = asyncio.get_running_loop().time
+        gateway = Gateway(MountConfig(at=f"{at.protocol}@sim"), [surface], clock=clock)
+        simulator = make_simulator(at, clock=clock)
+        gateway.prepare(lambda dialogue, transcript: Line(SimulatorWire("sim", simulator.connection, 0.02), dialogue,
+                                                          transcript))
+        gateway.begin()
+        assert await gateway.found(30.0)
+        ((protocol, face),) = gateway.faces
+        assert f"{protocol}:{face.model['name']}" == told
+        assert gateway.receptions[0].face.model is face.model
+        await gateway.close()
+
+    run(found())
 
 
 # --- a Meade --------------------------------------------------------------------------------------------------------

@@ -68,7 +68,8 @@ class OwnAnswers:
             if task is None:
                 task = self._asking[operation] = self._hub.spawn(self._ask(operation))
                 task.add_done_callback(lambda done: self._asked(operation, done))
-            return await asyncio.shield(task)
+            answer: bytes = await self._hub.turnstile.outcome(task)
+            return answer
         if isinstance(heard.answer, Fault):
             raise type(heard.answer)(str(heard.answer))
         return heard.answer
