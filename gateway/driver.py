@@ -100,6 +100,9 @@ class Driver:
     unsure = False
     #: Whether its motors have no power while it answers all the same.
     powerless = False
+    #: Seconds after which it counts as an answer that what was handed on to the mount stays unanswered; None where all
+    #: that it has is answered.
+    patience: float | None = None
     #: Whether the mount was sent to sleep, and what is said to it all the same.
     asleep = False
     awake_or_not: frozenset[str] = frozenset()
@@ -161,7 +164,8 @@ class Driver:
         if isinstance(operation, Verbatim):
             if not self.knows(operation.command):
                 raise Unsupported
-            return (yield Ask(operation.command, dict(operation.fields)))
+            patience = self.patience if self.protocol.commands[operation.command].replies else None
+            return (yield Ask(operation.command, dict(operation.fields), patience))
         if isinstance(operation, Own):
             return (yield from self.own(operation))
         way = self.way(type(operation))

@@ -49,12 +49,12 @@ _SHARED = """
 ## A mount shared with programs of its own kind
 
 Where a surface speaks the mount's own protocol and names no model (`--surface nexstar@…` for a NexStar, `lx200@…` for
-a Meade), it is the mount itself that programs see: its model, its version, and its answers to what stands here. What it
-has not it does not answer. Motion, positions, tracking, site and clock go through the gateway: limits, holds and
+a Meade), it is the mount itself that programs see: its model, its version, and its answers to what stands here. What
+it has not it does not answer. Motion, positions, tracking, site and clock go through the gateway: limits, holds and
 refusals come before the mount's own bytes, and nothing is told that contradicts what the gateway has told. What is
 neither here nor in the tables above stays back: an unknown pass-through command cannot be told from one that sets
-something. A surface that names a model (`--surface nexstar:6-8se@…`) presents that instead, with what the gateway makes
-up for old versions.
+something. A surface that names a model (`--surface nexstar:6-8se@…`) presents that instead, with what the gateway
+makes up for old versions.
 """
 _PRESENTED = {
     "lx200": """The commands that each model has by its manual. What it has not (*beyond*) is answered as on the models

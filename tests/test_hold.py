@@ -30,7 +30,7 @@ DONE: dict[op.Operation, bool] = {
     op.Pulse(op.Direction.NORTH, 100): False, op.PulseAxis(1, 1, 100): False,
     op.SetTracking(on=True): False, op.SetTracking(on=True, mode=op.Tracking.ALTAZ): False,
     op.SetTracking(on=False): True, op.TrackRate("sidereal"): True, op.SetHome(): False, op.Unpark(): False,
-    op.Sleep(): True, op.Wake(): False, op.Focus(1): True,
+    op.Sleep(): True, op.Wake(): False, op.Focus(1): True, op.Choose("LM"): True,
 }  # fmt: skip
 MOUNTS = [("nexstar", "6-8se"), ("nexstar", "cge"), ("lx200", "lx200"), ("lx200", "autostar"), ("lx200", "lx200gps")]
 

@@ -12,8 +12,11 @@ from typing import Any
 import pytest
 
 from gateway.access import Access
-from gateway.assembly import shows_itself
-from gateway.config import parse_endpoint
+from gateway.assembly import Gateway, shows_itself
+from gateway.config import MountConfig, SurfaceConfig, parse_endpoint
+from gateway.line import Line
+from gateway.simulators import make_simulator
+from gateway.wires import SimulatorWire
 from tests.bridge import Bridge
 from tests.transparent import ALLOWED, MOUNTS, asked_of, differences
 from tests.virtual import run
@@ -183,6 +186,30 @@ def test_another_mount_behind_the_same_cable_is_asked_anew() -> None:
         assert await client.ask(b"m") == b"\x14#"
 
 
+@pytest.mark.parametrize(("mount", "told"), [
+    ("nexstar:avx/5.31", "nexstar:avx"), ("nexstar:gt/104.0", "nexstar:gt"), ("lx200:lx200-16", "lx200:lx200-16"),
+])  # fmt: skip
+def test_a_whole_gateway_presents_what_it_has_found(mount: str, told: str) -> None:
+    """As it is started by a person: the surface is named by its protocol alone."""
+
+    async def found() -> None:
+        at = parse_endpoint(f"{mount}@sim")
+        surface = SurfaceConfig(at=f"{at.protocol}@tcp://127.0.0.1:0")
+        clock = asyncio.get_running_loop().time
+        gateway = Gateway(MountConfig(at=f"{at.protocol}@sim"), [surface], clock=clock)
+        simulator = make_simulator(at, clock=clock)
+        gateway.prepare(lambda dialogue, transcript: Line(SimulatorWire("sim", simulator.connection, 0.02), dialogue,
+                                                          transcript))
+        gateway.begin()
+        assert await gateway.found(30.0)
+        ((protocol, face),) = gateway.faces
+        assert f"{protocol}:{face.model['name']}" == told
+        assert gateway.receptions[0].face.model is face.model
+        await gateway.close()
+
+    run(found())
+
+
 # --- a Meade --------------------------------------------------------------------------------------------------------
 
 
@@ -199,6 +226,21 @@ def test_two_programs_look_things_up_and_go_each_to_its_own() -> None:
         assert await one.ask(b":MS#") == b"0"
         assert [sent for sent in bridge.sent() if sent.startswith(b":Sr")][-1][:8] == b":Sr05:36"
         other.tell(b":Q#")
+
+
+def test_an_object_of_a_telescope_that_counts_in_j2000_is_where_it_says() -> None:
+    """What is sent to it for the goto is what it told itself, whatever its coordinates mean."""
+
+    @shared("lx200", config={"equinox": "j2000", "sun": 0.0, "lowest": -90.0})
+    async def counts(bridge: Bridge) -> None:
+        client, direct = bridge.client(), bridge.sim.connection()
+        client.tell(b":LM42#")
+        await asyncio.sleep(3.0)
+        told = direct(b":Gr#")
+        assert (await client.ask(b":Gr#", until=b"#")) != told, "programs are told it of date"
+        assert await client.ask(b":MS#") == b"0"
+        assert [sent for sent in bridge.sent() if sent.startswith(b":Sr")][-1] == b":Sr" + told
+        client.tell(b":Q#")
 
 
 def test_a_number_that_the_telescope_does_not_have_leaves_this_programs_target() -> None:
@@ -233,6 +275,22 @@ def test_what_a_model_has_not_it_does_not_answer() -> None:
         for command in (b":GW#", b":h?#", b":GVP#", b":gps#"):
             assert await client.ask(command, 3.0) == b"", command
         assert any("this mount has no such command" in entry.note for entry in bridge.entries)
+
+
+def test_a_firmware_that_is_mute_to_a_command_costs_nobody_the_line() -> None:
+    """Some know less than their manual: no is said where there is a form for it, and other programs notice nothing."""
+
+    @shared("autostar")
+    async def mute(bridge: Bridge) -> None:
+        knows = bridge.sim.knows
+        bridge.sim.knows = lambda name: name not in ("GM", "SM", "Gb") and knows(name)
+        client = bridge.client()
+        assert await client.ask(b":GM#", 8.0) == b""
+        assert await client.ask(b":SMPIER#", 8.0) == b"0"
+        assert bridge.hub.line.state == "up"
+        before = len(bridge.sent())
+        assert await client.ask(b":GM#", 2.0) == b""
+        assert b":GM#" not in bridge.sent()[before:], "it is not asked what it does not know again and again"
 
 
 def test_high_precision_pointing_stays_back() -> None:

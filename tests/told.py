@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
@@ -25,7 +26,7 @@ def bridge_to(mount: str, presented: str, **settings: Any) -> Bridge:
 def degrees(told: bytes) -> float:
     """``+DD*MM:SS#`` or ``HH:MM:SS#`` as a number of its first unit."""
     sign = -1.0 if told[:1] == b"-" else 1.0
-    first, minutes, seconds = told.rstrip(b"#").lstrip(b"+-").replace(b"*", b":").replace(b"\xdf", b":").split(b":")
+    first, minutes, seconds = re.split(rb"[*\xdf:']", told.rstrip(b"#").lstrip(b"+-"))
     return sign * (int(first) + int(minutes) / 60.0 + int(seconds) / 3600.0)
 
 

@@ -17,7 +17,7 @@ from typing import Any
 from msgspec import Struct
 
 from gateway.driver import Ask
-from gateway.errors import Busy, Fault, Garbled, NoAnswer
+from gateway.errors import Busy, Fault, Garbled, NoAnswer, Silence
 from gateway.line import AT_ONCE, STOP, Line
 from gateway.spherical import wrap180
 
@@ -77,7 +77,8 @@ class Belief:
             times += 1
             strangers = max(strangers, self._line.doubt(ask))
             heard = await self._hear(ask, rank)
-            if slow < SLOW_TRIES and heard.came - heard.asked > max(PROMPT, 2.5 * self._line.typical):
+            mute = ask.raw and isinstance(heard.fault, Silence)  # which takes its time always
+            if slow < SLOW_TRIES and not mute and heard.came - heard.asked > max(PROMPT, 2.5 * self._line.typical):
                 slow += 1
                 continue
             if not (row and self._agree(kind, row[-1], heard)):

@@ -230,7 +230,10 @@ class Hub:
         if isinstance(operation, op.Stop):
             return await self.stop()
         if isinstance(operation, MOTIONS):
-            return await ended(self.motions.begin(operation, stops, life, patience))
+            value = await ended(self.motions.begin(operation, stops, life, patience))
+            if isinstance(value, op.Chosen) and value.place is not None:
+                value = op.Chosen(self.derived.from_mount(value.place), value.text, value.reply)
+            return value
         if type(operation) in PLACES:
             return PLACES[type(operation)](self.told, operation)
         handler = self.settings.handlers.get(type(operation))

@@ -1,8 +1,7 @@
 """What the mount itself answers to programs of its own protocol: asked once for all who want to know it.
 
 How long an answer serves everybody is said in the tables (``KEEPS`` in ``gateway/tables.py``). What the gateway has
-told otherwise in the meantime, because a program has set it and the mount has not taken it, stands against the mount's
-word.
+told otherwise, because a program has set it and the mount has not taken it, stands against the mount's word.
 """
 
 from __future__ import annotations
@@ -69,7 +68,8 @@ class OwnAnswers:
             if task is None:
                 task = self._asking[operation] = self._hub.spawn(self._ask(operation))
                 task.add_done_callback(lambda done: self._asked(operation, done))
-            return await asyncio.shield(task)
+            answer: bytes = await self._hub.turnstile.outcome(task)
+            return answer
         if isinstance(heard.answer, Fault):
             raise type(heard.answer)(str(heard.answer))
         return heard.answer

@@ -9,6 +9,7 @@ from functools import cache
 
 from msgspec.structs import replace
 
+from gateway.assembly import shows_itself
 from gateway.config import Endpoint, parse_words
 from gateway.errors import UserError
 from gateway.logline import meaning, show
@@ -17,7 +18,7 @@ from gateway.recording import unescape
 from gateway.rehearsal.play import Before, Play, Player, stage
 from gateway.simulators import DEFAULT_MODEL
 from gateway.sky import Sky
-from gateway.tables import Protocol, SurfaceRow, Version, load
+from gateway.tables import KEEPS, Protocol, SurfaceRow, Version, load
 from gateway.virtual import run
 
 #: What programs that speak LX200 have said before, so that there is a target.
@@ -51,7 +52,7 @@ def explain(surface: str, mount: str, typed: str) -> str:
         lines += [f"  {name} = {value}" for name, value in picture.decode(frame).items()]
     except ValueError as error:
         lines.append(f"  not valid: {error}")
-    lines += _said(row, driven, at, traits(face))
+    lines += _said(row, driven, at, traits(face)) if not shows_itself(at, face) else _own(protocol, command.name)
     if row is not None:
         said = f"after {' '.join((*row.after, *row.during))}, " if row.after or row.during else ""
         lines.append(f"  for example, {said}with the Crab nebula as the target and an aligned mount that tracks:")
@@ -116,6 +117,13 @@ def _said(row: SurfaceRow | None, driven: Protocol, at: Endpoint, face: frozense
     if row is not None and row.why:
         lines.append(f"  {row.why}")
     return lines + [f"  {way.why}" for way in taken(row, driven, model, version, aligned=True) if way.why]
+
+
+def _own(protocol: Protocol, name: str) -> list[str]:
+    """What the tables say where a program of the mount's own protocol sees the mount itself."""
+    row = protocol.own.get(name)
+    who = f"the mount itself, {KEEPS[row.keep]}" if row is not None and row.keep else "the gateway"
+    return [f"answered by {who}", *([f"  {row.why}"] if row is not None and row.why else [])]
 
 
 def _hint(client: str, frame: bytes) -> str:

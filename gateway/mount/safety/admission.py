@@ -69,6 +69,8 @@ class Admission:
             return await self._admit_goto(operation)
         elif isinstance(operation, op.Sync):
             return await self._admit_sync(operation)
+        elif isinstance(operation, op.Choose):
+            return self._mount.astrometry.to_mount(operation)
         return operation
 
     async def still_allowed(self) -> None:

@@ -7,10 +7,10 @@ drive that is on follows the sky, and the focuser, which hangs on the mount and 
 from __future__ import annotations
 
 from gateway.errors import Held
-from gateway.operations import CancelGoto, Focus, Halt, Operation, SetTracking, Sleep, Sync, TrackRate
+from gateway.operations import CancelGoto, Choose, Focus, Halt, Operation, SetTracking, Sleep, Sync, TrackRate
 
 #: Of all that takes its turn among the motions this alone; whatever is new is refused until it is written here.
-STILL = (CancelGoto, Focus, Halt, Sleep, Sync, TrackRate)
+STILL = (CancelGoto, Choose, Focus, Halt, Sleep, Sync, TrackRate)
 
 
 class Hold:

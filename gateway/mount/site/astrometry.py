@@ -73,7 +73,7 @@ class SiteAstrometry:
         hour_angle, dec = Geometry(build, self.place().latitude).sky(wanted.az, wanted.alt)
         return op.Goto(wrap360(self.sidereal_time() - hour_angle), dec)
 
-    def to_mount(self, operation: op.Goto | op.Sync) -> op.Goto | op.Sync:
+    def to_mount(self, operation: op.Goto | op.Sync | op.Choose) -> op.Goto | op.Sync | op.Choose:
         """A place of date in the mount's own equinox."""
         if self.equinox != "j2000":
             return operation

@@ -27,7 +27,7 @@ WHILE_SEEKING = frozenset({"hS", "hF", "Q", "h?"})
 _NAMES = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
 #: What tells who it is; a nameless one is silent to them all.
 NAMES = frozenset({"GVP", "GVN", "GVD", "GVT", "GVF"})
-#: Seconds in which a telescope answers what it knows.
+#: Seconds in which a telescope answers what it knows; its firmware may know less than its manual.
 OWN_PATIENCE = 1.5
 #: Hand-control keys 1-9 as Meade's four rates.
 _KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS", 9: "RS"}
@@ -52,6 +52,7 @@ class Meade(Driver):
 
     protocol = load("lx200")
     takes_site_aligned = True
+    patience = OWN_PATIENCE
     ends = frozenset({"Q"})
     #: Two digits: from 51 on they are those of the century before.
     years = range(1951, 2051)
