@@ -126,7 +126,7 @@ class Player:
             await self._at_rest()
         for said in before.during:
             visitor.tell(said)
-            await self._settled(visitor, GLANCE)
+            await self._settled(visitor, BEGUN)
         self._session, self._before = None, ""
         known, wire = self._known(), len(self.stage.wire)
         self._events.clear()
