@@ -101,6 +101,12 @@ def test_a_new_row_is_played_without_being_listed() -> None:
     assert {pair.mount.model for pair in wire.pairs()} == load("lx200").models.keys() | load("nexstar").models.keys()
 
 
+def test_the_check_counts_what_it_has_played(capsys: pytest.CaptureFixture[str]) -> None:
+    assert wire.check([OVER_MEADE]) == 0
+    rows = len(load("nexstar").commands)
+    assert capsys.readouterr().out == f"1 pair of models, {rows} commands played, 0 differences\n"
+
+
 def test_a_difference_is_told_once_with_the_pairs_that_show_it() -> None:
     found = [wire.Difference("lx200", "GR", "kept, and yet", f"autostar on cpc/{text}") for text in ("4.10", "4.21")]
     assert list(wire.report(found)) == [
