@@ -52,13 +52,13 @@ OVER_MEADE = wire.Pair(Endpoint("nexstar", "-", "cge", "4.21"), Endpoint("lx200"
         (CPC, "GR", {"outcome": "kept", "call": "silence"}, "kept, and yet there is no reply"),
         (CPC, "GVP", {"outcome": "translated"}, "the mount has never been asked"),
         (CPC, "GVP", {"outcome": "silent"}, "silent, and yet b'LX2001#' is said"),
-        (CPC, "Mn", {"outcome": "kept"}, "kept, and yet T, slew_alt_pos goes to the mount"),
+        (CPC, "AL", {"outcome": "kept"}, "kept, and yet T goes to the mount"),
         (CPC, "B+", {"outcome": "kept"}, "kept, and nothing is kept"),
         (CPC, "St", {"outcome": "translated"}, "translated, and nothing that changes the mount is sent"),
         (CPC, "SS", {"outcome": "kept"}, "kept, and yet the reply is no: b'0'"),
         (CPC, "SB", {"outcome": "refused"}, "refused, and the reply b'1' is no no"),
         (CPC, "$QA+", {"why": None}, "no remark on it, and the log says"),
-        (CPC, "Mn", {"asks": ["Sync"]}, "slew_alt_pos goes to the mount, and is not listed"),
+        (CPC, "AL", {"asks": ["Sync"]}, "T goes to the mount, and is not listed"),
         (OVER_MEADE, "pec_record", {"outcome": "kept"}, "kept, and yet the reply is no"),
     ],
 )
@@ -101,6 +101,12 @@ def test_a_new_row_is_played_without_being_listed() -> None:
     assert {pair.mount.model for pair in wire.pairs()} == load("lx200").models.keys() | load("nexstar").models.keys()
 
 
+def test_the_check_counts_what_it_has_played(capsys: pytest.CaptureFixture[str]) -> None:
+    assert wire.check([OVER_MEADE]) == 0
+    rows = len(load("nexstar").commands)
+    assert capsys.readouterr().out == f"1 pair of models, {rows} commands played, 0 differences\n"
+
+
 def test_a_difference_is_told_once_with_the_pairs_that_show_it() -> None:
     found = [wire.Difference("lx200", "GR", "kept, and yet", f"autostar on cpc/{text}") for text in ("4.10", "4.21")]
     assert list(wire.report(found)) == [
@@ -116,6 +122,13 @@ def test_what_is_explained_is_what_the_mount_was_sent() -> None:
     assert "to the mount: and so on" in small
     home = explain("lx200gps", "6se", ":hF#")
     assert "after :hS#, with the Crab nebula" in home and "No home position" not in home
+
+
+def test_a_read_is_explained_with_what_the_mount_is_asked() -> None:
+    assert "to the mount: e  precise" in explain("nexstar", "cpc", "e")
+    told = explain("lx200", "lx200gps", ":GVP#")  # no model is named: the mount itself is what programs see
+    assert "outcome on a lx200gps mount: its own answer" in told and told.endswith("reply: LX2001#")
+    assert explain("nexstar", "lx200:lx200", "m").endswith("reply: \\x09#")  # over a polar Meade a CPC (9) on its wedge
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from gateway.errors import UserError
+
 
 def add(commands: Any) -> None:
     """Put the command into the parser."""
@@ -30,12 +32,15 @@ def _model(words: str) -> str:
 def _tables(arguments: argparse.Namespace) -> int:
     from gateway import pairs
 
-    if arguments.check and arguments.wire:
-        from gateway.rehearsal import wire
-
-        return pairs.check() or wire.check()
+    if arguments.wire and not arguments.check:
+        raise UserError("tables: --wire goes with --check")
     if arguments.check:
-        return pairs.check()
+        failed = pairs.check()
+        if arguments.wire:
+            from gateway.rehearsal import wire
+
+            failed |= wire.check()
+        return failed
     if arguments.write:
         print(f"wrote {pairs.write()}")
         return 0

@@ -5,6 +5,7 @@ The mount is a simulated one, aligned and tracking, in virtual time.
 
 from __future__ import annotations
 
+import asyncio
 from functools import cache
 
 from msgspec.structs import replace
@@ -13,6 +14,7 @@ from gateway.assembly import shows_itself
 from gateway.config import Endpoint, parse_words
 from gateway.errors import UserError
 from gateway.logline import meaning, show
+from gateway.operations import GetStatus
 from gateway.pairs import effective, outcome, taken
 from gateway.recording import unescape
 from gateway.rehearsal.play import Before, Play, Player, stage
@@ -23,6 +25,8 @@ from gateway.virtual import run
 
 #: What programs that speak LX200 have said before, so that there is a target.
 TARGET = {"lx200": (":Sr05:34:32#", ":Sd+22*00:52#", ":Sa+50*00#", ":Sz200*00#")}
+#: How long a gateway is left alone before it is asked, seconds.
+IDLE = 3.0
 #: So many commands of a kind in a row are shown.
 MANY = 3
 
@@ -52,12 +56,12 @@ def explain(surface: str, mount: str, typed: str) -> str:
         lines += [f"  {name} = {value}" for name, value in picture.decode(frame).items()]
     except ValueError as error:
         lines.append(f"  not valid: {error}")
-    lines += _said(row, driven, at, traits(face)) if not shows_itself(at, face) else _own(protocol, command.name)
-    if row is not None:
-        said = f"after {' '.join((*row.after, *row.during))}, " if row.after or row.during else ""
-        lines.append(f"  for example, {said}with the Crab nebula as the target and an aligned mount that tracks:")
-        lines += shown(play_one(face, at, frame, row), at.protocol)
-    return "\n".join(lines)
+    play, presented = play_one(face, at, frame, row)
+    own = shows_itself(at, face)
+    lines += _own(protocol, command.name) if own else _said(row, driven, at, protocol.traits(presented))
+    said = f"after {' '.join((*row.after, *row.during))}, " if row and (row.after or row.during) else ""
+    lines.append(f"  for example, {said}with the Crab nebula as the target and an aligned mount that tracks:")
+    return "\n".join([*lines, *shown(play, at.protocol)])
 
 
 @cache
@@ -91,23 +95,32 @@ def before(face: Endpoint, row: SurfaceRow) -> Before:
     return Before(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
 
 
-def play_one(face: Endpoint, mount: Endpoint, frame: bytes, row: SurfaceRow, aligned: bool = True) -> Play:
-    """A frame played on a stage of its own."""
+def play_one(face: Endpoint, mount: Endpoint, frame: bytes, row: SurfaceRow | None) -> tuple[Play, str]:
+    """A frame played on a stage of its own -> that, and the model presented: where none is named, what fits."""
 
-    async def play() -> Play:
-        async with stage(face, mount, sky(), aligned=aligned) as whole_gateway:
-            return await Player(whole_gateway).play(frame, before(face, row))
+    async def play() -> tuple[Play, str]:
+        async with stage(face, mount, sky()) as whole_gateway:
+            presented, hub = whole_gateway.face, whole_gateway.hub
+            if presented.fit is not None and not shows_itself(mount, face):
+                status = await hub.read(GetStatus())
+                presented.model.update(presented.fit(status.equatorial, hub.driver.german, hub.driver.gps))
+            await asyncio.sleep(IDLE)  # what the gateway has asked for itself is old by then, so the mount is asked
+            played = await Player(whole_gateway).play(frame, Before() if row is None else before(face, row))
+            return played, str(presented.model["name"])
 
-    result: Play = run(play())
+    result: tuple[Play, str] = run(play())
     return result
+
+
+def _name(at: Endpoint) -> str:
+    return f"{at.model}{f'/{at.version}' if at.version else ''}"
 
 
 def _said(row: SurfaceRow | None, driven: Protocol, at: Endpoint, face: frozenset[str]) -> list[str]:
     """What the tables say becomes of it on this mount."""
     model, version = at.model, counted(at)
-    name = f"{model}{f'/{at.version}' if at.version else ''}"
     said = outcome(row, driven, model, version, aligned=True, face=face)
-    lines = [f"outcome on a {name} mount: {said}"]
+    lines = [f"outcome on a {_name(at)} mount: {said}"]
     early = outcome(row, driven, model, version, aligned=False, face=face)
     if early != said:
         lines.append(f"  before the alignment: {early}")

@@ -91,11 +91,15 @@ def is_look(protocol: Protocol, data: bytes) -> bool:
 def stage(face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, wedge: bool = False) -> Stage:
     """The gateway between a presented model and a simulated mount, each with its version, in the night of ``START``.
 
-    The mount's name and site are in the settings, for those that do not tell them; a NexStar has a focuser on it.
+    What old hand controls do not tell is in the settings: name, site, tracking mode. A NexStar has a focuser on it.
     """
-    simulated = {"focuser": True, "wedge": wedge} if mount.protocol == "nexstar" else {}
-    config = {"site": DEFAULT_SITE, **({"mode": "eq-north"} if wedge else {})}
-    return Stage(mount.model or DEFAULT_MODEL[mount.protocol], mount.version, start=START, driven=mount.protocol,
+    model = mount.model or DEFAULT_MODEL[mount.protocol]
+    config: dict[str, Any] = {"site": DEFAULT_SITE}
+    simulated: dict[str, Any] = {}
+    if mount.protocol == "nexstar":
+        simulated = {"focuser": True, "wedge": wedge}
+        config["mode"] = "alt-az" if "alt-az" in load(mount.protocol).traits(model, wedge) else "eq-north"
+    return Stage(model, mount.version, start=START, driven=mount.protocol,
                  presented=face.protocol, surface=face.model, surface_version=face.version, aligned=aligned, sky=sky,
                  speed=HURRY, named=True, config=config, simulated=simulated)
 
@@ -126,7 +130,7 @@ class Player:
             await self._at_rest()
         for said in before.during:
             visitor.tell(said)
-            await self._settled(visitor, GLANCE)
+            await self._settled(visitor, BEGUN)
         self._session, self._before = None, ""
         known, wire = self._known(), len(self.stage.wire)
         self._events.clear()

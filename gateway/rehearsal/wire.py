@@ -10,6 +10,7 @@ import os
 import sys
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from typing import NamedTuple
 
 from gateway.config import Endpoint
@@ -132,13 +133,13 @@ async def _one(pair: Pair, player: Player, command: Command, protocol: Protocol,
 def check(chosen: Iterable[Pair] | None = None) -> int:
     """Play everything, say what is different -> 0 when nothing is, else 1."""
     work = list(pairs() if chosen is None else chosen)
-    with ProcessPoolExecutor(os.cpu_count()) as pool:
+    with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
         results = list(pool.map(rehearse, work, chunksize=4))
     plays = sum(count for count, _ in results)
     found = [difference for _, several in results for difference in several]
     for line in report(found):
         print(line, file=sys.stderr)
-    print(f"{len(work)} pairs of models, {plays} commands played, {len(found)} differences")
+    print(f"{len(work)} pair{'s' * (len(work) != 1)} of models, {plays} commands played, {len(found)} differences")
     return 1 if found else 0
 
 
