@@ -1,9 +1,9 @@
 """Axis readings of the mount as the presented hand control has them, and back.
 
 Of an alt-az fork they are azimuth and altitude. A fork on its wedge reads from north, where its azimuth axis points at
-the elevated pole: 180 on the meridian in the north, 0 in the south, and it never turns over the pole. (Celestron renamed
-the hand control's menu to Axis Position for that; INDI parks at 90, 90.) A German mount reads its hour angle. Over a German mount that is presented as a fork by its name,
-azimuth and altitude stay those of the sky, as rotator software wants them.
+the elevated pole: 180 on the meridian in the north, 0 in the south, and it never turns over the pole (Celestron renamed
+its menu to Axis Position for that; INDI parks at 90, 90). A German mount reads its hour angle. Over a German mount that
+is presented as a fork by its name, azimuth and altitude stay those of the sky, as rotator software wants them.
 """
 
 from __future__ import annotations
