@@ -107,11 +107,15 @@ class Gps(Struct, frozen=True):
 
 
 class Status(Struct, frozen=True):
-    """How the mount stands: its tracking mode, whether it is aligned, and how it is built."""
+    """How the mount stands: its tracking mode, whether it is aligned, and how it is built.
+
+    ``wedge``: it is a fork on one, and its axes read from north; those of other equatorial mounts read the hour angle.
+    """
 
     tracking: Tracking
     aligned: bool
     equatorial: bool
+    wedge: bool = False
 
 
 class Identity(Struct, frozen=True):

@@ -83,6 +83,8 @@ def outcome(row: SurfaceRow | None, mount: Protocol, model: str | None = None, v
         return MISSING
     if row.models is not None and face is not None and face.isdisjoint(row.models):
         return row.elsewhere or MISSING
+    if row.apart and model is not None and not mount.traits(model, wedge).isdisjoint(row.apart):
+        return row.elsewhere or MISSING
     if row.outcome:
         return row.outcome
     if not row.operations:

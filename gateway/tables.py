@@ -71,7 +71,8 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     One that ``passes`` means nothing here, but something to a mount of the same protocol that has it. Without a word
     on that, what is refused here passes. Where ``models`` names the presented models that it is for, or what they
-    are or have (``traits``), the outcome on all others is ``elsewhere``. For an example of it a program has said
+    are or have (``traits``), the outcome on all others is ``elsewhere``, as it is over mounts
+    that are or have what ``apart`` names. For an example of it a program has said
     ``after`` before, the mount has come to rest, and then ``during``.
     """
 
@@ -86,6 +87,7 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     passes: bool | None = None
     models: list[str] | None = None
     elsewhere: str | None = None
+    apart: list[str] = []
     after: list[str] = []
     during: list[str] = []
     why: str | None = None

@@ -15,7 +15,7 @@ def test_a_fork_on_its_wedge_reads_its_axes_from_north(site: tuple[float, float]
     """Azimuth 0 is north: under the pole in the north, on the meridian in the south."""
 
     async def program() -> None:
-        async with Bridge("cpc", site=site, config={"site": site}, presented="nexstar", surface="cgx") as bridge:
+        async with Bridge("cpc", site=site, config={"site": site}, presented="nexstar", surface="cpc") as bridge:
             bridge.sim.feed(mode)
             await asyncio.sleep(10)
             above, below = (b"b80000000,00000000", b"b00000000,00000000")[:: 1 if site[0] > 0 else -1]

@@ -95,7 +95,7 @@ class Reader:
             equatorial = (await self.read(op.GetStatus())).equatorial  # the axes of a fork are azimuth and altitude
             source = op.Position if equatorial else op.HorizontalPosition
             seen = await self.read(source())
-            value: Any = self._hub.derived.axes(seen) if equatorial else seen
+            value: Any = self._hub.derived.axes(seen, wedge=not self._hub.driver.german) if equatorial else seen
         elif isinstance(operation, op.HorizontalPosition) and self._hub.driver.position_reads > 1:
             value = await self._while_it_rests(operation)
         else:

@@ -205,7 +205,9 @@ class Telling:
             return seen
         derived = self._hub.derived
         try:
-            return derived.horizon(seen) if kind is op.HorizontalPosition else derived.axes(seen)
+            if kind is op.HorizontalPosition:
+                return derived.horizon(seen)
+            return derived.axes(seen, wedge=not self._hub.driver.german)
         except Unsupported:
             return MISSING
 

@@ -33,6 +33,7 @@ _BY_COMMAND: dict[tuple[str, str], Any] = {
     ("SE", "latitude"): 17.0, ("Se", "longitude"): 59.0, ("Lo", "catalog"): 1, ("Ls", "catalog"): 3,
     ("LS", "number"): 32349, ("move_pos", "device"): 18, ("move_neg", "device"): 18, ("RA", "rate"): 2.0,
     ("RE", "rate"): 2.0, ("Rg", "rate"): 7.5, ("Sw", "rate"): 4, ("F", "speed"): 3, ("set_guide_rate", "rate"): 128,
+    ("axis_goto", "device"): 17, ("axis_goto_slow", "device"): 17,
     ("fine_rate_pos", "rate"): 153600, ("fine_rate_neg", "rate"): 153600,
     **{(f"rate_{axis}_{sense}", "rate"): 600 for axis in ("azm", "alt") for sense in ("pos", "neg")},
 }  # fmt: skip

@@ -75,12 +75,13 @@ def check_information(telescope: Telescope, model: Model) -> None:
 def axes(truth: Meade, model: Model, site: Site) -> tuple[Callable[[], float], Callable[[], float]]:
     """What a positive turn of the first and of the second motor increases, in degrees.
 
-    On a polar mount the first motor's positive sense is west in the north and east in the south.
+    On a polar mount the first motor's positive sense is west in the north and east in the south, the second motor's is
+    towards the pole that is up.
     """
     if not model.polar:
         return (lambda: truth.horizontal()[0]), (lambda: truth.horizontal()[1])
     east = 1.0 if site.latitude < 0 else -1.0
-    return (lambda: east * truth.position().ra), (lambda: truth.position().dec)
+    return (lambda: east * truth.position().ra), (lambda: -east * truth.position().dec)
 
 
 def check_buttons(telescope: Telescope, truth: Meade, model: Model, site: Site) -> None:

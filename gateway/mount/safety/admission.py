@@ -63,7 +63,7 @@ class Admission:
             return await self._admit_horizontal(operation)
         elif isinstance(operation, op.GotoAxes):
             if not self._mount.driver.way(op.AxisPosition) and (await self._status()).equatorial:
-                return await self.admit(self._mount.astrometry.from_axes(operation))
+                return await self.admit(self._mount.astrometry.from_axes(operation, not self._mount.driver.german))
             await self._check_axes(operation, self._mount.limits())
         elif isinstance(operation, op.Goto):
             return await self._admit_goto(operation)

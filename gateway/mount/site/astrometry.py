@@ -61,9 +61,9 @@ class SiteAstrometry:
         unix = self.observatory.unix()
         return op.Goto(*self.sky.equatorial(wanted.az, wanted.alt, place.latitude, place.longitude, unix))
 
-    def axes(self, seen: op.Equatorial) -> op.Horizontal:
-        """Where the axes of an equatorial mount would stand, both at 90 with the tube at the pole."""
-        geometry = Geometry(Build.GERMAN, self.place().latitude)
+    def axes(self, seen: op.Equatorial, wedge: bool = False) -> op.Horizontal:
+        """Where the axes of an equatorial mount would stand; a fork on its ``wedge`` reads from north."""
+        geometry = Geometry(Build.WEDGE if wedge else Build.GERMAN, self.place().latitude)
         first, second = geometry.axes(self.sidereal_time() - seen.ra, seen.dec, False)
         return op.Horizontal(wrap360(first), second)
 

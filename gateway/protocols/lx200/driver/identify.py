@@ -120,4 +120,5 @@ def status(mount: Meade, _: GetStatus) -> Steps:
     except Fault:
         if mount.goto is None:  # some are mute to this while they slew
             raise
-    return Status(tracking=mount.tracking, aligned=mount.aligned, equatorial=mount.equatorial)
+    return Status(tracking=mount.tracking, aligned=mount.aligned, equatorial=mount.equatorial,
+                  wedge=mount.equatorial and not mount.german)

@@ -86,7 +86,7 @@ def status(mount: NexStar, _: GetStatus) -> Steps:
     mode = mount.suspended or mount.tracking or Tracking.OFF
     if known is None and mount.aligned:  # one that cannot say tracks as it is built: what is aligned, tracks
         mode = _built_for(mount)
-    return Status(tracking=mode, aligned=mount.aligned, equatorial=equatorial)
+    return Status(tracking=mode, aligned=mount.aligned, equatorial=equatorial, wedge=equatorial and not mount.german)
 
 
 def send_mode(mount: NexStar, mode: Tracking) -> Steps:

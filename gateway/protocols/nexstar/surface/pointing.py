@@ -10,47 +10,25 @@ from typing import Any
 
 from gateway.errors import Asleep, Fault, NoAnswer, Unsupported
 from gateway.operations import (
-    AxisPosition,
     CancelGoto,
     GetStatus,
     Goto,
-    GotoAxes,
-    GotoHorizontal,
-    HorizontalPosition,
     PierSide,
     SiderealTime,
     Slewing,
-    Status,
     Sync,
 )
 from gateway.protocols.nexstar.surface.begin import begin
 from gateway.protocols.nexstar.surface.devices import motor
+from gateway.protocols.nexstar.surface.frames import german, readings, to_mount
 from gateway.spherical import fold_declination, wrap180
 from gateway.surface import Handling, Session, Start
 from gateway.tables import Command
 
 
-def german(session: Session) -> bool:
-    """Whether the presented mount is equatorial."""
-    return bool(session.model["mount"] == "german")
-
-
-def _by_axes(session: Session) -> Handling:
-    """-> whether this hand control counts by its motors: a German mount's, and the mount's own where it is polar."""
-    if not session.model.get("own"):
-        return german(session)
-    status: Status = yield GetStatus()
-    return status.equatorial
-
-
-def _axes_told(session: Session) -> Handling:
-    """-> Horizontal: the readings of the motors, or azimuth and altitude."""
-    return (yield AxisPosition() if (yield from _by_axes(session)) else HorizontalPosition())
-
-
 def axes(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """Z z"""
-    return (yield from _axes_told(session))
+    return (yield from readings(session))
 
 
 def goto(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -64,12 +42,7 @@ def goto_axes(session: Session, command: Command, values: dict[str, Any]) -> Han
     """B b"""
     if "fault" not in values:
         session.kept.pop("axis goto", None)
-        yield from begin((yield from _to(session, values["az"], values["alt"])))
-
-
-def _to(session: Session, az: float, alt: float) -> Handling:
-    """-> GotoAxes, or GotoHorizontal."""
-    return GotoAxes(az, alt) if (yield from _by_axes(session)) else GotoHorizontal(az % 360.0, alt)
+        yield from begin((yield from to_mount(session, values["az"], values["alt"])))
 
 
 def sync(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -122,17 +95,17 @@ def sidereal(session: Session, command: Command, values: dict[str, Any]) -> Hand
 def axis_position(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """AUX 0x01"""
     number = motor(values)
-    seen = yield from _axes_told(session)
+    seen = yield from readings(session)
     return {"position": seen.az if number == 1 else seen.alt}
 
 
 def axis_goto(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """AUX 0x02, 0x17 - while the other axis is under way to where it was sent, it goes on; else it stays."""
     number = motor(values)
-    seen = yield from _axes_told(session)
+    seen = yield from readings(session)
     sent: dict[int, float] = session.kept.get("axis goto", {}) if (yield Slewing()) else {}
     wanted = {1: seen.az, 2: seen.alt, **sent, number: values["position"]}
-    yield from begin((yield from _to(session, wanted[1], wrap180(wanted[2]))))
+    yield from begin((yield from to_mount(session, wanted[1], wrap180(wanted[2]))))
     session.kept["axis goto"] = {**sent, number: values["position"]}
 
 

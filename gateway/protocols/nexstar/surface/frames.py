@@ -1,0 +1,62 @@
+"""Axis readings of the mount as the presented hand control has them, and back.
+
+Of an alt-az fork they are azimuth and altitude. A fork on its wedge reads from north, where its azimuth axis points at
+the elevated pole: 180 on the meridian in the north, 0 in the south, and it never turns over the pole (Celestron renamed
+its menu to Axis Position for that; INDI parks at 90, 90). A German mount reads its hour angle. Over a German mount that
+is presented as a fork by its name, azimuth and altitude stay those of the sky, as rotator software wants them.
+"""
+
+from __future__ import annotations
+
+from gateway.operations import (
+    AxisPosition,
+    GetSite,
+    GetStatus,
+    GotoAxes,
+    GotoHorizontal,
+    Horizontal,
+    HorizontalPosition,
+)
+from gateway.operations import Status as MountStatus
+from gateway.spherical import wrap180, wrap360
+from gateway.surface import Handling, Session
+
+
+def german(session: Session) -> bool:
+    """Whether the presented mount is equatorial by its build."""
+    return bool(session.model["mount"] == "german")
+
+
+def readings(session: Session) -> Handling:
+    """-> Horizontal: what the two axes read on what is presented."""
+    status: MountStatus = yield GetStatus()
+    if not _turned(session, status):
+        return (yield AxisPosition() if _by_axes(session, status) else HorizontalPosition())
+    seen: Horizontal = yield AxisPosition()
+    return Horizontal(wrap360(seen.az - (yield from _zero())), seen.alt)
+
+
+def to_mount(session: Session, first: float, second: float) -> Handling:
+    """-> the goto that turns both axes to these readings of what is presented."""
+    status: MountStatus = yield GetStatus()
+    if not _turned(session, status):
+        return GotoAxes(first, second) if _by_axes(session, status) else GotoHorizontal(first % 360.0, second)
+    second = wrap180(second)
+    if abs(second) > 90.0:  # a German mount on the other side of its pier; a fork does not turn over the pole
+        first, second = first + 180.0, wrap180(180.0 - second)
+    return GotoAxes(wrap360(first + (yield from _zero())), second)
+
+
+def _by_axes(session: Session, status: MountStatus) -> bool:
+    """Whether this hand control counts by its motors; where it is the mount's own, as that does."""
+    return status.equatorial if session.model.get("own") else german(session) or status.wedge
+
+
+def _turned(session: Session, status: MountStatus) -> bool:
+    """Whether a fork on its wedge is presented as a German mount."""
+    return not session.model.get("own") and german(session) and status.wedge
+
+
+def _zero() -> Handling:
+    """What the first axis of a fork on its wedge reads on the meridian."""
+    return 180.0 if (yield GetSite()).latitude >= 0.0 else 0.0
