@@ -19,7 +19,8 @@ SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
         home.park, home.home, home.set_home, home.home_state, home.unpark, home.sleep, home.wake,
         motion.move, motion.move_axis, motion.halt, motion.stop, motion.pulse, motion.pulse_axis, motion.set_guide_rate,
         library.choose,
-        drive.set_tracking, drive.rest, drive.rise, drive.track_rate, drive.backlash, drive.periodic_error, drive.focus,
+        drive.set_tracking, drive.rest, drive.rise, drive.track_rate, drive.drive_rate,
+        drive.backlash, drive.periodic_error, drive.focus,
         place.gps, place.get_site, place.set_site, place.get_clock, place.set_clock, place.clock_from_gps,
     )
 }

@@ -95,6 +95,9 @@ class NexStar(Driver):
         self.tracking: Tracking | None = None
         self.native_mode: Tracking | None = None
         self.rate = TrackRate(name="sidereal")
+        #: The motor in right ascension tracks by the hand control's ``own`` rate, by one it was ``told``, or that is
+        #: ``replaced`` while it is guided.
+        self.drive = "own"
         self.aligned = False
         # motion
         self.goto: GotoState | None = None
@@ -188,8 +191,13 @@ class NexStar(Driver):
         self.goto = None
         self.moving.clear()
         self.steps.clear()
+        self.not_guided()
         self.pulsing.clear()
         self.riding.clear()
+
+    def not_guided(self) -> None:
+        """Nothing takes the place of tracking any more, by a goto or a stop; the drive rate is still to be told."""
+        self.drive = "told" if self.drive == "replaced" else self.drive
 
     def memory(self, moving: bool) -> dict[str, Any]:
         """Home and park; in motion also how to talk to this hand control, and the tracking to come back to."""
@@ -250,6 +258,9 @@ class NexStar(Driver):
 
         A limit of the fastest rate is given so, too, where it is below that rate and no key turns at it.
         """
+        if rate.name == "guide" and rate.degrees is None:
+            asked = self.guide_rates[1] * SIDEREAL
+            return None if any(abs(self.key_speed(key) - asked) <= SAME_GUIDING * asked for key in (1, 2)) else asked
         if rate.key is not None or rate.degrees is None:
             return None
         if rate.name is not None and (
@@ -290,18 +301,23 @@ class NexStar(Driver):
             return (0.0 if self.native_mode is Tracking.EQ_SOUTH else 180.0), 90.0
         return 0.0, self.settings.lowest + ABOVE_LOWEST if self.settings.lowest > 0.0 else 0.0
 
+    @property
+    def _guide_key(self) -> int:
+        asked = self.guide_rates[1] * SIDEREAL
+        return min((1, 2), key=lambda key: abs(self.key_speed(key) - asked))
+
     def key_for(self, rate: Rate) -> int:
         """The key that comes nearest to a hand rate (never above one given in degrees a second)."""
         if rate.key is not None:
             return max(1, min(9, rate.key))
         if rate.name is not None and rate.degrees is None:
-            return {"guide": int(self.rates["guide"]), "center": 4, "find": 7, "max": 9}[rate.name]
+            return {"guide": self._guide_key, "center": 4, "find": 7, "max": 9}[rate.name]
         wanted = rate.degrees or 0.0
         return max([key for key in range(1, 10) if self.key_speed(key) <= wanted + 1e-9], default=1)
 
 
-#: Speeds this near are one, degrees a second.
-SAME_SPEED = 0.01
+#: Speeds this near are one, degrees a second; of guiding, as a part of the speed.
+SAME_SPEED, SAME_GUIDING = 0.01, 0.02
 JNOW_FROM = (4, 14)
 #: Up to this version the pier side is told with its letters swapped in the southern hemisphere.
 LETTERS_SWAPPED = (5, 24)
