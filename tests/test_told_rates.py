@@ -1,4 +1,4 @@
-"""Drive rates: one that cannot run is refused, and ``:GT#`` tells the one that runs. And tracking put off by ``T 0``."""
+"""Drive rates: one that cannot run is refused, and ``:GT#`` tells the one that runs. Tracking goes off by ``T 0``."""
 
 from __future__ import annotations
 

@@ -8,7 +8,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from gateway.protocols.lx200.driver import drive, ends, home, identify, library, motion, pier, place, pointing
+from gateway.protocols.lx200.driver import (
+    drive,
+    ends,
+    home,
+    identify,
+    library,
+    motion,
+    pier,
+    place,
+    pointing,
+    put_back,
+)
 
 SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
     function.__name__: function
@@ -25,5 +36,5 @@ SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
     )
 }
 FOLLOW_UPS: dict[type[Any], Callable[[Any, Any], Any]] = {
-    home.SeekOn: home.seek_on, ends.EndAgain: ends.end_again,
+    home.SeekOn: home.seek_on, ends.EndAgain: ends.end_again, put_back.PutBack: put_back.put_back,
 }

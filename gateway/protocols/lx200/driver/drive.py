@@ -11,13 +11,13 @@ from gateway.errors import Refused, Unsupported
 from gateway.operations import Backlash, DriveRate, Focus, PeriodicError, SetTracking, Sleep, Tracking, TrackRate, Wake
 from gateway.protocols.lx200.driver.ends import FOCUSER, begins, end
 from gateway.protocols.lx200.driver.identify import native_mode, read_status
+from gateway.protocols.lx200.driver.speeds import SIDEREAL_HERTZ
+from gateway.protocols.lx200.driver.speeds import SIDEREAL_SHOWN as _SIDEREAL
 from gateway.protocols.lx200.driver.state import Meade, ask
 
-SIDEREAL_HERTZ = 60.16427
 _DRIVES = {"sidereal": "TQ", "solar": "TS", "lunar": "TL"}
-#: What counts as sidereal, and below what a telescope is taken to show the lunar rate, hertz.
-_SIDEREAL, _LUNAR_BELOW = (60.1, 60.2), 59.0
-_LOOKS_SIDEREAL = 60.0
+#: Below what a telescope is taken to show the lunar rate, and from what on the sidereal one, hertz.
+_LUNAR_BELOW, _LOOKS_SIDEREAL = 59.0, 60.0
 #: Focuser speeds from here on are the fast one of a classic, which has two.
 _FAST_FOCUS = 3
 
@@ -51,6 +51,7 @@ def rise(mount: Meade, _: Wake) -> Steps:
 
 def track_rate(mount: Meade, operation: TrackRate) -> Steps:
     """:TQ :TS :TL, any other one in hertz: 60.1 to 60.2 is sidereal. Raises Refused beyond what the model drives at."""
+    mount.driven = False
     hertz = round((operation.factor or 1.0) * SIDEREAL_HERTZ, 1)
     if operation.name is not None or _SIDEREAL[0] <= hertz <= _SIDEREAL[1]:
         mount.rate = operation
@@ -67,6 +68,12 @@ def drive_at(mount: Meade, hertz: float) -> Steps:
     """:ST, which a classic takes in manual mode only."""
     yield from ask(mount, "TM")
     yield from ask(mount, "ST", hertz=hertz)
+
+
+def put_drive_back(mount: Meade) -> Steps:
+    """The drive rate that was asked for last, when a motion in right ascension was done with another one."""
+    if mount.driven:
+        yield from track_rate(mount, mount.rate or TrackRate(name="sidereal"))
 
 
 def drive_rate(mount: Meade, _: DriveRate) -> Steps:

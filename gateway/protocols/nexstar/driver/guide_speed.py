@@ -11,7 +11,8 @@ from gateway.driver import Ask, Remark, Steps
 from gateway.errors import Busy
 from gateway.operations import Tracking
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.state import SAME_GUIDING, SIDEREAL, NexStar
+from gateway.protocols.nexstar.driver.state import SAME_GUIDING, NexStar
+from gateway.protocols.nexstar.rates import SIDEREAL
 
 #: Keys that add to equatorial tracking (NexStar protocol, Slewing Commands, note).
 GENTLE = (1, 2)

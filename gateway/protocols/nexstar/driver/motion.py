@@ -29,7 +29,8 @@ from gateway.operations import (
 from gateway.protocols.nexstar.driver import altaz, guide_speed, tracking
 from gateway.protocols.nexstar.driver.goto import Arrived, need_alignment, stop_current_motion
 from gateway.protocols.nexstar.driver.position import pier_side
-from gateway.protocols.nexstar.driver.state import SIDEREAL, NexStar
+from gateway.protocols.nexstar.driver.state import NexStar
+from gateway.protocols.nexstar.rates import SIDEREAL
 from gateway.spherical import fold_declination
 
 FOCUSER = 18

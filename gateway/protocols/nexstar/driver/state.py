@@ -23,6 +23,7 @@ from gateway.operations import (
     TrackRate,
 )
 from gateway.protocols.nexstar.driver import itself
+from gateway.protocols.nexstar.rates import SIDEREAL, key_speed, rate_tables
 from gateway.protocols.nexstar.versions import numbered
 from gateway.tables import Version, load, parse_version
 
@@ -243,10 +244,7 @@ class NexStar(Driver):
 
     def key_speed(self, key: int) -> float:
         """Degrees a second of a hand-control key 1-9."""
-        sidereal, degrees = self.rates["sidereal"], self.rates["degrees"]
-        if key <= len(sidereal):
-            return float(sidereal[key - 1]) * SIDEREAL
-        return float(degrees[key - len(sidereal) - 1])
+        return key_speed(self.rates, key)
 
     def speed(self, rate: Rate) -> float:
         """Degrees a second of a hand rate."""
@@ -325,14 +323,4 @@ LETTERS_SWAPPED = (5, 24)
 POLE_AXES = (90.0, 90.0)
 #: How far above the lowest altitude a fork is parked, degrees.
 ABOVE_LOWEST = 0.5
-SIDEREAL = 15.041067 / 3600.0
 UNKNOWN: dict[str, Any] = {"mount": "fork", "rates": "se", "has": [], "motors": "0.0", "versions": []}
-
-_RATES: dict[str, dict[str, Any]] = {}
-
-
-def rate_tables() -> dict[str, dict[str, Any]]:
-    """``mappings/nexstar/rates.toml``, read once."""
-    if not _RATES:
-        _RATES.update(load("nexstar").extra("rates.toml"))
-    return _RATES

@@ -97,7 +97,8 @@ def status(mount: NexStar, _: GetStatus) -> Steps:
     known = native_mode(mount)
     equatorial = known.equatorial if known is not None else mount.german
     mode = mount.suspended or mount.tracking or Tracking.OFF
-    if known is None and mount.tracking is None and mount.aligned:  # one that cannot say tracks as it is built: what is aligned, tracks
+    if known is None and mount.tracking is None and mount.aligned:
+        # one that cannot say tracks as it is built: what is aligned, tracks
         mode = _built_for(mount)
     return Status(tracking=mode, aligned=mount.aligned, equatorial=equatorial)
 
