@@ -133,3 +133,22 @@ def test_short_pulses_of_the_motors_are_as_long_as_asked(ms: int) -> None:
     (sent,) = sent_for(b":Mgn%04d#" % ms, model="avx", version="5.31")
     percent, ticks = sent[4], sent[5]
     assert percent * ticks == pytest.approx(50 * ms / 10, rel=0.03)
+
+
+@pytest.mark.parametrize(("model", "version"), [("gt", "101.0"), ("nexstar-gps", "1.2")])
+@pytest.mark.parametrize(("rate", "degrees"), [(b":RG#", 7.52 / 3600.0), (b":RM#", 1.0), (b":RE02.0#", 2.0)])
+def test_small_gotos_are_as_fast_as_the_rate_in_the_mean(model: str, version: str, rate: bytes, degrees: float) -> None:
+    """Hand controls before 1.6 have no way to the motors, and tell and take steps of 20 arcseconds."""
+
+    async def program() -> None:
+        async with mount(model, version) as bridge:
+            client = bridge.client()
+            client.tell(rate + b":Ms#")
+            await asyncio.sleep(5.0)
+            start = bridge.sim.truth()[1]
+            await asyncio.sleep(10.0)
+            turned = start - bridge.sim.truth()[1]
+            assert turned == pytest.approx(10.0 * degrees, rel=0.08, abs=20.0 / 3600.0)
+            client.tell(b":Qs#")
+
+    run(program())

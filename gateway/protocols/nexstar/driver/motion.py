@@ -29,14 +29,15 @@ from gateway.operations import (
 from gateway.protocols.nexstar.driver import altaz, guide_speed, tracking
 from gateway.protocols.nexstar.driver.goto import Arrived, need_alignment, stop_current_motion
 from gateway.protocols.nexstar.driver.position import pier_side
-from gateway.protocols.nexstar.driver.state import NexStar
+from gateway.protocols.nexstar.driver.state import NexStar, Stepping
 from gateway.protocols.nexstar.rates import SIDEREAL
-from gateway.spherical import fold_declination
+from gateway.spherical import fold_declination, wrap180
 
 FOCUSER = 18
 PULSE_FIRMWARE = (6, 12)
 LONGEST_PULSE = 2550
-STEP_EVERY = 0.6
+#: Seconds from one small goto to the next; how far its goal may be ahead beyond that, in seconds and in degrees.
+STEP_EVERY, LONGER, AHEAD = 0.6, 0.5, 0.75
 _AXIS = {1: "azm", 2: "alt"}
 _FOCUS_KEYS = {1: 2, 2: 4, 3: 6, 4: 9}
 
@@ -193,7 +194,7 @@ class StepOn(Operation, frozen=True):
 
 def _begin_steps(mount: NexStar, axis: int, sign: int, rate: Rate) -> Steps:
     yield from need_alignment(mount)
-    mount.steps[axis] = sign * mount.speed(rate) * STEP_EVERY
+    mount.steps[axis] = Stepping(sign * mount.speed(rate), mount.now())
     yield from step_on(mount, StepOn())
 
 
@@ -202,10 +203,26 @@ def step_on(mount: NexStar, _: StepOn) -> Steps:
     if not mount.steps:
         return
     answer = yield Ask("E")
-    ra = answer["ra"] - mount.steps.get(1, 0.0)
-    dec = max(-90.0, min(90.0, fold_declination(0.0, answer["dec"])[1] + mount.steps.get(2, 0.0)))
-    yield Ask("R", {"ra": ra, "dec": dec})
+    ra, dec = answer["ra"], fold_declination(0.0, answer["dec"])[1]
+    west, north = _step(mount, 1, -ra), _step(mount, 2, dec)
+    yield Ask("R", {"ra": ra - west, "dec": max(-90.0, min(90.0, dec + north))})
     yield Later(STEP_EVERY, StepOn())
+
+
+def _step(mount: NexStar, axis: int, here: float) -> float:
+    """How far on from here, degrees: to where the axis is to be at the next step, by its speed since it began.
+
+    A goto ends slowly, and is told in steps of 20 arcseconds: reckoned from the beginning, the speed is right in the
+    mean all the same. One that the mount cannot keep up with does not get far ahead of it.
+    """
+    step = mount.steps.get(axis)
+    if step is None:
+        return 0.0
+    if step.start is None:
+        step.start = here
+    due = step.speed * (mount.now() - step.since + STEP_EVERY) - wrap180(here - step.start)
+    most = abs(step.speed) * (STEP_EVERY + LONGER) + AHEAD
+    return max(-most, min(most, due))
 
 
 # --- guiding ----------------------------------------------------------------------------------------------------

@@ -53,6 +53,14 @@ class GotoState(Struct):
     unsure: bool = False
 
 
+class Stepping(Struct):
+    """An axis that moves by small gotos: degrees a second west or north, since when, and from where (once known)."""
+
+    speed: float
+    since: float
+    start: float | None = None
+
+
 class Memory(Struct, omit_defaults=True):
     """What outlives the gateway."""
 
@@ -110,7 +118,7 @@ class NexStar(Driver):
         self.checks_left = 0
         #: It was woken, and is to go on tracking by and by.
         self.woken = False
-        self.steps: dict[int, float] = {}
+        self.steps: dict[int, Stepping] = {}
         self.guide_rates = {1: settings.guide_rate, 2: settings.guide_rate}  # of pulses, until they are set
         #: The axes that a guide pulse turns which has to be ended by a command.
         self.pulsing: set[int] = set()
