@@ -42,6 +42,8 @@ from gateway.transcript import Transcript
 from gateway.watchdog import Watchdog, WatchedMount
 from gateway.wires import SerialWire, Wire, on_the_wire
 
+#: Of a NexStar whose owner has not chosen any, as a part of sidereal: its motors' own.
+GUIDE_RATE = 0.5
 #: A driver, what it does later by itself, and how its line talks.
 Driven = tuple[Driver, dict[type[Any], Callable[[Any, Any], Any]], Dialogue]
 
@@ -51,7 +53,7 @@ def _nexstar_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], f
     from gateway.protocols.nexstar.driver import FOLLOW_UPS
     from gateway.protocols.nexstar.driver.state import NexStar, Settings
 
-    settings = Settings(site=config.site, mode=config.mode, guide_rate=config.guide_rate,
+    settings = Settings(site=config.site, mode=config.mode, guide_rate=config.guide_rate or GUIDE_RATE,
                         guide_directions=config.guide_directions,
                         park=config.park if isinstance(config.park, tuple) else None, aux_home=config.aux_home,
                         lowest=config.lowest)
@@ -83,7 +85,7 @@ def _meade_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], flo
     from gateway.protocols.lx200.driver import FOLLOW_UPS
     from gateway.protocols.lx200.driver.state import Meade
 
-    return Meade(now, endpoint.model), dict(FOLLOW_UPS), MeadeDialogue()
+    return Meade(now, endpoint.model, config.guide_rate), dict(FOLLOW_UPS), MeadeDialogue()
 
 
 def _nexstar_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Face:

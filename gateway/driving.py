@@ -1,4 +1,4 @@
-"""Carrying out what a driver yields: its exchanges, its pauses, and what it wants done later."""
+"""Carrying out what a driver yields: its exchanges, its pauses, what it wants done later, and what it has to say."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Any
 
-from gateway.driver import Ask, Later, Pause, Steps
+from gateway.driver import Ask, Later, Pause, Remark, Steps
 from gateway.errors import Fault
 
 
 async def carry_out(steps: Steps, exchange: Callable[[Ask], Awaitable[Mapping[str, Any]]],
-                    plan: Callable[[Later], object]) -> Any:
+                    plan: Callable[[Later], object], remark: Callable[[str], object] = lambda text: None) -> Any:
     """Run a driver's generator to its end -> its value. A Fault of an exchange is thrown into it. Raises Fault."""
     answer: Mapping[str, Any] | None = None
     fault: Fault | None = None
@@ -26,6 +26,8 @@ async def carry_out(steps: Steps, exchange: Callable[[Ask], Awaitable[Mapping[st
                     fault = error
             elif isinstance(step, Pause):
                 await asyncio.sleep(step.seconds)
+            elif isinstance(step, Remark):
+                remark(step.text)
             else:
                 plan(step)
     except StopIteration as end:

@@ -211,6 +211,10 @@ class GuideRate(Read, frozen=True):
     axis: int
 
 
+class DriveRate(Read, frozen=True):
+    """-> float: the rate that it tracks at whenever it tracks, a multiple of sidereal."""
+
+
 # --- places, worked out from site and clock -------------------------------------------------------------------
 
 

@@ -225,6 +225,10 @@ async def pulse_axis(b: Bridge) -> bool:
     return await _guides(b, op.PulseAxis(2, 1, 2000, 0.5))
 
 
+async def drive_rate(b: Bridge) -> bool:
+    return abs(await b.hub.perform(op.DriveRate()) - 1.0) < 0.002
+
+
 async def set_tracking(b: Bridge) -> bool:
     await b.hub.perform(op.SetTracking(on=False))
     off = not b.sim.tracking
@@ -366,7 +370,8 @@ CHECKS: dict[type[op.Operation], Check] = {
     op.SiderealTime: sidereal, op.PierSide: pier_side, op.GuideRate: guide_rate, op.Goto: goto, op.Sync: sync,
     op.Move: move, op.Halt: halt, op.MoveAxis: move_axis, op.Pulse: pulse, op.PulseAxis: pulse_axis, op.Stop: stop,
     op.CancelGoto: cancel_goto, op.GotoHorizontal: goto_horizontal, op.GotoAxes: goto_axes,
-    op.SetTracking: set_tracking, op.TrackRate: track_rate, op.SetGuideRate: set_guide_rate, op.Backlash: backlash,
+    op.DriveRate: drive_rate, op.SetTracking: set_tracking, op.TrackRate: track_rate,
+    op.SetGuideRate: set_guide_rate, op.Backlash: backlash,
     op.PeriodicError: periodic_error, op.Focus: focus, op.ClockFromGps: clock_from_gps, op.HomeState: home_state,
     op.SetHome: set_home, op.Home: home, op.Park: park, op.Unpark: unpark, op.Sleep: sleep, op.Wake: wake,
     op.SetSite: set_site, op.SetClock: set_clock,

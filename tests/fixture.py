@@ -45,6 +45,8 @@ class Mount:
         self.identity = op.Identity("Test mount", "4.21", "cpc")
         #: What its GPS receiver tells, where it has one.
         self.gps: op.Gps | None = None
+        #: What it tracks at, a multiple of sidereal.
+        self.drive_rate = 1.0
         self.slewing = False
         self.limits = Limits()
         self.sky = Sky()
@@ -64,7 +66,7 @@ class Mount:
             op.Position: self.position, op.HorizontalPosition: self.horizontal, op.Slewing: self.slewing,
             op.GetStatus: self.status, op.GetSite: self.site, op.GetClock: self.clock, op.HomeState: 0,
             op.AxisPosition: self.axes, op.PierSide: self.pier,
-            op.GetIdentity: self.identity,
+            op.GetIdentity: self.identity, op.DriveRate: self.drive_rate,
         }
         if isinstance(operation, op.GetGps) and self.gps is not None:
             return self.gps
@@ -93,6 +95,9 @@ class Mount:
             own = op.Tracking.EQ_NORTH if self.status.equatorial else op.Tracking.ALTAZ
             mode = (operation.mode or own) if operation.on else op.Tracking.OFF
             self.status = op.Status(mode, aligned=self.status.aligned, equatorial=self.status.equatorial)
+        elif isinstance(operation, op.TrackRate):
+            named = {"sidereal": 1.0, "solar": 0.99727, "lunar": 0.97633}
+            self.drive_rate = named[operation.name] if operation.name else operation.factor or 0.0
         elif isinstance(operation, op.SetSite):
             self.site = op.Place(
                 self.site.latitude if operation.latitude is None else operation.latitude,

@@ -46,13 +46,14 @@ _NO_PEC: Refusals = {"PeriodicError": "Unsupported"}
 _FORK: Refusals = {"TrackRate": "Unsupported"}
 #: Motors before 6.12.
 _NO_PULSES: Refusals = {"Pulse": "Unsupported", "PulseAxis": "Unsupported"}
-#: Before 2.3: the mode is not told, so it is never changed; neither site nor clock.
-_OLD: Refusals = {"SetTracking": "Unsupported", "Park": "KeepsTracking", "Sleep": "Unsupported", "Wake": "Unsupported",
-                  "SetSite": "Kept", "SetClock": "Kept"}
+#: Before 2.3: neither site nor clock.
+_OLD: Refusals = {"SetSite": "Kept", "SetClock": "Kept"}
 _GPS_SETS_NO_CLOCK: Refusals = {"ClockFromGps": "Unsupported"}
 #: Before 1.6: no pass-through to motors and GPS unit.
-_ANCIENT: Refusals = _OLD | {"GetGps": "Unsupported", "ClockFromGps": "Unsupported", "GuideRate": "Unsupported",
-                             "SetGuideRate": "Unsupported", "Backlash": "Unsupported", "Focus": "Unsupported"}
+_ANCIENT: Refusals = _OLD | {"SetTracking": "Unsupported", "Park": "KeepsTracking", "Sleep": "Unsupported",
+                             "Wake": "Unsupported", "GetGps": "Unsupported", "ClockFromGps": "Unsupported",
+                             "GuideRate": "Unsupported", "SetGuideRate": "Unsupported", "Backlash": "Unsupported",
+                             "Focus": "Unsupported"}
 _SE: Refusals = _NO_GPS | _NO_PEC | _FORK
 _SE_OLD_MOTORS: Refusals = _SE | _NO_PULSES
 _GERMAN: Refusals = _NO_GPS

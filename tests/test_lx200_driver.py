@@ -36,10 +36,10 @@ def test_the_family_is_found_out_and_high_precision_made_sure_of_once(model: str
 @pytest.mark.parametrize(
     ("said", "heard"),
     [
-        (b"P\x02\x10\x24\x09\0\0\0", [b":RS#", b":Mw#"]),
-        (b"P\x02\x10\x25\x07\0\0\0", [b":RM#", b":Me#"]),
+        (b"P\x02\x10\x24\x09\0\0\0", [b":RS#", b":RA05.0#", b":Mw#"]),
+        (b"P\x02\x10\x25\x07\0\0\0", [b":RS#", b":RA01.0#", b":Me#"]),
         (b"P\x02\x11\x24\x04\0\0\0", [b":RC#", b":Mn#"]),
-        (b"P\x02\x11\x25\x01\0\0\0", [b":RG#", b":Ms#"]),
+        (b"P\x02\x11\x25\x01\0\0\0", [b":Rg07.5#", b":RG#", b":Ms#"]),
         (b"P\x03\x10\x06\xff\xfe\0\0", [b":TS#"]),
         (b"P\x03\x10\x06\xff\xfd\0\0", [b":TL#"]),
         (b"P\x03\x10\x06\xff\xff\0\0", [b":TQ#"]),

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gateway import operations as op
-from gateway.errors import Busy, Unsupported
+from gateway.errors import Busy, Refused, Unsupported
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -166,12 +166,24 @@ def test_fan_and_derotator_are_switched_where_the_mount_has_them_and_nowhere_els
     run(program())
 
 
-@pytest.mark.parametrize(("factor", "sent"), [(1.0, b":TQ#"), (0.99996, b":TQ#"), (0.5, b":ST056.4#")])
-def test_a_classic_tracks_at_the_nearest_rate_it_has(factor: float, sent: bytes) -> None:
+@pytest.mark.parametrize(("factor", "sent"), [(1.0, b":TQ#"), (0.99996, b":TQ#"), (0.94, b":ST056.6#")])
+def test_a_classic_tracks_at_the_rate_asked_for(factor: float, sent: bytes) -> None:
     async def program() -> None:
         async with meade("lx200") as bridge:
             await bridge.hub.perform(op.TrackRate(factor=factor))
             assert sent in bridge.sent()
+
+    run(program())
+
+
+def test_a_classic_refuses_a_rate_beyond_its_range() -> None:
+    """56.4 to 60.1 hertz: half the sidereal rate is 30.1."""
+
+    async def program() -> None:
+        async with meade("lx200") as bridge:
+            with pytest.raises(Refused, match=r"56\.4 to 60\.1"):
+                await bridge.hub.perform(op.TrackRate(factor=0.5))
+            assert b":TM#" not in bridge.sent()
 
     run(program())
 

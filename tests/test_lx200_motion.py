@@ -101,11 +101,11 @@ def test_a_command_without_a_reply_stays_silent_when_the_mount_fails() -> None:
 @pytest.mark.parametrize(("frames", "told", "rate"), [
     (b":TQ#", b"60.1#", op.TrackRate(name="sidereal")),
     (b":TS#", b"60.0#", op.TrackRate(name="solar")),
-    (b":TL#", b"57.9#", op.TrackRate(name="lunar")),
+    (b":TL#", b"58.7#", op.TrackRate(name="lunar")),
     (b":ST060.1#", b"60.1#", op.TrackRate(name="sidereal")),
     (b":ST60.1#", b"60.1#", op.TrackRate(name="sidereal")),
-    (b":T060.164#", b"60.2#", op.TrackRate(name="sidereal")),
-    (b":ST060.2#", b"60.2#", op.TrackRate(name="sidereal")),
+    (b":T060.164#", b"60.1#", op.TrackRate(name="sidereal")),
+    (b":ST060.2#", b"60.1#", op.TrackRate(name="sidereal")),
     (b":ST060.3#", b"60.3#", op.TrackRate(factor=60.3 / 60.16427)),
     (b":ST057.9#", b"57.9#", op.TrackRate(factor=57.9 / 60.16427)),
     (b":T030.082#", b"30.1#", op.TrackRate(factor=30.082 / 60.16427)),
@@ -125,7 +125,7 @@ def test_tracking_rate(frames: bytes, told: bytes, rate: op.TrackRate) -> None:
 def test_an_impossible_tracking_rate_is_refused(frame: bytes) -> None:
     talk = Talk()
     assert talk.send(frame + b":GT#") == b"060.1#"
-    assert talk.mount.asked == []
+    assert talk.mount.of(op.TrackRate) == []
 
 
 @pytest.mark.parametrize(("start", "step", "told"), [
@@ -139,9 +139,9 @@ def test_steps_of_the_tracking_rate_end_where_rates_end(start: bytes, step: byte
 
 def test_the_rate_is_the_mounts_so_every_client_hears_it() -> None:
     one, other = Talk(), Talk()
-    other.session.shared = one.session.shared
+    other.mount = one.mount
     one.send(b":TL#")
-    assert other.send(b":GT#") == b"57.9#"
+    assert other.send(b":GT#") == b"58.7#"
 
 
 def test_land_mode_puts_tracking_off_and_the_others_put_it_on() -> None:

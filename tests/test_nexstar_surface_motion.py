@@ -20,6 +20,9 @@ def asked(*frames: bytes, model: str = "6-8se") -> list[op.Operation]:
     return talk.mount.asked
 
 
+#: Keys 1 to 9 of a 6/8SE and a CGE, degrees a second: 0.5, 1, 4, 8, 16 and 64 times sidereal, then 1, 3 and 5 degrees.
+KEYS = [0.002089, 0.004178, 0.016712, 0.033425, 0.066849, 0.267397, 1.0, 3.0, 5.0]
+
 # --- fixed rates ----------------------------------------------------------------------------------------------------
 
 
@@ -35,7 +38,9 @@ def test_motor_sense_is_kept(model: str, latitude: float, device: int, command: 
     for key in range(1, 10):
         mount.asked.clear()
         assert talk.send(bytes((80, 2, device, command, key, 0, 0, 0))) == b"#"
-        assert mount.asked == [op.MoveAxis(axis, sense, op.Rate(key=key))]
+        (asked,) = mount.asked
+        assert (asked.axis, asked.sense, asked.rate.key) == (axis, sense, key)
+        assert round(asked.rate.degrees, 6) == KEYS[key - 1]
         mount.asked.clear()
         assert talk.send(bytes((80, 2, device, command, 0, 0, 0, 0))) == b"#"
         assert mount.asked == [op.Halt(axis)]

@@ -67,7 +67,7 @@ def test_a_german_meade_is_on_the_side_of_its_last_goto(site: tuple[float, float
             assert flipped is ((hours < 0) is (site is NORTH))
             assert await client.ask(b"p") == (b"W#" if flipped else b"E#")
             before = bridge.sim.mechanics.axes(bridge.clock())[1]
-            assert await client.ask(b"P\x02\x11\x24\x06\0\0\0") == b"#"
+            assert await client.ask(b"P\x02\x11\x24\x07\0\0\0") == b"#"
             await asyncio.sleep(2.0)
             assert await client.ask(b"P\x02\x11\x24\0\0\0\0") == b"#"
             await asyncio.sleep(2.0)

@@ -47,7 +47,9 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     highest: Annotated[float, _key("highest altitude of gotos and of hand motion, degrees", "DEG",
                                    ge=-90.0, le=90.0)] = 90.0
     sync_limit: Annotated[float, _key("refuse syncs further than this, degrees", "DEG", gt=0.0, le=180.0)] = 15.0
-    guide_rate: Annotated[float, _key("speed of guide pulses, as a part of sidereal", "RATE", gt=0.0, le=1.0)] = 0.5
+    guide_rate: Annotated[Annotated[float, Meta(gt=0.0, le=1.0)] | None, _key(
+        "speed of guiding, as a part of sidereal (default: 0.5 on a NexStar, else the telescope's own)", "RATE",
+        0.5)] = None
     guide_directions: Annotated[Literal["motor", "sky"], _key(
         "what guide pulses (:Mgn#) to a NexStar mean: the same turn of a motor, or the sky, on both sides of the pier"
         )] = "motor"

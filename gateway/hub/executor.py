@@ -78,7 +78,7 @@ class HubExecutor:
             return heard.values
 
         try:
-            value = await carry_out(steps, exchange, hub.motions.plan)
+            value = await carry_out(steps, exchange, hub.motions.plan, self._remark)
             self.exchanges, self.asked_at = exchanges, min(asked[-hub.driver.position_reads:], default=math.inf)
             return value
         except (Fault, asyncio.CancelledError):
@@ -88,6 +88,9 @@ class HubExecutor:
             if rank != STOP and hub.motions.busy:
                 hub.begin_stop()  # nobody knows what moves now; a stop that fails is tried again by itself
             raise Refused(f"Internal error: {error!r}") from error
+
+    def _remark(self, text: str) -> None:
+        self._hub.transcript.note_once("mount", text)
 
     async def admit(self, operation: op.Operation) -> op.Operation:
         if isinstance(operation, GOTOS):

@@ -8,15 +8,16 @@ from __future__ import annotations
 
 from gateway.driver import Steps
 from gateway.errors import Refused, Unsupported
-from gateway.operations import Backlash, Focus, PeriodicError, SetTracking, Sleep, Tracking, TrackRate, Wake
+from gateway.operations import Backlash, DriveRate, Focus, PeriodicError, SetTracking, Sleep, Tracking, TrackRate, Wake
 from gateway.protocols.lx200.driver.ends import FOCUSER, begins, end
 from gateway.protocols.lx200.driver.identify import native_mode, read_status
+from gateway.protocols.lx200.driver.speeds import SIDEREAL_HERTZ
+from gateway.protocols.lx200.driver.speeds import SIDEREAL_SHOWN as _SIDEREAL
 from gateway.protocols.lx200.driver.state import Meade, ask
 
-SIDEREAL_HERTZ = 60.16427
 _DRIVES = {"sidereal": "TQ", "solar": "TS", "lunar": "TL"}
-#: What counts as sidereal, and below what a telescope is taken to show the lunar rate, hertz.
-_SIDEREAL, _LUNAR_BELOW = (60.1, 60.2), 59.0
+#: Below what a telescope is taken to show the lunar rate, and from what on the sidereal one, hertz.
+_LUNAR_BELOW, _LOOKS_SIDEREAL = 59.0, 60.0
 #: Focuser speeds from here on are the fast one of a classic, which has two.
 _FAST_FOCUS = 3
 
@@ -49,15 +50,37 @@ def rise(mount: Meade, _: Wake) -> Steps:
 
 
 def track_rate(mount: Meade, operation: TrackRate) -> Steps:
-    """:TQ :TS :TL, any other one in hertz: 60.1 to 60.2 is sidereal, and a classic has the nearest in its range."""
-    mount.rate = operation
+    """:TQ :TS :TL, any other one in hertz: 60.1 to 60.2 is sidereal. Raises Refused beyond what the model drives at."""
+    mount.driven = False
     hertz = round((operation.factor or 1.0) * SIDEREAL_HERTZ, 1)
     if operation.name is not None or _SIDEREAL[0] <= hertz <= _SIDEREAL[1]:
+        mount.rate = operation
         yield from _named(mount, operation.name or "sidereal")
         return
     low, high = mount.facts["hertz"]
+    if not low <= hertz <= high:
+        raise Refused(f"The mount drives at {low} to {high} hertz: {hertz} is not done.")
+    mount.rate = operation
+    yield from drive_at(mount, hertz)
+
+
+def drive_at(mount: Meade, hertz: float) -> Steps:
+    """:ST, which a classic takes in manual mode only."""
     yield from ask(mount, "TM")
-    yield from ask(mount, "ST", hertz=max(low, min(high, hertz)))
+    yield from ask(mount, "ST", hertz=hertz)
+
+
+def put_drive_back(mount: Meade) -> Steps:
+    """The drive rate that was asked for last, when a motion in right ascension was done with another one."""
+    if mount.driven:
+        yield from track_rate(mount, mount.rate or TrackRate(name="sidereal"))
+
+
+def drive_rate(mount: Meade, _: DriveRate) -> Steps:
+    """-> float: what the telescope shows, a multiple of sidereal. Some show 60.0 for sidereal and solar alike."""
+    shown: float = (yield from ask(mount, "GT"))["hertz"]
+    solar = mount.rate is not None and mount.rate.name == "solar"
+    return 1.0 if _LOOKS_SIDEREAL <= shown <= _SIDEREAL[1] and not solar else shown / SIDEREAL_HERTZ
 
 
 def _named(mount: Meade, name: str) -> Steps:

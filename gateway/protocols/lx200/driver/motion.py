@@ -2,21 +2,28 @@
 
 Motor sense is kept: positive is west on the first axis (east in the south); on the second it lifts the tube of a fork,
 towards the elevated pole where it stands on a wedge. On a Meade that is a German mount the second one turns with the
-side of the pier, as the motors of a German hand control do.
+side of the pier, as the motors of a German hand control do. A variable rate of the motor in right ascension takes the
+place of tracking, an arrow of the sky does not.
 """
 
 from __future__ import annotations
 
-from gateway.driver import Steps
+import math
+
+from gateway.driver import Remark, Steps
 from gateway.errors import Refused
-from gateway.operations import Halt, Move, MoveAxis, Pulse, PulseAxis, Pulsed, Rate, SetGuideRate, Stop
+from gateway.operations import Halt, Move, MoveAxis, Pulse, PulseAxis, Pulsed, Rate, SetGuideRate, Stop, Tracking
+from gateway.protocols.lx200.driver import put_back
+from gateway.protocols.lx200.driver.drive import drive_at, put_drive_back
 from gateway.protocols.lx200.driver.ends import MOUNT, begins, end
 from gateway.protocols.lx200.driver.pier import beyond_pole
-from gateway.protocols.lx200.driver.state import SIDEREAL, SPEEDS, Meade, ask, rate_command
+from gateway.protocols.lx200.driver.speeds import SPEEDS, Speed, instead_of_tracking, nearest, off
+from gateway.protocols.lx200.driver.state import Meade, ask, rate_command
 
-#: Faster than that an LX200GPS takes degrees a second; slower ones are its guide rate.
-_FREE_FROM = 0.1
 LONGEST_PULSE = 9999  # milliseconds: the four digits of :Mg
+#: What is off by more than this part of what was asked is said.
+_SAID_FROM = math.log(1.1)
+_NAMED_DRIVES = {"sidereal": 1.0, "solar": 0.99727, "lunar": 0.97633}
 
 
 def _letter(mount: Meade, axis: int, sense: int) -> Steps:
@@ -33,47 +40,90 @@ def _letter(mount: Meade, axis: int, sense: int) -> Steps:
 
 def move(mount: Meade, operation: Move) -> Steps:
     """:M… in a sky direction."""
-    yield from _move(mount, operation.direction.axis, operation.direction.value, operation.rate)
+    speed = yield from _speed(mount, operation.rate)
+    yield from _move(mount, operation.axis, operation.direction.value, operation.rate, speed)
 
 
 def move_axis(mount: Meade, operation: MoveAxis) -> Steps:
-    """:M… by motor sense."""
-    letter = yield from _letter(mount, operation.axis, operation.sense)
-    yield from _move(mount, operation.axis, letter, operation.rate)
+    """:M… by motor sense. A variable rate in right ascension counts from rest, where the mount tracks."""
+    axis, rate = operation.axis, operation.rate
+    letter = yield from _letter(mount, axis, operation.sense)
+    tracks = mount.equatorial and not mount.land and mount.tracking is not Tracking.OFF
+    if axis != 1 or rate.degrees is None or rate.key is not None or rate.name is not None or not tracks:
+        speed = yield from _speed(mount, rate)
+        yield from _move(mount, axis, letter, rate, speed)
+        return
+    west = rate.degrees if letter == "w" else -rate.degrees
+    speed = instead_of_tracking(mount.abilities, west, _drive(mount))
+    yield from _say(west, speed.degrees)
+    if speed.hertz is not None:
+        mount.driven = True
+        yield from drive_at(mount, speed.hertz)
+    else:
+        yield from put_drive_back(mount)
+    if speed.west is not None:
+        letter = "w" if speed.west else "e"
+    yield from _move(mount, axis, letter, rate, speed)
 
 
-def _move(mount: Meade, axis: int, letter: str, rate: Rate) -> Steps:
+def _drive(mount: Meade) -> float:
+    """What it tracks at, degrees a second."""
+    rate = mount.rate
+    factor = 1.0 if rate is None else rate.factor if rate.factor is not None else _NAMED_DRIVES[rate.name or "sidereal"]
+    return factor * SPEEDS["RG"]
+
+
+def _speed(mount: Meade, rate: Rate) -> Steps:
+    """The nearest to so many degrees a second; None for a rate that has a name, or is one of the telescope's keys."""
+    if rate.name is not None or rate.degrees is None:
+        return None
+    speed = nearest(mount.abilities, rate.degrees)
+    yield from _say(rate.degrees, speed.degrees)
+    return speed
+
+
+def _say(asked: float, done: float) -> Steps:
+    if off(asked, done) > _SAID_FROM:
+        yield Remark(f"{abs(asked) * 3600:.5g} arcseconds a second go as {done * math.copysign(3600, asked):.5g}: "
+                     "no other speed of this Meade is nearer")
+
+
+def _move(mount: Meade, axis: int, letter: str, rate: Rate, speed: Speed | None) -> Steps:
+    """``speed`` of None is the one of its name; one without a command is tracking itself, at another rate."""
     old = mount.moving.get(axis)
-    if old is not None and old != letter:
+    none = speed is not None and speed.command is None
+    if old and (old != letter or none):
         yield from ask(mount, f"Q{old}")
-    yield from _choose(mount, axis, rate)
+    if none:
+        mount.moving[axis], mount.parked = "", False
+        return
+    yield from (_named(mount, axis, rate) if speed is None else _chosen(mount, axis, speed))
     begins(mount, axis)
     yield from ask(mount, f"M{letter}")
     mount.moving[axis], mount.parked = letter, False
 
 
-def _choose(mount: Meade, axis: int, rate: Rate) -> Steps:
-    """Set the rate: freely on an LX200GPS, else the nearest of the four that is not above it."""
-    if rate.key is None and rate.name is None and mount.knows("RA"):
-        yield from _choose_freely(mount, axis, rate.degrees or 0.0)
-        return
+def _named(mount: Meade, axis: int, rate: Rate) -> Steps:
+    """One of the four rates by its name."""
     command = rate_command(rate)
     if command == "RS":
         yield from _fastest(mount, axis, rate.degrees if rate.name == "max" else None)
-    elif command == "RG":
-        yield from set_guide_rate(mount, SetGuideRate(axis, mount.guide_rate))
+    elif command == "RG" and mount.knows("Rg"):
+        yield from put_back.guide_at(mount, mount.guide_rate)
     yield from ask(mount, command)
 
 
-def _choose_freely(mount: Meade, axis: int, degrees: float) -> Steps:
-    """Degrees a second by :RA or :RE, slow ones as the guide rate."""
-    if degrees >= _FREE_FROM:
-        yield from ask(mount, "RS")
-        yield from ask(mount, "RA" if axis == 1 else "RE", rate=min(SPEEDS["RS"], degrees))
+def _chosen(mount: Meade, axis: int, speed: Speed) -> Steps:
+    """The rate, and before or behind it what it is to mean."""
+    if speed.guide is not None:
+        yield from put_back.guide_at(mount, speed.guide)
+    if speed.command == "RS" and speed.free is None:
+        yield from _fastest(mount, axis, speed.fastest)
+    assert speed.command is not None
+    yield from ask(mount, speed.command)
+    if speed.free is not None:
+        yield from ask(mount, "RA" if axis == 1 else "RE", rate=speed.free)
         mount.free_axes.add(axis)
-    else:
-        yield from _guide_at(mount, degrees * 3600.0 / SIDEREAL)
-        yield from ask(mount, "RG")
 
 
 def _fastest(mount: Meade, axis: int, degrees: float | None) -> Steps:
@@ -92,23 +142,20 @@ def set_guide_rate(mount: Meade, operation: SetGuideRate) -> Steps:
     """The fraction of sidereal that :RG and guide pulses mean: :Rg where the model has it and it is another one."""
     mount.guide_rate = min(1.0, operation.rate)
     if mount.knows("Rg"):
-        yield from _guide_at(mount, mount.guide_rate)
-
-
-def _guide_at(mount: Meade, fraction: float) -> Steps:
-    """:Rg, which no Meade tells again: it is sent whenever it differs from what was sent last."""
-    if abs(fraction - mount.guides_at) > 1e-6:
-        yield from ask(mount, "Rg", rate=min(1.0, fraction) * SIDEREAL)
-        mount.guides_at = fraction
+        yield from put_back.guide_at(mount, mount.guide_rate)
 
 
 def halt(mount: Meade, operation: Halt) -> Steps:
     """:Q… of the arrow that was pressed; both of the axis when none is known to be."""
     pulsed, moved = mount.pulsing.pop(operation.axis, None), mount.moving.pop(operation.axis, None)
     letter = moved or pulsed
-    letters = [letter] if letter else (["e", "w"] if operation.axis == 1 else ["n", "s"])
-    for one in letters:
-        yield from end(mount, f"Q{one}", (operation.axis,), letter is not None)
+    if moved != "" or pulsed:
+        letters = [letter] if letter else (["e", "w"] if operation.axis == 1 else ["n", "s"])
+        for one in letters:
+            yield from end(mount, f"Q{one}", (operation.axis,), letter is not None)
+    if operation.axis == 1:
+        yield from put_drive_back(mount)
+    yield from put_back.later(mount)
 
 
 def stop(mount: Meade, _: Stop) -> Steps:
@@ -119,6 +166,8 @@ def stop(mount: Meade, _: Stop) -> Steps:
     mount.pulsing.clear()
     yield from end(mount, "Q", MOUNT, moved)
     mount.seeking = False
+    yield from put_drive_back(mount)
+    yield from put_back.later(mount)
 
 
 # --- guiding ----------------------------------------------------------------------------------------------------
@@ -130,21 +179,29 @@ def pulse(mount: Meade, operation: Pulse) -> Steps:
 
 
 def pulse_axis(mount: Meade, operation: PulseAxis) -> Steps:
-    """-> Pulsed. The same by motor sense, at a rate of its own where the model takes one."""
+    """-> Pulsed. The same by motor sense, at a rate of its own."""
     letter = yield from _letter(mount, operation.axis, operation.sense)
     return (yield from _pulse(mount, operation.axis, letter, operation.ms, operation.rate))
 
 
 def _pulse(mount: Meade, axis: int, letter: str, ms: int, rate: float | None) -> Steps:
+    """A model that guides at its one rate alone does so for as much shorter."""
     if mount.goto is not None:
         raise Refused("The mount is slewing: the guide pulse is dropped.")
+    fraction = mount.guide_rate if rate is None else rate
+    shorter = 1.0 if mount.knows("Rg") else fraction
     if mount.knows("Rg"):
-        yield from _guide_at(mount, mount.guide_rate if rate is None else rate)
+        yield from put_back.guide_at(mount, fraction)
+    ms = round(ms * shorter)
+    if ms <= 0:
+        return None
     if mount.knows("Mg") and mount.product:
         piece = min(ms, LONGEST_PULSE)
         begins(mount, axis)
         yield from ask(mount, "Mg", direction=letter, ms=piece)
-        return Pulsed(piece / 1000.0, ends=True, left=ms - piece)
+        mount.pulses_until = max(mount.pulses_until, mount.now() + piece / 1000.0)
+        yield from put_back.later(mount)
+        return Pulsed(piece / 1000.0, ends=True, left=round((ms - piece) / shorter))
     yield from ask(mount, "RG")
     begins(mount, axis)
     yield from ask(mount, f"M{letter}")

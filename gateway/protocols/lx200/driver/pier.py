@@ -10,7 +10,8 @@ from __future__ import annotations
 from gateway.driver import Steps
 from gateway.errors import Unsupported
 from gateway.operations import PierSide
-from gateway.protocols.lx200.driver.state import SIDEREAL, Meade, ask
+from gateway.protocols.lx200.driver.speeds import SIDEREAL
+from gateway.protocols.lx200.driver.state import Meade, ask
 from gateway.spherical import wrap180
 
 

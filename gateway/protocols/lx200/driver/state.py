@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -10,9 +11,9 @@ from msgspec import Struct
 from gateway.driver import Ask, Driver, Pause, Steps
 from gateway.errors import Busy, Refused, Unsupported
 from gateway.operations import Own, Place, Rate, Tracking, TrackRate
+from gateway.protocols.lx200.driver.speeds import SPEEDS, Abilities, nearest
 from gateway.tables import load
 
-SIDEREAL = 15.041067  # arcseconds a second
 BUSY_RETRIES, BUSY_WAIT = 6, 0.4
 #: What takes a telescope long, in seconds at most: a classic calculates its planets, an LX200GPS finds its satellites.
 LONG = {"SC": 14.0, "gT": 600.0}
@@ -31,8 +32,6 @@ NAMES = frozenset({"GVP", "GVN", "GVD", "GVT", "GVF"})
 OWN_PATIENCE = 1.5
 #: Hand-control keys 1-9 as Meade's four rates.
 _KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS", 9: "RS"}
-#: The four rates in degrees a second, as their manual says: 1x, 16x, 2 and 8 degrees a second.
-SPEEDS = {"RG": SIDEREAL / 3600, "RC": 16 * SIDEREAL / 3600, "RM": 2.0, "RS": 8.0}
 
 
 class GotoState(Struct):
@@ -58,7 +57,7 @@ class Meade(Driver):
     years = range(1951, 2051)
     position_reads = 2
 
-    def __init__(self, now: Callable[[], float], model: str | None = None) -> None:
+    def __init__(self, now: Callable[[], float], model: str | None = None, guide_rate: float | None = None) -> None:
         from gateway.protocols.lx200.driver import SPECIALS  # the specials know this class
 
         self.specials = SPECIALS
@@ -82,18 +81,23 @@ class Meade(Driver):
         self.goto: GotoState | None = None
         self.moving: dict[int, str] = {}
         self.pulsing: dict[int, str] = {}
+        #: When the last pulse that the telescope times itself is over.
+        self.pulses_until = -math.inf
         self.focusing = False
         #: How often each axis was set moving; and by the command that has ended it, how often it had been then.
         self.begun: dict[int, int] = {}
         self.ended: dict[str, dict[int, int]] = {}
         self.parked = False
-        self.guide_rate = 1.0  # what is meant by it, a fraction of sidereal
+        #: What is meant by it, a fraction of sidereal; on models that take none, pulses are so much shorter.
+        self.guide_rate = guide_rate or 1.0
         self.site: Place | None = None
         #: What :Sw was sent last, degrees a second; None before the first.
         self.fastest: int | None = None
         #: Axes with a rate of their own (:RA :RE); the guide rate sent last (:Rg).
         self.free_axes: set[int] = set()
         self.guides_at = 1.0
+        #: A motion in right ascension has changed the drive rate.
+        self.driven = False
         self.power_on()
 
     def power_on(self) -> None:
@@ -167,10 +171,10 @@ class Meade(Driver):
         How it stands is remembered while its tracking is off: some do not tell it then.
         """
         stands = {"stands": self.home_letter} if self.land and self.equatorial else {}
-        return {**stands, **({"parked": True} if self.parked else {})}
+        return {**stands, **({"parked": True} if self.parked else {}), **({"driven": True} if self.driven else {})}
 
     def recall(self, memory: Mapping[str, Any], moving: bool) -> None:
-        self.parked = memory.get("parked") is True
+        self.parked, self.driven = memory.get("parked") is True, memory.get("driven") is True
         if memory.get("stands") in ("P", "G"):
             self.home_letter = memory["stands"]
 
@@ -180,10 +184,18 @@ class Meade(Driver):
         return {"G": True, "A": False}.get(self.home_letter)
 
     def speed(self, rate: Rate) -> float:
-        """Degrees a second of the one of the four rates that is taken for a hand rate."""
-        if self.model == "lx200gps" and rate.name is None and rate.key is None:
-            return min(SPEEDS["RS"], rate.degrees or 0.0)
+        """Degrees a second, at most, at a hand rate."""
+        if rate.name is None and rate.degrees is not None:
+            return max(min(rate.degrees, SPEEDS["RS"]), nearest(self.abilities, rate.degrees).degrees)
         return SPEEDS[rate_command(rate)]
+
+    @property
+    def abilities(self) -> Abilities:
+        """What there is to choose a speed from."""
+        low, high = self.facts["max_rates"]
+        slow, fast = self.facts["hertz"]
+        return Abilities(self.knows("Rg"), self.knows("RA"), self.knows("Sw"), self.facts["max_rate"], (low, high),
+                         (slow, fast))
 
     @property
     def southern(self) -> bool:
@@ -191,13 +203,8 @@ class Meade(Driver):
 
 
 def rate_command(rate: Rate) -> str:
-    """The one of the four rates that a hand rate stands for: the fastest that is not above it."""
-    if rate.key is not None:
-        return _KEYS[rate.key]
-    if rate.name is not None:
-        return _NAMES[rate.name]
-    wanted = max(rate.degrees or 0.0, SPEEDS["RG"]) * 1.001
-    return max((speed, name) for name, speed in SPEEDS.items() if speed <= wanted)[1]
+    """The one of the four rates that a name or a hand-control key stands for."""
+    return _NAMES[rate.name] if rate.name is not None else _KEYS[rate.key or 1]
 
 
 def ask(mount: Meade, command: str, **values: Any) -> Steps:

@@ -1,20 +1,23 @@
 """Alignment mode, tracking and its rate in hertz.
 
 Meade counts the rate as the frequency of a synchronous motor: 60 Hz is a turn in 24 hours, so sidereal is 60.164 Hz,
-printed 60.1; that is also what programs send when they mean sidereal.
+printed 60.1; that is also what programs send when they mean sidereal. Told is the rate that runs whenever the mount
+tracks, whoever has set it; one that cannot run is refused.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from gateway.errors import Invalid, NotAligned
-from gateway.operations import GetStatus, SetTracking, Status, Tracking, TrackRate
+from gateway.errors import Fault, Invalid, NotAligned
+from gateway.operations import DriveRate, GetStatus, SetTracking, Status, Tracking, TrackRate
 from gateway.surface import Handling, Session, Start
 from gateway.tables import Command
 
 SIDEREAL_HERTZ = 60.16427
-_NAMED = {"TQ": ("sidereal", 60.1), "TS": ("solar", 60.0), "TL": ("lunar", 57.9)}
+#: What counts as sidereal, and how it is told; the highest frequency that can be told.
+_SIDEREAL, _SIDEREAL_TOLD, _MOST = (60.1, 60.2), 60.1, 99.9
+_NAMED = {"TQ": "sidereal", "TS": "solar", "TL": "lunar"}
 _MENU = ("ALTAZ", "POLAR", "LAND")
 
 
@@ -68,13 +71,17 @@ def track(session: Session, command: Command, values: dict[str, Any]) -> Handlin
 
 def named_rate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:TQ :TS :TL"""
-    name, hertz = _NAMED[command.name]
-    yield from _drive(session, TrackRate(name=name), hertz)
+    yield TrackRate(name=_NAMED[command.name])
 
 
-def tell_hertz(session: Session, command: Command, values: dict[str, Any]) -> dict[str, float]:
-    """:GT"""
-    return {"hertz": session.shared.get("hertz", 60.1)}
+def tell_hertz(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:GT - also while it does not track, never 0: whether it does is in :GW."""
+    try:
+        factor: float = yield DriveRate()
+    except Fault:
+        return {"hertz": _SIDEREAL_TOLD}
+    hertz = round(factor * SIDEREAL_HERTZ, 1)
+    return {"hertz": _SIDEREAL_TOLD if _SIDEREAL[0] <= hertz <= _SIDEREAL[1] else min(_MOST, hertz)}
 
 
 def set_hertz(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -95,13 +102,6 @@ def custom(session: Session, command: Command, values: dict[str, Any]) -> Handli
 
 
 def _drive_at(session: Session, hertz: float) -> Handling:
-    sidereal = 60.1 <= round(hertz, 3) <= 60.2
-    rate = TrackRate(name="sidereal") if sidereal else TrackRate(factor=hertz / SIDEREAL_HERTZ)
-    yield from _drive(session, rate, min(hertz, 99.9))
-    session.shared["manual hertz"] = hertz
-
-
-def _drive(session: Session, rate: TrackRate, hertz: float) -> Handling:
-    """A rate that the mount has taken is told from then on. Raises Fault: then the former one is."""
-    yield rate
-    session.shared["hertz"] = hertz
+    sidereal = _SIDEREAL[0] <= round(hertz, 3) <= _SIDEREAL[1]
+    yield TrackRate(name="sidereal") if sidereal else TrackRate(factor=hertz / SIDEREAL_HERTZ)
+    session.shared["manual hertz"] = hertz  # not one that was refused

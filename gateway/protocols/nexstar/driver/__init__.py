@@ -19,7 +19,8 @@ SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
         goto.unpark, sleep.sleep, sleep.wake,
         motion.move, motion.move_axis, motion.halt, motion.stop, motion.pulse, motion.pulse_axis, motion.backlash,
         motion.periodic_error, motion.focus,
-        tracking.status, tracking.set_tracking, tracking.track_rate, tracking.guide_rate, tracking.set_guide_rate,
+        tracking.status, tracking.set_tracking, tracking.track_rate, tracking.drive_rate, tracking.guide_rate,
+        tracking.set_guide_rate,
         place.gps, place.get_site, place.set_site, place.get_clock, place.set_clock, place.clock_from_gps,
     )
 }

@@ -14,7 +14,8 @@ from gateway.operations import Direction, Move, Pulse, Pulsed, Tracking
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.goto import stop_current_motion
 from gateway.protocols.nexstar.driver.position import axis_readings
-from gateway.protocols.nexstar.driver.state import SIDEREAL, NexStar
+from gateway.protocols.nexstar.driver.state import NexStar
+from gateway.protocols.nexstar.rates import SIDEREAL
 from gateway.spherical import following, northwards
 
 Pair = tuple[float, float]

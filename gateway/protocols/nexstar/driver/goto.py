@@ -107,6 +107,7 @@ def stop_current_motion(mount: NexStar) -> Steps:
         mount.moving.pop(axis, None)
     mount.pulsing.clear()
     mount.riding.clear()
+    mount.not_guided()
     if mount.goto is not None and mount.goto.seeks:
         yield from _stop_seeking(mount)
     elif mount.goto is not None:

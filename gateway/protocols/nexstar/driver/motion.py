@@ -26,16 +26,18 @@ from gateway.operations import (
     Stop,
     Tracking,
 )
-from gateway.protocols.nexstar.driver import altaz, tracking
+from gateway.protocols.nexstar.driver import altaz, guide_speed, tracking
 from gateway.protocols.nexstar.driver.goto import Arrived, need_alignment, stop_current_motion
 from gateway.protocols.nexstar.driver.position import pier_side
-from gateway.protocols.nexstar.driver.state import NexStar
-from gateway.spherical import fold_declination
+from gateway.protocols.nexstar.driver.state import NexStar, Stepping
+from gateway.protocols.nexstar.rates import SIDEREAL
+from gateway.spherical import fold_declination, wrap180
 
 FOCUSER = 18
 PULSE_FIRMWARE = (6, 12)
 LONGEST_PULSE = 2550
-STEP_EVERY = 0.6
+#: Seconds from one small goto to the next; how far its goal may be ahead beyond that, in seconds and in degrees.
+STEP_EVERY, LONGER, AHEAD = 0.6, 0.5, 0.75
 _AXIS = {1: "azm", 2: "alt"}
 _FOCUS_KEYS = {1: 2, 2: 4, 3: 6, 4: 9}
 
@@ -86,6 +88,9 @@ def move_axis(mount: NexStar, operation: MoveAxis) -> Steps:
     if mount.stepping:
         yield from _begin_steps(mount, axis, operation.sense, rate)
         return
+    if rate.name == "guide" and guide_speed.adds_to_tracking(mount):
+        yield from _guide(mount, axis, operation.sense)
+        return
     side = "pos" if operation.sense > 0 else "neg"
     variable = mount.variable(rate)
     gentle = variable is None and mount.key_for(rate) <= 2
@@ -109,6 +114,19 @@ def move_axis(mount: NexStar, operation: MoveAxis) -> Steps:
     mount.moving[axis] = mount.speed(rate)
 
 
+def _guide(mount: NexStar, axis: int, sign: int) -> Steps:
+    """An arrow at the guide rate on a mount that tracks equatorially: on top of that."""
+    mount.parked = False
+    before = dict(mount.moving)
+    mount.moving[axis] = max(mount.guide_rates[axis] * SIDEREAL, mount.moving.get(axis, 0.0))
+    try:
+        yield from guide_speed.begin(mount, axis, sign, mount.guide_rates[axis])
+    except Busy:  # it was never sent
+        mount.moving = before
+        raise
+    mount.moving[axis] = mount.guide_rates[axis] * SIDEREAL
+
+
 def halt(mount: NexStar, operation: Halt) -> Steps:
     """Rate 0 on one axis; after the last one tracking comes back, once."""
     stepped = mount.steps.pop(operation.axis, None)
@@ -119,14 +137,19 @@ def halt(mount: NexStar, operation: Halt) -> Steps:
     if operation.axis in mount.riding:
         yield from altaz.halt(mount, operation.axis)
         return
-    yield Ask(f"slew_{_AXIS[operation.axis]}_pos", {"rate": 0})
+    replaced = mount.drive == "replaced" and operation.axis == 1
+    yield from guide_speed.end(mount, operation.axis)
     mount.moving.pop(operation.axis, None)
     mount.pulsing.discard(operation.axis)
     yield from _end_pulses(mount, [operation.axis])
     if mount.riding:
         yield from altaz.go_on(mount, operation.axis)
-    elif not mount.moving:
-        yield from (tracking.resume(mount) if mount.suspended is not None else tracking.keep_rate(mount))
+    elif mount.moving:
+        return
+    elif mount.suspended is not None:
+        yield from tracking.resume(mount)
+    elif not replaced and (operation.axis == 1 or mount.rate.name != "sidereal"):
+        yield from tracking.keep_rate(mount)
 
 
 def stop(mount: NexStar, _: Stop) -> Steps:
@@ -171,8 +194,7 @@ class StepOn(Operation, frozen=True):
 
 def _begin_steps(mount: NexStar, axis: int, sign: int, rate: Rate) -> Steps:
     yield from need_alignment(mount)
-    degrees = rate.degrees if rate.degrees is not None else mount.key_speed(mount.key_for(rate))
-    mount.steps[axis] = sign * degrees * STEP_EVERY
+    mount.steps[axis] = Stepping(sign * mount.speed(rate), mount.now())
     yield from step_on(mount, StepOn())
 
 
@@ -181,10 +203,26 @@ def step_on(mount: NexStar, _: StepOn) -> Steps:
     if not mount.steps:
         return
     answer = yield Ask("E")
-    ra = answer["ra"] - mount.steps.get(1, 0.0)
-    dec = max(-90.0, min(90.0, fold_declination(0.0, answer["dec"])[1] + mount.steps.get(2, 0.0)))
-    yield Ask("R", {"ra": ra, "dec": dec})
+    ra, dec = answer["ra"], fold_declination(0.0, answer["dec"])[1]
+    west, north = _step(mount, 1, -ra), _step(mount, 2, dec)
+    yield Ask("R", {"ra": ra - west, "dec": max(-90.0, min(90.0, dec + north))})
     yield Later(STEP_EVERY, StepOn())
+
+
+def _step(mount: NexStar, axis: int, here: float) -> float:
+    """How far on from here, degrees: to where the axis is to be at the next step, by its speed since it began.
+
+    A goto ends slowly, and is told in steps of 20 arcseconds: reckoned from the beginning, the speed is right in the
+    mean all the same. One that the mount cannot keep up with does not get far ahead of it.
+    """
+    step = mount.steps.get(axis)
+    if step is None:
+        return 0.0
+    if step.start is None:
+        step.start = here
+    due = step.speed * (mount.now() - step.since + STEP_EVERY) - wrap180(here - step.start)
+    most = abs(step.speed) * (STEP_EVERY + LONGER) + AHEAD
+    return max(-most, min(most, due))
 
 
 # --- guiding ----------------------------------------------------------------------------------------------------
@@ -209,27 +247,27 @@ def _times_pulses(mount: NexStar) -> bool:
 
 
 def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
-    """-> Pulsed. AUX 0x26 where both motors have it, at most 2.55 s at a time; else guide rate, which has to be ended.
+    """-> Pulsed. AUX 0x26 where both motors have it, at most 2.55 s at a time; else a motion that has to be ended.
 
     In alt-az there is no such fallback.
     """
     axis, sign = operation.axis, operation.sense
-    if operation.ms <= 0:
+    fraction = mount.guide_rates[axis] if operation.rate is None else operation.rate
+    if operation.ms <= 0 or fraction <= 0.0:
         return None
     if mount.goto is not None:
         raise Refused("The mount is slewing: the guide pulse is dropped.")
     if _times_pulses(mount):
-        percent = max(-100, min(100, round(100 * sign * (operation.rate or mount.guide_rates[axis]))))
         piece = min(operation.ms, LONGEST_PULSE)
+        percent, ticks = guide_speed.motor_pulse(piece, fraction)
         mount.pulse_ends[axis] = mount.now() + piece / 1000.0
-        yield Ask("pulse", {"device": 15 + axis, "rate": percent, "ticks": max(1, round(piece / 10))}, prompt=True)
+        yield Ask("pulse", {"device": 15 + axis, "rate": sign * percent, "ticks": ticks}, prompt=True)
         return Pulsed(piece / 1000.0, ends=True, left=operation.ms - piece)
     if not (mount.tracking or Tracking.OFF).equatorial or mount.stepping:
         raise Unsupported("This mount cannot be guided in alt-az: its motors know no guide pulses.")
     mount.pulsing.add(axis)
-    side = "pos" if sign > 0 else "neg"
-    yield Ask(f"slew_{_AXIS[axis]}_{side}", {"rate": int(mount.rates["guide"])}, prompt=True)
-    return Pulsed(operation.ms / 1000.0, ends=False)
+    turns = yield from guide_speed.begin(mount, axis, sign, fraction)
+    return Pulsed(guide_speed.lasts(operation.ms, fraction, turns), ends=False)
 
 
 # --- mechanics --------------------------------------------------------------------------------------------------

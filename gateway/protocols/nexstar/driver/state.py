@@ -23,6 +23,7 @@ from gateway.operations import (
     TrackRate,
 )
 from gateway.protocols.nexstar.driver import itself
+from gateway.protocols.nexstar.rates import SIDEREAL, key_speed, rate_tables
 from gateway.protocols.nexstar.versions import numbered
 from gateway.tables import Version, load, parse_version
 
@@ -50,6 +51,14 @@ class GotoState(Struct):
     then: str | None = None
     seeks: bool = False  # the motors look for their switches: only they know when it is over
     unsure: bool = False
+
+
+class Stepping(Struct):
+    """An axis that moves by small gotos: degrees a second west or north, since when, and from where (once known)."""
+
+    speed: float
+    since: float
+    start: float | None = None
 
 
 class Memory(Struct, omit_defaults=True):
@@ -95,6 +104,9 @@ class NexStar(Driver):
         self.tracking: Tracking | None = None
         self.native_mode: Tracking | None = None
         self.rate = TrackRate(name="sidereal")
+        #: The motor in right ascension tracks by the hand control's ``own`` rate, by one it was ``told``, or that is
+        #: ``replaced`` while it is guided.
+        self.drive = "own"
         self.aligned = False
         # motion
         self.goto: GotoState | None = None
@@ -106,7 +118,7 @@ class NexStar(Driver):
         self.checks_left = 0
         #: It was woken, and is to go on tracking by and by.
         self.woken = False
-        self.steps: dict[int, float] = {}
+        self.steps: dict[int, Stepping] = {}
         self.guide_rates = {1: settings.guide_rate, 2: settings.guide_rate}  # of pulses, until they are set
         #: The axes that a guide pulse turns which has to be ended by a command.
         self.pulsing: set[int] = set()
@@ -188,8 +200,13 @@ class NexStar(Driver):
         self.goto = None
         self.moving.clear()
         self.steps.clear()
+        self.not_guided()
         self.pulsing.clear()
         self.riding.clear()
+
+    def not_guided(self) -> None:
+        """Nothing takes the place of tracking any more, by a goto or a stop; the drive rate is still to be told."""
+        self.drive = "told" if self.drive == "replaced" else self.drive
 
     def memory(self, moving: bool) -> dict[str, Any]:
         """Home and park; in motion also how to talk to this hand control, and the tracking to come back to."""
@@ -235,10 +252,7 @@ class NexStar(Driver):
 
     def key_speed(self, key: int) -> float:
         """Degrees a second of a hand-control key 1-9."""
-        sidereal, degrees = self.rates["sidereal"], self.rates["degrees"]
-        if key <= len(sidereal):
-            return float(sidereal[key - 1]) * SIDEREAL
-        return float(degrees[key - len(sidereal) - 1])
+        return key_speed(self.rates, key)
 
     def speed(self, rate: Rate) -> float:
         """Degrees a second of a hand rate."""
@@ -250,6 +264,9 @@ class NexStar(Driver):
 
         A limit of the fastest rate is given so, too, where it is below that rate and no key turns at it.
         """
+        if rate.name == "guide" and rate.degrees is None:
+            asked = self.guide_rates[1] * SIDEREAL
+            return None if any(abs(self.key_speed(key) - asked) <= SAME_GUIDING * asked for key in (1, 2)) else asked
         if rate.key is not None or rate.degrees is None:
             return None
         if rate.name is not None and (
@@ -290,18 +307,23 @@ class NexStar(Driver):
             return (0.0 if self.native_mode is Tracking.EQ_SOUTH else 180.0), 90.0
         return 0.0, self.settings.lowest + ABOVE_LOWEST if self.settings.lowest > 0.0 else 0.0
 
+    @property
+    def _guide_key(self) -> int:
+        asked = self.guide_rates[1] * SIDEREAL
+        return min((1, 2), key=lambda key: abs(self.key_speed(key) - asked))
+
     def key_for(self, rate: Rate) -> int:
         """The key that comes nearest to a hand rate (never above one given in degrees a second)."""
         if rate.key is not None:
             return max(1, min(9, rate.key))
         if rate.name is not None and rate.degrees is None:
-            return {"guide": int(self.rates["guide"]), "center": 4, "find": 7, "max": 9}[rate.name]
+            return {"guide": self._guide_key, "center": 4, "find": 7, "max": 9}[rate.name]
         wanted = rate.degrees or 0.0
         return max([key for key in range(1, 10) if self.key_speed(key) <= wanted + 1e-9], default=1)
 
 
-#: Speeds this near are one, degrees a second.
-SAME_SPEED = 0.01
+#: Speeds this near are one, degrees a second; of guiding, as a part of the speed.
+SAME_SPEED, SAME_GUIDING = 0.01, 0.02
 JNOW_FROM = (4, 14)
 #: Up to this version the pier side is told with its letters swapped in the southern hemisphere.
 LETTERS_SWAPPED = (5, 24)
@@ -309,14 +331,4 @@ LETTERS_SWAPPED = (5, 24)
 POLE_AXES = (90.0, 90.0)
 #: How far above the lowest altitude a fork is parked, degrees.
 ABOVE_LOWEST = 0.5
-SIDEREAL = 15.041067 / 3600.0
 UNKNOWN: dict[str, Any] = {"mount": "fork", "rates": "se", "has": [], "motors": "0.0", "versions": []}
-
-_RATES: dict[str, dict[str, Any]] = {}
-
-
-def rate_tables() -> dict[str, dict[str, Any]]:
-    """``mappings/nexstar/rates.toml``, read once."""
-    if not _RATES:
-        _RATES.update(load("nexstar").extra("rates.toml"))
-    return _RATES

@@ -6,16 +6,29 @@ axis moves and put back once after the last one has stopped (NexStar protocol, S
 
 from __future__ import annotations
 
-from gateway.driver import Ask, Later, Steps
+from gateway.driver import Ask, Later, Remark, Steps
 from gateway.errors import NoDevice, Refused, Unsupported
-from gateway.operations import GetStatus, GuideRate, Operation, SetGuideRate, SetTracking, Status, Tracking, TrackRate
+from gateway.operations import (
+    DriveRate,
+    GetStatus,
+    GuideRate,
+    Operation,
+    SetGuideRate,
+    SetTracking,
+    Status,
+    Tracking,
+    TrackRate,
+)
 from gateway.protocols.nexstar.driver.state import NexStar
 
 _CODES = {0: Tracking.OFF, 1: Tracking.ALTAZ, 2: Tracking.EQ_NORTH, 3: Tracking.EQ_SOUTH}
 _SHIFTED = {0: Tracking.OFF, 1: Tracking.EQ_NORTH, 2: Tracking.EQ_SOUTH}
 _SPECIAL = {"sidereal": 0xFFFF, "solar": 0xFFFE, "lunar": 0xFFFD}
 _SIDEREAL_ARCSECONDS = 15.041067
-#: Rates of the named drives as multiples of sidereal (a day against 24h50m, solar against sidereal).
+#: What the motors' own drive rates turn at, arcseconds a second.
+_DRIVES = {"sidereal": _SIDEREAL_ARCSECONDS, "solar": 15.0, "lunar": 14.685}
+_ASSUMED = ("the hand control does not tell how it tracks: after motion it is put back to {}, as the mount is built; "
+            "where that is wrong, say it by the key mode")
 VERIFY_AFTER = 1.0
 
 
@@ -84,16 +97,20 @@ def status(mount: NexStar, _: GetStatus) -> Steps:
     known = native_mode(mount)
     equatorial = known.equatorial if known is not None else mount.german
     mode = mount.suspended or mount.tracking or Tracking.OFF
-    if known is None and mount.aligned:  # one that cannot say tracks as it is built: what is aligned, tracks
+    if known is None and mount.tracking is None and mount.aligned:
+        # one that cannot say tracks as it is built: what is aligned, tracks
         mode = _built_for(mount)
     return Status(tracking=mode, aligned=mount.aligned, equatorial=equatorial, wedge=equatorial and not mount.german)
 
 
 def send_mode(mount: NexStar, mode: Tracking) -> Steps:
-    """``T``, and the special rate again when tracking comes back."""
-    if not mount.knows("T") or native_mode(mount) is None:
+    """``T``, and the special rate again when tracking comes back. Off needs no mode, and so every ``T`` has it."""
+    if not mount.knows("T"):
         raise Unsupported("This hand control cannot change tracking.")
+    if mode is not Tracking.OFF and native_mode(mount) is None:
+        yield Remark(_ASSUMED.format(mode.value))
     yield Ask("T", {"mode": code_of(mount, mode)})
+    mount.drive = "own"
     _learn(mount, mode)
     if mode.equatorial and mount.rate.name != "sidereal":
         yield from _send_rate(mount)
@@ -106,9 +123,7 @@ def set_tracking(mount: NexStar, operation: SetTracking) -> Steps:
     a mount in motion keeps its own. Raises Refused.
     """
     own = native_mode(mount)
-    mode = (operation.mode or own) if operation.on else Tracking.OFF
-    if mode is None:
-        raise Unsupported("The tracking mode of this mount is not known.")
+    mode = (operation.mode or own or _built_for(mount)) if operation.on else Tracking.OFF
     if operation.on and own is not None and mode.equatorial != own.equatorial and _in_motion(mount):
         raise Refused("The mount moves: between alt-az and equatorial it changes only at rest.")
     mount.parked = mount.parked and not operation.on
@@ -130,10 +145,10 @@ def suspend(mount: NexStar) -> Steps:
     if mount.knows("t"):
         answer = yield Ask("t")
         _learn(mount, mode_of(mount, answer["mode"]))
-    mount.suspended = mount.tracking or Tracking.OFF
+    mount.suspended = mount.tracking or (_built_for(mount) if mount.aligned else Tracking.OFF)
     if mount.suspended is not Tracking.OFF:
         yield Ask("T", {"mode": 0})
-        mount.tracking = Tracking.OFF
+        mount.tracking, mount.drive = Tracking.OFF, "own"
 
 
 def resume(mount: NexStar) -> Steps:
@@ -154,9 +169,12 @@ def resume(mount: NexStar) -> Steps:
 
 
 def keep_rate(mount: NexStar) -> Steps:
-    """A gentle motion ends with rate 0 to the motor: a drive rate that is not the hand control's own is sent again."""
+    """A gentle motion ends with rate 0 to the motor: a drive rate that is not the hand control's own is sent again.
+
+    So is any where a variable rate took the place of tracking.
+    """
     mode = mount.tracking or Tracking.OFF
-    if mode.equatorial and mount.suspended is None and mount.rate.name != "sidereal":
+    if mode.equatorial and mount.suspended is None and (mount.drive != "own" or mount.rate.name != "sidereal"):
         yield from _send_rate(mount)
 
 
@@ -194,20 +212,35 @@ def track_rate(mount: NexStar, operation: TrackRate) -> Steps:
         return  # it is sent when tracking comes back
     if operation.name == "sidereal":
         yield Ask("T", {"mode": code_of(mount, mode)})
+        mount.drive = "own"
     else:
         yield from _send_rate(mount)
+
+
+def drive_rate(mount: NexStar, _: DriveRate) -> Steps:
+    """-> float: what it tracks at when it tracks, a multiple of sidereal. No hand control tells it."""
+    return abs(drive_speed(mount)) * 3600.0 / _SIDEREAL_ARCSECONDS
+    yield  # a generator like all others
+
+
+def drive_speed(mount: NexStar) -> float:
+    """How fast its drive turns the motor in right ascension, degrees a second, signed as the motor counts."""
+    arcseconds = _DRIVES.get(mount.rate.name or "", _SIDEREAL_ARCSECONDS * (mount.rate.factor or 0.0))
+    return (-arcseconds if mount.native_mode is Tracking.EQ_SOUTH else arcseconds) / 3600.0
 
 
 def _send_rate(mount: NexStar) -> Steps:
     sense = "neg" if mount.native_mode is Tracking.EQ_SOUTH else "pos"
     if mount.rate.name is not None:
         yield Ask(f"rate_azm_{sense}", {"rate": _SPECIAL[mount.rate.name]})
+        mount.drive = "told"
         return
     arcseconds = _SIDEREAL_ARCSECONDS * (mount.rate.factor or 0.0)
     try:
         yield Ask(f"fine_rate_{sense}", {"device": 16, "rate": round(arcseconds * 1024)})
     except NoDevice:
         yield Ask(f"rate_azm_{sense}", {"rate": rate_code(arcseconds)})
+    mount.drive = "told"
 
 
 def rate_code(arcseconds: float) -> int:
@@ -222,10 +255,10 @@ def guide_rate(mount: NexStar, operation: GuideRate) -> Steps:
 
 
 def set_guide_rate(mount: NexStar, operation: SetGuideRate) -> Steps:
-    """AUX 0x46; pulses, which carry their rate, go by it too."""
-    mount.guide_rates[operation.axis] = max(0.01, min(1.0, operation.rate))
+    """AUX 0x46; whatever is guided through here goes by it too, also where the motors have no such setting."""
+    mount.guide_rates[operation.axis] = max(0.0, min(1.0, operation.rate))
     value = max(0, min(255, round(operation.rate * 256)))
     try:
         yield Ask("set_guide_rate", {"device": 15 + operation.axis, "rate": value})
     except NoDevice as fault:
-        raise Unsupported("This mount's motors have no guide rate.") from fault
+        raise Unsupported("The motors keep no guide rate; what is guided through the gateway goes at it.") from fault

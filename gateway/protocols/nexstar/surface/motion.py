@@ -22,6 +22,7 @@ from gateway.operations import (
     TrackRate,
     Wake,
 )
+from gateway.protocols.nexstar.rates import key_speed, rate_tables
 from gateway.protocols.nexstar.surface.begin import begin
 from gateway.protocols.nexstar.surface.devices import motor
 from gateway.protocols.nexstar.versions import STARSENSE_LONG_MODE, STARSENSE_VARIANT
@@ -48,9 +49,14 @@ def fixed(session: Session, command: Command, values: dict[str, Any]) -> Handlin
     if values["rate"] == 0:
         yield Start(Halt(axis))
     elif values["rate"] <= _KEYS:
-        yield from begin(MoveAxis(axis, sense, Rate(key=values["rate"])))
+        yield from begin(MoveAxis(axis, sense, _key(session, values["rate"])))
     else:
         raise Invalid
+
+
+def _key(session: Session, key: int) -> Rate:
+    """A key, and what the presented mount does at it, for a mount that has no such keys."""
+    return Rate(key=key, degrees=key_speed(rate_tables()[session.model["rates"]], key))
 
 
 def variable(session: Session, command: Command, values: dict[str, Any]) -> Handling:

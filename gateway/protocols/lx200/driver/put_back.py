@@ -1,0 +1,63 @@
+"""What a motion by hand has changed on the telescope is put back a moment after it.
+
+No Meade tells its fastest rate, the rates of its axes or its guide rate: left as they are, its own hand control, and a
+goto, would go at them. Put back is what the telescope has at power-on, or what a program has set since.
+"""
+
+from __future__ import annotations
+
+from gateway.driver import Later, Steps
+from gateway.operations import Operation
+from gateway.protocols.lx200.driver.speeds import SIDEREAL
+from gateway.protocols.lx200.driver.state import Meade, ask
+
+#: Seconds after the end of a motion; so a program that presses again at once finds its rate still there.
+AFTER = 1.0
+#: Guide rates nearer to each other than this part of sidereal are one: :Rg has tenths of an arcsecond.
+SAME = 0.003
+
+
+class PutBack(Operation, frozen=True):
+    """Internal: the rates are to be what they were, unless something moves again."""
+
+    outlives_stop = True
+
+
+def later(mount: Meade) -> Steps:
+    """Have it done, where anything was changed."""
+    if _changed(mount):
+        yield Later(AFTER, PutBack(), heard=True)
+
+
+def put_back(mount: Meade, _: PutBack) -> Steps:
+    """Not while something moves: its end sees to it."""
+    if mount.moving or mount.pulsing or not _changed(mount):
+        return
+    if mount.goto is not None or mount.seeking or mount.now() < mount.pulses_until:
+        yield Later(AFTER, PutBack(), heard=True)
+        return
+    for axis in sorted(mount.free_axes):
+        yield from ask(mount, "RA" if axis == 1 else "RE", rate=float(mount.facts["max_rate"]))
+        mount.free_axes.discard(axis)
+    yield from fastest_back(mount)
+    if mount.knows("Rg"):
+        yield from guide_at(mount, mount.guide_rate)
+
+
+def fastest_back(mount: Meade) -> Steps:
+    """Before a goto at once: its speed is the fastest rate."""
+    if mount.fastest not in (None, mount.facts["max_rate"]):
+        yield from ask(mount, "Sw", rate=mount.facts["max_rate"])
+        mount.fastest = None
+
+
+def guide_at(mount: Meade, fraction: float) -> Steps:
+    """:Rg, which no Meade tells again: it is sent whenever it differs from what was sent last."""
+    if abs(fraction - mount.guides_at) > SAME:
+        yield from ask(mount, "Rg", rate=min(1.0, fraction) * SIDEREAL)
+        mount.guides_at = fraction
+
+
+def _changed(mount: Meade) -> bool:
+    guides = mount.knows("Rg") and abs(mount.guides_at - mount.guide_rate) > SAME
+    return guides or bool(mount.free_axes) or mount.fastest not in (None, mount.facts["max_rate"])

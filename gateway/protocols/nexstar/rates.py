@@ -1,0 +1,28 @@
+"""How fast a hand control moves at its keys 1 to 9, by the table of its family: ``mappings/nexstar/rates.toml``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from gateway.tables import load
+
+#: Degrees a second.
+SIDEREAL = 15.041067 / 3600.0
+
+_RATES: dict[str, dict[str, Any]] = {}
+
+
+def rate_tables() -> dict[str, dict[str, Any]]:
+    """The tables by their names, read once."""
+    if not _RATES:
+        _RATES.update(load("nexstar").extra("rates.toml"))
+    return _RATES
+
+
+def key_speed(rates: Mapping[str, Any], key: int) -> float:
+    """Degrees a second at a key."""
+    sidereal, degrees = rates["sidereal"], rates["degrees"]
+    if key <= len(sidereal):
+        return float(sidereal[key - 1]) * SIDEREAL
+    return float(degrees[key - len(sidereal) - 1])
