@@ -27,8 +27,8 @@ PAIRS = {
     "nexstar on lx200": ("lx200:lx200gps", "nexstar"),
     "lx200 on lx200": ("lx200:autostar", "lx200"),
 }
-LX200 = (b":GR#", b":GD#", b":GA#:GZ#", b":D#", b":GS#", b":Sr05:34:32#", b":Sd+22*00:52#", b":MS#", b":GL#", b":Mn#",
-         b":Qn#", b":junk#", b":Q#", b":GVP#", b"\x06")
+LX200 = (b":GR#", b":GD#", b":GA#:GZ#", b":D#", b":GS#", b":Sr05:34:32#", b":Sd+22*00:52#", b":MS#", b":GL#",
+         b":RM#:Mn#", b":Qn#", b":junk#", b":Q#", b":GVP#", b"\x06")
 NEXSTAR = (b"e", b"z", b"L", b"J", b"r34AB0500,12CE0500", b"h", b"w", b"t", b"M", b"V", b"Kx",
            bytes((80, 2, 16, 36, 5, 0, 0, 0)), bytes((80, 2, 16, 36, 0, 0, 0, 0)), b"m")
 
