@@ -23,6 +23,7 @@ from gateway.driver import Driver
 from gateway.entrance import Entrance
 from gateway.equinox import J2000
 from gateway.errors import Fault, UserError
+from gateway.frames import Framing
 from gateway.guests import Face, Manner, Reception
 from gateway.hub import Hub, Policy
 from gateway.hub.ending import stop_commands
@@ -59,7 +60,6 @@ def _nexstar_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], f
 
 
 def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Face:
-    from gateway.frames import Framing
     from gateway.protocols.lx200.framing import Framer
     from gateway.protocols.lx200.surface import SPECIALS
     from gateway.protocols.lx200.surface.beginning import BEGINNING
@@ -110,6 +110,12 @@ FACES: dict[str, Callable[[Endpoint, SurfaceConfig, Limits], Face]] = {
     "lx200": _lx200_face,
     "nexstar": _nexstar_face,
 }
+
+
+def speech(protocol: str) -> tuple[Callable[[Callable[[], float]], Framing], Dialogue]:
+    """How a protocol's commands are cut out of bytes, and how its replies are taken apart."""
+    face = FACES[protocol](Endpoint(protocol, "-"), SurfaceConfig(at="-"), Limits())
+    return face.framing, DRIVERS[protocol](Endpoint(protocol, "-"), MountConfig(at="-"), time.monotonic)[2]
 
 
 def policy(config: MountConfig) -> Policy:
@@ -280,7 +286,7 @@ class Gateway:
             face = replace(face, equinox=j2000 if surface.equinox == "j2000" else None,
                            manners=tuple(manners(endpoint.protocol, surface, j2000)))
             self.receptions.append(Reception(self.hub, face, shared, self.clock, changed, number,
-                                             access(surface, config)))
+                                             access(surface, config), endpoint.where, self.warn))
             self.faces.append((endpoint.protocol, face))
 
     def _show_itself(self, faces: list[Face]) -> None:

@@ -79,7 +79,7 @@ def test_a_spy_log_and_a_socat_log_are_read_line_by_line(tmp_path: Path, capsys:
         code, lines, _ = _decode(capsys, str(path))
         assert code == 0
         assert len(lines) == 2
-        assert ":GR#" in lines[0] and "ra=83.6333" in lines[1]
+        assert ":GR#" in lines[0] and "GR: RA 05:34:32" in lines[1]
 
 
 def test_a_client_that_sends_noise_is_counted_in_a_recording(
