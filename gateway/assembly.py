@@ -219,7 +219,8 @@ class Gateway:
             except UserError:
                 await self.close()
                 raise
-        for port, surface in zip(self.ports, self.surfaces, strict=True):
+        for port, surface, reception in zip(self.ports, self.surfaces, self.receptions, strict=True):
+            reception.presets.where = port.where  # with the number of the port that was taken
             if exposed(port.where) and surface.allow is None and surface.read_only is not True:
                 self.warn(f"{port.where}: there is no password, whoever can reach this port can move the mount; "
                           'allow = ["192.168.1.0/24"] on this surface lets in only those')

@@ -36,7 +36,7 @@ INHERIT_FOR = 60.0
 #: A program on a serial line, or one that opens a connection for every command, is here so long after it was heard.
 HERE = 10.0
 #: Why the first bytes of a connection were dropped when it ended before it was known who had sent them.
-HALF_A_WORD = "no command, and not enough of anything else"
+HALF_A_WORD = "no command of this surface's protocol begins so"
 #: Bytes that may wait for their turn, of one connection.
 PATIENCE = 512
 

@@ -18,6 +18,8 @@ from gateway.transcript import show
 IDLE = b"#\r\n\0 ?"
 #: Seconds in which a command of the surface's own protocol has to follow.
 PATIENCE = 3.0
+#: A host is told of once more where it has used the right protocol meanwhile, after so many seconds.
+AGAIN = 60.0
 #: Bytes of a connection that are looked at, and hosts that are remembered.
 ENOUGH, MOST = 64, 1000
 
@@ -88,7 +90,7 @@ def _beside(where: str) -> str:
 
 
 class Presets:
-    """Who speaks another protocol on one surface, which is at ``where``: ``warn`` is told so once of every host.
+    """Who speaks another protocol on one surface, which is at ``where``: ``warn`` is told so, once of every host.
 
     ``framing`` cuts the surface's own commands, ``later`` calls a function after some seconds of the clock ``now``.
     """
@@ -99,7 +101,7 @@ class Presets:
         self.own, self.where, self.now, self.later, self.warn = own, where, now, later, warn
         self._framing = framing
         self._spoke: dict[str, float] = {}
-        self._told: set[str] = set()
+        self._told: dict[str, float] = {}
 
     def listen(self, name: str, host: str) -> FirstWords:
         """To a new connection."""
@@ -117,9 +119,10 @@ class Presets:
 
     def tell(self, name: str, host: str, sent: bytes) -> None:
         """Nothing of the surface's own protocol has come with or after these bytes."""
-        words = advice(name, self.own, sent, self.where)
-        if words and host not in self._told and len(self._told) < MOST:
-            self._told.add(host)
+        words, told = advice(name, self.own, sent, self.where), self._told.get(host, -1e9)
+        again = host in self._told and (self.now() - told < AGAIN or not self.spoke_since(host, told))
+        if words and not again and len(self._told) < MOST:
+            self._told[host] = self.now()
             self.warn(words)
 
 

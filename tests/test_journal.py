@@ -13,7 +13,7 @@ from gateway.cli import main
 from gateway.log.printing import Rows, printer
 from gateway.transcript import Entry
 
-ASKED = Entry(1768514400.0, "mount", ">", b"e")
+ASKED = Entry(1768514400.0, "mount", ">", b"V")
 NOTED = Entry(1768514400.5, "mount", "!", b"", "the mount does not answer")
 
 

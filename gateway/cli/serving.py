@@ -74,7 +74,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
 
     done, sky = until_signal(), Sky()
     # beside the conversation of --log a line that is rewritten would only be in the way
-    screen = Screen(find_terminal() if config.status and not config.log else None)
+    screen = Screen(find_terminal() if config.status and not config.log else None, config.night)
     if watchdog is not None:
         watchdog.warn = screen.warn
     gateways: list[Gateway] = []

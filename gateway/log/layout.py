@@ -22,6 +22,8 @@ COLUMNS, LEAST = 80, 40
 WHO, BYTES = 15, 18
 #: Words that would get less room than this behind the bytes stand under them.
 ROOM = 24
+#: What stands before a line that goes on.
+UNDER = "    "
 #: What a line is of -> how it is shown, as the numbers of ECMA-48's SGR; by night and by day.
 DAY = {"program": "36", "mount": "32", "note": "33", "no": "31", "again": "2", "event": "2"}
 NIGHT = {"program": "31", "mount": "31", "note": "1;31", "no": "1;31", "again": "2;31", "event": "2;31"}
@@ -46,28 +48,27 @@ def stamp(unix: float) -> str:
 
 def plain(row: Row, timed: bool = True) -> str:
     """On one line, however long."""
-    return " ".join(filter(None, (_head(row, timed), show(row.data).ljust(BYTES), row.words))).rstrip()
+    data = [show(row.data).ljust(BYTES)] if row.data else []
+    return " ".join([_head(row, timed), *data, row.words]).rstrip()
 
 
 def wrapped(row: Row, columns: int) -> list[str]:
     """On as many lines as it takes."""
-    head = _head(row, timed=True) + " "
-    columns = max(columns, LEAST)
-    if len(head) > columns - ROOM:
-        head = head.rstrip() + "\n"
-    indent = " " * (len(head) if not head.endswith("\n") else 4)
-    room, data = columns - len(indent), show(row.data)
+    head, columns = _head(row, timed=True) + " ", max(columns, LEAST)
+    start: list[str] = []
+    if len(head) > columns - ROOM:  # the rest stands under it
+        start, head = _words(head.rstrip(), columns - len(UNDER)), UNDER
+    room, data = columns - len(head), show(row.data)
     if not data:
         lines = _words(row.words, room)
     elif len(data.ljust(BYTES)) + 1 + len(row.words) <= room:
         lines = [f"{data:<{BYTES}} {row.words}"]
     else:
         lines = _in_columns(data, row.words, room)
-    first, *rest = [line.rstrip() for line in lines] or [""]
-    start = head.split("\n")[0]
-    if head.endswith("\n"):
-        return [*_pieces(start, columns), *(indent + line for line in (first, *rest))]
-    return [(start + first).rstrip(), *(indent + line for line in rest)]
+    indent = " " * len(head)
+    if start:
+        return [line.rstrip() for line in (start[0], *(UNDER + line for line in (*start[1:], *lines)))]
+    return [line.rstrip() for line in (head + lines[0], *(indent + line for line in lines[1:]))]
 
 
 def _in_columns(data: str, words: str, room: int) -> list[str]:
