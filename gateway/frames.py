@@ -44,17 +44,25 @@ class Suspect(bytes):
 class Dropped:
     """What the bytes fed last have had dropped: reason -> bytes, for the log alone."""
 
-    def __init__(self) -> None:
-        self.reasons: dict[str, bytearray] = {}
+    def __init__(self, noise: str) -> None:
+        self._why = noise
+        self._reasons: dict[str, bytearray] = {}
+        #: Bytes that begin nothing, which may be many.
+        self.noise = bytearray()
+
+    @property
+    def reasons(self) -> dict[str, bytearray]:
+        """Everything since the last bytes."""
+        return {self._why: self.noise, **self._reasons} if self.noise else self._reasons
 
     def add(self, data: bytes, why: str) -> None:
         """More bytes of no use."""
-        self.reasons.setdefault(why, bytearray()).extend(data)
+        self._reasons.setdefault(why, bytearray()).extend(data)
 
     def forget(self) -> None:
         """New bytes are fed."""
-        if self.reasons:
-            self.reasons = {}
+        if self.noise or self._reasons:
+            self.noise, self._reasons = bytearray(), {}
 
 
 class Framer(Protocol):

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from gateway import streams
 from gateway.errors import UserError
 
 
@@ -28,6 +29,7 @@ def _decode(arguments: argparse.Namespace) -> int:
     from gateway.presets import guess
     from gateway.recording import MOUNT
 
+    streams.tolerate()
     path = arguments.file
     capture = Capture(path)
     recording = capture.recording

@@ -53,7 +53,7 @@ class Framer:
         #: Whatever comes in this run is.
         self._suspect = False
         self._frames: list[bytes] = []
-        self.dropped = Dropped()
+        self.dropped = Dropped(NOISE)
 
     @property
     def idle(self) -> bool:
@@ -182,10 +182,10 @@ class Framer:
             if byte == _DOLLAR:
                 self._frame.append(byte)
             else:
-                self.dropped.add(bytes((byte,)), NOISE)
+                self.dropped.noise.append(byte)
             return
         if self._frame == b"$" and byte != ord("Q"):
-            self.dropped.add(b"$" if byte == _DOLLAR else bytes((_DOLLAR, byte)), NOISE)
+            self.dropped.noise += b"$" if byte == _DOLLAR else bytes((_DOLLAR, byte))
             self._begin(b"$" if byte == _DOLLAR else b"")
             return
         self._take(byte)

@@ -64,7 +64,7 @@ class Framer:
         #: Bytes that are dropped alone because of the request before, and how many more of them.
         self._behind, self._more = b"", 0
         self._heard = 0.0
-        self.dropped = Dropped()
+        self.dropped = Dropped(NOISE)
 
     @property
     def idle(self) -> bool:
@@ -87,7 +87,7 @@ class Framer:
         rest = iter(data)
         for byte in rest:
             if self._lost:
-                self.dropped.add(bytes((byte, *rest)), NOISE)
+                self.dropped.noise += bytes((byte, *rest))
                 break
             if pending or byte in self._lengths:
                 pending.append(byte)
@@ -99,7 +99,7 @@ class Framer:
                 self._more -= 1
             elif byte not in STRAY:
                 self._lost = True
-                self.dropped.add(bytes((byte,)), NOISE)
+                self.dropped.noise.append(byte)
         return frames
 
     def end(self) -> list[Unterminated]:
