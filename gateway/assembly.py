@@ -23,6 +23,7 @@ from gateway.driver import Driver
 from gateway.entrance import Entrance
 from gateway.equinox import J2000
 from gateway.errors import Fault, UserError
+from gateway.frames import Framing
 from gateway.guests import Face, Manner, Reception
 from gateway.hub import Hub, Policy
 from gateway.hub.ending import stop_commands
@@ -61,7 +62,6 @@ def _nexstar_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], f
 
 
 def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Face:
-    from gateway.frames import Framing
     from gateway.protocols.lx200.framing import Framer
     from gateway.protocols.lx200.surface import SPECIALS
     from gateway.protocols.lx200.surface.beginning import BEGINNING
@@ -112,6 +112,12 @@ FACES: dict[str, Callable[[Endpoint, SurfaceConfig, Limits], Face]] = {
     "lx200": _lx200_face,
     "nexstar": _nexstar_face,
 }
+
+
+def speech(protocol: str) -> tuple[Callable[[Callable[[], float]], Framing], Dialogue]:
+    """How a protocol's commands are cut out of bytes, and how its replies are taken apart."""
+    face = FACES[protocol](Endpoint(protocol, "-"), SurfaceConfig(at="-"), Limits())
+    return face.framing, DRIVERS[protocol](Endpoint(protocol, "-"), MountConfig(at="-"), time.monotonic)[2]
 
 
 def policy(config: MountConfig) -> Policy:
@@ -215,7 +221,8 @@ class Gateway:
             except UserError:
                 await self.close()
                 raise
-        for port, surface in zip(self.ports, self.surfaces, strict=True):
+        for port, surface, reception in zip(self.ports, self.surfaces, self.receptions, strict=True):
+            reception.presets.where = port.where  # with the number of the port that was taken
             if exposed(port.where) and surface.allow is None and surface.read_only is not True:
                 self.warn(f"{port.where}: there is no password, whoever can reach this port can move the mount; "
                           'allow = ["192.168.1.0/24"] on this surface lets in only those')
@@ -282,7 +289,7 @@ class Gateway:
             face = replace(face, equinox=j2000 if surface.equinox == "j2000" else None,
                            manners=tuple(manners(endpoint.protocol, surface, j2000)))
             self.receptions.append(Reception(self.hub, face, shared, self.clock, changed, number,
-                                             access(surface, config)))
+                                             access(surface, config), endpoint.where, self.warn))
             self.faces.append((endpoint.protocol, face))
 
     def _show_itself(self, faces: list[Face]) -> None:

@@ -33,6 +33,11 @@ class Beginning:
         self.stranger: Greeting | None = None
 
     @property
+    def waiting(self) -> bytes:
+        """What was held back until now, because it may be a stranger's."""
+        return b"".join(piece.data for piece in self._waiting)
+
+    @property
     def over(self) -> bool:
         """Whether it is known who it is."""
         return not self._recogniser.open
@@ -45,7 +50,7 @@ class Beginning:
             return []
         self._waiting.append(piece)
         if self._recogniser.open:
-            found = self._commands.match(b"".join(piece.data for piece in self._waiting))
+            found = self._commands.match(self.waiting)
             return self._first(found.end() if found else 0)
         return self._first(sum(len(piece.data) for piece in self._waiting))
 

@@ -135,6 +135,8 @@ class Client:
                 self.write(reply)
                 return
         frames = self.framing(data)
+        if self.transcript.sinks:
+            self._tell_dropped()
         self._idle = self.framing.idle  # else what comes next may belong to what came before
         ended: set[bytes] = set()  # by what stands here since anything else was asked for: the same again is no news
         self.ended = bool(frames)
@@ -144,6 +146,7 @@ class Client:
             if self.rate is not None and self.surface.protocol.find(frame) is not None:
                 self.rate.understood()
             if frame in ended:
+                self.transcript.put(self.name, "x", frame, "the same again, with nothing between: done once for both")
                 continue
             stopping = frame in self.stop_frames or frame in self.halts
             if not stopping:
@@ -155,11 +158,18 @@ class Client:
                     self._halt(frame)
                 else:
                     hub.begin_stop()
+            if len(self._inbox) == INBOX:
+                self.transcript.put(self.name, "x", self._inbox[0].frame, f"more than {INBOX} commands wait")
             self._inbox.append(Turn(frame, hub.stops if stops is None else stops, stopping, self.came()))
         if self._lasting and self._inbox and self._turn is not None:
             self._give_up(self._turn)
         if self._task is None:
             self._pump()
+
+    def _tell_dropped(self) -> None:
+        """For the log: bytes that are of no use, and why."""
+        for why, data in self.framing.dropped.items():
+            self.transcript.put(self.name, "x", bytes(data), why)
 
     def _pump(self) -> None:
         """Answer what waits, until something must be waited for, or the gateway ends."""
@@ -379,6 +389,7 @@ class Client:
         operation, beginnings = self.halts[frame]
         for waiting in [turn for turn in self._inbox if turn.frame in beginnings]:
             self._inbox.remove(waiting)
+            self.transcript.put(self.name, "x", waiting.frame, f"taken back by {frame!r}, which came before its turn")
         self._begun.begin(operation, self.hub.stops)
 
     def _defer(self, wanted: Defer) -> None:
@@ -415,6 +426,7 @@ class Client:
         for frame in self.framing.end():  # the next connection must not build on what was before half a command
             self.transcript.note(self.name, frame.words)
             deque(self.surface.handle(self.session, frame), 0)
+        self._tell_dropped()
         if self.rate is not None:
             self.rate.end()
 

@@ -41,8 +41,34 @@ class Suspect(bytes):
     """A command in one run of bytes with one that lost its end: it begins no motion."""
 
 
+class Dropped:
+    """What the bytes fed last have had dropped: reason -> bytes, for the log alone."""
+
+    def __init__(self, noise: str) -> None:
+        self._why = noise
+        self._reasons: dict[str, bytearray] = {}
+        #: Bytes that begin nothing, which may be many.
+        self.noise = bytearray()
+
+    @property
+    def reasons(self) -> dict[str, bytearray]:
+        """Everything since the last bytes."""
+        return {self._why: self.noise, **self._reasons} if self.noise else self._reasons
+
+    def add(self, data: bytes, why: str) -> None:
+        """More bytes of no use."""
+        self._reasons.setdefault(why, bytearray()).extend(data)
+
+    def forget(self) -> None:
+        """New bytes are fed."""
+        if self.noise or self._reasons:
+            self.noise, self._reasons = bytearray(), {}
+
+
 class Framer(Protocol):
     """Cuts a protocol's commands out of a byte stream. ``idle``: what comes next stands alone, whatever came before."""
+
+    dropped: Dropped
 
     @property
     def idle(self) -> bool: ...
@@ -65,6 +91,11 @@ class Framing:
     def idle(self) -> bool:
         """Whether the next bytes can be understood without those before."""
         return self.framer.idle
+
+    @property
+    def dropped(self) -> dict[str, bytearray]:
+        """What of the bytes that were fed last, or before the end, is of no use, and why."""
+        return self.framer.dropped.reasons
 
     def end(self) -> list[Unterminated]:
         """Nothing more comes -> what was refused for lack of its end."""

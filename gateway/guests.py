@@ -27,6 +27,7 @@ from gateway.operations import Operation
 from gateway.ports import Guest
 from gateway.ports.baud import Trial
 from gateway.ports.guest import HangUp
+from gateway.presets import FirstWords, Presets
 from gateway.sealed import Sealed
 from gateway.strangers import Greeting, page
 from gateway.surface import Session, Surface
@@ -34,6 +35,8 @@ from gateway.surface import Session, Surface
 INHERIT_FOR = 60.0
 #: A program on a serial line, or one that opens a connection for every command, is here so long after it was heard.
 HERE = 10.0
+#: Why the first bytes of a connection were dropped when it ended before it was known who had sent them.
+HALF_A_WORD = "no command of this surface's protocol begins so"
 #: Bytes that may wait for their turn, of one connection.
 PATIENCE = 512
 
@@ -74,11 +77,13 @@ class Reception:
     """Makes a client for every connection of one port."""
 
     def __init__(self, hub: Hub, face: Face, shared: dict[str, Any], host_clock: Callable[[], float],
-                 changed: Callable[[], None], number: int = 1, access: Access = Access()) -> None:
+                 changed: Callable[[], None], number: int = 1, access: Access = Access(), where: str = "",
+                 warn: Callable[[str], None] = lambda text: None) -> None:
         self.hub, self.face, self.shared, self.clock, self.changed = hub, face, shared, host_clock, changed
         #: Which of the gateway's surfaces this is, counted from 1.
         self.number = number
         self.access = access
+        self.presets = Presets(face.surface.protocol.name, face.framing, where, hub.now, hub.loop.call_later, warn)
         self._clients: set[Client] = set()
         self._turned: set[tuple[str, str]] = set()
         self._left: dict[str, tuple[float, dict[str, Any]]] = {}
@@ -105,7 +110,7 @@ class Reception:
             session.shared = Sealed(self.shared, lambda: client.refuse("a setting", "read only"))
         self.hub.transcript.put(name, "+", note=f"surface {self.number}, host {host}")
         rights = replace(client.rights, hibernate=self.access.hibernate)
-        visit = _Visit(client, face, lambda: self._leave(name, host, client, visit),
+        visit = _Visit(client, face, self.presets.listen(name, host), lambda: self._leave(name, host, client, visit),
                        lambda: self._hand_on(host, client), _on_line(name, host), rights)
         self._visits.add(visit)
         return visit
@@ -163,10 +168,12 @@ class _Visit:
     Where many come in at once it waits for its turn, unless it may have come to end a motion.
     """
 
-    def __init__(self, client: Client, face: Face, left: Callable[[], None], handed_on: Callable[[], None],
-                 lasting: bool, rights: Rights) -> None:
+    def __init__(self, client: Client, face: Face, first: FirstWords, left: Callable[[], None],
+                 handed_on: Callable[[], None], lasting: bool, rights: Rights) -> None:
         self._client, self._manners, self._left, self.lasting = client, face.manners, left, lasting
         self._handed_on = handed_on
+        self._first: FirstWords | None = first
+        self._screen: Beginning | None = None
         self._face, self._rights = face, rights
         self._hub, self._ends = client.hub, face.ends
         #: Whether it has turned out to be no program for telescopes.
@@ -195,6 +202,9 @@ class _Visit:
 
     def feed(self, data: bytes) -> None:
         """Bytes have come."""
+        if self._first is not None:
+            self._first.hear(data)
+            self._first = None if self._first.over else self._first
         now, was_late = self._hub.now(), self._backlog.late
         sent = self._backlog.sent(now)
         if self._backlog.late:
@@ -275,6 +285,7 @@ class _Visit:
     def _screened(self, data: bytes, stops: int | None) -> None:
         """Feed what cannot be a stranger's, as of when it came; turn a stranger away."""
         now = self._hub.now()
+        assert self._screen is not None
         pieces = self._screen.hear(Piece(data, now, self._hub.stops if stops is None else stops))
         if self._screen.stranger is not None:
             self._turn_away(self._screen.stranger)
@@ -290,6 +301,8 @@ class _Visit:
     def _turn_away(self, greeting: Greeting) -> None:
         """Say once what came, and end the connection."""
         self.stranger, self._take = True, lambda data, stops: None
+        if self._first is not None:
+            self._first.over = True
         speaks, client = self._face.speaks, self._client
         client.transcript.note(client.name, f"sends {greeting.words}; this is a port for programs that speak {speaks}: "
                                             "nothing of it reaches the mount, and the connection is closed")
@@ -297,5 +310,7 @@ class _Visit:
 
     def close(self) -> None:
         self._go_on()
+        if self._screen is not None and not self.stranger and self._screen.waiting:
+            self._client.transcript.put(self._client.name, "x", self._screen.waiting, HALF_A_WORD)
         self._client.close()
         self._left()

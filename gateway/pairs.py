@@ -12,10 +12,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from gateway.errors import UserError
-from gateway.logline import show
 from gateway.pictures import Source
 from gateway.protocols.nexstar.versions import made_with, numbered
 from gateway.tables import KEEPS, OUTCOMES, Command, Protocol, SurfaceRow, Version, Way, load, mappings_folder
+from gateway.transcript import show
 
 PAIRS = (("lx200", "nexstar"), ("nexstar", "lx200"))
 MISSING = "missing"

@@ -95,7 +95,7 @@ class Recorder:
         elif arrow in ("<", ">"):
             if arrow == (">" if side == MOUNT else "<"):  # the others were cut out of raw chunks
                 self.line(side, arrow, escape(data))
-        else:
+        elif arrow != "x":  # what was dropped is among what came
             self.line(side, arrow, note.replace("\n", " "))
 
     def line(self, side: str, arrow: str, text: str = "") -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 from gateway.errors import UserError
-from gateway.logline import show
+from gateway.transcript import show
 
 MARK = "# mount-gateway recording "
 #: The format that is written by an event loop whose turns can be told apart, and the one before it.

@@ -148,7 +148,9 @@ def replay_on_simulator(recording: Recording, show: Callable[[str], object]) -> 
 
 
 async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> None:
-    from gateway.logline import SILENT, line
+    from gateway.assembly import speech
+    from gateway.log.layout import plain
+    from gateway.log.printing import Rows
     from gateway.simulators import DEFAULT_SITE, make_simulator
 
     loop = asyncio.get_running_loop()
@@ -162,9 +164,11 @@ async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> 
 
     gateway = _gateway(recording, clock)
 
+    rows = Rows(gateway.mount.protocol, [endpoint.protocol for endpoint in gateway.endpoints], speech)
+
     def put(entry: Entry) -> None:
-        if entry.arrow not in SILENT:
-            show(line(entry, gateway.mount.protocol))
+        for row in rows.take(entry):
+            show(plain(row))
 
     gateway.transcript.sinks.append(put)
     simulator = make_simulator(gateway.mount, clock=clock, site=gateway.config.site or DEFAULT_SITE)

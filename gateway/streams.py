@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import io
 import os
 import sys
 from typing import TextIO
@@ -39,6 +40,12 @@ def say(text: str) -> None:
         give_up(sys.stdout)
         warn(f"stdout cannot be written to ({reason(error)}): where programs can connect is not told there; "
              "mount-gateway serves all the same", journal.WARNING)
+
+
+def tolerate() -> None:
+    """A degree sign that stdout's encoding does not have is shown as a question mark, instead of ending the program."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
 
 
 def warn(text: str, level: int) -> None:

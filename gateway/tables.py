@@ -56,7 +56,7 @@ class Reply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A command as ``commands.toml`` writes it."""
+    """A command as ``commands.toml`` writes it. One that ``acts`` tells a value, and does something besides."""
 
     request: str | list[str | int]
     help: str
@@ -64,6 +64,7 @@ class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     models: list[str] | None = None
     since: str | None = None
     beyond: str | None = None
+    acts: bool = False
 
 
 class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -142,10 +143,10 @@ class Way(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Command:
     """A command ready for use: its request forms, its reply forms, and who has it."""
 
-    __slots__ = ("beyond", "help", "models", "name", "replies", "request", "requests", "since")
+    __slots__ = ("acts", "beyond", "help", "models", "name", "replies", "request", "requests", "since")
 
     def __init__(self, where: str, name: str, row: CommandRow) -> None:
-        self.name, self.help, self.beyond = name, row.help, row.beyond
+        self.name, self.help, self.beyond, self.acts = name, row.help, row.beyond, row.acts
         self.models = frozenset(row.models) if row.models is not None else None
         try:
             self.since = parse_version(row.since) if row.since else None
@@ -154,6 +155,11 @@ class Command:
         except ValueError as error:
             raise MappingError(where, name, str(error)) from None
         self.request = self.requests[0]
+
+    @property
+    def question(self) -> bool:
+        """Whether it asks for a value and does nothing else."""
+        return not self.acts and any(reply.fault is None and picture.fields for reply, picture in self.replies)
 
     def known_to(self, model: str | None, version: Version | None) -> bool:
         """Whether this model and version have the command, by the manual."""
@@ -304,6 +310,18 @@ class Protocol:
                 if picture.matcher.fullmatch(frame):
                     return command, picture
         return None
+
+    def first(self, data: bytes) -> bytes:
+        """The whole command that these bytes begin with; empty when they begin with none."""
+        for length in range(min(len(data), 8), 0, -1):
+            for _, picture in self._by_literal.get(data[:length], ()):
+                if found := picture.matcher.match(data):
+                    return found[0]
+        return b""
+
+    def may_begin(self, data: bytes) -> bool:
+        """Whether these bytes are nothing, or may be the beginning of a command."""
+        return not data or any(literal.startswith(data[: len(literal)]) for literal in self._by_literal)
 
     def begun(self, beginning: bytes) -> Command | None:
         """The command that these bytes, which lack the end (``#``), begin: the one with the longest literal."""

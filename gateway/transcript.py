@@ -17,7 +17,7 @@ class Entry(NamedTuple):
 
     ``arrow`` is ``>`` for a command towards the mount, ``<`` for a reply, ``raw`` for bytes as they arrived, ``!`` for
     a note, ``+`` and ``-`` for a connection that comes and goes, ``^`` and ``v`` for the mount's port opened and lost,
-    ``r`` for the hub's decision to read something anew.
+    ``r`` for the hub's decision to read something anew, ``x`` for bytes of a program that are dropped, with the reason.
     """
 
     time: float
@@ -29,6 +29,12 @@ class Entry(NamedTuple):
 
 #: The note that says from when on the sky is no longer approximate.
 SKY_READY = "astronomy is exact from now on"
+
+
+def show(data: bytes) -> str:
+    """Bytes with everything unprintable as ``\\xHH``."""
+    return "".join(chr(byte) if 32 <= byte < 127 and byte != 92 else f"\\x{byte:02x}" for byte in data)
+
 
 Sink = Callable[[Entry], None]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -79,7 +80,7 @@ def test_a_spy_log_and_a_socat_log_are_read_line_by_line(tmp_path: Path, capsys:
         code, lines, _ = _decode(capsys, str(path))
         assert code == 0
         assert len(lines) == 2
-        assert ":GR#" in lines[0] and "ra=83.6333" in lines[1]
+        assert ":GR#" in lines[0] and "GR: RA 05:34:32" in lines[1]
 
 
 def test_a_client_that_sends_noise_is_counted_in_a_recording(
@@ -95,3 +96,12 @@ def test_a_client_that_sends_noise_is_counted_in_a_recording(
     assert len(lines) == 1 + 1000 + 1 + 1 + 1
     assert "2000 more that are no commands" in lines[-2]
     assert ":GR#" in lines[-3]
+
+
+def test_a_terminal_without_a_degree_sign(tmp_path: Path) -> None:
+    path = tmp_path / "capture"
+    path.write_bytes(b":Sd+22*00:52#")
+    done = subprocess.run([sys.executable, "-m", "gateway", "decode", str(path)], capture_output=True, timeout=60.0,
+                          env={**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"})
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"Dec +22?00'52\"" in done.stdout

@@ -8,11 +8,12 @@ from pathlib import Path
 import pytest
 
 from gateway import journal
+from gateway.assembly import speech
 from gateway.cli import main
-from gateway.logline import printer
+from gateway.log.printing import Rows, printer
 from gateway.transcript import Entry
 
-ASKED = Entry(1768514400.0, "mount", ">", b"e")
+ASKED = Entry(1768514400.0, "mount", ">", b"V")
 NOTED = Entry(1768514400.5, "mount", "!", b"", "the mount does not answer")
 
 
@@ -26,10 +27,10 @@ def test_the_log_has_levels_in_the_journal_and_times_elsewhere(tmp_path: Path, m
     with path.open("w") as stream:
         led_to(path, monkeypatch)
         for entry in (ASKED, NOTED):
-            printer("nexstar", stream)(entry)
+            printer(Rows("nexstar", [], speech), stream)(entry)
         led_to(tmp_path, monkeypatch)  # the journal's, but another one's
         for entry in (ASKED, NOTED):
-            printer("nexstar", stream)(entry)
+            printer(Rows("nexstar", [], speech), stream)(entry)
     in_journal, note, timed, timed_note = path.read_text().splitlines()
     assert in_journal.startswith("<6>mount")
     assert note.startswith("<5>mount") and note.endswith("the mount does not answer")

@@ -77,9 +77,13 @@ def _shortened(text: str) -> str:
 
 
 def _bound(argv: list[str]) -> list[str]:
-    """``--site -33.9,151.2`` as ``--site=-33.9,151.2``: else a value that begins with a minus is taken for a flag."""
+    """``--site -33.9,151.2`` as ``--site=-33.9,151.2``: else a value that begins with a minus is taken for a flag.
+
+    ``--log`` stands alone, whatever follows it: what it may be followed by is written with an equals sign.
+    """
     bound: list[str] = []
     for word in argv:
+        word = "--log=all" if word == "--log" else word
         if bound and re.fullmatch(r"--[a-z-]+", bound[-1]) and re.match(r"-[\d.]", word):
             bound[-1] += f"={word}"
         else:

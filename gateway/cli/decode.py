@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from gateway import streams
 from gateway.errors import UserError
 
 
@@ -23,10 +23,13 @@ def add(commands: Any) -> None:
 
 
 def _decode(arguments: argparse.Namespace) -> int:
+    from gateway.assembly import speech
     from gateway.captures import Capture, Chunk, is_text
-    from gateway.decode import NoConversation, decode, folded, guess
+    from gateway.decode import NoConversation, decode, folded
+    from gateway.presets import guess
     from gateway.recording import MOUNT
 
+    streams.tolerate()
     path = arguments.file
     capture = Capture(path)
     recording = capture.recording
@@ -57,7 +60,8 @@ def _decode(arguments: argparse.Namespace) -> int:
             yield chunk
 
     def talk(side: str) -> tuple[str, Any, Any]:
-        return _talk(protocols.get(side, protocols.get(MOUNT, "lx200")))
+        protocol = protocols.get(side, protocols.get(MOUNT, "lx200"))
+        return protocol, *speech(protocol)
 
     lines = decode(introduced(), talk, began)
     try:
@@ -74,14 +78,3 @@ def _protocol(settings: dict[str, Any]) -> str:
     from gateway.config import parse_endpoint
 
     return parse_endpoint(settings["at"]).protocol
-
-
-def _talk(protocol: str) -> tuple[str, Any, Any]:
-    """A protocol with its framing and its dialogue."""
-    from gateway.assembly import DRIVERS, FACES
-    from gateway.config import Endpoint, MountConfig, SurfaceConfig
-    from gateway.mount.safety.limits import Limits
-
-    face = FACES[protocol](Endpoint(protocol, "-"), SurfaceConfig(at="-"), Limits())
-    dialogue = DRIVERS[protocol](Endpoint(protocol, "-"), MountConfig(at="-"), time.monotonic)[2]
-    return protocol, face.framing, dialogue

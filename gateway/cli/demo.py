@@ -7,10 +7,14 @@ import sys
 from typing import Any
 
 from gateway.cli.serving import serve_mounts, with_loop
+from gateway.cli.settings import add_flag
 from gateway.config import Source, make_config
+from gateway.config.describing import keys
 from gateway.config.lines import Place
 
 DEMO_PORT = 4030
+#: The keys that the demo has as well.
+SHOWN = ("log", "night")
 
 
 def add(commands: Any) -> None:
@@ -24,7 +28,9 @@ def add(commands: Any) -> None:
     demo.add_argument("--pty", metavar="PATH", help="virtual serial port (default /tmp/lx200, reversed /tmp/nexstar)")
     demo.add_argument("--reverse", action="store_true", help="the other way: NexStar programs on a simulated Meade")
     demo.add_argument("--speed", type=float, default=4.0, help="slews this many times faster than real (default 4)")
-    demo.add_argument("--log", action="store_true", help="show the conversation on both sides")
+    for key in keys(""):
+        if key.name in SHOWN:
+            add_flag(demo, key)
     demo.set_defaults(run=_demo)
 
 
@@ -36,8 +42,10 @@ def _demo(arguments: argparse.Namespace) -> int:
     if sys.platform != "win32":
         path = f"/tmp/{client}" if arguments.pty is None else arguments.pty
         surfaces.append({"at": f"{client}@pty:{path}"})
-    tables = {"mount": [{"at": f"{mount}@sim", "speed": arguments.speed}], "surface": surfaces, "log": arguments.log}
-    flags: dict[Place, str] = {("mount", 0, "speed"): "--speed", ("surface", 0): "--port", ("surface", 1): "--pty"}
+    tables = {"mount": [{"at": f"{mount}@sim", "speed": arguments.speed}], "surface": surfaces,
+              **{name: value for name in SHOWN if (value := getattr(arguments, name)) is not None}}
+    flags: dict[Place, str] = {("mount", 0, "speed"): "--speed", ("surface", 0): "--port", ("surface", 1): "--pty",
+                               ("log",): "--log"}
     config = make_config(tables, Source("demo", flags=flags))
     banner = f"A simulated {words} program connects. Ctrl-C ends it."
     return with_loop(True, lambda: serve_mounts(config, banner))

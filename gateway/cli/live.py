@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from gateway import journal, streams
 from gateway import operations as op
+from gateway.log.layout import colours_of, painted
 from gateway.notify import notify, wanted, watchdog
 from gateway.status import Look, Rate, status
 
@@ -28,8 +29,9 @@ EVERY, SELDOM = 1.0, 5.0
 class Screen:
     """Where lines for a person go, and under them one that is rewritten in place, where there is a terminal for it."""
 
-    def __init__(self, terminal: TextIO | None) -> None:
+    def __init__(self, terminal: TextIO | None, night: bool = False) -> None:
         self.terminal = terminal
+        self._colours = colours_of(terminal, night) if terminal is not None and night else {}
         self._shown = 0
 
     @property
@@ -44,7 +46,7 @@ class Screen:
         """Rewrite the line; not while somebody else has the terminal."""
         if self.terminal is not None and _in_front(self.terminal):
             rest = min(self._shown, self.columns) - len(text)
-            self._write(f"\r{text}{' ' * rest}")
+            self._write(f"\r{painted(text, 'program', self._colours)}{' ' * rest}")
             self._shown = len(text)
 
     def clear(self) -> None:

@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from gateway import streams
+
 
 def add(commands: Any) -> None:
     """Put the command into the parser."""
@@ -25,6 +27,7 @@ def _replay(arguments: argparse.Namespace) -> int:
 
     recording = read(arguments.file)
     if arguments.sim:
+        streams.tolerate()
         replay_on_simulator(recording, print)
         if recording.cut:
             print(recording.cut)

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any, cast
 
 from gateway.cli.live import Screen, find_terminal, look_on
 from gateway.cli.signals import before_suspension, until_signal
-from gateway.config import Config, parse_endpoint
+from gateway.config import Config, MountConfig, parse_endpoint
 from gateway.descriptors import make_room
 from gateway.errors import Fault, UserError
 from gateway.notify import notify
-from gateway.transcript import SKY_READY
+from gateway.transcript import SKY_READY, Sink
 from gateway.turns import TurnLoop
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
 
     done, sky = until_signal(), Sky()
     # beside the conversation of --log a line that is rewritten would only be in the way
-    screen = Screen(find_terminal() if config.status and not config.log else None)
+    screen = Screen(find_terminal() if config.status and not config.log else None, config.night)
     if watchdog is not None:
         watchdog.warn = screen.warn
     gateways: list[Gateway] = []
@@ -91,9 +91,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     for mount in config.mount:
         transcript = Transcript(time.time)
         if config.log:
-            from gateway.logline import printer
-
-            transcript.sinks.append(printer(parse_endpoint(mount.at).protocol, sys.stderr, mount.name))
+            transcript.sinks.append(_log(config, mount))
         clock = host_clock() if mount.record else time.time
         gateways.append(Gateway(mount, config.of(mount), transcript, sky, clock, screen.warn, watchdog))
         gateways[-1].remember()
@@ -142,6 +140,17 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         for recorder in recorders:
             recorder.close()
     return 0
+
+
+def _log(config: Config, mount: MountConfig) -> Sink:
+    """What shows the conversation of one mount, or as much of it as is asked for."""
+    from gateway.assembly import speech
+    from gateway.log.printing import Rows, printer
+
+    surfaces = [parse_endpoint(surface.at).protocol for surface in config.of(mount)]
+    shown = config.log if isinstance(config.log, str) else "all"
+    rows = Rows(parse_endpoint(mount.at).protocol, surfaces, speech, shown, mount.name or "")
+    return printer(rows, sys.stderr, config.night)
 
 
 async def _stand_still(gateways: Sequence[Gateway], screen: Screen) -> None:

@@ -17,7 +17,7 @@ from gateway.errors import UserError
 GROUPS = {
     "safety": ("lowest", "highest", "sun", "hour-angle-limit", "sync-limit", "unaligned", "dead-man", "dead-man-closed",
                "watchdog"),
-    "how it runs": ("wait", "log", "status", "record", "record-keep", "state"),
+    "how it runs": ("wait", "log", "night", "status", "record", "record-keep", "state"),
     "simulated mounts": ("latency", "speed"),
 }
 MOUNT = "about the mount"
@@ -33,11 +33,19 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     groups = {title: parser.add_argument_group(title) for title in (MOUNT, *GROUPS)}
     for key in (*keys("mount"), *keys("")):
         group = groups[next((title for title, names in GROUPS.items() if key.name in names), MOUNT)]
-        if isinstance(key.default, bool):
-            words = f"{key.words} (default: yes)" if key.default else key.words
-            group.add_argument(f"--{key.name}", action=argparse.BooleanOptionalAction, default=None, help=words)
-        elif key.flag:
-            group.add_argument(f"--{key.name}", metavar=key.shown.replace("|", ","), help=key.help)
+        add_flag(group, key)
+
+
+def add_flag(group: Any, key: Key) -> None:
+    """The flag of a key. One that is true, false or one of some words may stand alone or have ``=WORD`` behind it."""
+    words = f"{key.words} (default: yes)" if key.default is True else key.words
+    if isinstance(key.default, bool) and key.choices:
+        group.add_argument(f"--{key.name}", nargs="?", const=True, metavar="|".join(key.choices), help=words)
+        group.add_argument(f"--no-{key.name}", dest=key.name, action="store_const", const=False, help=argparse.SUPPRESS)
+    elif isinstance(key.default, bool):
+        group.add_argument(f"--{key.name}", action=argparse.BooleanOptionalAction, default=None, help=words)
+    elif key.flag:
+        group.add_argument(f"--{key.name}", metavar=key.shown.replace("|", ","), help=key.help)
 
 
 def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:

@@ -126,7 +126,10 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
     discovery: Annotated[bool, _key("let programs find surfaces that the network can reach (SkySafari, mDNS)")] = True
     watchdog: Annotated[bool, _key(
         "a second, small process stops the mount when this one dies or hangs while something moves")] = True
-    log: Annotated[bool, _key("show the conversation on both sides, decoded")] = False
+    log: Annotated[bool | Literal["all", "program", "mount", "changes", "refusals"], _key(
+        "show the conversation in words: all of it (or true), only that with programs or with the mount, only what "
+        "moves or sets something, or only what is refused or fails")] = False
+    night: Annotated[bool, _key("colours on the terminal are shades of red")] = False
     status: Annotated[bool, _key(
         "show one line on a terminal that tells how the mount is (not together with log)")] = True
 

@@ -13,7 +13,6 @@ from msgspec.structs import replace
 from gateway.assembly import shows_itself
 from gateway.config import Endpoint, parse_words
 from gateway.errors import UserError
-from gateway.logline import meaning, show
 from gateway.operations import GetStatus
 from gateway.pairs import effective, outcome, taken
 from gateway.recording import unescape
@@ -21,6 +20,7 @@ from gateway.rehearsal.play import Before, Play, Player, stage
 from gateway.simulators import DEFAULT_MODEL
 from gateway.sky import Sky
 from gateway.tables import KEEPS, Protocol, SurfaceRow, Version, load
+from gateway.transcript import show
 from gateway.virtual import run
 
 #: What programs that speak LX200 have said before, so that there is a target.
@@ -160,7 +160,8 @@ def shown(play: Play, mount: str) -> list[str]:
         elif event.kind == "means":
             line = f"  means {event.words}"
         elif event.kind == "act" or (event.kind == "look" and not answered):
-            words = meaning(mount, event.data)
+            found = load(mount).find(event.data)
+            words = found[0].help if found else ""
             line = f"    to the mount: {show(event.data)}  {words}"
             again = again + 1 if words == last else 0
             last = words

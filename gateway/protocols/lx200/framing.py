@@ -12,7 +12,7 @@ the half one is dropped alone.
 
 from __future__ import annotations
 
-from gateway.frames import Suspect, Unterminated
+from gateway.frames import Dropped, Suspect, Unterminated
 from gateway.tables import load
 
 ACK = 0x06
@@ -21,6 +21,10 @@ LONGEST = 64
 RUN_GAP = 0.1
 #: What is carried out wherever it stands.
 STOPS = (b":Q#", b":Qe#", b":Qn#", b":Qs#", b":Qw#", b":FQ#")
+#: Why bytes are of no use.
+NOISE = "no command of an LX200 begins so"
+HALF = "a command without its end (#)"
+TOO_LONG = "longer than any command of an LX200"
 _IGNORED = frozenset(b"\r\n\x00")
 _COLON, _HASH, _DOLLAR = b":#$"
 _BEGINNERS = frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz$?")
@@ -49,6 +53,7 @@ class Framer:
         #: Whatever comes in this run is.
         self._suspect = False
         self._frames: list[bytes] = []
+        self.dropped = Dropped(NOISE)
 
     @property
     def idle(self) -> bool:
@@ -60,6 +65,7 @@ class Framer:
         if not data:
             return []
         self._frames = []
+        self.dropped.forget()
         quiet, self._heard = now - self._heard, now
         if quiet >= RUN_GAP:
             self._begin_run()
@@ -100,6 +106,7 @@ class Framer:
     def end(self) -> list[Unterminated]:
         """Nothing more comes -> half a command with an argument, which must not count as the one before it."""
         self._frames, self._old = [], True
+        self.dropped.forget()
         if self._lost:
             self._give_up()
         else:
@@ -107,7 +114,7 @@ class Framer:
         self._begin()
         return [frame for frame in self._frames if isinstance(frame, Unterminated)]
 
-    def _cut(self) -> None:
+    def _cut(self, why: str = HALF) -> None:
         """Something else begins here: a command with an argument has lost its end, any other is dropped."""
         piece = bytes(self._frame)
         name = setter(piece) if len(piece) > 1 else None
@@ -121,6 +128,8 @@ class Framer:
             self._text.clear()
             self._suspect = True
             self._swallow(piece, name)
+        elif len(piece) > 1:
+            self.dropped.add(piece, why)
 
     def _swallow(self, piece: bytes, name: str | None) -> None:
         """Keep what comes to an end that is not its own: enough of it for the log, and all that it would have set."""
@@ -152,7 +161,7 @@ class Framer:
         self._frame.append(byte)
         self._old = False
         if len(self._frame) > LONGEST:
-            self._cut()
+            self._cut(TOO_LONG)
             self._begin()
 
     def _add(self, byte: int) -> None:
@@ -172,8 +181,11 @@ class Framer:
         if not self._frame:
             if byte == _DOLLAR:
                 self._frame.append(byte)
+            else:
+                self.dropped.noise.append(byte)
             return
         if self._frame == b"$" and byte != ord("Q"):
+            self.dropped.noise += b"$" if byte == _DOLLAR else bytes((_DOLLAR, byte))
             self._begin(b"$" if byte == _DOLLAR else b"")
             return
         self._take(byte)

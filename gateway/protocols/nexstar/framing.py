@@ -13,13 +13,17 @@ from collections.abc import Iterable
 from functools import lru_cache
 
 from gateway.errors import MappingError
-from gateway.frames import Unterminated
+from gateway.frames import Dropped, Unterminated
 from gateway.tables import Command, load
 
 #: Seconds of quiet after which the rest of a command is no longer expected.
 QUIET_GAP = 1.0
 #: Seconds of quiet after which a byte may begin a command again, behind one that cannot.
 RESYNC_GAP = 0.1
+#: Why bytes are of no use.
+NOISE = "no command of a NexStar begins so; what follows counts again after 0.1 s of quiet"
+HALF = "half a command, whose rest did not come within a second"
+CUT_OFF = "half a command, whose rest did not come"
 #: Opcodes of later hand controls that nobody here answers, as programs send them. The length of ``c`` is not known.
 UNANSWERED = {ord("g"): 18, ord("n"): 1, ord("o"): 1, ord("Y"): 1}
 #: What programs put before and behind their commands: terminators, line ends, padding, what wakes the oldest mounts.
@@ -60,6 +64,7 @@ class Framer:
         #: Bytes that are dropped alone because of the request before, and how many more of them.
         self._behind, self._more = b"", 0
         self._heard = 0.0
+        self.dropped = Dropped(NOISE)
 
     @property
     def idle(self) -> bool:
@@ -70,15 +75,19 @@ class Framer:
         """The requests that these bytes complete, in order. ``now`` is any clock, in seconds."""
         if not data:
             return []
+        self.dropped.forget()
         quiet, self._heard = now - self._heard, now
-        if quiet >= QUIET_GAP:
+        if quiet >= QUIET_GAP and self._pending:
+            self.dropped.add(bytes(self._pending), HALF)
             self._pending.clear()
         if quiet >= RESYNC_GAP:
             self._lost = False
         frames: list[bytes] = []
         pending = self._pending
-        for byte in data:
+        rest = iter(data)
+        for byte in rest:
             if self._lost:
+                self.dropped.noise += bytes((byte, *rest))
                 break
             if pending or byte in self._lengths:
                 pending.append(byte)
@@ -88,10 +97,14 @@ class Framer:
                     pending.clear()
             elif self._more and byte in self._behind:
                 self._more -= 1
-            else:
-                self._lost = byte not in STRAY
+            elif byte not in STRAY:
+                self._lost = True
+                self.dropped.noise.append(byte)
         return frames
 
     def end(self) -> list[Unterminated]:
         """Half a request asks for nothing."""
+        self.dropped.forget()
+        if self._pending:
+            self.dropped.add(bytes(self._pending), CUT_OFF)
         return []

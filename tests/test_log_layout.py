@@ -1,0 +1,102 @@
+"""Lines fit where they are read: 80 columns or a terminal's own; nothing is left out; colours only where they are seen.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+
+import pytest
+
+from gateway.assembly import speech
+from gateway.log import layout
+from gateway.log.layout import Row, plain, wrapped
+from gateway.log.printing import Rows, printer
+from gateway.transcript import Entry, show
+
+LONG = [
+    Row(0.0, "mount", "<", b"331D2100,0DBC7900#", "e: RA 04:47:04, Dec +19°18'55\""),
+    Row(0.0, "192.168.100.123:58288", ">", b"P\2\x10\x24\x09\0\0\0", "fixed rate, azimuth or right ascension"),
+    Row(0.0, "[fe80::1234:5678:9abc:def0%eth0]:58288", "!", b"", "sends so much that it is read too late: " * 4),
+    Row(0.0, "127.0.0.1:1", "x", bytes(range(256)), "dropped: no command of an LX200 begins so"),
+    Row(0.0, "mount", ">", b":SM" + b"x" * 61 + b"#", "w" * 300),
+    Row(0.0, "mount", "^", b"", "port opened", name="observatory-pier"),
+]
+
+
+@pytest.mark.parametrize("columns", [1, 40, 60, 80, 100, 132, 250])
+@pytest.mark.parametrize("row", LONG)
+def test_lines_fit_and_nothing_is_left_out(row: Row, columns: int) -> None:
+    lines = wrapped(row, columns)
+    assert max(len(line) for line in lines) <= max(columns, 40)
+    assert all(line.startswith("    ") for line in lines[1:])
+    told = "".join("".join(lines).split())
+    for part in (row.side, show(row.data), row.words, row.name):
+        assert "".join(part.split()) in told
+
+
+def test_a_line_that_fits_is_one() -> None:
+    assert wrapped(LONG[0], 80) == ["00:00:00.000 mount           < 331D2100,0DBC7900# e: RA 04:47:04, Dec +19°18'55\""]
+    assert plain(LONG[1]).count("\n") == 0
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+ENTRIES = [Entry(0.0, "1.2.3.4:5", "+", b"", "surface 1, host 1.2.3.4"), Entry(0.0, "1.2.3.4:5", ">", b":GR#"),
+           Entry(0.0, "1.2.3.4:5", "<", b"05:34:32#"), Entry(0.0, "mount", ">", b"e"),
+           Entry(0.0, "mount", "<", b"34AB0500,12CE0500#"), Entry(0.0, "mount", "!", b"", "the mount does not answer"),
+           Entry(0.0, "1.2.3.4:5", ">", b":Sr99#"), Entry(0.0, "1.2.3.4:5", "<", b"0"),
+           Entry(0.0, "1.2.3.4:5", "x", b"Ka", "no command of an LX200 begins so"), Entry(0.0, "1.2.3.4:5", "-", b"")]
+
+
+def _printed(stream: io.StringIO, night: bool = False) -> str:
+    put = printer(Rows("nexstar", ["lx200"], speech), stream, night)
+    for entry in ENTRIES:
+        put(entry)
+    return stream.getvalue()
+
+
+@pytest.fixture(autouse=True)
+def _plain_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(layout.sys, "platform", "linux")
+
+
+def _colours(text: str) -> set[str]:
+    return {part for code in re.findall(r"\x1b\[([\d;]*)m", text) for part in code.split(";")} - {"0"}
+
+
+def test_a_terminal_gets_colours_and_a_file_none() -> None:
+    assert len(_colours(_printed(Terminal()))) > 3
+    assert "\x1b" not in _printed(io.StringIO())
+    assert re.sub(r"\x1b\[[\d;]*m", "", _printed(Terminal())) == _printed(io.StringIO())
+
+
+def test_at_night_they_are_red() -> None:
+    assert _colours(_printed(Terminal(), night=True)) <= {"31", "1", "2"}
+    assert all(line.startswith("\x1b[") for line in _printed(Terminal(), night=True).splitlines())
+
+
+@pytest.mark.parametrize(("name", "value"), [("NO_COLOR", "1"), ("TERM", "dumb")])
+def test_whoever_wants_none_gets_none(name: str, value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(name, value)
+    assert "\x1b" not in _printed(Terminal()) and "\x1b" not in _printed(Terminal(), night=True)
+
+
+def test_an_empty_no_color_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NO_COLOR", "")
+    assert "\x1b" in _printed(Terminal())
+
+
+def test_a_program_cannot_write_on_the_terminal() -> None:
+    stream = io.StringIO()
+    put = printer(Rows("nexstar", ["lx200"], speech), stream)
+    for entry in (Entry(0.0, "1.2.3.4:5", ">", b":SM\x1b[2J#"), Entry(0.0, "1.2.3.4:5", "x", b"\x1b]0;t\x07", "why"),
+                  Entry(0.0, "1.2.3.4:5", "!", b"", "b':\x1b[2J' refused"),
+                  Entry(0.0, "mount", ">", b":GVP#"), Entry(0.0, "mount", "<", b"\x1b[2J#")):
+        put(entry)
+    assert all(char == "\n" or char.isprintable() for char in stream.getvalue())

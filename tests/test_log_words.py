@@ -1,0 +1,102 @@
+"""What a command carries and a reply tells, in words: in the log and by ``decode``, by the tables alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gateway.assembly import speech
+from gateway.cli import main
+from gateway.log.conversation import Side
+from gateway.log.printing import Rows
+from gateway.tables import load
+from gateway.transcript import Entry
+
+#: Protocol, command, its words, reply, its words; the bytes are those of the manuals.
+SAID = [
+    ("nexstar", b"e", "precise right ascension and declination", b"34AB0500,12CE0500#",
+     "e: RA 04:56:15, Dec +26°26'39\""),
+    ("nexstar", b"E", "right ascension and declination", b"34AB,F2CE#", "E: RA 04:56:15, Dec -18°33'21\""),
+    ("nexstar", b"r3B78FC00,0FA79B00", "precise goto right ascension and declination: RA 05:34:32, Dec +22°00'52\"",
+     b"#", "r: accepted"),
+    ("nexstar", b"T\x02", "set tracking mode: mode 2: EQ north", b"#", "T: accepted"),
+    ("nexstar", b"P\x02\x10\x24\x09\0\0\0", "fixed rate, azimuth or right ascension, positive: rate 9", b"#",
+     "slew_azm_pos: accepted"),
+    ("nexstar", b"P\x03\x11\x07\x02\x58\0\0", "variable rate, altitude or declination, negative: rate 150 arcsec/s",
+     b"#", "rate_alt_neg: accepted"),
+    ("nexstar", b"W\x21\x32\x29\0\x76\x14\x11\1",
+     "set location: latitude 33°50'41\" N, longitude 118°20'17\" W", b"#", "W: accepted"),
+    ("nexstar", b"h", "local time, zone", b"\x0f\x1a\0\x04\x06\x05\xf8\1#",
+     "h: 2005-04-06 15:26:00, zone -8, dst 1"),
+    ("nexstar", b"m", "model", b"\x0c#", "m: 6-8se"),
+    ("nexstar", b"V", "hand-control version", b"\x04\x15#", "V: version 4.21"),
+    ("nexstar", b"J", "whether the alignment is complete", b"\0#", "J: not aligned"),
+    ("nexstar", b"L", "whether a goto is in progress", b"1#", "L: a goto is in progress"),
+    ("lx200", b":GR#", "right ascension of the telescope", b"05:34:32#", "GR: RA 05:34:32"),
+    ("lx200", b":GD#", "declination of the telescope", b"-00*30:00#", "GD: Dec -00°30'00\""),
+    ("lx200", b":Sr05:34:32#", "set the target right ascension: RA 05:34:32", b"1", "Sr: accepted"),
+    ("lx200", b":Sr05:34:32#", "set the target right ascension: RA 05:34:32", b"0", "Sr: Invalid value."),
+    ("lx200", b":MS#", "slew to the target", b"1Object Below Horizon.  #", "MS: Object Below Horizon."),
+    ("lx200", b":Mgw0500#", "guide in a direction, milliseconds: west, for 500 ms", b"", ""),
+    ("lx200", b":Sg011*36#", "set the site longitude, west positive: longitude 11°36'00\" W", b"1", "Sg: accepted"),
+    ("lx200", b":SG-01.0#", "set hours to add for UTC: local time is UTC+1 h", b"1", "SG: accepted"),
+    ("lx200", b":D#", "distance bars", b"#", "D: the slew is done"),
+    ("lx200", b":GW#", "mounting, tracking and alignment state", b"PT2#", "GW: polar, tracking, aligned on two stars"),
+    ("lx200", b"\x06", "alignment mode", b"A", "ACK: alt-az"),
+    ("lx200", b":GVP#", "name of the product", b"LX2001\x1b#", 'GVP: "LX2001\\x1b"'),
+]
+
+
+@pytest.mark.parametrize(("protocol", "command", "words", "reply", "answer"), SAID)
+def test_words(protocol: str, command: bytes, words: str, reply: bytes, answer: str) -> None:
+    side = Side(protocol, *speech(protocol))
+    assert side.command(command).words == words
+    if reply:
+        assert side.reply(reply).words == answer
+
+
+@pytest.mark.parametrize(("protocol", "command", "words", "reply", "answer"), SAID)
+def test_decode_and_the_log_have_the_same_words(protocol: str, command: bytes, words: str, reply: bytes, answer: str,
+                                                tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    spied = tmp_path / "spied"
+    spied.write_text("".join(f"00000{number}.002 {way} 0000  {data[start : start + 16].hex(' ').upper()}  .\n"
+                             for number, (way, data) in enumerate([("TX  ", command), ("RX  ", reply)])
+                             for start in range(0, len(data), 16)))
+    assert main(["decode", "--protocol", protocol, str(spied)]) == 0
+    told = capsys.readouterr().out.splitlines()
+    live = Rows("lx200", [protocol], speech)
+    entries = [Entry(0.0, "1.2.3.4:5", "+", b"", "surface 1, host 1.2.3.4"), Entry(0.0, "1.2.3.4:5", ">", command),
+               Entry(1.0, "1.2.3.4:5", "<", reply)][: 3 if reply else 2]
+    shown = [row.words for entry in entries for row in live.take(entry)][1:]
+    assert [line[line.index(word) :] for line, word in zip(told, shown, strict=True)] == shown
+
+
+@pytest.mark.parametrize("protocol", ["lx200", "nexstar"])
+def test_only_what_does_nothing_else_counts_as_a_question(protocol: str) -> None:
+    table = load(protocol)
+    acting = {name for name, command in table.commands.items()
+              if not command.question and any(picture.fields for _, picture in command.replies)}
+    assert acting == ({"CM", "P", "MS", "SC"} if protocol == "lx200" else set())
+    does = ("Set", "Goto", "Move", "Sync", "Stop", "Halt", "Park", "Cancel", "Pulse", "Focus")
+    for name, row in table.surface.items():
+        if table.commands[name].question:
+            assert not [one for one in row.operations if one.startswith(does)]
+
+
+def test_every_row_of_words_is_about_a_field_or_a_command_that_there_is() -> None:
+    for protocol in ("lx200", "nexstar"):
+        table = load(protocol)
+        fields = {name: {field for picture in [*command.requests, *(one for _, one in command.replies)]
+                         for field in picture.fields} for name, command in table.commands.items()}
+        rows = table.extra("words.toml")
+        assert set(rows.get("commands", {})) <= set(fields)
+        for name in rows["fields"]:
+            command, dot, field = name.rpartition(".")
+            assert field in (fields[command] if dot else set().union(*fields.values())), name
+
+
+def test_unknown_bytes_are_bytes() -> None:
+    side = Side("lx200", *speech("lx200"))
+    assert side.command(b":XX#").words == "no command of the lx200 protocol"
+    assert side.reply(b"\xffwhat").words == ""
