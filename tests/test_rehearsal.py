@@ -127,7 +127,7 @@ def test_what_is_explained_is_what_the_mount_was_sent() -> None:
 def test_a_read_is_explained_with_what_the_mount_is_asked() -> None:
     assert "to the mount: e  precise" in explain("nexstar", "cpc", "e")
     told = explain("lx200", "lx200gps", ":GVP#")  # no model is named: the mount itself is what programs see
-    assert "outcome on a lx200gps mount: its own answer" in told and told.endswith("reply: LX2001#")
+    assert "answered by the mount itself" in told and told.endswith("reply: LX2001#")
     assert explain("nexstar", "lx200:lx200", "m").endswith("reply: \\x09#")  # over a polar Meade a CPC (9) on its wedge
 
 

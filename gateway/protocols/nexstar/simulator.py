@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 from gateway.errors import UserError
@@ -66,9 +67,8 @@ class HandControl:
             raise UserError(f"no NexStar model is called {model!r}; there are {', '.join(protocol.models)}")
         self.row: dict[str, Any] = protocol.models[model]
         self._know_version(version, starsense)
-        known = [row for row in protocol.commands.values() if row.known_to(model, self.version)]
-        self._protocol, self._pass_through = protocol, _by_device(known)
-        self._opcodes = frozenset(row.request.literal[0] for row in known)
+        self._protocol = protocol
+        self._opcodes, self._pass_through = _known(model, self.version)
         self._framer = Framer()
         self.clock: Callable[[], float] = clock
         self.now: float = clock()
@@ -233,9 +233,20 @@ class HandControl:
                 self.mechanics.resume(due)
 
 
-def _by_device(known: list[Command]) -> dict[tuple[int, int | None, int], list[tuple[Command, int]]]:
-    """(length, device or None for any, command) -> pass-through rows and the reply bytes they ask for."""
-    found: dict[tuple[int, int | None, int], list[tuple[Command, int]]] = {}
+#: (length, device or None for any, command) -> pass-through rows and the reply bytes they ask for.
+PassThrough = dict[tuple[int, int | None, int], list[tuple[Command, int]]]
+
+
+@cache
+def _known(model: str, version: Version) -> tuple[frozenset[int], PassThrough]:
+    """The first bytes of the commands that a model of this version has, and its pass-through commands."""
+    known = [row for row in load("nexstar").commands.values() if row.known_to(model, version)]
+    return frozenset(row.request.literal[0] for row in known), _by_device(known)
+
+
+def _by_device(known: list[Command]) -> PassThrough:
+    """The pass-through rows among them, by what stands in the request."""
+    found: PassThrough = {}
     for command in known:
         if command.request.literal[0] == PASS_THROUGH:
             frame = command.request.encode(dict.fromkeys(command.request.fields, 0))
