@@ -186,7 +186,8 @@ class Meade(Driver):
     def speed(self, rate: Rate) -> float:
         """Degrees a second, at most, at a hand rate."""
         if rate.name is None and rate.degrees is not None:
-            return max(min(rate.degrees, SPEEDS["RS"]), nearest(self.abilities, rate.degrees).degrees)
+            speed = nearest(self.abilities, rate.degrees).degrees
+            return max(min(rate.degrees, SPEEDS["RS"]), speed) if rate.key is None else speed
         return SPEEDS[rate_command(rate)]
 
     @property
