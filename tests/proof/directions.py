@@ -18,6 +18,8 @@ from typing import Any, NamedTuple
 
 from gateway import operations as op
 from gateway.mount_geometry import Build
+from gateway.protocols.lx200.driver.speeds import nearest
+from gateway.protocols.nexstar.rates import key_speed, rate_tables
 from gateway.spherical import SIDEREAL_RATE, horizon_to_hour_angle, hour_angle_to_horizon, wrap180
 from gateway.truth import Truth, truth_of
 from tests.bridge import Bridge
@@ -196,7 +198,7 @@ async def _nexstar(bridge: Bridge, case: Scenario) -> list[Row]:
 
     senses = [(axis, way) for axis in (1, 2) for way in (36, 37)]
     for key in (1, 2, 4, 6, 9):
-        speed = bridge.driver.speed(op.Rate(key=key))
+        speed = nearest(bridge.driver.abilities, key_speed(rate_tables()["se"], key)).degrees  # a CGE's key
         for axis, way in senses:
             before, after = await _seen(bridge, tell(80, 2, 15 + axis, way, key, 0, 0, 0),
                                         tell(80, 2, 15 + axis, 36, 0, 0, 0, 0), SLOWLY if speed < 0.1 else MEASURED)
