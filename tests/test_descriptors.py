@@ -15,7 +15,7 @@ import pytest
 from gateway import descriptors
 from gateway.assembly import Gateway
 from gateway.errors import MappingError
-from gateway.protocols.nexstar.driver import state
+from gateway.protocols.nexstar import rates
 from gateway.tables import Protocol
 from tests.bridge import Bridge
 from tests.test_ports import address, ask, serve
@@ -86,7 +86,7 @@ def test_who_comes_when_no_file_is_left_is_turned_away_with_one_line_and_later_l
 
 
 def test_an_arrow_begins_though_no_file_can_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    state._RATES.clear()
+    rates.rate_tables.cache_clear()
 
     async def nothing_opens(function: Any, *arguments: Any) -> Any:
         raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))

@@ -44,16 +44,15 @@ _NO_GPS: Refusals = {"GetGps": "NoDevice", "ClockFromGps": "NoDevice"}
 _NO_PEC: Refusals = {"PeriodicError": "Unsupported"}
 #: In alt-az both axes follow the sky, at the sidereal rate alone.
 _FORK: Refusals = {"TrackRate": "Unsupported"}
-#: Motors before 6.12.
-_NO_PULSES: Refusals = {"Pulse": "Unsupported", "PulseAxis": "Unsupported"}
+#: Motors before 6.12, on forks: variable rates on both axes do for a pulse on the sky, not for a motor's own.
+_NO_PULSES: Refusals = {"PulseAxis": "Unsupported"}
 #: Before 2.3: neither site nor clock.
 _OLD: Refusals = {"SetSite": "Kept", "SetClock": "Kept"}
-_GPS_SETS_NO_CLOCK: Refusals = {"ClockFromGps": "Unsupported"}
 #: Before 1.6: no pass-through to motors and GPS unit.
 _ANCIENT: Refusals = _OLD | {"SetTracking": "Unsupported", "Park": "KeepsTracking", "Sleep": "Unsupported",
                              "Wake": "Unsupported", "GetGps": "Unsupported", "ClockFromGps": "Unsupported",
                              "GuideRate": "Unsupported", "SetGuideRate": "Unsupported", "Backlash": "Unsupported",
-                             "Focus": "Unsupported"}
+                             "Focus": "Unsupported", "Pulse": "Unsupported"}
 _SE: Refusals = _NO_GPS | _NO_PEC | _FORK
 _SE_OLD_MOTORS: Refusals = _SE | _NO_PULSES
 _GERMAN: Refusals = _NO_GPS
@@ -61,11 +60,11 @@ _GERMAN_BARE: Refusals = _NO_GPS | _NO_PEC
 
 NEXSTAR: dict[str, dict[str, Refusals]] = {
     "nexstar-gps": {
-        "1.2": _ANCIENT | _FORK | _NO_PULSES | _NO_PEC, "1.6": _OLD | _FORK | _NO_PULSES | _GPS_SETS_NO_CLOCK | _NO_PEC,
-        "2.2": _OLD | _FORK | _NO_PULSES | _GPS_SETS_NO_CLOCK, "4.21": _FORK | _NO_PULSES},
+        "1.2": _ANCIENT | _FORK | _NO_PULSES | _NO_PEC, "1.6": _OLD | _FORK | _NO_PULSES | _NO_PEC,
+        "2.2": _OLD | _FORK | _NO_PULSES, "4.21": _FORK | _NO_PULSES},
     "nexstar-gps-sa": {
-        "1.6": _OLD | _FORK | _NO_PULSES | _GPS_SETS_NO_CLOCK | _NO_PEC,
-        "2.2": _OLD | _FORK | _NO_PULSES | _GPS_SETS_NO_CLOCK, "4.21": _FORK | _NO_PULSES},
+        "1.6": _OLD | _FORK | _NO_PULSES | _NO_PEC,
+        "2.2": _OLD | _FORK | _NO_PULSES, "4.21": _FORK | _NO_PULSES},
     "i-series": {"1.6": _OLD | _SE_OLD_MOTORS, "2.2": _OLD | _SE_OLD_MOTORS, "4.21": _SE_OLD_MOTORS},
     "i-series-se": {"2.2": _OLD | _SE_OLD_MOTORS, "2.3": _SE_OLD_MOTORS, "4.21": _SE_OLD_MOTORS},
     "cge": dict.fromkeys(("2.3", "3.01", "3.02", "3.04", "4.10", "4.21"), _GERMAN),

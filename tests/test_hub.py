@@ -156,7 +156,7 @@ def test_a_drive_rate_comes_back_after_motion_and_goto() -> None:
                 await asyncio.sleep(1)
             await asyncio.sleep(1)
             assert bridge.sent().count(lunar) >= 3
-            assert await client.ask(b":GT#") == b"57.9#"
+            assert await client.ask(b":GT#") == b"58.7#"
 
     run(program())
 

@@ -118,8 +118,9 @@ _FIELDS: dict[str, list[Any]] = {
 }  # fmt: skip
 _RATES = [op.Rate(name="guide"), op.Rate(name="max"), op.Rate(key=1), op.Rate(key=9), op.Rate(degrees=0.0001),
           op.Rate(degrees=2.0), op.Rate(degrees=99.0), op.Rate(name="max", degrees=4.0)]  # fmt: skip
-#: An internal or a verbatim operation needs more than values for its fields.
-KINDS = [kind for name in sorted(vars(op)) if (kind := op.named(name)) and kind is not op.Verbatim]
+#: Those for a mount's own kind need a command of its protocol.
+FOR_ITS_KIND = (op.Verbatim, op.Own, op.Choose)
+KINDS = [kind for name in sorted(vars(op)) if (kind := op.named(name)) and kind not in FOR_ITS_KIND]
 
 
 def any_operation(rng: Random) -> op.Operation:
@@ -169,6 +170,7 @@ _RIGHT: dict[type[op.Operation], Callable[[Any], bool]] = {
     op.SiderealTime: lambda value: _between(value, 0, 359.99999999999),
     op.PierSide: lambda value: value in ("E", "W"),
     op.GuideRate: lambda value: _between(value, 0, 1),
+    op.DriveRate: lambda value: _between(value, 0.5, 2),
     op.HomeState: lambda value: value in (0, 1, 2),
 }  # fmt: skip
 

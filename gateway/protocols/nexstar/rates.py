@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 from gateway.tables import load
@@ -10,14 +11,12 @@ from gateway.tables import load
 #: Degrees a second.
 SIDEREAL = 15.041067 / 3600.0
 
-_RATES: dict[str, dict[str, Any]] = {}
 
-
+@cache
 def rate_tables() -> dict[str, dict[str, Any]]:
     """The tables by their names, read once."""
-    if not _RATES:
-        _RATES.update(load("nexstar").extra("rates.toml"))
-    return _RATES
+    tables: dict[str, dict[str, Any]] = load("nexstar").extra("rates.toml")
+    return tables
 
 
 def key_speed(rates: Mapping[str, Any], key: int) -> float:
