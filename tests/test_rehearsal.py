@@ -31,6 +31,7 @@ SOME = [
     ("lx200:autostar", "nexstar:nexstar-gps/1.2"), ("lx200:lx200", "nexstar:cge/3.02"),
     ("lx200:lx200gps", "nexstar:cpc/4.21"), ("lx200:lx200-16", "nexstar:avx/5.31"),
     ("nexstar:nexstar-gps/1.2", "lx200:autostar"), ("nexstar:cge/3.02", "lx200:lx200"),
+    ("nexstar:cge/2.3", "lx200:lx200gps"), ("lx200:lx200gps", "nexstar:nexstar-gps/2.2"),
     ("nexstar:cpc/4.21", "lx200:lx200gps"), ("nexstar:gt/104.0", "lx200:lx200-16"),
 ]  # fmt: skip
 

@@ -19,7 +19,7 @@ from gateway.recording import unescape
 from gateway.rehearsal.play import Before, Play, Player, stage
 from gateway.simulators import DEFAULT_MODEL
 from gateway.sky import Sky
-from gateway.tables import KEEPS, Protocol, SurfaceRow, Version, load
+from gateway.tables import KEEPS, Command, Protocol, SurfaceRow, Version, load
 from gateway.transcript import show
 from gateway.virtual import run
 
@@ -58,7 +58,8 @@ def explain(surface: str, mount: str, typed: str) -> str:
         lines.append(f"  not valid: {error}")
     play, presented = play_one(face, at, frame, row)
     own = shows_itself(at, face)
-    lines += _own(protocol, command.name) if own else _said(row, driven, at, protocol.traits(presented))
+    seen = traits(replace(face, model=presented), command)
+    lines += _own(protocol, command.name) if own else _said(row, driven, at, seen)
     said = f"after {' '.join((*row.after, *row.during))}, " if row and (row.after or row.during) else ""
     lines.append(f"  for example, {said}with the Crab nebula as the target and an aligned mount that tracks:")
     return "\n".join([*lines, *shown(play, at.protocol)])
@@ -84,9 +85,11 @@ def counted(mount: Endpoint) -> Version | None:
     return effective(load(mount.protocol), mount.model or "", mount.version) if mount.version else None
 
 
-def traits(face: Endpoint) -> frozenset[str]:
-    """What rows may ask of a presented model."""
-    return load(face.protocol).traits(face.model or DEFAULT_MODEL[face.protocol])
+def traits(face: Endpoint, command: Command) -> frozenset[str]:
+    """What a row may ask of a presented model: nothing where its version lacks the command."""
+    protocol, model = load(face.protocol), face.model or DEFAULT_MODEL[face.protocol]
+    version = effective(protocol, model, face.version) if face.version else None
+    return protocol.traits(model) if command.known_to(None, version) or command.beyond else frozenset()
 
 
 def before(face: Endpoint, row: SurfaceRow) -> Before:

@@ -91,14 +91,16 @@ def is_look(protocol: Protocol, data: bytes) -> bool:
 def stage(face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, wedge: bool = False) -> Stage:
     """The gateway between a presented model and a simulated mount, each with its version, in the night of ``START``.
 
-    What old hand controls do not tell is in the settings: name, site, tracking mode. A NexStar has a focuser on it.
+    What old hand controls do not tell is in the settings: name, site, and on a wedge the tracking mode. A NexStar has
+    a focuser on it.
     """
     model = mount.model or DEFAULT_MODEL[mount.protocol]
     config: dict[str, Any] = {"site": DEFAULT_SITE}
     simulated: dict[str, Any] = {}
     if mount.protocol == "nexstar":
         simulated = {"focuser": True, "wedge": wedge}
-        config["mode"] = "alt-az" if "alt-az" in load(mount.protocol).traits(model, wedge) else "eq-north"
+    if wedge:
+        config["mode"] = "eq-north"
     return Stage(model, mount.version, start=START, driven=mount.protocol,
                  presented=face.protocol, surface=face.model, surface_version=face.version, aligned=aligned, sky=sky,
                  speed=HURRY, named=True, config=config, simulated=simulated)

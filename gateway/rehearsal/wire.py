@@ -124,7 +124,7 @@ async def _one(pair: Pair, player: Player, command: Command, protocol: Protocol,
     play: Play = await player.play(frame, said, watched)
     asked = frozenset(found[0].name for data in own.sent() if (found := driven.find(data)) is not None)
     surface = own.face.surface
-    case = Case(command, row, traits(pair.face), driven, pair.mount.model or "", counted(pair.mount), *state,
+    case = Case(command, row, traits(pair.face, command), driven, pair.mount.model or "", counted(pair.mount), *state,
                 bool(surface.lacks(own.face.model, frame)))
     where = f"{pair}{'' if state.aligned else ', not aligned'}{', on a wedge' if state.wedge else ''}"
     return [Difference(protocol.name, command.name, words, where) for words in differences(case, play, surface, asked)]
