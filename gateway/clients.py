@@ -24,7 +24,7 @@ from gateway.hub import FRESH, MISSING, Hub
 from gateway.line import AT_ONCE, LATE
 from gateway.motion_kinds import BY_HAND, begins_motion
 from gateway.mount.safety.dead_man import HostActivity
-from gateway.operations import CancelGoto, ClockFromGps, Halt, Operation, Stop, Sync
+from gateway.operations import CancelGoto, ClockFromGps, Halt, Operation, Own, Stop, Sync
 from gateway.ports.baud import Trial
 from gateway.surface import Again, Defer, Handling, Possible, Session, Speed, Start, Surface
 from gateway.transcript import Transcript
@@ -262,7 +262,7 @@ class Client:
                     return wanted
                 if type(wanted) in FRESH:
                     turn.spent.append(type(wanted))
-                else:
+                elif not (isinstance(wanted, Own) and wanted.keep == "fixed"):
                     turn.plain = False
                 answer = self._tell(wanted, value)
 
