@@ -30,8 +30,9 @@ LATENCY = 0.05
 #: Seconds that an answer may be old: it is fresh for half a second and was under way before.
 OLDEST = 1.2
 ARCSECOND = 1.0 / 3600.0
-#: In motion a place is reckoned, which may be wrong by so many degrees where the motion has just begun or turns.
-RECKONED = 1.5
+#: In motion a place is reckoned, which may be wrong by so many degrees where the motion has just begun or turns: a
+#: quarter of a second at the 8 degrees a second of a Meade.
+RECKONED = 2.0
 #: Half a unit, degrees: of HH:MM:SS, of sDD*MM:SS, of 24 bits of a turn.
 SECOND, ARC, BINARY = 7.5 * ARCSECOND, 0.5 * ARCSECOND, 180.0 / 2**24
 #: The same by protocol, for right ascension and declination.

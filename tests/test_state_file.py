@@ -238,7 +238,7 @@ def test_a_slow_disk_keeps_no_client_waiting(tmp_path: Path) -> None:
         async with Bridge(state=tmp_path, in_thread=slow) as bridge:
             client, began = bridge.client(), bridge.hub.now()
             assert await client.ask(b":SMA#:GM#", until=b"A#") == b"1A#"
-            client.tell(b":RG#:Mn#")
+            client.tell(b":RM#:Mn#")
             while not bridge.hub.motions.axes:
                 await asyncio.sleep(0.001)
             assert bridge.hub.now() - began < 0.4, "two or three exchanges, and 20 ms for the mark"

@@ -102,7 +102,7 @@ def test_a_look_sees_what_the_mount_does_and_asks_it_nothing() -> None:
             assert (first.name, first.slewing, first.programs) == ("cpc", False, 0)
             assert first.position is not None and first.status is not None and first.status.aligned
             client = bridge.client()
-            await client.ask(b":Me#:GR#")
+            await client.ask(b":RM#:Me#:GR#")
             assert look(pier, rate).by_hand
             assert look(pier, rate).programs == 1
             await client.ask(b":Q#:GR#")
