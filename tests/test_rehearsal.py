@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
-from gateway.config import Endpoint, parse_words
+from gateway.config import Endpoint, parse_device
 from gateway.errors import UserError
 from gateway.pairs import PAIRS
 from gateway.rehearsal import wire
@@ -38,7 +38,7 @@ SOME = [
 
 @pytest.mark.parametrize(("face", "mount"), SOME)
 def test_the_tables_say_what_the_wire_carries(face: str, mount: str) -> None:
-    plays, found = wire.rehearse(wire.Pair(parse_words(face), parse_words(mount)))
+    plays, found = wire.rehearse(wire.Pair(parse_device(face), parse_device(mount)))
     assert plays >= len(load(face.partition(":")[0]).commands)
     assert list(wire.report(found)) == []
 
@@ -142,9 +142,9 @@ def test_a_read_is_explained_with_what_the_mount_is_asked() -> None:
     ],
 )
 def test_a_mount_is_known_by_the_word_on_it(words: str, device: str) -> None:
-    assert str(parse_words(words)) == f"{device}@"
+    assert str(parse_device(words)) == f"{device}@"
 
 
 def test_a_word_that_is_on_no_mount_is_refused() -> None:
     with pytest.raises(UserError, match=r"no protocol .* and no model; did you mean 'cgx'"):
-        parse_words("cgx9")
+        parse_device("cgx9")

@@ -22,9 +22,9 @@ def add(commands: Any) -> None:
 
 def _model(words: str) -> str:
     """A model by the word that is on the mount, as ``PROTOCOL:MODEL[/VERSION]``. Raises UserError."""
-    from gateway.config import parse_words
+    from gateway.config import parse_device
 
-    known = parse_words(words)
+    known = parse_device(words)
     version = f"/{known.version}" if known.version else ""
     return f"{known.protocol}:{known.model}{version}" if known.model else words
 

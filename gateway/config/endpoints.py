@@ -10,6 +10,8 @@ from collections.abc import Sequence
 
 import msgspec
 
+from gateway.config import called
+from gateway.config.called import PROTOCOLS
 from gateway.errors import UserError
 from gateway.protocols.nexstar.versions import (
     STARSENSE,
@@ -20,7 +22,8 @@ from gateway.protocols.nexstar.versions import (
 )
 from gateway.tables import load, parse_version, show_version
 
-PROTOCOLS = ("lx200", "nexstar")
+__all__ = ["PROTOCOLS", "Endpoint", "misplaced", "nearest", "parse_device", "parse_endpoint", "parse_site"]
+
 OLDEST, NEWEST = (1, 2), (6, 0)
 
 
@@ -43,21 +46,34 @@ def parse_endpoint(text: str) -> Endpoint:
     """Raises UserError for an unknown protocol, model or version."""
     what, at, where = text.partition("@")
     if not at or not where:
-        raise UserError(f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example nexstar@/dev/ttyUSB0")
+        raise UserError(f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_whole(text.strip('@'))}")
     return parse_device(what, where)
 
 
+def _whole(text: str) -> str:
+    """Examples made of the half of an endpoint that was written."""
+    if called.device(text.partition("/")[0]):
+        return f"{text}@/dev/ttyUSB0"
+    if text.startswith(("/dev/", "COM", "tcp://", "socket://", "rfc2217://", "pty:")) or text == "sim":
+        return f"nexstar@{text} (Celestron) or lx200@{text} (Meade)"
+    return "nexstar@/dev/ttyUSB0"
+
+
 def parse_device(what: str, where: str = "") -> Endpoint:
-    """``PROTOCOL[:MODEL[/VERSION]]``; a StarSense hand control is a version or a model of its own. Raises UserError."""
-    protocol, _, rest = what.partition(":")
-    if protocol not in PROTOCOLS:
-        raise UserError(f"{protocol!r} is no protocol; write one of {', '.join(PROTOCOLS)}")
-    model, slash, version = rest.partition("/")
+    """``PROTOCOL[:MODEL[/VERSION]]``, or what owners call a mount in the place of either; a StarSense hand control is a
+    version or a model of its own. Raises UserError."""
+    name, slash, version = what.partition("/")
+    device = called.device(name)
+    if device is None:
+        raise UserError(f"{name!r} is no protocol ({', '.join(PROTOCOLS)}) and no model; {called.suggestion(name)}")
+    protocol, _, model = device.partition(":")
     if protocol == "nexstar" and model == STARSENSE:
         model, version = "", f"{STARSENSE}-{version}" if slash else STARSENSE
     words = [*load(protocol).models, *([STARSENSE] if protocol == "nexstar" else [])]
     if model and model not in words:
-        raise UserError(f"{protocol} has no model {model!r}; {nearest(model, words)}")
+        other = called.device(model)
+        right = f"write {other}" if other else nearest(model, words)
+        raise UserError(f"{protocol} has no model {model!r}; {right}")
     return Endpoint(protocol, where, model or None, _version(protocol, version) if version else None)
 
 

@@ -11,7 +11,7 @@ from functools import cache
 from msgspec.structs import replace
 
 from gateway.assembly import shows_itself
-from gateway.config import Endpoint, parse_words
+from gateway.config import Endpoint, parse_device
 from gateway.errors import UserError
 from gateway.operations import GetStatus
 from gateway.pairs import effective, outcome, taken
@@ -36,7 +36,7 @@ def explain(surface: str, mount: str, typed: str) -> str:
 
     Raises UserError for one of them that does not exist, and for a command that the protocol does not have.
     """
-    face, at = parse_words(surface), whole(parse_words(mount))
+    face, at = parse_device(surface), whole(parse_device(mount))
     frame = unescape(typed)
     protocol, driven = load(face.protocol), load(at.protocol)
     found = protocol.find(frame)

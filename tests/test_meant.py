@@ -1,0 +1,199 @@
+"""What a person types that is none of the commands, flags and mounts: it is said what was meant, and done where that is
+beyond doubt."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gateway.cli import main
+from gateway.cli.meant import plainly
+from gateway.config import called, parse_device, parse_endpoint
+from gateway.config.called import PROTOCOLS
+from gateway.detect.ports import named, whole
+from gateway.errors import UserError
+from gateway.tables import load
+from tests.running import Running, ask
+from tests.test_cli import refused
+
+FILE = '[mount]\nat = "nexstar:cpc@sim"\n[[surface]]\nat = "lx200@tcp://127.0.0.1:0"\n'
+PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder that one is in."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ([], "which command? mount-gateway demo needs no mount"),
+        (["rum"], "there is no command 'rum'; did you mean mount-gateway run?"),
+        (["Detect"], "did you mean mount-gateway detect?"),
+        (["gateway.toml"], "did you mean mount-gateway run gateway.toml?"),
+        (["nexstar@sim"], "did you mean mount-gateway run --mount nexstar@sim?"),
+        (["--mount", "x"], "for example: mount-gateway run --mount"),
+        (["run", "--mont", "x"], "run has no flag --mont; did you mean --mount?"),
+        (["run", "--write", "x"], "mount-gateway detect and mount-gateway tables have it"),
+        (["run", "--name", "pier"], "name is written in gateway.toml, under [mount]; mount-gateway config --example"),
+        (["run", "nexstar@sim", "lx200@tcp://:0"], "write --mount before the mount, and --surface before where"),
+        (["run", "nexstar@sim"], "write --mount before the mount, and --surface before where"),
+        (["run", "a.toml", "--config", "b.toml"], "a.toml and --config b.toml: write one file"),
+        (["explain", ":GR#"], "missing: mount, command; for example: mount-gateway explain lx200 nexstar :MS#"),
+        (["decode"], "missing: FILE; for example: mount-gateway decode night.rec"),
+        (["completion", "tcsh"], "shell 'tcsh': write one of bash, zsh, fish"),
+        (["demo", "--speed", "fast"], "--speed 'fast': write a number"),
+        (["demo", "--port", "x"], "--port 'x': write a whole number"),
+        (["sim", "nexstar", "--latency", "slow"], "--latency 'slow': write a number"),
+        (["run", "--mount"], "--mount: what it is set to is missing behind it"),
+        (["stop", "--hold", "--release"], "--release and --hold cannot be had together"),
+        (["run", *PLAIN, "--surface", "lx200@pty:/tmp/x", "--allow", "10.0.0.1"],
+         "--allow: there are 2 surfaces; write allow in gateway.toml, under the [[surface]]"),
+        (["run", *PLAIN, "--allow", "10.0.0.1/8"], "--allow '10.0.0.1/8': write 10.0.0.0/8"),
+    ],
+)
+def test_it_is_said_what_was_meant(arguments: list[str], says: str, here: Path) -> None:
+    assert says in refused(*arguments)
+
+
+def test_words_of_later_versions_of_python_are_handed_on() -> None:
+    assert plainly("something new", "mount-gateway run", "") == "something new (mount-gateway run --help tells more)"
+
+
+def test_the_file_of_this_folder_is_read(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "gateway.toml").write_text(FILE)
+    assert main(["config"]) == 0
+    told = capsys.readouterr()
+    assert 'at = "nexstar:cpc@sim"  # gateway.toml:2' in told.out
+    assert told.err.startswith("mount-gateway: going by gateway.toml, which is in this folder; --config FILE")
+    assert main(["config", "--lowest", "7"]) == 0
+    assert "lowest = 7.0  # --lowest" in capsys.readouterr().out
+
+
+def test_who_names_a_mount_does_not_mean_the_file_here(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "gateway.toml").write_text("not even TOML")
+    assert main(["config", *PLAIN]) == 0
+    assert capsys.readouterr().err == ""
+    assert "gateway.toml:1" in refused("config")  # a mistake in it stands alone on stderr
+
+
+def test_a_file_needs_no_flag(here: Path, started: list[Running]) -> None:
+    path = here / "other.toml"
+    path.write_text(FILE)
+    gateway = Running("run", str(path))
+    started.append(gateway)
+    assert ask(gateway.ready(), b":GR#")
+    assert gateway.end() == 0
+
+
+def test_a_surface_takes_its_keys_from_flags(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--client", "stellarium", "--allow", "10.0.0.0/8,127.0.0.1", "--max-clients", "3", "--precision=low"]
+    assert main(["config", *PLAIN, *words, "--read-only"]) == 0
+    told = capsys.readouterr().out
+    for line in ('client = "stellarium"  # --client', 'allow = ["10.0.0.0/8", "127.0.0.1"]  # --allow',
+                 "max-clients = 3  # --max-clients", 'precision = "low"  # --precision',
+                 "read-only = true  # --read-only"):
+        assert f"{line}\n" in told
+    assert main(["config", *PLAIN, "--read-only=10.0.0.0/8"]) == 0
+    assert 'read-only = ["10.0.0.0/8"]  # --read-only\n' in capsys.readouterr().out
+
+
+def test_a_flag_changes_the_one_surface_of_a_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "gateway.toml").write_text(FILE)
+    assert main(["config", "--client", "stellarium"]) == 0
+    told = capsys.readouterr().out
+    assert 'client = "stellarium"  # --client\n' in told
+    assert 'at = "lx200@tcp://127.0.0.1:0"  # gateway.toml:4\n' in told
+
+
+# --- mounts by the words on them -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("word", "device"),
+    [
+        ("6se", "nexstar:6-8se"), ("8se", "nexstar:6-8se"), ("5se", "nexstar:4-5se"), ("cpc800", "nexstar:cpc"),
+        ("CPC 1100", "nexstar:cpc"), ("lx90", "lx200:autostar"), ("etx", "lx200:autostar"), ("etx90", "lx200:autostar"),
+        ("ETX-125", "lx200:autostar"), ("avx", "nexstar:avx"), ("celestron", "nexstar"), ("Meade", "lx200"),
+        ("Celestron NexStar 8 SE", "nexstar:6-8se"), ("celestron:6se/4.10", "nexstar:6-8se/4.10"),
+        ("nexstar:6se", "nexstar:6-8se"), ("lx200:etx", "lx200:autostar"), ("Meade LX200-ACF", "lx200:lx200gps"),
+        ("NexStar", "nexstar"), ("lx200", "lx200"), ("nexstar:cge/3.02", "nexstar:cge/3.02"),
+        ("starsense/1.19", "nexstar:starsense/1.19"),
+    ],
+)
+def test_a_mount_is_known_by_what_owners_call_it(word: str, device: str) -> None:
+    assert str(parse_device(word)) == f"{device}@"
+    assert parse_endpoint(f"{word}@sim") == parse_endpoint(f"{device}@sim")
+
+
+@pytest.mark.parametrize(
+    ("word", "says"),
+    [
+        ("celestrn", "did you mean 'celestron'?"), ("cpc1200", "did you mean 'cpc1100'?"), ("nexstr", "'nexstar'?"),
+        ("nexstar:lx90", "nexstar has no model 'lx90'; write lx200:autostar"),
+        ("telescope", "write nexstar for a Celestron, lx200 for a Meade, or the name of the mount"),
+    ],
+)
+def test_another_word_is_refused_with_what_was_meant(word: str, says: str) -> None:
+    with pytest.raises(UserError) as refusal:
+        parse_device(word)
+    assert says in str(refusal.value)
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_every_word_stands_for_one_mount_that_there_is(protocol: str) -> None:
+    names = {*load(protocol).models, called.ANY, *(["starsense"] if protocol == "nexstar" else [])}
+    rows = called.called(protocol)
+    assert set(rows) <= names
+    words = [word for side in PROTOCOLS for row in called.called(side).values() for word in row]
+    assert len(words) == len(set(words))
+    for model, row in rows.items():
+        for word in row:
+            assert parse_device(word).protocol == protocol and (model == called.ANY or parse_device(word).where == "")
+
+
+@pytest.mark.parametrize("subcommand", [
+    ("config", "--surface", "lx200@tcp://:0", "--mount", "6se@sim"), ("explain", "etx", "6se", ":GR#"),
+    ("tables", "--model", "6se"),
+])
+def test_they_are_known_in_every_subcommand(subcommand: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(list(subcommand)) == 0
+    assert capsys.readouterr().out
+
+
+def test_a_simulated_mount_has_its_owners_name(started: list[Running]) -> None:
+    mount = Running("sim", "etx90")
+    started.append(mount)
+    assert ask(mount.ready(), b":GVP#") == b"Autostar#"
+    mount.end()
+
+
+@pytest.mark.parametrize(
+    ("half", "says"),
+    [("/dev/ttyACM0", "nexstar@/dev/ttyACM0 (Celestron) or lx200@/dev/ttyACM0 (Meade)"), ("6se", "6se@/dev/ttyUSB0"),
+     ("nexstar@", "nexstar@/dev/ttyUSB0")],
+)
+def test_half_an_endpoint_is_made_whole_in_the_example(half: str, says: str) -> None:
+    with pytest.raises(UserError) as refusal:
+        parse_endpoint(half)
+    assert str(refusal.value).endswith(f"for example {says}")
+
+
+# --- ports for detect ------------------------------------------------------------------------------------------------
+
+
+def test_a_port_may_be_named_without_its_folder(tmp_path: Path) -> None:
+    (tmp_path / "ttyUSB7").touch()
+    assert whole("ttyUSB7", tmp_path) == str(tmp_path / "ttyUSB7")
+    assert [whole(text, tmp_path) for text in ("ttyUSB8", "COM3", "/dev/ttyS0", "socket://1.2.3.4:5")] == [
+        "ttyUSB8", "COM3", "/dev/ttyS0", "socket://1.2.3.4:5"]  # fmt: skip
+
+
+def test_an_address_is_one_of_the_network() -> None:
+    assert named("192.168.1.50:4030").url == "socket://192.168.1.50:4030"
+    assert named("meade@pi.local:4030").named == parse_endpoint("lx200@socket://pi.local:4030")
+    assert named("8se@/dev/ttyUSB0").named == parse_endpoint("nexstar:6-8se@/dev/ttyUSB0")
