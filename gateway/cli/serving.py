@@ -120,6 +120,8 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         def ready(gateway: Gateway) -> None:
             for name in gateway.names():
                 screen.say(f"ready {name}")
+            for line in _from_elsewhere(gateway.names()):
+                screen.say(line)
             to_be_ready.remove(gateway)
             if not to_be_ready:
                 notify("READY=1")
@@ -140,6 +142,15 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         for recorder in recorders:
             recorder.close()
     return 0
+
+
+def _from_elsewhere(names: Sequence[str]) -> list[str]:
+    """What to type on a phone or on another computer to reach these surfaces; nothing for those that only this one
+    reaches."""
+    from gateway.announce import offered
+    from gateway.announce.addresses import in_words, to_type
+
+    return [in_words(offer, to_type(offer)) for offer in offered(names) if offer.wide]
 
 
 def _log(config: Config, mount: MountConfig) -> Sink:
