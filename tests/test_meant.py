@@ -3,6 +3,9 @@ beyond doubt."""
 
 from __future__ import annotations
 
+import asyncio
+import errno
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,6 +14,7 @@ from gateway.cli import main
 from gateway.cli.meant import plainly
 from gateway.config import called, parse_device, parse_endpoint
 from gateway.config.called import PROTOCOLS
+from gateway.config.places import right
 from gateway.detect.ports import named, whole
 from gateway.errors import UserError
 from gateway.tables import load
@@ -197,3 +201,74 @@ def test_an_address_is_one_of_the_network() -> None:
     assert named("192.168.1.50:4030").url == "socket://192.168.1.50:4030"
     assert named("meade@pi.local:4030").named == parse_endpoint("lx200@socket://pi.local:4030")
     assert named("8se@/dev/ttyUSB0").named == parse_endpoint("nexstar:6-8se@/dev/ttyUSB0")
+
+
+# --- places as people write them -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("mount", "surface", "says"),
+    [
+        ("nexstar@sim", "lx200@127.0.0.1:4030", "--surface: lx200@127.0.0.1:4030: write lx200@tcp://127.0.0.1:4030"),
+        ("nexstar@sim", "lx200@tcp:127.0.0.1:4030", "write lx200@tcp://127.0.0.1:4030"),
+        ("nexstar@sim", "lx200@tcp:/[::1]:4030", "write lx200@tcp://[::1]:4030"),
+        ("nexstar@sim", "lx200@4030", "write lx200@tcp://127.0.0.1:4030"),
+        ("nexstar@sim", "lx200@socket://0.0.0.0:4030", "write lx200@tcp://0.0.0.0:4030"),
+        ("6se@192.168.1.5:4030", "lx200@tcp://:0", "--mount 6se@192.168.1.5:4030: write 6se@socket://192.168.1.5:4030"),
+        ("lx200@tcp://10.0.0.1:4030", "lx200@tcp://:0", "write lx200@socket://10.0.0.1:4030"),
+        ("lx200@pty:/tmp/meade", "lx200@tcp://:0", "write lx200@/tmp/meade"),
+        ("nexstar@sim", "lx200@tcp://no-computer.invalid:4030",
+         "no address is known for the name no-computer.invalid; write 0.0.0.0 for everybody"),
+    ],
+)
+def test_a_place_is_told_as_it_should_be_written(mount: str, surface: str, says: str) -> None:
+    assert says in refused("run", "--mount", mount, "--surface", surface)
+
+
+def test_a_device_may_lack_its_folder(tmp_path: Path) -> None:
+    (tmp_path / "ttyUSB7").touch()
+    assert right("ttyUSB7", False, tmp_path) == str(tmp_path / "ttyUSB7")
+    for where, listening in [("COM3", False), ("/dev/ttyS0", False), ("sim", False), ("pty:/tmp/x", True),
+                             ("tcp://:4030", True), ("socket://a:1", False), ("rfc2217://a:1", True),
+                             ("hwgrep://x", False)]:
+        assert right(where, listening, tmp_path) == "", where
+    assert right("rfc2217:a:1", False, tmp_path) == "rfc2217://a:1"
+
+
+def test_a_simulated_mount_listens_at_a_place_that_is_one() -> None:
+    assert "sim: --at 5000: write --at tcp://127.0.0.1:5000" in refused("sim", "nexstar", "--at", "5000")
+
+
+def test_a_port_of_the_system_is_not_to_be_had(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(errno.EACCES, "error while attempting to bind on address ('127.0.0.1', 80)")
+
+    monkeypatch.setattr(asyncio.base_events.BaseEventLoop, "create_server", refuse)
+    monkeypatch.setitem(sys.modules, "uvloop", None)
+    assert "ports below 1024 are for the system's own services; take a higher one, such as 4030" in refused(
+        "run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:80")
+
+
+@pytest.mark.parametrize("quotes", ["“”", "„“", "‘’", "«»"])
+def test_quotes_of_a_word_processor_are_named(quotes: str, here: Path) -> None:
+    (here / "gateway.toml").write_text(f"[mount]\nat = {quotes[0]}nexstar@sim{quotes[1]}\n", "utf-8")
+    assert 'gateway.toml:2: column 6: ' in (line := refused("run"))
+    assert 'the quotes here are typographic ones: write plain ones, as in "nexstar@/dev/ttyUSB0"' in line
+
+
+def test_the_same_place_twice_by_flags_speaks_of_no_file() -> None:
+    line = refused("run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:4055", "--surface", "nexstar@tcp://:4055")
+    assert "tcp://:4055 is taken by another one already" in line and "file" not in line
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["nexstar", "lx200", "r34AB,12CE"], "precise goto right ascension and declination is written like 'r3B78EC00,"),
+        (["lx200", "nexstar", "GR"], "did you mean ':GR#'? Its : is missing"),
+        (["lx200", "nexstar", ":GR"], "did you mean ':GR#'? Its # is missing"),
+        (["lx200", "nexstar", "e"], "it is one of nexstar: write explain nexstar lx200"),
+    ],
+)
+def test_explain_knows_what_was_meant(words: list[str], says: str) -> None:
+    assert says in refused("explain", *words)

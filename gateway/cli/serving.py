@@ -242,7 +242,7 @@ async def _find(gateway: Gateway) -> None:
     assert gateway.hub is not None
     line = gateway.hub.line
     if line.reason.startswith("cannot open"):
-        raise UserError(f"{gateway.title}: {line.reason}; mount-gateway detect shows which ports there are")
+        raise UserError(f"{gateway.title}: {line.reason}; {_instead(gateway.mount.where, line.reason)}")
     await line.close()
     from gateway.detect import who_answers
 
@@ -253,3 +253,14 @@ async def _find(gateway: Gateway) -> None:
     look = f"mount-gateway detect {where} looks closer" if "://" in where else "mount-gateway detect tries every port"
     raise UserError(f"{gateway.title}: no mount answers (is it switched on, and the cable in the hand control?); "
                     f"{look}, --wait keeps trying")
+
+
+def _instead(where: str, reason: str) -> str:
+    """What to do about a mount's port that cannot be opened."""
+    if "in use" not in reason:
+        return "mount-gateway detect shows which ports there are"
+    from gateway.detect.ports import holder
+
+    who = holder(where)
+    return (f"{who or 'that program'} has it: end that, or, where it is a mount-gateway itself, give it another "
+            "--surface and connect there")

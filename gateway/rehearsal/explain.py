@@ -17,6 +17,7 @@ from gateway.operations import GetStatus
 from gateway.pairs import effective, outcome, taken
 from gateway.recording import unescape
 from gateway.rehearsal.play import Before, Play, Player, stage
+from gateway.rehearsal.samples import example
 from gateway.simulators import DEFAULT_MODEL
 from gateway.sky import Sky
 from gateway.tables import KEEPS, Command, Protocol, SurfaceRow, Version, load
@@ -147,9 +148,13 @@ def _hint(client: str, frame: bytes) -> str:
     other = "nexstar" if client == "lx200" else "lx200"
     if load(other).find(frame) is not None:
         return f"; it is one of {other}: write explain {other} {client}"
-    if client == "lx200" and not frame.endswith(b"#"):
-        return "; its # is missing"
-    return ""
+    if client == "lx200":
+        bare = frame.strip(b":#")
+        if load(client).find(whole := b":" + bare + b"#") is not None:
+            return f"; did you mean '{show(whole)}'? {'Its # is missing' if frame[:1] == b':' else 'Its : is missing'}"
+        return ""
+    alike = [command for command in load(client).commands.values() if command.request.literal[:1] == frame[:1]]
+    return f"; {alike[0].help} is written like '{show(example(alike[0]))}'" if alike else ""
 
 
 def shown(play: Play, mount: str) -> list[str]:
