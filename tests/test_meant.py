@@ -264,7 +264,7 @@ def test_the_same_place_twice_by_flags_speaks_of_no_file() -> None:
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["nexstar", "lx200", "r34AB,12CE"], "precise goto right ascension and declination is written like 'r3B78EC00,"),
+        (["nexstar", "lx200", "r34AB,12CE"], "goto right ascension and declination is written like 'r3B78EC00,0"),
         (["lx200", "nexstar", "GR"], "did you mean ':GR#'? Its : is missing"),
         (["lx200", "nexstar", ":GR"], "did you mean ':GR#'? Its # is missing"),
         (["lx200", "nexstar", "e"], "it is one of nexstar: write explain nexstar lx200"),
