@@ -117,7 +117,7 @@ def test_a_difference_is_told_once_with_the_pairs_that_show_it() -> None:
 def test_what_is_explained_is_what_the_mount_was_sent() -> None:
     told = explain("lx200gps", "cge", ":TL#")  # FFFD hexadecimal is the lunar rate of the azimuth motor
     assert "to the mount: P\\x03\\x10\\x06\\xff\\xfd\\x00\\x00  variable rate" in told
-    assert explain("lx200", "cge", "\\x06").endswith("reply: P")
+    assert explain("lx200", "cge", "\\x06").endswith("reply: P  (polar)")
     small = explain("lx200", "gt/101.0", ":Mn#")
     assert "to the mount: R" in small and "P\\x02" not in small
     assert "to the mount: and so on" in small
@@ -129,7 +129,7 @@ def test_a_read_is_explained_with_what_the_mount_is_asked() -> None:
     assert "to the mount: e  precise" in explain("nexstar", "cpc", "e")
     told = explain("lx200", "lx200gps", ":GVP#")  # no model is named: the mount itself is what programs see
     assert "answered by the mount itself" in told and told.endswith("reply: LX2001#")
-    assert explain("nexstar", "lx200:lx200", "m").endswith("reply: \\x09#")  # over a polar Meade a CPC (9) on its wedge
+    assert explain("nexstar", "lx200:lx200", "m").endswith("reply: \\x09#  (cpc)")  # a polar Meade: a CPC on its wedge
 
 
 @pytest.mark.parametrize(
