@@ -12,7 +12,7 @@ import pytest
 
 from gateway.cli import main
 from gateway.cli.meant import plainly
-from gateway.config import called, parse_device, parse_endpoint
+from gateway.config import called, parse_device, parse_endpoint, parse_site
 from gateway.config.called import PROTOCOLS
 from gateway.config.places import right
 from gateway.detect.ports import named, whole
@@ -272,3 +272,26 @@ def test_the_same_place_twice_by_flags_speaks_of_no_file() -> None:
 )
 def test_explain_knows_what_was_meant(words: list[str], says: str) -> None:
     assert says in refused("explain", *words)
+
+
+# --- sites ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("48.1,11.6", (48.1, 11.6)), ("-33.9,151.2", (-33.9, 151.2)), ("48°08'N,11°36'E", (48.1333333, 11.6)),
+        ("45.5N, 122.7W", (45.5, -122.7)), ("33 51 31 S,151d12m32sE", (-33.8586111, 151.2088889)),
+        ("11°36'E,48°08'N", (48.1333333, 11.6)), ("48:08:00,-11:36:00", (48.1333333, -11.6)),
+        ("45.5,240.5", (45.5, 240.5)),
+    ],
+)
+def test_a_site_may_be_written_as_on_a_map(text: str, place: tuple[float, float]) -> None:
+    assert parse_site(text) == pytest.approx(place, abs=1e-6)
+
+
+@pytest.mark.parametrize("text", [
+    "north", "48.1", "48.1,11.6,5", "48h,11h", "48°08'N,x", "95°N,11°E", "48°08'W,11°36'W"])
+def test_what_is_no_site_is_refused(text: str) -> None:
+    with pytest.raises(UserError, match="write LAT,LON, north and east positive: 45"):
+        parse_site(text)

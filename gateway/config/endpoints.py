@@ -103,14 +103,34 @@ def nearest(word: str, choices: Sequence[str]) -> str:
 
 
 def parse_site(text: str) -> tuple[float, float]:
-    """``LAT,LON`` in degrees, north and east positive. Raises UserError."""
+    """``LAT,LON`` in degrees, north and east positive, or as maps write it: ``48°08'N,11°36'E``. Raises UserError."""
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) == 2 and parts[0][-1:].upper() in ("E", "W") and parts[1][-1:].upper() in ("N", "S"):
+        parts.reverse()
     try:
-        latitude, longitude = (float(part) for part in text.split(","))
+        latitude, longitude = (float(part) for part in parts)
     except ValueError:
-        raise UserError(f"{text!r} is no site; write LAT,LON, north and east positive: 45.5,-122.7") from None
+        latitude, longitude = _as_on_maps(text, parts)
     if wrong := misplaced(latitude, longitude):
         raise UserError(f"{text!r}: {wrong}")
     return latitude, longitude
+
+
+def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
+    """A latitude and a longitude with minutes, or with the letter of their side. Raises UserError.
+
+    Only here astropy is loaded, which takes a second: whoever writes plain numbers does not wait for it.
+    """
+    wrong = UserError(f"{text!r} is no site; write LAT,LON, north and east positive: 45.5,-122.7 or 45°30'N,122°42'W")
+    if len(parts) != 2 or any("h" in part.lower() for part in parts):
+        raise wrong
+    from astropy.coordinates import Latitude, Longitude
+
+    try:
+        latitude, longitude = Latitude(parts[0], unit="deg"), Longitude(parts[1], unit="deg", wrap_angle="180d")
+    except (ValueError, TypeError):
+        raise wrong from None
+    return round(float(latitude.deg), 9), round(float(longitude.deg), 9)
 
 
 def misplaced(latitude: float, longitude: float) -> str:
