@@ -17,6 +17,7 @@ from gateway.config.called import PROTOCOLS
 from gateway.config.places import right
 from gateway.detect.ports import named, whole
 from gateway.errors import UserError
+from gateway.rescue import Report
 from gateway.tables import load
 from tests.running import Running, ask
 from tests.test_cli import refused
@@ -295,3 +296,16 @@ def test_a_site_may_be_written_as_on_a_map(text: str, place: tuple[float, float]
 def test_what_is_no_site_is_refused(text: str) -> None:
     with pytest.raises(UserError, match="write LAT,LON, north and east positive: 45"):
         parse_site(text)
+
+
+def test_stop_knows_a_mount_by_its_owners_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    asked: list[object] = []
+
+    async def order_all(scope: object, mount: str | None, word: str) -> Report:
+        asked.append(mount)
+        return Report([], [])
+
+    monkeypatch.setattr("gateway.rescue.order_all", order_all)
+    for name in ("6se@/dev/ttyUSB0", "/dev/ttyUSB0", "x@y"):
+        assert main(["stop", "--state", str(tmp_path), "--mount", name]) == 0
+    assert asked == ["nexstar:6-8se@/dev/ttyUSB0", "/dev/ttyUSB0", "x@y"]
