@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import os
 import sys
 from pathlib import Path
 
@@ -309,3 +310,18 @@ def test_stop_knows_a_mount_by_its_owners_name(monkeypatch: pytest.MonkeyPatch, 
     for name in ("6se@/dev/ttyUSB0", "/dev/ttyUSB0", "x@y"):
         assert main(["stop", "--state", str(tmp_path), "--mount", name]) == 0
     assert asked == ["nexstar:6-8se@/dev/ttyUSB0", "/dev/ttyUSB0", "x@y"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there are no pseudo-terminals")
+def test_a_second_gateway_is_sent_to_the_first(tmp_path: Path, started: list[Running]) -> None:
+    mount = Running("sim", "nexstar:cpc", "--at", f"pty:{tmp_path / 'mount'}")
+    started.append(mount)
+    mount.ready()
+    words = ("--mount", f"6se@{tmp_path / 'mount'}", "--surface", "lx200@tcp://127.0.0.1:0", "--state", str(tmp_path))
+    first = Running("run", *words)
+    started.append(first)
+    first.ready()
+    second = Running("run", *words)
+    started.append(second)
+    assert second.end(0) == 2
+    assert f"another mount-gateway (process {first.process.pid}) has this mount: programs connect to" in second.said

@@ -242,7 +242,7 @@ async def _find(gateway: Gateway) -> None:
     assert gateway.hub is not None
     line = gateway.hub.line
     if line.reason.startswith("cannot open"):
-        raise UserError(f"{gateway.title}: {line.reason}; {_instead(gateway.mount.where, line.reason)}")
+        raise UserError(f"{gateway.title}: {line.reason}; {_instead(gateway, line.reason)}")
     await line.close()
     from gateway.detect import who_answers
 
@@ -255,12 +255,15 @@ async def _find(gateway: Gateway) -> None:
                     f"{look}, --wait keeps trying")
 
 
-def _instead(where: str, reason: str) -> str:
+def _instead(gateway: Gateway, reason: str) -> str:
     """What to do about a mount's port that cannot be opened."""
     if "in use" not in reason:
         return "mount-gateway detect shows which ports there are"
     from gateway.detect.ports import holder
+    from gateway.locks import read_pid
 
-    who = holder(where)
-    return (f"{who or 'that program'} has it: end that, or, where it is a mount-gateway itself, give it another "
-            "--surface and connect there")
+    keeping = gateway.keeping
+    if keeping is not None and not keeping.held and (other := read_pid(keeping.lock_path)):
+        return (f"another mount-gateway (process {other}) has this mount: programs connect to that one; where they "
+                "need another --surface, end it and start it with that one, too")
+    return f"{holder(gateway.mount.where) or 'it'} has to be ended first"
