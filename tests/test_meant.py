@@ -57,8 +57,15 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["sim", "nexstar", "--latency", "slow"], "--latency 'slow': write a number"),
         (["run", "--mount"], "--mount: what it is set to is missing behind it"),
         (["stop", "--hold", "--release"], "--release and --hold cannot be had together"),
-        (["run", *PLAIN, "--surface", "lx200@pty:/tmp/x", "--allow", "10.0.0.1"],
+        (["run", *PLAIN, "--surface", "nexstar@tcp://:0", "--allow", "10.0.0.1"],
          "--allow: there are 2 surfaces; write allow in gateway.toml, under the [[surface]]"),
+        (["run", *PLAIN, "--surface", "lx200@pty:/tmp/x", "--read-only"],
+         "--read-only: there are 2 surfaces; write read-only in gateway.toml"),
+        (["run", "--mount", "nexstar@sim", "--surface", "lx200@pty:/tmp/x", "--surface", "lx200@pty:/tmp/y", "--allow",
+          "10.0.0.1"], "--allow: none of these surfaces is on a network"),
+        (["run", "--mount", "nexstar@sim", "--allow", "10.0.0.1"], "at least one surface is needed"),
+        (["run", "--mount", "nexstar@sim", "--surface", "lx200@pty:/tmp/x", "--allow", "10.0.0.1"],
+         "--allow: nobody comes from a network here; write it on a surface at tcp://"),
         (["run", *PLAIN, "--allow", "10.0.0.1/8"], "--allow '10.0.0.1/8': write 10.0.0.0/8"),
     ],
 )
@@ -106,6 +113,12 @@ def test_a_surface_takes_its_keys_from_flags(capsys: pytest.CaptureFixture[str])
         assert f"{line}\n" in told
     assert main(["config", *PLAIN, "--read-only=10.0.0.0/8"]) == 0
     assert 'read-only = ["10.0.0.0/8"]  # --read-only\n' in capsys.readouterr().out
+
+
+def test_who_may_connect_is_for_the_surface_on_the_network(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["config", "--surface", "lx200@pty:/tmp/x", *PLAIN, "--allow", "10.0.0.1"]) == 0
+    first, second = capsys.readouterr().out.split("[[surface]]")[1:]
+    assert "# allow: not set" in first and 'allow = ["10.0.0.1"]  # --allow\n' in second
 
 
 def test_a_flag_changes_the_one_surface_of_a_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

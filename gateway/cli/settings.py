@@ -28,6 +28,8 @@ GROUPS = {
 MOUNT = "about the mount"
 SURFACE = "about the surface, where there is one (where there are several: in the file)"
 #: The file that is looked for where none is named.
+#: Keys that only a surface on a network can be meant by.
+OF_NETWORK = ("allow", "max-clients")
 #: A flag that may be true or a list stands for true with this.
 ALL = "all"
 HERE = Path("gateway.toml")
@@ -121,18 +123,29 @@ def _put_flags(arguments: argparse.Namespace, tables: dict[str, Any], source: So
 
 
 def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, Any], source: Source) -> None:
-    """What the flags say of the one surface there is. Raises UserError where there are several."""
+    """What the flags say of the one surface that they can be meant for. Raises UserError where there are several."""
     given = {key.name: _value(key, text) for key in of_surface()
              for text in (getattr(arguments, key.name.replace("-", "_")),) if text is not None}
     surfaces = tables.get("surface", [])
-    if not given or not isinstance(surfaces, list) or not surfaces or not isinstance(surfaces[0], dict):
-        return
-    if len(surfaces) > 1:
-        flag = next(iter(given))
-        raise UserError(f"--{flag}: there are {len(surfaces)} surfaces; write {flag} in gateway.toml, under the "
-                        "[[surface]] that it is meant for (mount-gateway config --example shows how)")
-    tables["surface"] = [surfaces[0] | given]
-    source.flags |= {("surface", 0, key): f"--{key}" for key in given}
+    if not isinstance(surfaces, list) or not all(isinstance(surface, dict) for surface in surfaces):
+        return  # that is told by whoever reads the tables
+    for name, value in given.items():
+        meant = [number for number, surface in enumerate(surfaces)
+                 if len(surfaces) == 1 or name not in OF_NETWORK or _on_network(surface)]
+        if len(meant) > 1:
+            raise UserError(f"--{name}: there are {len(meant)} surfaces; write {name} in gateway.toml, under the "
+                            "[[surface]] that it is meant for (mount-gateway config --example shows how)")
+        if surfaces and not meant:
+            raise UserError(f"--{name}: none of these surfaces is on a network (tcp:// or rfc2217://)")
+        for number in meant:
+            tables["surface"] = surfaces = list(surfaces)
+            surfaces[number] = surfaces[number] | {name: value}
+            source.flags[("surface", number, name)] = f"--{name}"
+
+
+def _on_network(surface: dict[str, Any]) -> bool:
+    """Whether programs come to a surface from hosts."""
+    return str(surface.get("at")).partition("@")[2].startswith(("tcp://", "rfc2217://"))
 
 
 def _value(key: Key, text: Any) -> Any:
