@@ -225,7 +225,7 @@ class Gateway:
             reception.presets.where = port.where  # with the number of the port that was taken
             if exposed(port.where) and surface.allow is None and surface.read_only is not True:
                 self.warn(f"{port.where}: there is no password, whoever can reach this port can move the mount; "
-                          'allow = ["192.168.1.0/24"] on this surface lets in only those')
+                          'allow = ["192.168.1.0/24"] on this surface, or --allow 192.168.1.0/24, lets in only those')
         if self.hub is not None and self.hub.hold.on:
             self.entrance.tell("h", lambda: None)
         await self.entrance.begin(self.begin)

@@ -16,6 +16,7 @@ from gateway.ports import Guest
 from gateway.ports.guest import Arrive, HangUp
 from gateway.recorder import Recorder
 from gateway.recording import MOUNT, escape
+from gateway.shared_work import result_of
 from gateway.turns import BASE, TurnLoop
 from gateway.wires import OnData, OnLost, Wire
 
@@ -118,13 +119,13 @@ class RecordedEntrance(Entrance):
         self._loop.enter(go)
 
     async def stop(self, stop: Callable[[], Coroutine[Any, Any, None]]) -> None:
-        await asyncio.shield(await self._task("s", stop))  # who gives up waiting does not take the stop back
+        await result_of(await self._task("s", stop))  # who gives up waiting does not take the stop back
 
     async def order(self, order: Callable[[], Coroutine[Any, Any, str]]) -> str:
-        return await asyncio.shield(await self._task("o", order))
+        return await result_of(await self._task("o", order))
 
     async def end(self, end: Callable[[], Coroutine[Any, Any, None]]) -> None:
-        await asyncio.shield(await self._task("q", end))
+        await result_of(await self._task("q", end))
 
     async def _task(self, arrow: str, work: Callable[[], Coroutine[Any, Any, _T]]) -> asyncio.Task[_T]:
         begun: asyncio.Future[asyncio.Task[_T]] = self._loop.create_future()

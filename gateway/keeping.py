@@ -117,7 +117,8 @@ class Keeping:
             if not self._simulated:
                 self._say(f"another gateway holds {self.path} ({by}); this one keeps its state in memory")
         except OSError as error:
-            self._say(f"state is kept in memory only: {error}")
+            self._say(f"{self.directory} cannot be written to ({error.strerror or error}): what a hand control keeps "
+                      "over power-off is kept in memory only; --state PATH names another folder")
 
     def _read(self) -> Kept:
         try:

@@ -33,6 +33,8 @@ class PidLock:
         """``remove``: the file goes with the lock."""
         self.path, self._remove = path, remove
         self._number: int | None = None
+        #: Whether the file was there already, left over by a process that did not end by itself.
+        self.left = False
 
     def acquire(self) -> None:
         """Take it, without waiting. Raises Taken, and OSError where there can be no such file."""
@@ -49,6 +51,7 @@ class PidLock:
             finally:
                 if number >= 0:
                     os.close(number)
+        self.left = os.fstat(self._number).st_size > 0
         with contextlib.suppress(OSError):  # a full disk: the lock holds all the same
             told = b"%d\n" % os.getpid()
             os.write(self._number, told)
@@ -125,6 +128,11 @@ class Claim:
         except (Taken, OSError):
             self.release()
             raise
+
+    @property
+    def left(self) -> bool:
+        """Whether a process of this user had it and was killed."""
+        return any(lock.left for lock in self._locks)
 
     @property
     def paths(self) -> list[Path]:

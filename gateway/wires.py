@@ -17,6 +17,9 @@ from typing import Any, Protocol
 #: What hand controls and telescopes speak at power-on.
 BAUD = 9600
 
+#: The group that may use serial ports on most systems.
+USUAL_GROUP = "dialout"
+
 OnData = Callable[[bytes], None]
 OnLost = Callable[[str], None]
 #: How long a read waits, in seconds, and how many bytes are taken from a socket at a time.
@@ -172,7 +175,8 @@ def open_port(url: str, baud: int) -> Any:
         if number in (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK) or "lock" in text:
             raise OSError(errno.EBUSY, "the port is in use by another program") from None
         if number == errno.EACCES or "Permission denied" in text:
-            raise OSError(errno.EACCES, "permission denied (is this user in the group dialout?)") from None
+            raise OSError(errno.EACCES, f"permission denied; sudo usermod -aG {group_of(url)} $USER puts you into the "
+                                        "group that may use it (then log out and in again)") from None
         if "refused" in text:
             raise OSError(errno.ECONNREFUSED, "nobody listens there (connection refused)") from None
         if url.startswith(("socket://", "rfc2217://")) and "NoneType" in text:
@@ -216,3 +220,14 @@ class SimulatorWire:
 
     async def close(self) -> None:
         self._on_data = None
+
+
+def group_of(device: str) -> str:
+    """The group that may use a serial port; the usual one where that cannot be told."""
+    try:
+        import grp
+
+        name = grp.getgrgid(os.stat(device).st_gid).gr_name
+    except (ImportError, KeyError, OSError):
+        return USUAL_GROUP
+    return USUAL_GROUP if name in ("root", "wheel") else name

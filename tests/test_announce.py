@@ -8,14 +8,17 @@ import socket
 import subprocess
 import sys
 from collections.abc import Sequence
+from ipaddress import ip_address
 from typing import Any
 
 import pytest
 
 from gateway.announce import Announcement, Offer, offered
+from gateway.announce.addresses import in_words, to_type
 from gateway.announce.skyfi import answer
 from gateway.cli import serving
 from gateway.config import Config, MountConfig, SurfaceConfig
+from tests.running import Running
 
 LOCAL = ("127.0.0.1", 50000)
 EVERYWHERE = Offer("lx200", "autostar", "tcp", "0.0.0.0", 4030)
@@ -173,3 +176,48 @@ def test_mdns_finds_a_surface_and_learns_of_its_end() -> None:
     assert seen[0][0].startswith("pier on ") and seen[0][0].endswith("._nexstar._tcp.local.")
     assert (port, where) == (4030, ["127.0.0.1"])
     assert (record["model"], record["transport"], record["mount"]) == ("cge", "rfc2217", "pier")
+
+
+# --- what a person types ---------------------------------------------------------------------------------------------
+
+
+def held(*addresses: str) -> list[tuple[str, Any]]:
+    """``INTERFACE=ADDRESS`` as this computer's."""
+    return [(name, ip_address(text)) for name, _, text in (one.partition("=") for one in addresses)]
+
+
+HOME = held("lo=127.0.0.1", "eth0=169.254.3.4", "docker0=172.17.0.1", "tun0=10.8.0.2", "wlan0=192.168.1.23",
+            "wlan0=fe80::5", "wlan0=2001:db8::7")
+
+
+@pytest.mark.parametrize(
+    ("host", "own", "says"),
+    [
+        ("0.0.0.0", HOME, "on your phone: 192.168.1.23 or 10.8.0.2, port 4030"),
+        ("::", HOME, "on your phone: 192.168.1.23 or 10.8.0.2, port 4030"),
+        ("::", held("wlan0=2001:db8::7"), "on your phone: 2001:db8::7, port 4030"),
+        ("10.8.0.2", HOME, "on your phone: 10.8.0.2, port 4030"),
+        ("0.0.0.0", held("lo=127.0.0.1"), "no other computer reaches port 4030: this one is in no network now"),
+    ],
+)
+def test_it_is_told_what_to_type_into_a_phone(host: str, own: list[tuple[str, Any]], says: str) -> None:
+    offer = Offer("lx200", "autostar", "tcp", host, 4030)
+    assert in_words(offer, to_type(offer, lambda: own, lambda far: "192.168.1.23")) == says
+
+
+def test_a_port_for_serial_programs_is_for_other_computers() -> None:
+    offer = Offer("lx200", "autostar", "rfc2217", "0.0.0.0", 4030)
+    assert in_words(offer, ["192.168.1.23"]) == "on another computer: rfc2217://192.168.1.23:4030"
+
+
+def test_the_ready_line_is_followed_by_it(started: list[Running]) -> None:
+    gateway = Running("run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://0.0.0.0:0", "--surface",
+                      "lx200@tcp://127.0.0.1:0", "--no-discovery")  # fmt: skip
+    started.append(gateway)
+    gateway.ready()
+    local = gateway.ready()
+    assert gateway.process.stdout is not None
+    line = gateway.process.stdout.readline()
+    assert line.startswith(("on your phone: ", "no other computer reaches port ")) and local not in line
+    assert gateway.end() == 0
+    assert gateway.process.stdout.closed

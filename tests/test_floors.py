@@ -51,6 +51,7 @@ FLOORS = {
     "begun": 5,
     "sealed": 1,
     "backlog": 5,
+    "shared_work": 5,
     "descriptors": 4,
     "streams": 6,
     "clients": 5,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
-from gateway.config import Endpoint, parse_words
+from gateway.config import Endpoint, parse_device
 from gateway.errors import UserError
 from gateway.pairs import PAIRS
 from gateway.rehearsal import wire
@@ -38,7 +38,7 @@ SOME = [
 
 @pytest.mark.parametrize(("face", "mount"), SOME)
 def test_the_tables_say_what_the_wire_carries(face: str, mount: str) -> None:
-    plays, found = wire.rehearse(wire.Pair(parse_words(face), parse_words(mount)))
+    plays, found = wire.rehearse(wire.Pair(parse_device(face), parse_device(mount)))
     assert plays >= len(load(face.partition(":")[0]).commands)
     assert list(wire.report(found)) == []
 
@@ -117,7 +117,7 @@ def test_a_difference_is_told_once_with_the_pairs_that_show_it() -> None:
 def test_what_is_explained_is_what_the_mount_was_sent() -> None:
     told = explain("lx200gps", "cge", ":TL#")  # FFFD hexadecimal is the lunar rate of the azimuth motor
     assert "to the mount: P\\x03\\x10\\x06\\xff\\xfd\\x00\\x00  variable rate" in told
-    assert explain("lx200", "cge", "\\x06").endswith("reply: P")
+    assert explain("lx200", "cge", "\\x06").endswith("reply: P  (polar)")
     small = explain("lx200", "gt/101.0", ":Mn#")
     assert "to the mount: R" in small and "P\\x02" not in small
     assert "to the mount: and so on" in small
@@ -129,7 +129,7 @@ def test_a_read_is_explained_with_what_the_mount_is_asked() -> None:
     assert "to the mount: e  precise" in explain("nexstar", "cpc", "e")
     told = explain("lx200", "lx200gps", ":GVP#")  # no model is named: the mount itself is what programs see
     assert "answered by the mount itself" in told and told.endswith("reply: LX2001#")
-    assert explain("nexstar", "lx200:lx200", "m").endswith("reply: \\x09#")  # over a polar Meade a CPC (9) on its wedge
+    assert explain("nexstar", "lx200:lx200", "m").endswith("reply: \\x09#  (cpc)")  # a polar Meade: a CPC on its wedge
 
 
 @pytest.mark.parametrize(
@@ -142,9 +142,9 @@ def test_a_read_is_explained_with_what_the_mount_is_asked() -> None:
     ],
 )
 def test_a_mount_is_known_by_the_word_on_it(words: str, device: str) -> None:
-    assert str(parse_words(words)) == f"{device}@"
+    assert str(parse_device(words)) == f"{device}@"
 
 
 def test_a_word_that_is_on_no_mount_is_refused() -> None:
     with pytest.raises(UserError, match=r"no protocol .* and no model; did you mean 'cgx'"):
-        parse_words("cgx9")
+        parse_device("cgx9")

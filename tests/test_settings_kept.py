@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import calendar
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import Any
 
 import pytest
@@ -280,7 +280,7 @@ def test_a_time_near_the_mounts_own_is_told_again_at_once_and_not_lost(ahead: fl
         async with Bridge("6-8se", aligned=aligned, surface="autostar") as bridge:
             client = bridge.client()
             wanted = bridge.clock() + ahead
-            text = datetime.utcfromtimestamp(wanted).strftime("%H:%M:%S").encode()
+            text = datetime.fromtimestamp(wanted, UTC).strftime("%H:%M:%S").encode()
             assert await client.ask(b":SL" + text + b"#") == b"1"
             assert (await client.ask(b":GL#"))[:-1] == text
             await asyncio.sleep(10.0)

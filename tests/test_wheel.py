@@ -17,15 +17,28 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 
 
-def test_the_wheel_runs_the_demo(tmp_path: Path) -> None:
+def built(tmp_path: Path) -> Path:
+    """The wheel of the source as it is, in a folder where a former build has left a module that is no more."""
     source = tmp_path / "source"
     for name in ("gateway", "mappings"):
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "README.md"):
+    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source / name)
+    left = source / "build" / "lib" / "gateway" / "removed.py"
+    left.parent.mkdir(parents=True)
+    left.write_text("raise SystemExit('this module is no more')\n")
     build = f"from setuptools import build_meta; build_meta.build_wheel({str(tmp_path)!r})"  # what pip calls
-    subprocess.run([sys.executable, "-c", build], check=True, timeout=120, cwd=source, capture_output=True)
+    done = subprocess.run([sys.executable, "-c", build], timeout=120, cwd=source, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "deprecat" not in done.stderr.lower(), done.stderr
     [wheel] = tmp_path.glob("*.whl")
+    return wheel
+
+
+def test_the_wheel_runs_the_demo(tmp_path: Path) -> None:
+    wheel = built(tmp_path)
+    files = zipfile.ZipFile(wheel).namelist()
+    assert "gateway/removed.py" not in files and "gateway/__main__.py" in files
     fresh = tmp_path / "fresh"
     venv.create(fresh, with_pip=False)
     [site] = fresh.glob("lib/python*/site-packages")

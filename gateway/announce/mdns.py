@@ -6,12 +6,12 @@ model is presented, on which transport, and the name of the mount where there ar
 
 from __future__ import annotations
 
-import ipaddress
 import socket
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from gateway import __version__
+from gateway.announce.addresses import held
 from gateway.announce.offer import EVERYWHERE, Offer
 
 if TYPE_CHECKING:
@@ -62,14 +62,9 @@ def service(offer: Offer) -> ServiceInfo:
 
 def addresses(offer: Offer) -> Iterator[str]:
     """Where an offer is reached: the address it listens on, or all that this computer has of the kinds it takes."""
-    import ifaddr
-
     if offer.host not in EVERYWHERE:
         yield offer.host
         return
-    for adapter in ifaddr.get_adapters():
-        for held in adapter.ips:
-            text = held.ip if isinstance(held.ip, str) else held.ip[0]
-            address = ipaddress.ip_address(text)
-            if not address.is_loopback and (address.version == 4 or offer.host == "::"):
-                yield text
+    for _, address in held():
+        if not address.is_loopback and (address.version == 4 or offer.host == "::"):
+            yield str(address)

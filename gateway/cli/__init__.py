@@ -6,6 +6,7 @@ that is asked for is loaded: a gateway should be there soon after power-on.
 
 from __future__ import annotations
 
+import argparse
 import re
 import sys
 from collections.abc import Sequence
@@ -18,6 +19,10 @@ from gateway.errors import UserError
 COMMANDS = ("demo", "detect", "run", "stop", "config", "service", "sim", "tables", "explain", "replay", "decode",
             "completion")
 
+#: What may stand in the place of a command.
+ABOUT = ("-h", "--help", "--version")
+#: Flags that mean all of something when nothing is behind them.
+ALONE = ("--log", "--read-only")
 #: Of a message, in characters: three lines of a terminal, paths included.
 LONGEST = 500
 
@@ -43,7 +48,7 @@ def main(argv: list[str] | None = None) -> int:
     code = 0
     try:
         words = _bound(sys.argv[1:] if argv is None else argv)
-        arguments = parser(words[:1]).parse_args(words)
+        arguments = _parsed(words)
         code = int(arguments.run(arguments) or 0)
     except UserError as error:
         streams.warn(_shortened(str(error)), journal.ERROR)
@@ -63,6 +68,21 @@ def main(argv: list[str] | None = None) -> int:
     return code if failed is None else _untold(failed, code)
 
 
+def _parsed(words: list[str]) -> argparse.Namespace:
+    """The words as a command and its arguments. Raises UserError, and SystemExit where help was asked for."""
+    from gateway.cli import meant
+
+    if not words:
+        raise UserError("which command? mount-gateway demo needs no mount; mount-gateway --help lists all of them")
+    if words[0] not in (*COMMANDS, *ABOUT):
+        raise meant.command(words[0], COMMANDS)
+    arguments, left = parser(words[:1]).parse_known_args(words)
+    if left:
+        every = commands_of(parser())
+        raise meant.extra(left, every[words[0]], [one for name, one in every.items() if name != words[0]])
+    return arguments
+
+
 def _untold(failed: Exception, code: int) -> int:
     """The exit code when stdout could not be written to."""
     if isinstance(failed, BrokenPipeError):
@@ -79,11 +99,12 @@ def _shortened(text: str) -> str:
 def _bound(argv: list[str]) -> list[str]:
     """``--site -33.9,151.2`` as ``--site=-33.9,151.2``: else a value that begins with a minus is taken for a flag.
 
-    ``--log`` stands alone, whatever follows it: what it may be followed by is written with an equals sign.
+    ``--log`` and ``--read-only`` stand alone, whatever follows: what they may be followed by is written with an
+    equals sign.
     """
     bound: list[str] = []
     for word in argv:
-        word = "--log=all" if word == "--log" else word
+        word = f"{word}=all" if word in ALONE else word
         if bound and re.fullmatch(r"--[a-z-]+", bound[-1]) and re.match(r"-[\d.]", word):
             bound[-1] += f"={word}"
         else:
@@ -99,3 +120,9 @@ def parser(asked: Sequence[str] = ()) -> Parser:
     for name in [name for name in COMMANDS if name in asked] or COMMANDS:
         import_module(f"gateway.cli.{name}").add(commands)
     return whole
+
+
+def commands_of(whole: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """The parsers of all commands by name."""
+    [choices] = [action.choices for action in whole._actions if isinstance(action, argparse._SubParsersAction)]
+    return dict(choices)

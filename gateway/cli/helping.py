@@ -10,6 +10,7 @@ import textwrap
 from itertools import groupby
 from typing import Any, NoReturn
 
+from gateway.cli import meant
 from gateway.errors import UserError
 
 EXIT_CODES = """\
@@ -54,7 +55,8 @@ class Parser(argparse.ArgumentParser):
         return super().format_help()
 
     def error(self, message: str) -> NoReturn:
-        raise UserError(f"{message} ({self.prog} --help tells more)")
+        under = self._late() if callable(self._late) else self._late
+        raise UserError(meant.plainly(message, self.prog, meant.example(under or "", self.prog)))
 
 
 def endpoints() -> str:

@@ -15,6 +15,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gateway import journal, streams
 from gateway.errors import UserError
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ WantedBy=multi-user.target
 
 HOW = """\
 Example:
-  mount-gateway detect --write gateway.toml
+  mount-gateway detect --network --write gateway.toml
   mount-gateway service --config gateway.toml | sudo tee /etc/systemd/system/mount-gateway.service
   sudo systemctl enable --now mount-gateway
   systemctl status mount-gateway        how the mount is
@@ -91,6 +92,7 @@ def add(commands: Any) -> None:
                     "stops the mount when the gateway ends, however it ends.",
         epilog=HOW,
     )  # fmt: skip
+    service.add_argument("file", nargs="?", type=Path, metavar="FILE", help="the same as --config FILE")
     service.add_argument("--config", type=Path, metavar="FILE", default=DEFAULT, help=f"default {DEFAULT}")
     service.add_argument("--user", metavar="NAME", help="who it runs as: who runs the programs that use its virtual "
                          "serial ports (default: you)")
@@ -100,11 +102,25 @@ def add(commands: Any) -> None:
 def _service(arguments: argparse.Namespace) -> int:
     from gateway.config import make_config, read_tables
 
-    path = arguments.config.absolute()
+    path = (arguments.file or arguments.config).absolute()
     if not os.path.lexists(path):
         raise UserError(f"{path}: no such file; mount-gateway detect --write {path} makes one")
-    print(unit(make_config(*read_tables(path)), path, arguments.user or _user(), program()), end="")
+    config = make_config(*read_tables(path))
+    if arguments.user and not _is_user(arguments.user):
+        raise UserError(f"service: this computer has no user {arguments.user!r}; systemd would not start it")
+    print(unit(config, path, arguments.user or _user(), program()), end="")
+    if not any(reached_from_elsewhere(surface.at) for surface in config.surface):
+        streams.warn(f"only programs on this computer will reach this gateway, no phone: {path} has no surface at "
+                     "tcp://0.0.0.0:4030", journal.INFO)
     return 0
+
+
+def reached_from_elsewhere(at: str) -> bool:
+    """Whether a surface is for more than the programs on this computer: on the network, or on a real serial port."""
+    from gateway.ports.tcp import exposed
+
+    where = at.partition("@")[2]
+    return not where.startswith("pty:") and (exposed(where) or "://" not in where)
 
 
 def unit(config: Config, path: Path, user: str, run: list[str]) -> str:
@@ -166,6 +182,16 @@ def _user() -> str:
     if user == "root":
         raise UserError("service: as whom is it to run? write --user NAME; it needs the group dialout, not root")
     return user
+
+
+def _is_user(name: str) -> bool:
+    try:
+        import pwd
+
+        pwd.getpwnam(name)
+    except (ImportError, KeyError):
+        return name.isdecimal()
+    return True
 
 
 def _group() -> str:

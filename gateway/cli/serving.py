@@ -120,6 +120,8 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         def ready(gateway: Gateway) -> None:
             for name in gateway.names():
                 screen.say(f"ready {name}")
+            for line in _from_elsewhere(gateway.names()):
+                screen.say(line)
             to_be_ready.remove(gateway)
             if not to_be_ready:
                 notify("READY=1")
@@ -140,6 +142,15 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         for recorder in recorders:
             recorder.close()
     return 0
+
+
+def _from_elsewhere(names: Sequence[str]) -> list[str]:
+    """What to type on a phone or on another computer to reach these surfaces; nothing for those that only this one
+    reaches."""
+    from gateway.announce import offered
+    from gateway.announce.addresses import in_words, to_type
+
+    return [in_words(offer, to_type(offer)) for offer in offered(names) if offer.wide]
 
 
 def _log(config: Config, mount: MountConfig) -> Sink:
@@ -231,7 +242,7 @@ async def _find(gateway: Gateway) -> None:
     assert gateway.hub is not None
     line = gateway.hub.line
     if line.reason.startswith("cannot open"):
-        raise UserError(f"{gateway.title}: {line.reason}; mount-gateway detect shows which ports there are")
+        raise UserError(f"{gateway.title}: {line.reason}; {_instead(gateway, line.reason)}")
     await line.close()
     from gateway.detect import who_answers
 
@@ -242,3 +253,17 @@ async def _find(gateway: Gateway) -> None:
     look = f"mount-gateway detect {where} looks closer" if "://" in where else "mount-gateway detect tries every port"
     raise UserError(f"{gateway.title}: no mount answers (is it switched on, and the cable in the hand control?); "
                     f"{look}, --wait keeps trying")
+
+
+def _instead(gateway: Gateway, reason: str) -> str:
+    """What to do about a mount's port that cannot be opened."""
+    if "in use" not in reason:
+        return "mount-gateway detect shows which ports there are"
+    from gateway.detect.ports import holder
+    from gateway.locks import read_pid
+
+    keeping = gateway.keeping
+    if keeping is not None and not keeping.held and (other := read_pid(keeping.lock_path)):
+        return (f"another mount-gateway (process {other}) has this mount: programs connect to that one; where they "
+                "need another --surface, end it and start it with that one, too")
+    return f"{holder(gateway.mount.where) or 'it'} has to be ended first"

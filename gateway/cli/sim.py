@@ -13,6 +13,7 @@ from gateway.cli.serving import with_loop
 from gateway.cli.signals import until_signal
 from gateway.config import parse_device, parse_site
 from gateway.config.endpoints import PROTOCOLS
+from gateway.config.places import right
 from gateway.errors import UserError
 from gateway.protocols.nexstar.versions import made_with
 from gateway.tables import load
@@ -83,6 +84,9 @@ def _sim(arguments: argparse.Namespace) -> int:
     if not (0 <= arguments.latency < inf and 0 < arguments.speed < inf):
         raise UserError("sim: --latency is 0 or more seconds, --speed more than 0")
     places = arguments.at or ["tcp://127.0.0.1:0"]
+    for place in places:
+        if meant := right(place, True):
+            raise UserError(f"sim: --at {place}: write --at {meant}")
     if arguments.baud is not None and arguments.baud <= 0:
         raise UserError("sim: --baud is a rate like 9600")
     if arguments.land_tells_altaz and endpoint.protocol != "lx200":

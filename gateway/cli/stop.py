@@ -54,7 +54,7 @@ def _stop(arguments: argparse.Namespace) -> int:
     given = bool(arguments.state or os.environ.get("STATE_DIRECTORY"))
     scope = Scope(directory(arguments.state), alone=given)
     good, bad = [], []
-    report = asyncio.run(order_all(scope, arguments.mount, word))
+    report = asyncio.run(order_all(scope, _as_gateways_have_it(arguments.mount), word))
     for mount, answer in report.outcomes:
         name = mount or "a mount that is not known any more"
         if answer.startswith("failed "):
@@ -72,6 +72,18 @@ def _stop(arguments: argparse.Namespace) -> int:
     _say(good, sys.stdout, journal.INFO)
     _say(bad, sys.stderr, journal.ERROR)
     return 1 if bad else 0
+
+
+def _as_gateways_have_it(mount: str | None) -> str | None:
+    """A mount that was named by what its owner calls it, as the gateway calls it; any other text as it is."""
+    from gateway.config import parse_endpoint
+
+    if mount is None or "@" not in mount:
+        return mount
+    try:
+        return str(parse_endpoint(mount))
+    except UserError:
+        return mount
 
 
 NOTHING = {"stop": "nothing to stop: no gateway runs{only}, and none ended in motion",

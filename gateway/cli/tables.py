@@ -10,7 +10,12 @@ from gateway.errors import UserError
 
 def add(commands: Any) -> None:
     """Put the command into the parser."""
-    tables = commands.add_parser("tables", help="what becomes of every command, per model")
+    tables = commands.add_parser(
+        "tables", help="what becomes of every command, per model",
+        description="Prints as Markdown what becomes of every command of both protocols (mappings/README.md holds the "
+                    "same), or of those on one mount.",
+        epilog="Examples:\n  mount-gateway tables --model 6se | less\n  mount-gateway tables --model nexstar:cge/3.02",
+    )  # fmt: skip
     group = tables.add_mutually_exclusive_group()
     group.add_argument("--write", action="store_true", help="write mappings/README.md")
     group.add_argument("--check", action="store_true", help="fail when mappings/README.md is stale or a row is wrong")
@@ -22,9 +27,9 @@ def add(commands: Any) -> None:
 
 def _model(words: str) -> str:
     """A model by the word that is on the mount, as ``PROTOCOL:MODEL[/VERSION]``. Raises UserError."""
-    from gateway.config import parse_words
+    from gateway.config import parse_device
 
-    known = parse_words(words)
+    known = parse_device(words)
     version = f"/{known.version}" if known.version else ""
     return f"{known.protocol}:{known.model}{version}" if known.model else words
 

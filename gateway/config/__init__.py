@@ -9,7 +9,6 @@ from __future__ import annotations
 from gateway.config.endpoints import Endpoint, parse_device, parse_endpoint, parse_site
 from gateway.config.keys import Config, MountConfig, SurfaceConfig
 from gateway.config.reading import Source, make_config, read_tables
-from gateway.config.words import parse_words
 
 __all__ = [
     "Config",
@@ -21,6 +20,5 @@ __all__ = [
     "parse_device",
     "parse_endpoint",
     "parse_site",
-    "parse_words",
     "read_tables",
 ]

@@ -10,6 +10,7 @@ from gateway.access import networks
 from gateway.config.endpoints import nearest, parse_endpoint
 from gateway.config.keys import Config, MountConfig
 from gateway.config.lines import Place
+from gateway.config.places import right
 from gateway.config.programs import programs
 from gateway.errors import UserError
 
@@ -38,7 +39,8 @@ def mistakes(config: Config) -> Iterator[Mistake]:
     yield from _access(config)
     yield from _taken_twice(config)
     if not config.surface:
-        yield Mistake(("surface",), "at least one surface is needed, for example lx200@tcp://127.0.0.1:4030")
+        yield Mistake(("surface",), "at least one surface is needed, where programs connect: "
+                                       "--surface lx200@tcp://127.0.0.1:4030")
 
 
 def _park(number: int, mount: MountConfig) -> Iterator[Mistake]:
@@ -58,6 +60,9 @@ def _endpoints(config: Config) -> Iterator[Mistake]:
     for place, at in _all(config):
         try:
             where = parse_endpoint(at).where
+            if meant := right(where, place[0] == "surface"):
+                yield Mistake(place, f"{at}: write {at.partition('@')[0]}@{meant}")
+                continue
             if place[0] == "surface" and where.startswith(_LISTENING):
                 from gateway.ports.tcp import split_address
 
@@ -88,8 +93,8 @@ def _names(config: Config) -> Iterator[Mistake]:
             yield Mistake(("surface", number, "mount"), f"is needed where there are several; write one of "
                                                         f"{', '.join(known)}")
         elif surface.mount is not None and surface.mount not in known:
-            right = nearest(surface.mount, known) if known else "the mount has no name"
-            yield Mistake(("surface", number, "mount"), f"no mount is called {surface.mount!r}; {right}")
+            hint = nearest(surface.mount, known) if known else "the mount has no name"
+            yield Mistake(("surface", number, "mount"), f"no mount is called {surface.mount!r}; {hint}")
     for number, mount in enumerate(config.mount):
         if config.surface and not config.of(mount):
             yield Mistake(("mount", number), f"no [[surface]] has mount = {mount.name!r}, so nobody can reach it")
@@ -113,8 +118,8 @@ def _access(config: Config) -> Iterator[Mistake]:
                 continue
             place: Place = ("surface", number, key)
             if not parse_endpoint(surface.at).where.startswith(("tcp://", "rfc2217://")):
-                right = "true or false" if key == "read-only" else "it on a surface at tcp://"
-                yield Mistake(place, f"nobody comes from a network here; write {right}")
+                words = "true or false" if key == "read-only" else "it on a surface at tcp://"
+                yield Mistake(place, f"nobody comes from a network here; write {words}")
             try:
                 networks(value)
             except UserError as error:
@@ -131,7 +136,7 @@ def _taken_twice(config: Config) -> Iterator[Mistake]:
         address = _address(where, place[0] == "surface")
         if any(_meet(address, other) for other in seen):
             yield Mistake(place, f"{where} is taken by another {'mount or surface' if '://' not in where else 'one'} "
-                                 "of this file; every one needs a place of its own")
+                                 "already; every one needs a place of its own")
         seen.append(address)
 
 

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 
 import msgspec
 
+from gateway.config import called
+from gateway.config.called import PROTOCOLS
 from gateway.errors import UserError
 from gateway.protocols.nexstar.versions import (
     STARSENSE,
@@ -20,7 +22,8 @@ from gateway.protocols.nexstar.versions import (
 )
 from gateway.tables import load, parse_version, show_version
 
-PROTOCOLS = ("lx200", "nexstar")
+__all__ = ["PROTOCOLS", "Endpoint", "misplaced", "nearest", "parse_device", "parse_endpoint", "parse_site"]
+
 OLDEST, NEWEST = (1, 2), (6, 0)
 
 
@@ -43,21 +46,34 @@ def parse_endpoint(text: str) -> Endpoint:
     """Raises UserError for an unknown protocol, model or version."""
     what, at, where = text.partition("@")
     if not at or not where:
-        raise UserError(f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example nexstar@/dev/ttyUSB0")
+        raise UserError(f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_whole(text.strip('@'))}")
     return parse_device(what, where)
 
 
+def _whole(text: str) -> str:
+    """Examples made of the half of an endpoint that was written."""
+    if called.device(text.partition("/")[0]):
+        return f"{text}@/dev/ttyUSB0"
+    if text.startswith(("/dev/", "COM", "tcp://", "socket://", "rfc2217://", "pty:")) or text == "sim":
+        return f"nexstar@{text} (Celestron) or lx200@{text} (Meade)"
+    return "nexstar@/dev/ttyUSB0"
+
+
 def parse_device(what: str, where: str = "") -> Endpoint:
-    """``PROTOCOL[:MODEL[/VERSION]]``; a StarSense hand control is a version or a model of its own. Raises UserError."""
-    protocol, _, rest = what.partition(":")
-    if protocol not in PROTOCOLS:
-        raise UserError(f"{protocol!r} is no protocol; write one of {', '.join(PROTOCOLS)}")
-    model, slash, version = rest.partition("/")
+    """``PROTOCOL[:MODEL[/VERSION]]``, or what owners call a mount in the place of either; a StarSense hand control is a
+    version or a model of its own. Raises UserError."""
+    name, slash, version = what.partition("/")
+    device = called.device(name)
+    if device is None:
+        raise UserError(f"{name!r} is no protocol ({', '.join(PROTOCOLS)}) and no model; {called.suggestion(name)}")
+    protocol, _, model = device.partition(":")
     if protocol == "nexstar" and model == STARSENSE:
         model, version = "", f"{STARSENSE}-{version}" if slash else STARSENSE
     words = [*load(protocol).models, *([STARSENSE] if protocol == "nexstar" else [])]
     if model and model not in words:
-        raise UserError(f"{protocol} has no model {model!r}; {nearest(model, words)}")
+        other = called.device(model)
+        right = f"write {other}" if other else nearest(model, words)
+        raise UserError(f"{protocol} has no model {model!r}; {right}")
     return Endpoint(protocol, where, model or None, _version(protocol, version) if version else None)
 
 
@@ -87,14 +103,34 @@ def nearest(word: str, choices: Sequence[str]) -> str:
 
 
 def parse_site(text: str) -> tuple[float, float]:
-    """``LAT,LON`` in degrees, north and east positive. Raises UserError."""
+    """``LAT,LON`` in degrees, north and east positive, or as maps write it: ``48°08'N,11°36'E``. Raises UserError."""
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) == 2 and parts[0][-1:].upper() in ("E", "W") and parts[1][-1:].upper() in ("N", "S"):
+        parts.reverse()
     try:
-        latitude, longitude = (float(part) for part in text.split(","))
+        latitude, longitude = (float(part) for part in parts)
     except ValueError:
-        raise UserError(f"{text!r} is no site; write LAT,LON, north and east positive: 45.5,-122.7") from None
+        latitude, longitude = _as_on_maps(text, parts)
     if wrong := misplaced(latitude, longitude):
         raise UserError(f"{text!r}: {wrong}")
     return latitude, longitude
+
+
+def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
+    """A latitude and a longitude with minutes, or with the letter of their side. Raises UserError.
+
+    Only here astropy is loaded, which takes a second: whoever writes plain numbers does not wait for it.
+    """
+    wrong = UserError(f"{text!r} is no site; write LAT,LON, north and east positive: 45.5,-122.7 or 45°30'N,122°42'W")
+    if len(parts) != 2 or any("h" in part.lower() for part in parts):
+        raise wrong
+    from astropy.coordinates import Latitude, Longitude
+
+    try:
+        latitude, longitude = Latitude(parts[0], unit="deg"), Longitude(parts[1], unit="deg", wrap_angle="180d")
+    except (ValueError, TypeError):
+        raise wrong from None
+    return round(float(latitude.deg), 9), round(float(longitude.deg), 9)
 
 
 def misplaced(latitude: float, longitude: float) -> str:

@@ -3,7 +3,8 @@
 A new key is one field here. ``_key`` takes the words of ``--help`` and of the documentation, what the value is called
 there, an example for keys that have no default, and the limits that msgspec checks; those of a key that may be absent
 belong to the type within it, as for ``site``. The ``title`` of a limit is what a message calls it. Every key of
-``[mount]`` is also a flag of ``run``, except those with ``flag=False``; a flag writes a list with commas.
+``[mount]`` is also a flag of ``run``, except those with ``flag=False``, and so is every key that only a surface has; a
+flag writes a list with commas.
 """
 
 from __future__ import annotations

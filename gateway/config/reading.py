@@ -28,6 +28,8 @@ _HINTS = {
     "Cannot declare": "; it is there already, further up: several surfaces are [[surface]], several mounts [[mount]]",
 }
 
+#: What word processors and web pages make of plain quotes.
+_CURLY = set("\u201c\u201d\u201e\u2018\u2019\u201a\u00ab\u00bb")
 
 #: What the parser gives up at that TOML itself allows.
 _BEYOND: dict[type[Exception], str] = {
@@ -81,6 +83,8 @@ def read_tables(path: Path) -> tuple[dict[str, Any], Source]:
         tables = tomli.loads(text)
     except tomli.TOMLDecodeError as error:
         hint = next((words for start, words in _HINTS.items() if error.msg.startswith(start)), "")
+        if set(text.split("\n")[error.lineno - 1]) & _CURLY:
+            hint = '; the quotes here are typographic ones: write plain ones, as in "nexstar@/dev/ttyUSB0"'
         raise UserError(f"{path}:{error.lineno}: column {error.colno}: {error.msg}{hint}") from None
     except (RecursionError, ValueError) as error:
         raise UserError(f"{path}:{_broken_off(text)}: {_BEYOND[type(error)]}") from None
@@ -143,8 +147,8 @@ def _mistake(tables: dict[str, Any], source: Source, place: Place, field: str | 
         return _line(source, Mistake((*place, field), f"there is no such key; {hint}"))
     key = named(table, field)
     if key is None or (table == "mount" and not source.text):
-        return UserError(f"{source.name}: which mount? --mount nexstar@/dev/ttyUSB0, or a gateway.toml with [mount] "
-                         'and at = "nexstar@/dev/ttyUSB0"')
+        return UserError(f"{source.name}: which mount? Write --mount nexstar@/dev/ttyUSB0 (mount-gateway detect finds "
+                         "the port), or --config FILE with a gateway.toml")
     return _line(source, Mistake((*place, field), f'is needed: {key.words}; for example "{key.example}"'))
 
 

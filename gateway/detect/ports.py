@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 from msgspec import Struct
 
-from gateway.config.endpoints import PROTOCOLS, Endpoint, parse_endpoint
+from gateway.config.endpoints import Endpoint, parse_endpoint
 
 #: Where Linux keeps names of USB ports that outlast a change of sockets.
 LASTING = Path("/dev/serial/by-id")
@@ -42,10 +43,21 @@ def here() -> list[Place]:
 def named(text: str) -> Place:
     """A port that the user typed: a device, a pyserial URL, or an endpoint ``PROTOCOL[:MODEL]@WHERE``. Raises
     UserError."""
-    if text.partition("@")[0].partition(":")[0] in PROTOCOLS and "@" in text:
-        endpoint = parse_endpoint(text)
+    what, at, where = text.partition("@")
+    if at and "://" not in what and not what.startswith(("/", ".", "~")):
+        endpoint = parse_endpoint(f"{what}@{whole(where)}")
         return Place(endpoint.where, endpoint.where, named=endpoint)
-    return Place(text, text)
+    return Place(whole(text), whole(text))
+
+
+def whole(text: str, devices: Path = Path("/dev")) -> str:
+    """A port by its whole name: ``ttyUSB0`` is ``/dev/ttyUSB0`` where there is such a device, ``HOST:PORT`` an address
+    of the network."""
+    if re.fullmatch(r"[\w.-]+:\d{1,5}", text) and not text.lower().startswith("com"):
+        return f"socket://{text}"
+    if re.fullmatch(r"[\w.-]+", text) and not os.path.exists(text) and (devices / text).exists():
+        return str(devices / text)
+    return text
 
 
 def lasting_name(device: str, folder: Path = LASTING) -> str:

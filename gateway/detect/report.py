@@ -10,7 +10,10 @@ from gateway.detect.identify import Mount
 from gateway.detect.looking import USUAL, Finding
 from gateway.tables import parse_version
 
-SURFACES = {"nexstar": "lx200@tcp://127.0.0.1:4030", "lx200": "nexstar@tcp://127.0.0.1:4030"}
+SURFACES = {"nexstar": "lx200", "lx200": "nexstar"}
+PORT = 4030
+#: What a person must know who lets others in.
+ANYBODY = "anybody in your network can move the mount then: these protocols know no passwords"
 #: The version of a mount that tells none.
 UNTOLD = "?"
 WORDS = {
@@ -28,10 +31,10 @@ WORDS = {
 }
 
 
-def block(finding: Finding) -> str:
-    """One port, for people."""
+def block(finding: Finding, network: bool = False) -> str:
+    """One port, for people; ``network``: the file lets other computers in."""
     about = f"  ({finding.place.about})" if finding.place.about else ""
-    lines = _mount_lines(finding) if finding.mount else [_nothing(finding)]
+    lines = _mount_lines(finding, network) if finding.mount else [_nothing(finding)]
     return "\n".join([f"{finding.place.url}{about}", *(f"  {line}".rstrip() for line in lines)])
 
 
@@ -45,7 +48,7 @@ def _nothing(finding: Finding) -> str:
     return f"{words}: {finding.reason}" if finding.reason else words
 
 
-def _mount_lines(finding: Finding) -> list[str]:
+def _mount_lines(finding: Finding, network: bool) -> list[str]:
     mount = finding.mount
     assert mount is not None
     baud = f"{finding.baud} baud; " if finding.baud else ""
@@ -57,9 +60,12 @@ def _mount_lines(finding: Finding) -> list[str]:
         "; ".join(f"{name}: {words}" for name, words in mount.ways.items()),
         f"equinox: {EQUINOX[mount.equinox]}",
         *hints(finding),
-        command(finding),
-        "gateway.toml:",
-        *(f"    {line}" for line in toml(finding).splitlines()),
+        "for programs on this computer:",
+        f"  {command(finding)}",
+        "for phones and other computers, too (anybody in your network can then move the mount):",
+        f"  {command(finding, network=True)}",
+        "gateway.toml (--write FILE makes it; with --network it is for phones and other computers, too):",
+        *(f"    {line}" for line in toml(finding, network).splitlines()),
     ]
 
 
@@ -101,16 +107,22 @@ def endpoint(finding: Finding) -> str:
     return f"{mount.protocol}{model}@{place.name}"
 
 
-def command(finding: Finding) -> str:
+def surface(finding: Finding, network: bool) -> str:
+    """Where programs connect: from this computer only, or from the network, too."""
+    assert finding.mount is not None
+    return f"{SURFACES[finding.mount.protocol]}@tcp://{'0.0.0.0' if network else '127.0.0.1'}:{PORT}"
+
+
+def command(finding: Finding, network: bool = False) -> str:
     """The line that starts a gateway with this mount."""
     assert finding.mount is not None
     words = ["mount-gateway", "run", "--mount", endpoint(finding)]
     if finding.baud not in (None, USUAL):
         words += ["--baud", str(finding.baud)]
-    return shlex.join([*words, "--surface", SURFACES[finding.mount.protocol]])
+    return shlex.join([*words, "--surface", surface(finding, network)])
 
 
-def toml(finding: Finding) -> str:
+def toml(finding: Finding, network: bool = False) -> str:
     """A ``gateway.toml`` that says the same."""
     mount = finding.mount
     assert mount is not None
@@ -122,11 +134,16 @@ def toml(finding: Finding) -> str:
         rows.append('# equinox = "auto"  # j2000 for this version, by Celestron\'s own driver')
     if not mount.tells_place:
         rows += ["# site = [48.1, 11.6]  # latitude north, longitude east positive", '# mode = "alt-az"']
-    rows += ["", "[[surface]]", f"at = {json.dumps(SURFACES[mount.protocol])}"]
+    rows += ["", "[[surface]]", f"at = {json.dumps(surface(finding, network))}"]
+    if network:
+        rows += [f"# {ANYBODY}", '# allow = ["192.168.1.0/24", "127.0.0.1"]  # only these may connect']
+    else:
+        rows += [f"# in its place, for phones and other computers, too; {ANYBODY}",
+                 f"# at = {json.dumps(surface(finding, True))}"]
     return "\n".join(rows) + "\n"
 
 
-def values(finding: Finding) -> dict[str, Any]:
+def values(finding: Finding, network: bool = False) -> dict[str, Any]:
     """One port, for programs: what is not known is null."""
     mount = finding.mount
     known: dict[str, Any] = {
@@ -140,6 +157,7 @@ def values(finding: Finding) -> dict[str, Any]:
             "model": mount.model if mount.tells_model else None, "motors": list(mount.motors),
             "aligned": mount.aligned, "equatorial": mount.equatorial, "equinox": mount.equinox,
             "latency": round(mount.latency, 4), "ways": mount.ways,
-            "endpoint": endpoint(finding), "run": command(finding), "toml": toml(finding),
+            "endpoint": endpoint(finding), "run": command(finding), "run_network": command(finding, network=True),
+            "toml": toml(finding, network),
         }  # fmt: skip
     return known

@@ -17,6 +17,7 @@ from gateway.line import POSITION, READ
 from gateway.mount.motion.arrival import missed
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.safety.sync_sum import SyncSum
+from gateway.shared_work import result_of
 
 if TYPE_CHECKING:
     from gateway.hub.core import Hub
@@ -71,7 +72,7 @@ class Reader:
 
     async def anew(self, operation: op.Operation) -> Any:
         """A read from the mount, however fresh the last answer is; who gives up ends it for nobody. Raises Fault."""
-        return await asyncio.shield(self.shared(operation))
+        return await result_of(self.shared(operation))
 
     def shared(self, operation: op.Operation) -> asyncio.Task[Any]:
         """The exchange under way for this kind of read, else a new one. It belongs to all: nobody may cancel it."""

@@ -1,8 +1,8 @@
 """A name in the file system that stands for a device, and that one gateway holds at a time.
 
-The name is a symbolic link. One that a crash has left over is replaced, because nobody holds its lock any more; a link
-to anything but a pseudo-terminal, and a file of any other kind, is somebody's own and stays. The lock lies where no
-other user can get at it, so another user's gateway is known by its link alone: one that leads somewhere is in use.
+The name is a symbolic link. One that leads nowhere is replaced, and so is one that a gateway of this user left behind
+when it was killed, which its lock's file tells: the number of its pseudo-terminal may be another one's by now. Any
+other link that leads somewhere is in use by another program, and stays; so does a file of any other kind.
 """
 
 from __future__ import annotations
@@ -33,16 +33,23 @@ class Link:
             raise UserError(f"cannot make {self.path}: there is no directory {folder}")
         self._claim = _claim(self.path)
 
-    def point(self, target: str) -> None:
-        """Let the name stand for a device, at once and in the place of an older link. Raises UserError."""
+    def check(self) -> None:
+        """Raises UserError where the name is somebody else's."""
         old = os.readlink(self.path) if os.path.islink(self.path) else ""
         if os.path.exists(self.path) and not old.startswith(TERMINALS):
             what = f"a link to {old}" if old else "a directory" if os.path.isdir(self.path) else "a file"
             raise UserError(f"cannot make {self.path}: there is {what} of that name already; it is left alone")
-        if old and os.path.exists(old) and os.lstat(self.path).st_uid != user():
-            whose = user_name(os.lstat(self.path).st_uid)
+        if not old or old == self._target or not os.path.exists(old):
+            return
+        owner = os.lstat(self.path).st_uid
+        if owner != user() or not self._claim.left:
+            whose = "another program" if owner == user() else user_name(owner)
             raise UserError(f"cannot make {self.path}: {whose} has a link of that name to {old}, which is in "
                             "use; it is left alone")
+
+    def point(self, target: str) -> None:
+        """Let the name stand for a device, at once and in the place of an older link. Raises UserError."""
+        self.check()
         draft = f"{self.path}.{secrets.token_hex(8)}"  # a name that nobody can take beforehand
         try:
             os.symlink(target, draft)
@@ -59,6 +66,23 @@ class Link:
             if self._target and os.readlink(self.path) == self._target:
                 os.unlink(self.path)
         self._claim.release()
+
+
+def is_free(path: str) -> bool:
+    """Whether a gateway could have this name; what a killed one of this user has left there is taken away."""
+    try:
+        link = Link(path)
+    except UserError:
+        return False
+    try:
+        link.check()
+        if os.path.islink(link.path):
+            os.unlink(link.path)
+    except (UserError, OSError):
+        return False
+    finally:
+        link.close()
+    return True
 
 
 def like_a_serial_port(device: str) -> None:

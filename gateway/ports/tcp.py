@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import ipaddress
 import socket
 import time
@@ -224,9 +225,16 @@ class TcpPort:
         except UnicodeError:
             raise UserError(f"cannot listen on {where}: {host!r} is no name of a computer") from None
         except OSError as error:
-            reason = "the port is in use" if "in use" in str(error) else error.strerror or str(error)
+            reason = error.strerror or str(error)
+            if error.errno == errno.EADDRINUSE or "in use" in str(error):
+                reason = "the port is in use by another program (another mount-gateway?)"
             if "assign requested" in str(error):
                 reason = "this computer has no such address"
+            if isinstance(error, PermissionError):
+                reason = "ports below 1024 are for the system's own services; take a higher one, such as 4030"
+            if isinstance(error, socket.gaierror):
+                reason = (f"no address is known for the name {host}; write 0.0.0.0 for everybody who can reach this "
+                          "computer, or 127.0.0.1 for programs on it")
             raise UserError(f"cannot listen on {where}: {reason}") from None
         real = self._server.sockets[0].getsockname()
         self.where = f"{where.partition('://')[0]}://{_in_brackets(real[0])}:{real[1]}"

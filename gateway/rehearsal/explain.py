@@ -10,13 +10,16 @@ from functools import cache
 
 from msgspec.structs import replace
 
-from gateway.assembly import shows_itself
-from gateway.config import Endpoint, parse_words
+from gateway.assembly import shows_itself, speech
+from gateway.config import Endpoint, parse_device
 from gateway.errors import UserError
+from gateway.log.conversation import Side
+from gateway.log.words import in_words
 from gateway.operations import GetStatus
-from gateway.pairs import effective, outcome, taken
+from gateway.pairs import STANDS_FOR, effective, outcome, taken
 from gateway.recording import unescape
 from gateway.rehearsal.play import Before, Play, Player, stage
+from gateway.rehearsal.samples import example
 from gateway.simulators import DEFAULT_MODEL
 from gateway.sky import Sky
 from gateway.tables import KEEPS, Command, Protocol, SurfaceRow, Version, load
@@ -36,7 +39,7 @@ def explain(surface: str, mount: str, typed: str) -> str:
 
     Raises UserError for one of them that does not exist, and for a command that the protocol does not have.
     """
-    face, at = parse_words(surface), whole(parse_words(mount))
+    face, at = parse_device(surface), whole(parse_device(mount))
     frame = unescape(typed)
     protocol, driven = load(face.protocol), load(at.protocol)
     found = protocol.find(frame)
@@ -53,7 +56,8 @@ def explain(surface: str, mount: str, typed: str) -> str:
     if command.beyond:
         lines.append(f"  beyond the manual: {command.beyond}")
     try:
-        lines += [f"  {name} = {value}" for name, value in picture.decode(frame).items()]
+        if said := in_words(face.protocol, command.name, picture.decode(frame)):
+            lines.append(f"  {said}")
     except ValueError as error:
         lines.append(f"  not valid: {error}")
     play, presented = play_one(face, at, frame, row)
@@ -61,8 +65,8 @@ def explain(surface: str, mount: str, typed: str) -> str:
     seen = traits(replace(face, model=presented), command)
     lines += _own(protocol, command.name) if own else _said(row, driven, at, seen)
     said = f"after {' '.join((*row.after, *row.during))}, " if row and (row.after or row.during) else ""
-    lines.append(f"  for example, {said}with the Crab nebula as the target and an aligned mount that tracks:")
-    return "\n".join([*lines, *shown(play, at.protocol)])
+    lines.append(f"for example, {said}with the Crab nebula as the target and an aligned mount that tracks:")
+    return "\n".join([*lines, *shown(play, face.protocol, at.protocol)])
 
 
 @cache
@@ -116,14 +120,15 @@ def play_one(face: Endpoint, mount: Endpoint, frame: bytes, row: SurfaceRow | No
 
 
 def _name(at: Endpoint) -> str:
-    return f"{at.model}{f'/{at.version}' if at.version else ''}"
+    model = str(at.model)
+    return f"{'an' if model[0] in 'aeil' else 'a'} {model}{f'/{at.version}' if at.version else ''}"
 
 
 def _said(row: SurfaceRow | None, driven: Protocol, at: Endpoint, face: frozenset[str]) -> list[str]:
     """What the tables say becomes of it on this mount."""
     model, version = at.model, counted(at)
     said = outcome(row, driven, model, version, aligned=True, face=face)
-    lines = [f"outcome on a {_name(at)} mount: {said}"]
+    lines = [f"outcome on {_name(at)} mount: {_means(said)}"]
     early = outcome(row, driven, model, version, aligned=False, face=face)
     if early != said:
         lines.append(f"  before the alignment: {early}")
@@ -133,6 +138,11 @@ def _said(row: SurfaceRow | None, driven: Protocol, at: Endpoint, face: frozense
     if row is not None and row.why:
         lines.append(f"  {row.why}")
     return lines + [f"  {way.why}" for way in taken(row, driven, model, version, aligned=True) if way.why]
+
+
+def _means(outcome: str) -> str:
+    """An outcome with what the word stands for."""
+    return f"{outcome} ({STANDS_FOR[outcome]})" if outcome in STANDS_FOR else outcome
 
 
 def _own(protocol: Protocol, name: str) -> list[str]:
@@ -147,13 +157,18 @@ def _hint(client: str, frame: bytes) -> str:
     other = "nexstar" if client == "lx200" else "lx200"
     if load(other).find(frame) is not None:
         return f"; it is one of {other}: write explain {other} {client}"
-    if client == "lx200" and not frame.endswith(b"#"):
-        return "; its # is missing"
-    return ""
+    if client == "lx200":
+        bare = frame.strip(b":#")
+        if load(client).find(whole := b":" + bare + b"#") is not None:
+            return f"; did you mean '{show(whole)}'? {'Its # is missing' if frame[:1] == b':' else 'Its : is missing'}"
+        return ""
+    alike = [command for command in load(client).commands.values() if command.request.literal[:1] == frame[:1]]
+    return f"; {alike[0].help} is written like '{show(example(alike[0]))}'" if alike else ""
 
 
-def shown(play: Play, mount: str) -> list[str]:
+def shown(play: Play, face: str, mount: str) -> list[str]:
     """A play as lines: what it means, what goes to the mount up to the reply, what changes the mount after it."""
+    program, driven = Side(face, *speech(face)), Side(mount, *speech(mount))
     lines: list[str] = []
     answered, last, again = False, "", 0
     for event in play.events:
@@ -161,13 +176,12 @@ def shown(play: Play, mount: str) -> list[str]:
         if event.kind == "reply":
             answered = True
         elif event.kind == "means":
-            line = f"  means {event.words}"
+            line = f"  the gateway understands: {event.words}"
         elif event.kind == "act" or (event.kind == "look" and not answered):
-            found = load(mount).find(event.data)
-            words = found[0].help if found else ""
-            line = f"    to the mount: {show(event.data)}  {words}"
-            again = again + 1 if words == last else 0
-            last = words
+            heard = driven.command(event.data)
+            line = f"    to the mount: {show(event.data)}  {heard.words}"
+            again = again + 1 if heard.command == last else 0
+            last = heard.command
             if again == MANY:
                 line = "    to the mount: and so on"
             elif again > MANY:
@@ -178,4 +192,8 @@ def shown(play: Play, mount: str) -> list[str]:
             line = f"  a serial port goes on at {event.words} baud"
         if line and line not in lines[-1:]:
             lines.append(line)
-    return [*lines, f"reply: {show(play.reply) if play.reply else 'none'}"]
+    program.command(play.frame)
+    words = program.reply(play.reply).words.partition(": ")[2] if play.reply else ""
+    same = words.strip('"') == show(play.reply).removesuffix("#")  # a name says itself
+    about = "" if same or words in ("", "accepted") else f"  ({words})"
+    return [*lines, f"reply: {show(play.reply) if play.reply else 'none'}{about}"]

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 from gateway.config import Endpoint
 from gateway.driver import Driver
 from gateway.errors import Fault
-from gateway.operations import Operation, Read, named
+from gateway.operations import Read, named
+from gateway.rehearsal.meaning import meaning
 from gateway.rehearsal.samples import START
 from gateway.rehearsal.stage import Stage, Visitor
 from gateway.simulators import DEFAULT_MODEL, DEFAULT_SITE
@@ -193,7 +194,7 @@ class Player:
             self._events.append(Event("baud", str(wanted.baud)))
         elif not isinstance(wanted, Defer | Possible):
             operation = wanted.operation if isinstance(wanted, Start | Again) else wanted
-            self._events.append(Event("means", words(operation)))
+            self._events.append(Event("means", meaning(operation)))
 
     def _note(self, entry: Any) -> None:
         """What the transcript takes down, as far as it belongs to a command."""
@@ -205,9 +206,3 @@ class Player:
         elif entry.side == "mount" and entry.arrow == "<":
             self._events.append(Event("answer", "", entry.data))
 
-
-def words(operation: Operation) -> str:
-    """An operation with what is set of it."""
-    fields = ", ".join(f"{name}={value!r}" for name in operation.__struct_fields__
-                       if (value := getattr(operation, name)) is not None)
-    return f"{type(operation).__name__}({fields})"

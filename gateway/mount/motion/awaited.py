@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from gateway.errors import Stopped
-from gateway.mount.motion.stopping import heed
 from gateway.mount.motion.wanted import Order
+from gateway.shared_work import heed, result_of
 
 Outcome = asyncio.Future[Any]
 
@@ -78,7 +78,7 @@ class Awaited:
 async def ended(outcome: Outcome) -> Any:
     """Wait for an outcome; who gives up ends it for nobody. Raises Fault, and Stopped where it is over undone."""
     try:
-        return await asyncio.shield(outcome)
+        return await result_of(outcome)
     except asyncio.CancelledError:
         if outcome.cancelled():
             raise Stopped from None

@@ -30,6 +30,7 @@ from gateway.mount.motion.patience import forsaken, may_wait, patient, postponed
 from gateway.mount.motion.stopping import Stopping
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, RESUMED, Order, Theirs, Wanted
 from gateway.mount.safety.dead_man import HostActivity
+from gateway.shared_work import result_of
 
 #: What may have begun though its acknowledgement was lost, and would have no end then.
 BY_HAND = (op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
@@ -207,7 +208,7 @@ class Reconciler:
 
     async def stop(self) -> None:
         """End every motion, and wait until the mount has acknowledged it. Raises Fault."""
-        await asyncio.shield(self.begin_stop())
+        await result_of(self.begin_stop())
 
     def _to_be_ended(self) -> object:
         """The motion that a stop is owed for; None where none is, or something else is about to be set moving."""

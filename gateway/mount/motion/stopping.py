@@ -16,6 +16,7 @@ from gateway.errors import Busy, Fault, NoAnswer
 from gateway.line import STOP
 from gateway.mount.motion.executor import Executor
 from gateway.operations import Stop
+from gateway.shared_work import heed
 
 #: How often a stop is sent again on a line that is up, when its answer was lost.
 TRIES = 3
@@ -95,9 +96,3 @@ class Stopping:
         """Nothing is sent again."""
         if self._timer is not None:
             self._timer.cancel()
-
-
-def heed(outcome: asyncio.Future[Any]) -> None:
-    """Mark the exception as retrieved, so that asyncio does not log one for which nobody waits."""
-    if not outcome.cancelled():
-        outcome.exception()

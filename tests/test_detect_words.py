@@ -1,0 +1,130 @@
+"""What a person reads of detect: what to start, for this computer and for a phone, and what to try when there is no
+mount; and of the service that is made of the same file."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+import serial
+
+from gateway.cli import main
+from gateway.cli.service import reached_from_elsewhere
+from gateway.config import make_config, read_tables
+from gateway.detect import Finding, Place
+from gateway.detect.advice import next_steps
+from gateway.detect.identify import Mount
+from gateway.detect.report import block, toml, values
+from gateway.wires import group_of
+
+PORT = "/dev/ttyUSB0"
+
+
+def mount(protocol: str = "nexstar") -> Finding:
+    made = Mount(protocol, "Celestron NexStar", "cpc", "4.21", (), 0.1, "jnow", True, False, True, True, {})
+    return Finding(Place(PORT, PORT), protocol, 9600, mount=made)
+
+
+@pytest.mark.parametrize(("protocol", "programs"), [("nexstar", "lx200"), ("lx200", "nexstar")])
+def test_both_lines_are_told(protocol: str, programs: str) -> None:
+    lines = [line.strip() for line in block(mount(protocol)).splitlines()]
+    start = f"mount-gateway run --mount {protocol}@{PORT} --surface {programs}@tcp://"
+    here, there = lines.index(f"{start}127.0.0.1:4030"), lines.index(f"{start}0.0.0.0:4030")
+    assert lines[here - 1] == "for programs on this computer:"
+    assert lines[there - 1].startswith("for phones and other computers, too (anybody in your network can")
+    told = values(mount(protocol))["mount"]
+    assert told["run_network"].endswith("@tcp://0.0.0.0:4030") and told["run"].endswith("@tcp://127.0.0.1:4030")
+
+
+@pytest.mark.parametrize("network", [False, True])
+def test_the_file_is_for_whom_it_was_asked_for(network: bool, tmp_path: Path) -> None:
+    path = tmp_path / "gateway.toml"
+    path.write_text(toml(mount(), network))
+    [surface] = make_config(*read_tables(path)).surface
+    assert surface.at == f"lx200@tcp://{'0.0.0.0' if network else '127.0.0.1'}:4030"
+    assert "anybody in your network can move the mount" in path.read_text()
+    assert ('# at = "lx200@tcp://0.0.0.0:4030"' in path.read_text()) is not network
+    assert ("# allow = " in path.read_text()) is network
+
+
+@pytest.mark.parametrize(
+    ("finding", "says"),
+    [
+        (Finding(Place(PORT, PORT), "silent"),
+         ["switch the mount on", "base of the hand control", "lx200@/dev/ttyUSB0"]),
+        (Finding(Place(PORT, PORT), "busy"), ["/dev/ttyUSB0 is in use: end that program"]),
+        (Finding(Place(PORT, PORT), "unopened"), ["mount-gateway detect without a port"]),
+        (Finding(Place(PORT, PORT), "echo"), ["loopback plug"]),
+        (Finding(Place(PORT, PORT), "garbled"), ["another cable"]),
+    ],
+)
+def test_without_a_mount_it_is_said_what_to_try(finding: Finding, says: list[str]) -> None:
+    steps = "\n".join(next_steps([finding]))
+    assert all(part in steps for part in says)
+    assert next_steps([finding, mount()]) == []
+
+
+def test_without_a_port_too(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.detect.here", list)
+    assert main(["detect"]) == 1
+    told = capsys.readouterr()
+    assert told.out == "no mount was found\n"
+    assert "plug the USB adapter in" in told.err and "socket://192.168.1.50:4030" in told.err
+    assert main(["detect", "--json"]) == 1
+    assert capsys.readouterr() == ("[]\n", "")
+
+
+def test_a_port_that_may_not_be_opened_says_what_to_type(capsys: pytest.CaptureFixture[str],
+                                                         monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise serial.SerialException(errno.EACCES, "could not open port /dev/x: [Errno 13] Permission denied: '/dev/x'")
+
+    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    assert main(["detect", "/dev/x"]) == 1
+    told = capsys.readouterr()
+    assert "permission denied; sudo usermod -aG dialout $USER puts you into the group" in told.out
+    assert "try next" not in told.err
+    assert main(["run", "--mount", "nexstar@/dev/x", "--surface", "lx200@tcp://:0"]) == 2
+    assert "sudo usermod -aG dialout $USER" in capsys.readouterr().err
+
+
+def test_the_group_is_that_of_the_port(tmp_path: Path) -> None:
+    import grp
+
+    path = tmp_path / "port"
+    path.touch()
+    name = grp.getgrgid(os.stat(path).st_gid).gr_name
+    assert group_of(str(path)) == ("dialout" if name in ("root", "wheel") else name)
+    assert group_of(str(tmp_path / "none")) == "dialout"
+
+
+# --- the service ------------------------------------------------------------------------------------------------------
+
+
+def test_a_service_that_no_phone_reaches_is_told_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "gateway.toml"
+    path.write_text(toml(mount()))
+    assert main(["service", str(path), "--user", "daemon"]) == 0
+    told = capsys.readouterr()
+    assert "[Service]" in told.out and f"run --wait --config {path}" in told.out
+    assert "no phone" in told.err and "tcp://0.0.0.0:4030" in told.err
+    path.write_text(toml(mount(), network=True))
+    assert main(["service", "--config", str(path), "--user", "daemon"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_a_service_runs_as_somebody_who_exists(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "gateway.toml"
+    path.write_text(toml(mount()))
+    assert main(["service", str(path), "--user", "nobody-of-that-name"]) == 2
+    assert "this computer has no user 'nobody-of-that-name'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("at", "others"), [
+    ("lx200@tcp://0.0.0.0:4030", True), ("lx200@tcp://127.0.0.1:4030", False), ("lx200@pty:/tmp/lx200", False),
+    ("lx200@/dev/ttyS1", True), ("lx200@rfc2217://[::]:4030", True),
+])
+def test_who_reaches_a_surface(at: str, others: bool) -> None:
+    assert reached_from_elsewhere(at) is others
