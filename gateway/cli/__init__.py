@@ -15,9 +15,11 @@ from gateway import __version__, journal, streams
 from gateway.cli.helping import EXIT_CODES, Parser, endpoints
 from gateway.errors import UserError
 
-COMMANDS = ("demo", "detect", "run", "stop", "config", "service", "sim", "tables", "explain", "replay", "decode",
-            "completion")
+COMMANDS = ("demo", "detect", "run", "status", "watch", "goto", "sync", "move", "park", "unpark", "stop", "config",
+            "service", "sim", "tables", "explain", "replay", "decode", "completion")
 
+#: Those that take a place on the sky.
+POINTING = ("goto", "sync")
 #: Of a message, in characters: three lines of a terminal, paths included.
 LONGEST = 500
 
@@ -79,6 +81,8 @@ def _shortened(text: str) -> str:
 def _bound(argv: list[str]) -> list[str]:
     """``--site -33.9,151.2`` as ``--site=-33.9,151.2``: else a value that begins with a minus is taken for a flag.
 
+    A declination behind a blank is no flag either: ``goto 05:35:17 -05:23:28``.
+
     ``--log`` stands alone, whatever follows it: what it may be followed by is written with an equals sign.
     """
     bound: list[str] = []
@@ -86,6 +90,8 @@ def _bound(argv: list[str]) -> list[str]:
         word = "--log=all" if word == "--log" else word
         if bound and re.fullmatch(r"--[a-z-]+", bound[-1]) and re.match(r"-[\d.]", word):
             bound[-1] += f"={word}"
+        elif bound and bound[0] in POINTING and re.match(r"-[\d.]", word):
+            bound.append(f" {word}")
         else:
             bound.append(word)
     return bound

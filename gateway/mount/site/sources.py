@@ -107,8 +107,8 @@ class BestSources:
             (place, who), others = sites[0], sites[1:]
             for other in others:
                 if _apart(place, other.place) > SITE_MATTERS:
-                    yield Contradiction(other.place, unix, f"{who} stands at {_shown(place)}, {other.source} says "
-                                                           f"{_shown(other.place)}")
+                    yield Contradiction(other.place, unix, f"{who} stands at {shown(place)}, {other.source} says "
+                                                           f"{shown(other.place)}")
         for time in times[1:]:
             apart = abs(time.unix - unix)
             if apart > CLOCK_MATTERS and not (time.source == COMPUTER and apart > LOST):
@@ -120,8 +120,8 @@ def _apart(one: Place, other: Place) -> float:
     return separation(one.longitude, one.latitude, other.longitude, other.latitude)
 
 
-def _shown(place: Place) -> str:
-    """``45.0 N 10.0 E``."""
+def shown(place: Place) -> str:
+    """A site as people write it: ``45.0 N 10.0 E``."""
     north, east = "NS"[place.latitude < 0], "EW"[place.longitude < 0]
     return f"{abs(place.latitude):.1f} {north} {abs(place.longitude):.1f} {east}"
 
