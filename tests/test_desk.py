@@ -10,6 +10,7 @@ import msgspec
 from gateway.control import wishes
 from gateway.control.desk import Desk
 from gateway.operations import Direction
+from gateway.sky import Sky
 from gateway.status import State
 from gateway.truth import truth_of
 from tests.bridge import Bridge
@@ -239,5 +240,36 @@ def test_everything_is_told_by_name() -> None:
             assert state.found == "Celestron NexStar, 6-8se, version 4.21"
             assert state.site == "45.0 N 10.0 E, told by the mount"
             assert state.clock == "2026-01-15 22:00:01 UTC, told by the mount"
+
+    run(program())
+
+
+def test_a_meade_takes_the_same_wishes() -> None:
+    async def program() -> None:
+        sky = Sky()
+        sky.load()
+        async with Bridge(driven="lx200", mount="lx200gps", presented="nexstar", surface=None, sky=sky) as bridge:
+            owner = Owner(bridge)
+            assert (await owner.wish(NORTH)).startswith("done it was moved north for 3.0 s")
+            assert (await owner.wish(wishes.Goto("g", CRAB))).startswith("done it goes to 05:34:32")
+            assert (await owner.outcome("g")).startswith("done it is there: 05:34:")
+            assert (await owner.wish(wishes.Goto("j", wishes.Body("Jupiter")))).startswith("done it goes to 07:")
+            assert (await owner.wish(wishes.End("j"))) == "done the mount was stopped"
+            assert (await owner.wish(wishes.Park("p"))).startswith("done it goes to its park position")
+            assert await owner.outcome("p") == "done it is parked"
+
+    run(program())
+
+
+def test_many_wishes_leave_nothing_behind() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            owner = Owner(bridge)
+            for number in range(200):
+                await owner.wish(wishes.End(str(number)))
+            await asyncio.sleep(61)
+            for number in range(200, 270):
+                await owner.wish(wishes.End(str(number)))
+            assert sum(len(there) for there in bridge.hub.presence._hosts.values()) <= 64 + 70 + 2
 
     run(program())

@@ -158,5 +158,5 @@ def test_a_baud_rate_that_the_mount_does_not_talk_at_is_said(tmp_path: Path, sta
     command = [*GATEWAY, "run", "--mount", f"nexstar@{tmp_path}/mount", "--baud", "19200", "--surface",
                "lx200@tcp://127.0.0.1:0", "--state", str(tmp_path)]
     told = subprocess.run(command, capture_output=True, text=True, check=False, timeout=3 * PATIENCE)
-    assert (told.returncode, told.stderr) == (2, (
-        f"mount-gateway: nexstar@{tmp_path}/mount: the mount answers at 9600 baud, and not at 19200: leave --baud out\n"))
+    words = f"nexstar@{tmp_path}/mount: the mount answers at 9600 baud, and not at 19200: leave --baud out"
+    assert (told.returncode, told.stderr) == (2, f"mount-gateway: {words}\n")

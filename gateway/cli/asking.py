@@ -63,8 +63,17 @@ def the_one(arguments: argparse.Namespace) -> Door | None:
 
 def nobody(arguments: argparse.Namespace) -> None:
     """Say that no gateway runs."""
+    from gateway.reach import Scope, unseen
+    from gateway.runtime import user_name
+    from gateway.state import directory
+
     which = f" for {arguments.mount}" if arguments.mount else ""
     streams.warn(NOBODY.format(which=which), journal.ERROR)
+    given = bool(arguments.state or os.environ.get("STATE_DIRECTORY"))
+    for process in unseen(Scope(directory(arguments.state), alone=given)):
+        whose = user_name(process.user)
+        streams.warn(f"process {process.pid} is a gateway of {whose} that cannot be asked from here: ask as {whose} or "
+                     "as root; if that is you, it is of an older version", journal.ERROR)
 
 
 async def wished(door: Door, line: str, seconds: float = ANSWERED) -> str:

@@ -68,7 +68,7 @@ class Desk:
             return await self._follow(wish.number)
         if isinstance(wish, wishes.End):
             return await self._end(wish.number)
-        begun = self._remember(wish)
+        begun = self._remember(wish.number, type(wish).__name__.lower())
         try:
             return f"{DONE} {await self._do(wish, begun)}"
         except Fault as fault:
@@ -76,13 +76,12 @@ class Desk:
             hub.transcript.refused(begun.life.who, f"{type(wish).__name__}: {fault}")
             return f"{FAILED} {no(fault, hub.policy.limits)}"
 
-    def _remember(self, wish: Any) -> Begun:
-        begun = self._begun.get(wish.number)
+    def _remember(self, number: str, command: str) -> Begun:
+        begun, presence = self._begun.get(number), self._hub.presence
         if begun is None:
-            who = f"mount-gateway {type(wish).__name__.lower()}"
-            begun = self._begun[wish.number] = Begun(self._hub.presence.arrive(who), self._hub.stops)
+            begun = self._begun[number] = Begun(presence.arrive(f"mount-gateway {command}"), self._hub.stops)
             if len(self._begun) > REMEMBERED:
-                del self._begun[next(iter(self._begun))]
+                presence.leave(self._begun.pop(next(iter(self._begun))).life)
         return begun
 
     # --- carrying out -----------------------------------------------------------------------------------------------
@@ -177,10 +176,8 @@ class Desk:
         return f"{DONE} it is there{': ' + on_the_sky(seen.position) if seen.position else ''}"
 
     async def _end(self, number: str) -> str:
-        hub, begun = self._hub, self._begun.get(number)
-        if begun is None:  # it is not to begin later, either
-            begun = self._begun[number] = Begun(hub.presence.arrive("mount-gateway"), hub.stops)
-        begun.ended.set()
+        hub, begun = self._hub, self._remember(number, "stop")
+        begun.ended.set()  # if it has not come yet, it is not begun later
         if not self._moves(begun):
             return f"{DONE} nothing that was begun here is under way"
         wanted = hub.motions.wanted

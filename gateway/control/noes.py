@@ -44,6 +44,6 @@ def _means(fault: Fault, limits: Limits) -> str:
             return "A stop, or another order, came before it was done."
         case errors.Busy():
             return "Ask again in a moment."
-        case errors.Unsupported():
+        case errors.Unsupported() if str(fault) == errors.Unsupported.words:
             return "mount-gateway tables lists what this model and version can do."
     return ""
