@@ -72,9 +72,10 @@ def lines(state: State) -> Iterator[str]:
     yield f"{look.name} ({state.mount})" if look.name != state.mount else state.mount
     line = f"{look.state}{': ' * bool(look.reason)}{look.reason}"
     seen = where(look) + (f", {look.age:.0f} s ago" if look.position and look.age < 1e8 else "")
+    doing = "" if look.state in ("opening", "down") else does(look)  # nobody knows what it does now
     told = {
         "mount": [state.found or "has not said yet which one it is"],
-        "seen": [f"{seen}; {does(look)}" if does(look) else seen],
+        "seen": [f"{seen}; {doing}" if doing else seen],
         "wanted": state.wanted or ["no motion"],
         "allowed": ["; ".join(state.allowed)],
         "site": [state.site or "not known: altitudes cannot be reckoned"],
