@@ -18,6 +18,7 @@ from gateway.access import Access, networks
 from gateway.config import Endpoint, MountConfig, SurfaceConfig, parse_endpoint
 from gateway.config.programs import as_settings, programs, recognisable, settled, wanted_by
 from gateway.control import Control
+from gateway.control.desk import Desk
 from gateway.control.orders import orders
 from gateway.driver import Driver
 from gateway.entrance import Entrance
@@ -198,6 +199,8 @@ class Gateway:
         self.past = Past(Kept(FORMAT))
         self.keeping: Keeping | None = None
         self.control: Control | None = None
+        #: Where wishes from the command line are taken.
+        self.desk: Desk | None = None
         self.claim: MountClaim | None = None
         #: How everything comes in that comes from outside.
         self.entrance = Entrance()
@@ -275,6 +278,7 @@ class Gateway:
             self.keeping.attach(self.hub)
         if self.watched is not None:
             tell_of_motions(self.hub, self.watched)
+        self.desk = Desk(self.hub, self.config.name or "", str(self.mount), self.programs)
         self.hub.before_motion = self.entrance.waiting(self.hub.before_motion)
         changed = (lambda: None) if self.keeping is None else self.keeping.changed
         own: list[Face] = []
@@ -305,10 +309,13 @@ class Gateway:
         self.hub.spawn(self._fit())
 
     async def _admit(self) -> None:
-        """Let ``mount-gateway stop`` in."""
+        """Let ``mount-gateway stop`` and its like in."""
         assert self.hub is not None and self.keeping is not None
         where = [self.keeping.directory, *folders()[0]]
-        self.control = Control(where, self.keeping.name, str(self.mount), orders(self.hub, self.keeping, self.entrance))
+        desk = self.desk
+        assert desk is not None
+        self.control = Control(where, self.keeping.name, str(self.mount), orders(self.hub, self.keeping, self.entrance),
+                               lambda line: self.entrance.wish(line, desk.carry_out), self.config.name or "")
         try:
             await self.control.open()
         except OSError as error:
@@ -328,6 +335,10 @@ class Gateway:
             if face.fit is not None:
                 face.model.update(face.fit(equatorial, self.hub.driver.german, self.hub.driver.gps))
         self.fitted.set()
+
+    def programs(self) -> list[str]:
+        """The hosts of the programs that are here."""
+        return [host for reception in self.receptions for host in reception.here()]
 
     def names(self) -> list[str]:
         """One ``PROTOCOL:MODEL@WHERE`` per open port, followed by the mount's name where it has one."""

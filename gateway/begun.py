@@ -42,7 +42,7 @@ class Begun:
                                         client.name.rpartition(":")[0])
             return
         task = client.hub.begin(
-            client.inward(operation), stops, lambda fault: client.transcript.note(client.name, f"{name}: {fault}"),
+            client.inward(operation), stops, lambda fault: client.transcript.refused(client.name, f"{name}: {fault}"),
             client.life,
         )
         self._operations[task] = operation

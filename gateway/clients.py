@@ -24,7 +24,7 @@ from gateway.hub import FRESH, MISSING, Hub
 from gateway.line import AT_ONCE, LATE
 from gateway.motion_kinds import BY_HAND, begins_motion
 from gateway.mount.safety.dead_man import HostActivity
-from gateway.operations import CancelGoto, ClockFromGps, Halt, Operation, Own, Stop, Sync
+from gateway.operations import CancelGoto, ClockFromGps, Halt, Operation, Own, Read, Stop, Sync
 from gateway.ports.baud import Trial
 from gateway.surface import Again, Defer, Handling, Possible, Session, Speed, Start, Surface
 from gateway.transcript import Transcript
@@ -270,7 +270,7 @@ class Client:
         """What this client is told no with, where it may not ask for this or it is too late; the transcript knows."""
         late = self.hub.now() - came
         if late > AT_ONCE and (isinstance(operation, BY_HAND) or (late > WAIT_FOR_MOUNT and _never_late(operation))):
-            self.transcript.note(self.name, f"{type(operation).__name__}: {LATE}")
+            self.transcript.refused(self.name, f"{type(operation).__name__}: {LATE}")
             return Busy(LATE)
         refusal = self.rights.refusal(operation)
         if refusal is not None:
@@ -281,12 +281,12 @@ class Client:
         """What this client is told no with where nothing can come of it; the transcript knows."""
         fault = self.hub.impossible(operation)
         if fault is not None:
-            self.transcript.note(self.name, f"{type(operation).__name__}: {fault}")
+            self.transcript.refused(self.name, f"{type(operation).__name__}: {fault}")
         return fault
 
     def refuse(self, what: str, why: str) -> None:
         """Leave a note of what a client was refused, once for every host."""
-        self.transcript.note_once(self.name, f"{what} refused: {why}", self.name.rpartition(":")[0])
+        self.transcript.refused(self.name, f"{what} refused: {why}", self.name.rpartition(":")[0])
 
     def _again(self, operation: Operation, turn: Turn) -> Any:
         """What this client was told a moment ago; None when that is too long ago."""
@@ -315,7 +315,8 @@ class Client:
                 told = await self.hub.perform(self.inward(wanted), turn.stops, self.life, patience)
                 answer = self._tell(wanted, told)
             except Fault as error:
-                self.transcript.note(self.name, f"{type(wanted).__name__}: {error}")
+                words = f"{type(wanted).__name__}: {error}"
+                (self.transcript.note if isinstance(wanted, Read) else self.transcript.refused)(self.name, words)
                 fault = error
             try:
                 wanted = self._through(turn, answer, fault)
@@ -368,7 +369,7 @@ class Client:
     def _say_refused(self, frame: bytes) -> None:
         if self.session.refused:
             why, self.session.refused = self.session.refused, ""
-            self.transcript.note_once(self.name, f"{frame!r} refused: {why}", self.name.rpartition(":")[0])
+            self.transcript.refused(self.name, f"{frame!r} refused: {why}", self.name.rpartition(":")[0])
 
     def _explain(self, frame: bytes) -> None:
         """Leave a reason for a silence, once for every command of every host."""

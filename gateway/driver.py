@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Mapping
 from typing import Any, NamedTuple
 
 from gateway.errors import Unsupported
-from gateway.operations import GotoAxes, Operation, Own, Rate, Read, Verbatim
+from gateway.operations import GotoAxes, Identity, Operation, Own, Rate, Read, Verbatim
 from gateway.tables import Command, Protocol, Version, Way
 
 
@@ -158,6 +158,10 @@ class Driver:
     def presented(self) -> dict[str, Any]:
         """The model's constants that a surface of this protocol presents when it is to be the mount itself."""
         return {}
+
+    def told_model(self, identity: Identity) -> str | None:
+        """The model that the mount itself says it is, whatever it was named; None where it does not say."""
+        return None
 
     def own(self, operation: Own) -> Steps:
         """What the mount itself answers -> bytes. Raises Unsupported for a command that this mount has not."""

@@ -66,6 +66,10 @@ class Entrance:
         """Somebody outside has the mount stopped and looked at until it rests."""
         return await order()
 
+    async def wish(self, line: str, carry_out: Callable[[str], Coroutine[Any, Any, str]]) -> str:
+        """A person at the command line wishes for something, written on one line."""
+        return await carry_out(line)
+
     async def end(self, end: Callable[[], Coroutine[Any, Any, None]]) -> None:
         """Let the gateway end."""
         await end()
@@ -124,14 +128,19 @@ class RecordedEntrance(Entrance):
     async def order(self, order: Callable[[], Coroutine[Any, Any, str]]) -> str:
         return await result_of(await self._task("o", order))
 
+    async def wish(self, line: str, carry_out: Callable[[str], Coroutine[Any, Any, str]]) -> str:
+        if not (line.isascii() and line.isprintable()):
+            return await carry_out("")  # which it does not understand
+        return await asyncio.shield(await self._task("c", lambda: carry_out(line), line))
+
     async def end(self, end: Callable[[], Coroutine[Any, Any, None]]) -> None:
         await result_of(await self._task("q", end))
 
-    async def _task(self, arrow: str, work: Callable[[], Coroutine[Any, Any, _T]]) -> asyncio.Task[_T]:
+    async def _task(self, arrow: str, work: Callable[[], Coroutine[Any, Any, _T]], text: str = "") -> asyncio.Task[_T]:
         begun: asyncio.Future[asyncio.Task[_T]] = self._loop.create_future()
 
         def go() -> None:
-            self.recorder.line(MOUNT, arrow)
+            self.recorder.line(MOUNT, arrow, text)
             task = self._loop.create_task(work())
             if begun.cancelled():
                 task.add_done_callback(lambda done: done.cancelled() or done.exception())

@@ -131,12 +131,17 @@ class Reception:
             self.hub.transcript.note(name, f"{host} was turned away from surface {self.number}: {why}")
         raise TurnedAway
 
-    def programs(self) -> int:
-        """How many programs seem to be here: on a serial line, or between two connections, by what was heard lately."""
+    def here(self) -> list[str]:
+        """The hosts of the programs that seem to be here: on a serial line, or between two connections, by what was
+        heard lately."""
         now = self.hub.now()
         connected = {visit.host for visit in self._visits}
-        between = sum(host not in connected and now - at <= HERE for host, (at, _) in self._left.items())
-        return between + sum(not visit.lasting or now - visit.heard <= HERE for visit in self._visits)
+        between = [host for host, (at, _) in self._left.items() if host not in connected and now - at <= HERE]
+        return [visit.host for visit in self._visits if not visit.lasting or now - visit.heard <= HERE] + between
+
+    def programs(self) -> int:
+        """How many they are."""
+        return len(self.here())
 
     def _leave(self, name: str, host: str, client: Client, visit: _Visit) -> None:
         self._visits.discard(visit)

@@ -29,8 +29,8 @@ STOPPED = "stopped here"
 #: waited for has come (number, failure), ``l`` the mount's port was lost, ``w`` it could not be written to, ``k`` what
 #: the host's clock showed at 0 s, ``b s q`` the gateway begins, is told to stop the mount, and ends,
 #: ``d`` its watchdog has stopped the mount, ``o`` it is ordered to stop it and see that it rests, ``h u`` the mount is
-#: held and released, ``e`` a connection's other side has closed its end.
-BOOKKEEPING = "tglwkbsqdohue"
+#: held and released, ``e`` a connection's other side has closed its end, ``c`` a wish from the command line.
+BOOKKEEPING = "tglwkbsqdohuec"
 #: ``+ -`` are connections that come and go, ``!`` is a note, ``^ v`` are the mount's port opened and lost, ``r`` is the
 #: hub's decision to read something anew.
 ARROWS = "<>+-!^vr" + BOOKKEEPING

@@ -42,7 +42,7 @@ async def order_all(scope: Scope, only: str | None, word: str) -> Report:
     for attempt in range(LOOKS):
         found = look(scope)
         new = [(path, door) for path, door in found.gateways
-               if _meant(door.mount, only) and (door.pid, door.port) not in asked]
+               if (_meant(door.mount, only) or only == door.name) and (door.pid, door.port) not in asked]
         asked |= {(door.pid, door.port) for _, door in new}
         marks = {mark.mount: mark for mark in found.marks if _meant(mark.mount, only)}
         if word == "release" or attempt > 0:

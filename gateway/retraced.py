@@ -43,7 +43,7 @@ def turns(recording: Recording) -> Iterator[Turn]:
 
 def entered(event: Event) -> bool:
     """Whether this came from outside."""
-    return event.arrow in ("<lgbsqdohu!" if event.side == MOUNT else "+>-e")
+    return event.arrow in ("<lgbsqdohuc!" if event.side == MOUNT else "+>-e")
 
 
 class RetracedLoop(TurnLoop):

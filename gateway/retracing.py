@@ -180,6 +180,9 @@ class Retracing:
                 self._tasks.append(self._loop.create_task(gateway.hub.stop()))
             case "o":
                 self._tasks.append(self._loop.create_task(stopped(gateway.hub)))
+            case "c" if gateway.desk is not None:
+                wish = gateway.desk.carry_out(event.data.decode("latin-1"))
+                self._tasks.append(self._loop.create_task(wish))
             case "h" | "u":
                 gateway.hub.hold.on = event.arrow == "h"
             case "d":

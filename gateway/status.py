@@ -40,6 +40,35 @@ class Look(Struct, frozen=True):
     held: bool = False
 
 
+class State(Struct, frozen=True):
+    """All that is known of a mount: what is seen, what is wanted of it, what it is allowed, and how its line is.
+
+    Sentences are as a person reads them, empty where nothing is known. ``reply`` is how long it takes to answer in
+    seconds, ``answers`` how many it has given; ``lately`` is what was refused, or done
+    by the gateway itself, in the last minute.
+    """
+
+    look: Look
+    mount: str
+    product: str = ""
+    model: str = ""
+    version: str = ""
+    wanted: tuple[str, ...] = ()
+    allowed: tuple[str, ...] = ()
+    site: str = ""
+    clock: str = ""
+    programs: tuple[str, ...] = ()
+    reply: float = 0.0
+    answers: int = 0
+    lately: tuple[str, ...] = ()
+
+    @property
+    def found(self) -> str:
+        """Which mount this is, in its own words; empty before it has said so."""
+        version = f", version {self.version}" if self.version and self.version != "?" else ""
+        return f"{self.product}, {self.model}{version}" if self.product else ""
+
+
 class Rate:
     """How often something happens, from a count that is looked at now and then: over the last ``looks`` looks."""
 
@@ -68,22 +97,28 @@ def status(looks: Sequence[Look], columns: int | None = None) -> str:
 def _parts(look: Look) -> list[str]:
     """Name, position, activity, programs, rate; what is not known is empty."""
     if look.state in ("opening", "down"):
-        where, does = f"{look.state}{': ' if look.reason else ''}{look.reason}", ""
+        points, is_doing = f"{look.state}{': ' if look.reason else ''}{look.reason}", ""
     else:
-        where, does = _where(look), _does(look)
+        points, is_doing = where(look), does(look)
     programs = f"{look.programs or 'no'} program{'' if look.programs == 1 else 's'}"
-    return [look.name, where, does, programs, f"{look.rate:.1f}/s"]
+    return [look.name, points, is_doing, programs, f"{look.rate:.1f}/s"]
 
 
-def _where(look: Look) -> str:
+def where(look: Look) -> str:
+    """Where it points, in words."""
     if look.position is None:
         return "no position yet"
-    degrees, minutes, seconds = signed(look.position.dec).replace("*", ":").split(":")
     old = f" {look.age:.0f} s ago" if look.age > OLD else ""
-    return f"{hours(look.position.ra)} {degrees}°{minutes}'{seconds}\"{old}"
+    return f"{on_the_sky(look.position)}{old}"
 
 
-def _does(look: Look) -> str:
+def on_the_sky(place: Equatorial) -> str:
+    """A place as people write it: ``05:34:32 +22°00'52"``."""
+    degrees, minutes, seconds = signed(place.dec).replace("*", ":").split(":")
+    return f"{hours(place.ra)} {degrees}°{minutes}'{seconds}\""
+
+
+def does(look: Look) -> str:
     """A few words: whether it is held from being moved, and how it is."""
     return "held, " * look.held + _is(look) if _is(look) else "held" * look.held
 

@@ -5,11 +5,14 @@ Entries are values; sinks are functions that take them. Without a sink nothing i
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
 #: Different things that are said once; with more than that somebody sends noise, and no more is said.
 MOST = 1000
+#: Refusals, and notes on the mount, that are remembered for whoever asks what has happened lately.
+REMEMBERED = 64
 
 
 class Entry(NamedTuple):
@@ -25,6 +28,14 @@ class Entry(NamedTuple):
     arrow: str
     data: bytes
     note: str = ""
+
+
+class Word(NamedTuple):
+    """Something was refused, or done with the mount for a reason: when (Unix seconds), whose it is, and in words."""
+
+    time: float
+    side: str
+    text: str
 
 
 #: The note that says from when on the sky is no longer approximate.
@@ -46,6 +57,8 @@ class Transcript:
         self.clock = clock
         self.sinks: list[Sink] = []
         self._said: set[tuple[str, str]] = set()
+        #: The last of them, with a log or without one.
+        self.lately: deque[Word] = deque(maxlen=REMEMBERED)
 
     def put(self, side: str, arrow: str, data: bytes = b"", note: str = "") -> None:
         """Record bytes that passed, or a note."""
@@ -59,6 +72,8 @@ class Transcript:
 
     def note(self, side: str, text: str) -> None:
         """Record a fault or a decision in words."""
+        if side == "mount" and text != SKY_READY:
+            self.lately.append(Word(self.clock(), side, text))
         self.put(side, "!", note=text)
 
     def note_once(self, side: str, text: str, of: str = "") -> None:
@@ -66,3 +81,11 @@ class Transcript:
         if (of, text) not in self._said and len(self._said) < MOST:
             self._said.add((of, text))
             self.note(side, text)
+
+    def refused(self, side: str, text: str, once_of: str | None = None) -> None:
+        """Something that a program asked for is not done; ``once_of`` names who hears of it once only."""
+        self.lately.append(Word(self.clock(), side, text))
+        if once_of is None:
+            self.note(side, text)
+        else:
+            self.note_once(side, text, once_of)

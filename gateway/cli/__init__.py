@@ -16,13 +16,15 @@ from gateway import __version__, journal, streams
 from gateway.cli.helping import EXIT_CODES, Parser, endpoints
 from gateway.errors import UserError
 
-COMMANDS = ("demo", "detect", "run", "stop", "config", "service", "sim", "tables", "explain", "replay", "decode",
-            "completion")
+COMMANDS = ("demo", "detect", "run", "status", "watch", "goto", "sync", "move", "park", "unpark", "stop", "config",
+            "service", "sim", "tables", "explain", "replay", "decode", "completion")
 
 #: What may stand in the place of a command.
 ABOUT = ("-h", "--help", "--version")
 #: Flags that mean all of something when nothing is behind them.
 ALONE = ("--log", "--read-only")
+#: Those that take a place on the sky.
+POINTING = ("goto", "sync")
 #: Of a message, in characters: three lines of a terminal, paths included.
 LONGEST = 500
 
@@ -99,6 +101,8 @@ def _shortened(text: str) -> str:
 def _bound(argv: list[str]) -> list[str]:
     """``--site -33.9,151.2`` as ``--site=-33.9,151.2``: else a value that begins with a minus is taken for a flag.
 
+    A declination behind a blank is no flag either: ``goto 05:35:17 -05:23:28``.
+
     ``--log`` and ``--read-only`` stand alone, whatever follows: what they may be followed by is written with an
     equals sign.
     """
@@ -107,6 +111,8 @@ def _bound(argv: list[str]) -> list[str]:
         word = f"{word}=all" if word in ALONE else word
         if bound and re.fullmatch(r"--[a-z-]+", bound[-1]) and re.match(r"-[\d.]", word):
             bound[-1] += f"={word}"
+        elif bound and bound[0] in POINTING and re.match(r"-[\d.]", word):
+            bound.append(f" {word}")
         else:
             bound.append(word)
     return bound

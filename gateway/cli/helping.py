@@ -16,8 +16,8 @@ from gateway.errors import UserError
 EXIT_CODES = """\
 Exit codes:
   0  ended as asked
-  1  no: no mount was found (detect), one could not be stopped (stop), other bytes than recorded (replay), not as
-     the tables say (tables --check)
+  1  no: no mount was found (detect), one could not be stopped (stop), no gateway runs or it has refused (status,
+     goto, sync, move, park), other bytes than recorded (replay), not as the tables say (tables --check)
   2  it cannot be done as typed: a mistake, a port that is taken, no mount; one line on stderr says what and where
 """
 

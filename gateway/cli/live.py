@@ -14,7 +14,6 @@ from collections.abc import Coroutine, Sequence
 from typing import TYPE_CHECKING, Any, TextIO
 
 from gateway import journal, streams
-from gateway import operations as op
 from gateway.log.layout import colours_of, painted
 from gateway.notify import notify, wanted, watchdog
 from gateway.status import Look, Rate, status
@@ -108,17 +107,11 @@ class Onlooker:
 
 def look(gateway: Gateway, rate: Rate) -> Look:
     """What is known of a mount, without asking it."""
-    hub = gateway.hub
-    assert hub is not None
-    now, snapshot = hub.now(), hub.snapshot
-    identity = snapshot.value(op.GetIdentity)
-    called = str(gateway.mount) if identity is None else identity.model or identity.product
-    return Look(
-        gateway.config.name or called, hub.line.state, hub.line.reason, snapshot.value(op.Position),
-        snapshot.age(op.Position, now), hub.slewing, bool(hub.motions.axes), snapshot.value(op.GetStatus),
-        sum(reception.programs() for reception in gateway.receptions), rate.per_second(now, hub.line.answers),
-        hub.driver.asleep, hub.hold.on,
-    )  # fmt: skip
+    from gateway.control import gather
+
+    assert gateway.hub is not None
+    programs = sum(reception.programs() for reception in gateway.receptions)
+    return gather.look(gateway.hub, gateway.config.name or "", str(gateway.mount), programs, rate)
 
 
 def look_on(gateways: Sequence[Gateway], screen: Screen) -> list[asyncio.Task[None]]:

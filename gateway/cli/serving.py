@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 FIRST_WORD, FIND_MOUNT = 4.0, 20.0
 #: How long a stop may take before the process is suspended.
 SUSPEND = 4.0
+#: What every mount talks at that nobody has set to anything else, baud.
+USUAL = 9600
 #: With --wait, how long the ready lines wait for the mount to say what fits it.
 QUICK = 0.5
 
@@ -122,6 +124,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
                 screen.say(f"ready {name}")
             for line in _from_elsewhere(gateway.names()):
                 screen.say(line)
+            onlookers.append(asyncio.ensure_future(_introduce(gateway, screen, len(gateways) > 1)))
             to_be_ready.remove(gateway)
             if not to_be_ready:
                 notify("READY=1")
@@ -136,7 +139,11 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         for task in onlookers:
             task.cancel()
         screen.clear()
+        moved = [gateway.hub is not None and gateway.hub.motions.busy for gateway in gateways]
         await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
+        if done.is_set():
+            for gateway, busy in zip(gateways, moved, strict=True):
+                _part(gateway, busy, screen, len(gateways) > 1)
         if watchdog is not None:
             watchdog.close()
         for recorder in recorders:
@@ -151,6 +158,25 @@ def _from_elsewhere(names: Sequence[str]) -> list[str]:
     from gateway.announce.addresses import in_words, to_type
 
     return [in_words(offer, to_type(offer)) for offer in offered(names) if offer.wide]
+
+
+async def _introduce(gateway: Gateway, screen: Screen, several: bool) -> None:
+    """Once the mount has said who, where and when it is: what a person should know of that."""
+    from gateway.control.first_words import first_words
+
+    assert gateway.hub is not None
+    await gateway.hub.settled.wait()
+    for said in first_words(gateway.hub, gateway.mount.model, gateway.mount.version):
+        (screen.warn if said.warns else screen.say)(f"{gateway.title}: " * several + said.text)
+
+
+def _part(gateway: Gateway, moved: bool, screen: Screen, several: bool) -> None:
+    """At the end: what was done, and how the mount was left."""
+    from gateway.control.first_words import last_words
+
+    said = None if gateway.hub is None else last_words(gateway.hub, moved)
+    if said is not None:
+        (screen.warn if said.warns else screen.say)(f"{gateway.title}: " * several + said.text)
 
 
 def _log(config: Config, mount: MountConfig) -> Sink:
@@ -219,7 +245,8 @@ async def _serve(gateway: Gateway, patient: bool, start_sky: Callable[[], None],
     if not found and not await _found(gateway):
         assert gateway.hub is not None
         reason = gateway.hub.line.reason or "no answer"
-        warn(f"{gateway.title}: {reason}; trying on")
+        at = f" at {gateway.config.baud} baud (mounts talk at {USUAL})" * (gateway.config.baud != USUAL)
+        warn(f"{gateway.title}: {reason}{at}; trying on")
 
 
 async def _found(gateway: Gateway) -> bool:
@@ -247,6 +274,9 @@ async def _find(gateway: Gateway) -> None:
     from gateway.detect import who_answers
 
     found = await who_answers(gateway.mount.where, gateway.config.baud)
+    if found is None and gateway.config.baud != USUAL and await who_answers(gateway.mount.where, USUAL):
+        raise UserError(f"{gateway.title}: the mount answers at {USUAL} baud, and not at {gateway.config.baud}: leave "
+                        "--baud out")
     if found and found != gateway.mount.protocol:
         raise UserError(f"{gateway.title}: the mount speaks {found}; write {found}@{gateway.mount.where}")
     where = gateway.mount.where

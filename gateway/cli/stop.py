@@ -33,7 +33,7 @@ def add(commands: Any) -> None:
                     "was seen at rest, 1: one could not be stopped or seen, or it cannot be known what runs.",
         epilog=EXAMPLES,
     )  # fmt: skip
-    stop.add_argument("--mount", metavar="NAME", help="only this one: its endpoint, or the part behind @")
+    stop.add_argument("--mount", metavar="NAME", help="only this one: its name, its endpoint, or the part behind @")
     stop.add_argument("--state", metavar="PATH", help="only of this folder: where the gateway was told to keep its "
                       "state")
     both = stop.add_mutually_exclusive_group()

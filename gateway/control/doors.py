@@ -22,13 +22,17 @@ LONGEST = 65536
 
 
 class Door(Struct, frozen=True):
-    """Which mount, which process, the port that it listens on, and the folder that it keeps its state in."""
+    """Which mount, which process, the port that it listens on, and the folder that it keeps its state in.
+
+    ``name`` is what the mount is called, where it is called anything.
+    """
 
     mount: str
     pid: int
     port: int
     secret: str
     state: str = ""
+    name: str = ""
 
 
 def doors(folder: Path, owner: int | None = None) -> list[tuple[Path, Door]]:

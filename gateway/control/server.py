@@ -32,12 +32,16 @@ Asked = dict[str, asyncio.Task[str]]
 
 
 class Control(asyncio.DatagramProtocol):
-    """``orders`` are what can be asked for, by word; ``folders`` where it is written how to, the state folder first."""
+    """``orders`` are what can be asked for, by word; ``folders`` where it is written how to, the state folder first.
 
-    def __init__(self, folders: Sequence[Path], name: str, mount: str, orders: Mapping[str, Order]) -> None:
+    ``wish`` takes what stands behind the word ``wish``; ``called`` is the mount's own name, where it has one.
+    """
+
+    def __init__(self, folders: Sequence[Path], name: str, mount: str, orders: Mapping[str, Order],
+                 wish: Callable[[str], Awaitable[str]] | None = None, called: str = "") -> None:
         self.paths = [folder / f"{name}.{os.getpid()}{ENDING}" for folder in folders]
         self._state = str(folders[0].absolute())
-        self._mount, self._orders = mount, orders
+        self._mount, self._orders, self._wish, self._called = mount, orders, wish, called
         self._secret = secrets.token_hex(16)
         self._transport: asyncio.DatagramTransport | None = None
         self._asked: Asked = {}
@@ -52,7 +56,7 @@ class Control(asyncio.DatagramProtocol):
         transport, _ = await loop.create_datagram_endpoint(lambda: self, local_addr=("127.0.0.1", 0))
         self._transport = transport
         port = transport.get_extra_info("sockname")[1]
-        door = msgspec.json.encode(Door(self._mount, os.getpid(), port, self._secret, self._state))
+        door = msgspec.json.encode(Door(self._mount, os.getpid(), port, self._secret, self._state, self._called))
         failed: list[OSError] = []
         for path in self.paths:
             try:
@@ -93,9 +97,12 @@ class Control(asyncio.DatagramProtocol):
 
     async def _carry_out(self, word: str) -> str:
         order = self._orders.get(word)
-        if order is None:
-            return f"failed this gateway knows no order {word!r}; it may be of another version"
+        first, _, line = word.partition(" ")
         try:
+            if first == "wish" and self._wish is not None:
+                return await self._wish(line)
+            if order is None:
+                return f"failed this gateway knows no order {word!r}; it may be of another version"
             return await order()
         except asyncio.CancelledError:
             return ENDING_WORDS

@@ -21,16 +21,23 @@ if TYPE_CHECKING:
 
 #: Seconds for the stop, and for what must follow it; between two commands whose answers nobody waits for.
 STOP, SETTLE, BLIND = 4.0, 2.5, 0.2
+#: Seconds in which the mount may tell how it was left, for whoever ended the gateway to read.
+LEFT = 1.0
 
 
 async def end_motion(hub: Hub) -> None:
     """Stop whatever moves and put tracking back; takes seconds at most, and raises nothing."""
     hub.motions.no_more()  # what still waits in a connection is not begun any more
-    if hub.motions.busy and hub.line.state != "opening":
+    moved = hub.motions.busy and hub.line.state != "opening"
+    if moved:
         await _stop(hub)
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(SETTLE):
             await hub.motions.settle()
+    if moved and not hub.motions.owed and hub.line.state == "up":
+        with contextlib.suppress(TimeoutError, Fault):
+            async with asyncio.timeout(LEFT):
+                await hub.anew(op.GetStatus())
 
 
 async def _stop(hub: Hub) -> None:

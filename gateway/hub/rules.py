@@ -36,9 +36,14 @@ def make_rules(hub: Hub) -> tuple[LimitWatch, Admission]:
 
 def say_doubts(hub: Hub) -> None:
     """What does not fit together, once the mount has said who and where it is."""
-    words = doubts(_inputs(hub), hub.sources)
+    words = doubts_of(hub)
     if words:
         hub.transcript.note_once("mount", words)
+
+
+def doubts_of(hub: Hub) -> str:
+    """The same; nothing where all fits."""
+    return doubts(_inputs(hub), hub.sources)
 
 
 def _inputs(hub: Hub) -> MountInputs:

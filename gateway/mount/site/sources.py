@@ -107,8 +107,9 @@ class BestSources:
             (place, who), others = sites[0], sites[1:]
             for other in others:
                 if _apart(place, other.place) > SITE_MATTERS:
-                    yield Contradiction(other.place, unix, f"{who} stands at {_shown(place)}, {other.source} says "
-                                                           f"{_shown(other.place)}")
+                    hint = mistaken(place, other.place)
+                    yield Contradiction(other.place, unix, f"{who} stands at {shown(place)}, {other.source} says "
+                                                           f"{shown(other.place)}{': ' * bool(hint)}{hint}")
         for time in times[1:]:
             apart = abs(time.unix - unix)
             if apart > CLOCK_MATTERS and not (time.source == COMPUTER and apart > LOST):
@@ -120,10 +121,22 @@ def _apart(one: Place, other: Place) -> float:
     return separation(one.longitude, one.latitude, other.longitude, other.latitude)
 
 
-def _shown(place: Place) -> str:
-    """``45.0 N 10.0 E``."""
+def shown(place: Place) -> str:
+    """A site as people write it: ``45.0 N 10.0 E``."""
     north, east = "NS"[place.latitude < 0], "EW"[place.longitude < 0]
     return f"{abs(place.latitude):.1f} {north} {abs(place.longitude):.1f} {east}"
+
+
+def mistaken(one: Place, other: Place) -> str:
+    """How one of two sites was most likely written wrongly; nothing where neither looks like the other."""
+    written = {
+        "the sign of a longitude looks wrong, east is positive": Place(one.latitude, -one.longitude),
+        "the sign of a latitude looks wrong, north is positive": Place(-one.latitude, one.longitude),
+        "both signs look wrong, north and east are positive": Place(-one.latitude, -one.longitude),
+        "latitude and longitude look swapped, latitude comes first": Place(one.longitude, one.latitude),
+    }
+    return next((words for words, place in written.items()
+                 if abs(place.latitude) <= 90.0 and _apart(place, other) <= SITE_MATTERS), "")
 
 
 def _span(seconds: float) -> str:

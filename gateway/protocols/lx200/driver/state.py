@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from gateway.driver import Ask, Driver, Pause, Steps
 from gateway.errors import Busy, Refused, Unsupported
-from gateway.operations import Own, Place, Rate, Tracking, TrackRate
+from gateway.operations import Identity, Own, Place, Rate, Tracking, TrackRate
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Abilities, nearest
 from gateway.tables import load
 
@@ -155,6 +155,13 @@ class Meade(Driver):
         lacking = {name for name, command in self.protocol.commands.items() if command.replies and not self.knows(name)}
         return {**self.facts, "name": self.model or "autostar", "own": True, "build": self.home_letter,
                 "lacking": frozenset(lacking if self.product else lacking | NAMES)}
+
+    def told_model(self, identity: Identity) -> str | None:
+        rows = self.protocol.models
+        fits = [name for name, row in rows.items() if self.product and self.product.startswith(row["product"])]
+        if fits:
+            return max(fits, key=lambda name: len(rows[name]["product"]))
+        return "autostar" if self.product and not self.product.startswith("LX200") else None
 
     def own(self, operation: Own) -> Steps:
         """Firmware differs in what it knows: nobody waits long for an answer, and silence is one. Raises Busy."""

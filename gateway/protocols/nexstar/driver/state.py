@@ -13,6 +13,7 @@ from gateway.operations import (
     GotoAxes,
     Home,
     Horizontal,
+    Identity,
     Moment,
     Operation,
     Own,
@@ -144,6 +145,14 @@ class NexStar(Driver):
 
     def presented(self) -> dict[str, Any]:
         return itself.presented(self)
+
+    def told_model(self, identity: Identity) -> str | None:
+        if self.number is None:
+            return None
+        rows = self.protocol.models
+        if self.named_model in rows and rows[self.named_model].get("id") == self.number:
+            return self.named_model
+        return next((name for name, row in rows.items() if row.get("id") == self.number), f"model {self.number}")
 
     def own(self, operation: Own) -> Steps:
         return itself.own(self, operation)
