@@ -23,7 +23,8 @@ class Ask(NamedTuple):
     A ``prompt`` one begins a motion by hand: it waits for no line and no mount that is busy, but is refused.
     A ``long`` one is work that takes the mount up to that many seconds: a stop that needs no answer goes out meanwhile,
     everything else is refused as busy, and silence at the end is a fault of the line.
-    A ``raw`` one is answered with the reply's bytes, too, as the field ``raw``.
+    A ``raw`` one is answered with the reply's bytes, too, as the field ``raw``. Of a ``light`` one the first answer
+    will do: nothing hangs on it.
     """
 
     command: str
@@ -32,6 +33,7 @@ class Ask(NamedTuple):
     long: bool = False
     prompt: bool = False
     raw: bool = False
+    light: bool = False
 
 
 class Pause(NamedTuple):
@@ -152,6 +154,14 @@ class Driver:
 
     def greet(self) -> Steps:
         """Prove that a mount of this kind is on the line, before it is sent what another kind might misread."""
+        return
+        yield  # a generator like all others
+
+    def contact(self) -> Steps:
+        """What must be known before the mount can be asked where it points, and where that is, if it was told.
+
+        Its name is asked for after that.
+        """
         return
         yield  # a generator like all others
 

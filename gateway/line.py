@@ -248,6 +248,9 @@ class Line:
                 else:
                     job.future.set_result((outcome, self.talk.took))
                 await self._what_follows()
+            if isinstance(outcome, Silence) and self.dialogue.leaves_open(job.ask):
+                self.talk.send(self.dialogue.closing)
+                await self.talk.drain(max(QUIET, 2.0 * self.talk.typical))
             if isinstance(outcome, NoAnswer | Silence):
                 await self._recover()
         self._down(f"{self.wire.name} was lost")

@@ -27,17 +27,27 @@ GAP, UNRULY = 0.05, 300.0
 BABBLE = 3.0
 #: A reply that is an acknowledgement and no more counts when nothing has followed it for this long.
 SETTLE = 0.02
+#: A place is missed after so many times what answers take, and no sooner than these seconds, once so many have come.
+QUICK, SOON, KNOWN = 8.0, 1.2, 20
+#: Where an answer has come too late, and no later than these seconds, the next are waited for so much longer.
+LATER, LATEST_ANSWER = 1.5, 6.0
+#: The first answer tells how long answers take, up to so many seconds.
+FIRST_ANSWER = 1.0
 #: A long piece of work of the mount may take that many seconds before what waits behind it is refused.
 BUSY_AFTER = 1.0
 
 
 class Dialogue(Protocol):
-    """How a protocol's requests and replies look on the wire. ``closing`` ends a command of which half was sent."""
+    """How a protocol's requests and replies look on the wire. ``closing`` ends a command of which half was sent.
+
+    It is sent, too, behind an unanswered one that ``leaves_open`` what follows.
+    """
 
     closing: bytes
 
     def timeout(self, ask: Ask) -> float: ...
     def pace(self, ask: Ask) -> float: ...
+    def leaves_open(self, ask: Ask) -> bool: ...
     def bare(self, ask: Ask) -> bool: ...
     def alike(self, one: Ask, other: Ask) -> bool: ...
     def kind(self, ask: Ask) -> str | None: ...
@@ -74,18 +84,26 @@ class Talk:
         self.typical, self.took, self.answers = 0.02, 0.0, 0
         self.doubt = Doubt(dialogue.alike)
         self._now = asyncio.get_running_loop().time
+        #: Whether any byte has ever come; the last question that was not answered as it should, and what came instead.
+        self.heard_ever = False
+        self.trouble = b"", b""
         self._buffer = b""
         self._arrived = asyncio.Event()
         self._heard = self._stray = -1e9
         self._last: Ask | None = None
         self._proofs = 0
         self._stops = 0
+        #: When the last question was asked that has had no answer yet; how late one came, seconds, 0 where none has.
+        self._unanswered_since: float | None = None
+        self._late = 0.0
+        self._proving = False
         self._settling = self._hurried = False
 
     def hear(self, data: bytes) -> None:
         """Bytes have come."""
         self.transcript.put("mount", "raw", data)
         self._buffer = (self._buffer + data)[-4096:]
+        self.heard_ever = True
         self._heard = self._now()
         self._arrived.set()
 
@@ -128,6 +146,13 @@ class Talk:
         left = self._heard + GAP - self._now()
         return left if left > 1e-6 else 0.0
 
+    def timeout(self, ask: Ask) -> float:
+        """Seconds that the answer to a question may take on this line."""
+        longest = max(self.dialogue.timeout(ask), self._late and LATER * self._late)
+        if self.dialogue.kind(ask) != "place" or self.answers < KNOWN or self._proving:
+            return longest
+        return min(longest, max(SOON, QUICK * self.typical))  # it is asked again and again: a lost one is soon missed
+
     async def exchange(self, ask: Ask, firm: bool = False) -> dict[str, Any] | Fault:
         """One request and its reply, or the Fault that came instead. A ``firm`` pause after it is kept to its end."""
         try:
@@ -158,6 +183,8 @@ class Talk:
         self.answers += 1
         if length and not ask.long:  # what is not answered takes no time
             self.typical += 0.2 * (min(self._now() - began, 3.0 * self.typical + 0.01) - self.typical)
+            if self.answers == 1:
+                self.typical = max(self.typical, min(self._now() - began, FIRST_ANSWER))
         pace = self.dialogue.pace(ask)
         if pace and await self._pause(pace, firm):
             outcome = self._objection(ask) or outcome
@@ -165,7 +192,7 @@ class Talk:
 
     async def _reply(self, ask: Ask, began: float, settle: float) -> tuple[dict[str, Any] | Fault, int] | None:
         """The reply and its length, once it is complete; None when it is not in time, or the wire was lost."""
-        deadline, busy_at = began + (ask.patience or self.dialogue.timeout(ask)), began + BUSY_AFTER
+        deadline, busy_at = began + (ask.patience or self.timeout(ask)), began + BUSY_AFTER
         while not self.lost:
             now = self._now()
             self._arrived.clear()
@@ -196,12 +223,15 @@ class Talk:
         elif ask.patience is not None and not ask.long and not self._buffer:
             return Silence()
         self._distrust(ask, began)
+        half = bool(self._buffer)
         self.drop("no complete answer")
-        return NoAnswer()
+        return Garbled() if half and ask.patience is not None else NoAnswer()
 
     def _distrust(self, ask: Ask, began: float) -> None:
         """The answer may still come."""
         self.doubt.add(ask, began + max(self.dialogue.timeout(ask), ask.patience or 0.0) + LATEST)
+        self._unanswered_since = began
+        self.trouble = self.request, self._buffer
 
     def _objection(self, ask: Ask) -> Fault | None:
         """What a command without a reply was answered with all the same: that the mount is busy."""
@@ -236,7 +266,11 @@ class Talk:
         self._proofs += 1
         for ask in self.dialogue.proof(self._proofs):
             await asyncio.sleep(self.gap(ask))
-            outcome = await self.exchange(ask)
+            self._proving = True
+            try:
+                outcome = await self.exchange(ask)
+            finally:
+                self._proving = False
             if isinstance(outcome, Busy):
                 continue  # that is an answer, too
             if isinstance(outcome, Fault) or not self.dialogue.proven(ask, outcome):
@@ -252,6 +286,10 @@ class Talk:
             if left <= 1e-6 or not await self._something_within(left):
                 break
         anything = bool(self._buffer)
+        if anything and self._unanswered_since is not None:
+            took = self._heard - self._unanswered_since
+            self._late = took if took <= LATEST_ANSWER else self._late
+        self._unanswered_since = None
         self.drop("drained")
         return anything
 

@@ -19,7 +19,7 @@ from tests.uart import Device, UartWire
 from tests.virtual import run
 
 EVENING = 1768514400.0
-AT_9600, ELSEWHERE = 5.0, 20.0
+AT_9600, ELSEWHERE = 6.5, 20.0
 #: What a line may be asked before it has said what it is.
 HARMLESS = [b"Kx", b"\x06"]
 GPS = b"$GPRMC,220000.00,A,4500.0,N,01000.0,E,0.0,0.0,150126,,,A*5F\r\n"
@@ -266,7 +266,7 @@ def test_a_classic_that_does_not_know_ack_is_found_when_it_is_named() -> None:
     assert seen(device)[0].state == "silent"
     finding, wire = seen(device, place=named("lx200:lx200@/dev/ttyUSB0"))
     assert finding.mount is not None
-    assert wire.sent()[:3] == [b"Kx", b"\x06", b":GR#"]
+    assert wire.sent()[:3] == [b"Kx", b"\x06", b"#:GR#"]
     assert command(finding) == (
         "mount-gateway run --mount lx200:lx200@/dev/ttyUSB0 --surface nexstar@tcp://127.0.0.1:4030")
 

@@ -152,6 +152,8 @@ def test_a_busy_telescope_is_asked_again_and_then_given_up() -> None:
             assert (await bridge.hub.perform(Position())).dec == pytest.approx(0.0, abs=0.1)
             await asyncio.sleep(6)
             bridge.sim.busy_until = bridge.clock() + 60.0
+            assert (await bridge.hub.perform(Position())).dec == pytest.approx(0.0, abs=0.1)  # as it was told last
+            await asyncio.sleep(6)
             with pytest.raises(Busy):
                 await bridge.hub.perform(Position())
 

@@ -83,6 +83,7 @@ def test_a_telescope_that_seeks_home_is_asked_nothing_else() -> None:
             client.tell(b":hF#")
             for _ in range(10):
                 await client.ask(b":GR#", 0.5)
+                await asyncio.sleep(0.5)
             assert set(bridge.sent()[before:]) <= {b":Q#", b":hF#", b":h?#"}
             assert await client.ask(b":h?#") == b"2"
             assert bridge.hub.line.state == "up"

@@ -16,6 +16,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, cast
 
 from gateway.cli.live import Screen, find_terminal, look_on
+from gateway.cli.meeting import SAID_AFTER, not_found, waiting
 from gateway.cli.signals import before_suspension, until_signal
 from gateway.config import Config, MountConfig, parse_endpoint
 from gateway.descriptors import make_room
@@ -30,14 +31,17 @@ if TYPE_CHECKING:
     from gateway.recorder import Recorder
     from gateway.watchdog import Watchdog
 
-#: How long a mount may take to say its first word (a hand control's worst), and to say all that it is asked.
-FIRST_WORD, FIND_MOUNT = 4.0, 20.0
+#: How long a mount may take to say its first word (a hand control's worst), the first that makes sense where bytes
+#: come, and all that it is asked.
+FIRST_WORD, FIRST_SENSE, FIND_MOUNT = 4.0, 10.0, 20.0
 #: How long a stop may take before the process is suspended.
 SUSPEND = 4.0
 #: What every mount talks at that nobody has set to anything else, baud.
 USUAL = 9600
 #: With --wait, how long the ready lines wait for the mount to say what fits it.
 QUICK = 0.5
+#: How the reason begins of a line whose port cannot be opened.
+CANNOT_OPEN = "cannot open"
 
 
 def with_loop(fast: bool, serve: Callable[[], Awaitable[int]], recorded: bool = False) -> int:
@@ -238,37 +242,41 @@ async def _serve(gateway: Gateway, patient: bool, start_sky: Callable[[], None],
                  warn: Callable[[str], None]) -> None:
     """Find one mount and say that it is ready. Raises UserError for one that is not there, unless there is patience."""
     if not patient:
-        await _find(gateway)
+        await _find(gateway, warn)
     start_sky()
     found = not patient or await gateway.found(QUICK)
     ready(gateway)
-    if not found and not await _found(gateway):
+    if not found and not await _found(gateway, warn):
         assert gateway.hub is not None
         reason = gateway.hub.line.reason or "no answer"
         at = f" at {gateway.config.baud} baud (mounts talk at {USUAL})" * (gateway.config.baud != USUAL)
         warn(f"{gateway.title}: {reason}{at}; trying on")
 
 
-async def _found(gateway: Gateway) -> bool:
+async def _found(gateway: Gateway, warn: Callable[[str], None]) -> bool:
     """Wait for the mount -> whether it is there; False as soon as there is little hope."""
     assert gateway.hub is not None
     line, now = gateway.hub.line, asyncio.get_running_loop().time
-    began = now()
+    began, said = now(), False
     while now() < began + FIND_MOUNT:
         if await gateway.found(0.1):
             return True
-        if line.state == "down" or (line.answers == 0 and now() > began + FIRST_WORD):
+        hope = FIRST_SENSE if line.talk.heard_ever else FIRST_WORD
+        if line.reason.startswith(CANNOT_OPEN) or (line.answers == 0 and now() > began + hope):
             break
-    return False
+        if not said and now() > began + SAID_AFTER and not line.reason.startswith(CANNOT_OPEN):
+            said = True
+            warn(waiting(gateway))
+    return gateway.hub.identification.met.is_set()  # what tells where it points is a mount
 
 
-async def _find(gateway: Gateway) -> None:
+async def _find(gateway: Gateway, warn: Callable[[str], None]) -> None:
     """Wait for the mount; raise UserError that says what is there instead."""
-    if await _found(gateway):
+    if await _found(gateway, warn):
         return
     assert gateway.hub is not None
-    line = gateway.hub.line
-    if line.reason.startswith("cannot open"):
+    line, words = gateway.hub.line, not_found(gateway)
+    if line.reason.startswith(CANNOT_OPEN):
         raise UserError(f"{gateway.title}: {line.reason}; {_instead(gateway, line.reason)}")
     await line.close()
     from gateway.detect import who_answers
@@ -279,10 +287,7 @@ async def _find(gateway: Gateway) -> None:
                         "--baud out")
     if found and found != gateway.mount.protocol:
         raise UserError(f"{gateway.title}: the mount speaks {found}; write {found}@{gateway.mount.where}")
-    where = gateway.mount.where
-    look = f"mount-gateway detect {where} looks closer" if "://" in where else "mount-gateway detect tries every port"
-    raise UserError(f"{gateway.title}: no mount answers (is it switched on, and the cable in the hand control?); "
-                    f"{look}, --wait keeps trying")
+    raise UserError(words)
 
 
 def _instead(gateway: Gateway, reason: str) -> str:

@@ -19,7 +19,7 @@ from pynmea2 import NMEASentence
 
 from gateway.detect.ear import Ear
 
-KX, ACK, POSITION = b"Kx", b"\x06", b":GR#"
+KX, ACK, POSITION = b"Kx", b"\x06", b"#:GR#"
 #: A lone letter is an answer to ACK only when nothing follows it for so long, in seconds.
 LONE = 0.1
 _POSITION = re.compile(rb"\d\d:\d\d(\.\d|:\d\d)#")

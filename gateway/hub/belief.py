@@ -77,7 +77,11 @@ class Belief:
             times += 1
             strangers = max(strangers, self._line.doubt(ask))
             heard = await self._hear(ask, rank)
-            mute = ask.raw and isinstance(heard.fault, Silence)  # which takes its time always
+            mute = isinstance(heard.fault, Silence)  # which takes its time always
+            if mute and not ask.raw:
+                break  # whoever asks so knows what to make of it
+            if ask.light:
+                break
             if slow < SLOW_TRIES and not mute and heard.came - heard.asked > max(PROMPT, 2.5 * self._line.typical):
                 slow += 1
                 continue
@@ -149,6 +153,8 @@ class Belief:
             return max(2, least)
         if kind != "place":
             return least if self._agree(kind, known, heard) else max(3, least)
+        if known.values.get("length") != heard.values.get("length"):  # in high precision now, or in low
+            return max(2, least)
         gone = self._distance(known, heard)
         if gone <= NEAR:
             return least

@@ -122,7 +122,8 @@ class Hub:
         """End motion, put tracking back, forget what was planned, close the line."""
         await end_motion(self)
         self.closed = True
-        self.identified.set()  # whoever waits for that is to hear that nothing comes
+        self.identification.met.set()  # whoever waits for that is to hear that nothing comes
+        self.identified.set()
         self.motions.close()
         self.supervisor.close()
         self.reader.close()

@@ -23,11 +23,13 @@ if TYPE_CHECKING:
 
 
 class Identification:
-    """``known`` is set once the mount has said who it is, ``settled`` once it has said where and when it is, too."""
+    """``met`` is set once a mount is known to be there, ``known`` once it has said who it is, ``settled`` once it has
+    said where and when it is, too.
+    """
 
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
-        self.known, self.settled = asyncio.Event(), asyncio.Event()
+        self.met, self.known, self.settled = asyncio.Event(), asyncio.Event(), asyncio.Event()
         self._asking: asyncio.Task[Any] | None = None
         #: Called whenever the mount has said who it is.
         self.told: Callable[[], None] = lambda: None
@@ -68,8 +70,11 @@ class Identification:
                 if not self.known.is_set():
                     await self._hub.drive(self._hub.driver.greet(), STOP)
                 await self._hub.stop()
+        met = False
         while op.GetIdentity not in self._hub.snapshot.seen:
-            await self.learn(op.GetIdentity())
+            met = met or await self._meet()
+            if met:
+                await self.learn(op.GetIdentity())
             if self._hub.line.state != "up":
                 return  # it is begun again when the line is up
             if op.GetIdentity not in self._hub.snapshot.seen:
@@ -79,6 +84,7 @@ class Identification:
         if self._hub.policy.equinox == "auto":
             self._hub.derived.equinox = self._hub.told.equinox = self._hub.driver.equinox
         self.told()
+        self.met.set()
         self.known.set()
         await self.learn(op.GetStatus())
         await self.learn(op.GetSite())
@@ -88,6 +94,19 @@ class Identification:
         self._hub.settings.sync.resume()
         self.settled.set()
         say_doubts(self._hub)
+
+    async def _meet(self) -> bool:
+        """Whether a mount is there: from then on it can be asked where it points, whoever it is."""
+        try:
+            place = await self._hub.drive(self._hub.driver.contact(), READ)
+        except Fault as fault:
+            if not isinstance(fault, NoAnswer):
+                self._hub.transcript.note_once("mount", str(fault))
+            return False
+        if place is not None:
+            self._hub.reader.told(op.Position(), place)
+            self.met.set()
+        return True
 
     def _counts_from_the_other_pole(self) -> bool:
         """Whether it was taken to follow the northern sky before it told that it stands in the south."""

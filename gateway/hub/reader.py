@@ -40,6 +40,11 @@ class Reader:
         for task in self._sharing.values():
             task.cancel()
 
+    def _there(self, operation: op.Operation) -> asyncio.Event:
+        """What must have happened before the mount is asked this: where it points it tells before its name."""
+        identification = self._hub.identification
+        return identification.met if isinstance(operation, op.Position) else identification.known
+
     def at_hand(self, operation: op.Operation) -> Any:
         """What the mount said last, when it is fresh enough; MISSING when it must be asked."""
         kind = type(operation)
@@ -61,7 +66,7 @@ class Reader:
 
         A goto goes on until it is known to be over: a slow mount is not waited for long to say so.
         """
-        first, slews = not self._hub.identified.is_set(), isinstance(operation, op.Slewing) and self._hub.slewing
+        first, slews = not self._there(operation).is_set(), isinstance(operation, op.Slewing) and self._hub.slewing
         try:
             async with asyncio.timeout(FIRST_ANSWER if first else UNTIL_KNOWN if slews else None):
                 return await self._hub.turnstile.outcome(self.shared(operation))
@@ -89,7 +94,10 @@ class Reader:
             task.exception()  # whoever still waits gets it; nobody waiting is no error
 
     async def _ask(self, operation: op.Operation) -> Any:
-        await self._hub.identified.wait()
+        if not self._there(operation).is_set():
+            await self._there(operation).wait()
+            if (met := self.at_hand(operation)) is not MISSING:
+                return met  # it was told where the mount was met
         kind, gotos = type(operation), self._hub.motions.gotos
         source: Kind | None = None
         if isinstance(operation, op.AxisPosition) and not self._hub.driver.way(op.AxisPosition):
@@ -109,14 +117,22 @@ class Reader:
             source, value = op.Position, self._hub.derived.horizon(await self.read(op.Position()))
         if source is not None:
             self._hub.telling.worked_out(kind, source)
+        self._fold(kind, value)
+        return value
+
+    def _fold(self, kind: Kind, value: Any) -> None:
+        """What was said is known from now on, and the limits go by it."""
         self._hub.snapshot.put(kind, value, self._hub.now())
         if isinstance(value, op.Status) and not value.aligned:
             self._hub.synced = SyncSum()
-        if isinstance(operation, op.Position):
+        if kind is op.Position:
             self._hub.guard.look(value)
-        elif isinstance(operation, op.AxisPosition):
+        elif kind is op.AxisPosition:
             self._hub.guard.look_at_altitude(value)
-        return value
+
+    def told(self, operation: op.Operation, value: Any) -> None:
+        """The mount has told this without having been asked for it here."""
+        self._fold(type(operation), self._taken(operation, value))
 
     async def _hear(self, operation: op.Operation) -> Any:
         """What the mount itself answers; a place together with when it was asked for it and when it was there."""
@@ -128,6 +144,10 @@ class Reader:
                 self._hub.guard.unseen()
             raise
         self._hub.refresh.cost(type(operation), self._hub.executor.exchanges)
+        return self._taken(operation, value)
+
+    def _taken(self, operation: op.Operation, value: Any) -> Any:
+        """An answer that has just come, as the gateway goes by it."""
         if isinstance(operation, op.Position):
             value = self._hub.derived.from_mount(value)
         if isinstance(value, op.Equatorial | op.Horizontal):

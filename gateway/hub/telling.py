@@ -7,15 +7,16 @@ all a stop, is not told after it: the mount is asked again.
 
 from __future__ import annotations
 
+import asyncio
 from typing import TYPE_CHECKING, Any
 
 from msgspec import Struct
 
 from gateway import operations as op
-from gateway.errors import Unsupported
+from gateway.errors import Asleep, Busy, Fault, NoAnswer, Unsupported
 from gateway.hub import fence
 from gateway.hub.belief import FASTEST
-from gateway.hub.snapshot import MISSING, Kind
+from gateway.hub.snapshot import LAST_POSITION, MISSING, Kind
 from gateway.motion_kinds import GOTOS
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.readings.reckoning import EARLIER, SOONEST, Course, Inside, Pair, Reading, course, place
@@ -29,6 +30,11 @@ PLACES: tuple[Kind, ...] = (op.Position, op.HorizontalPosition, op.AxisPosition)
 MOMENT = EARLIER
 #: How often the mount is asked again while orders come faster than it can tell what came of them.
 TRIES = 3
+#: Seconds that an answer is waited for where the last one may stand in for it: in motion, which makes it old, as long
+#: as a reply may take.
+WAITS, WAITS_MOVING = 2.5, 3.2
+#: How a mount stands that has never said so: nothing is promised that it might not do.
+UNKNOWN = op.Status(tracking=op.Tracking.OFF, aligned=False, equatorial=False)
 
 
 class Taken(Struct, frozen=True):
@@ -50,6 +56,8 @@ class Telling:
         self._sources: dict[Kind, Kind] = {}
         self._since = self._moment = -1e9
         self._stirred = False
+        #: Programs are told the last place that is known, because the mount has not answered in time.
+        self.told_old = False
 
     # --- what comes in ----------------------------------------------------------------------------------------------
 
@@ -112,7 +120,50 @@ class Telling:
         return type(last.value)(*place(self._course(kind), self._now())) if hub.moving else last.value
 
     async def read(self, operation: op.Operation) -> Any:
-        """The same, waiting for the mount where that is needed. Raises Fault."""
+        """The same, waiting for the mount where that is needed; in place of an answer that does not come the last one.
+
+        A state that nobody knows is told as it does no harm. Raises Fault where there is nothing to tell.
+        """
+        fault: Fault
+        try:
+            async with asyncio.timeout(WAITS_MOVING if self._hub.moving else WAITS):
+                answer = await self._read(operation)
+        except Asleep:
+            raise
+        except (NoAnswer, Busy) as said:
+            fault = said
+        except TimeoutError:
+            fault = NoAnswer()
+        else:
+            self.told_old = self.told_old and type(operation) not in PLACES
+            return answer
+        last = self._last(type(operation))
+        if last is MISSING:
+            raise fault
+        return last
+
+    def _last(self, kind: Kind) -> Any:
+        """What was told last and may be told again although the mount has not answered; MISSING if there is nothing."""
+        hub = self._hub
+        if kind is op.Slewing:
+            return hub.slewing or hub.motions.goto_waits
+        if kind is op.GetStatus:
+            return hub.snapshot.value(kind) or UNKNOWN
+        source = self._source(kind) or (op.Position if kind is op.HorizontalPosition else None)
+        if kind not in self._taken and source is not None:
+            seen = self._last(source)
+            return MISSING if seen is MISSING else self._worked_out(kind, seen)
+        _, last = self._taken.get(kind, (None, None))
+        if last is None or last.asked < self._since or hub.now() - last.reading.complete > LAST_POSITION:
+            return MISSING
+        if not self.told_old:
+            self.told_old = True
+            hub.transcript.note("mount", f"the mount has not answered in time: programs are told its last position, "
+                                         f"up to {LAST_POSITION:.0f} s old")
+        return type(last.value)(*place(self._course(kind), hub.now())) if hub.moving else last.value
+
+    async def _read(self, operation: op.Operation) -> Any:
+        """The mount's answer, at hand or waited for. Raises Fault."""
         hub, kind = self._hub, type(operation)
         value = self.tell(operation)
         for _ in range(TRIES):

@@ -264,7 +264,8 @@ class Trial:
     def _oldest(self, now: float) -> float:
         """The time before which nothing that is told now may come from."""
         line = self.line
-        allowed = max(AGE, 2.5 * line.typical) if line.state == "up" else 10.0
+        old = line.state != "up" or self.bridge.hub.telling.told_old  # which the log says
+        allowed = 10.0 if old else max(AGE, 2.5 * line.typical)
         return now - allowed - EXCHANGE
 
     def _check_position(self, ra: float, dec: float, paired: bool) -> None:

@@ -98,6 +98,10 @@ class MeadeDialogue:
         """A reply by the manual as this telescope would write it."""
         return self._hand.write(command, reply)
 
+    def leaves_open(self, ask: Ask) -> bool:
+        """ACK has no end: whoever reads whole commands takes what comes next for the rest of it."""
+        return ask.command == "ACK"
+
     def bare(self, ask: Ask) -> bool:
         """Whether nothing tells the end of the reply."""
         return any("#" not in source for source in self._sources(ask))

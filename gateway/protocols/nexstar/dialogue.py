@@ -47,6 +47,10 @@ class NexStarDialogue:
         """What a question's answer may do from one to the next; None for a command that is no question."""
         return KINDS.get(ask.command, "same" if ask.raw else None)
 
+    def leaves_open(self, ask: Ask) -> bool:
+        """Every command has its length."""
+        return False
+
     def bare(self, ask: Ask) -> bool:
         """Whether the reply is ``#`` alone."""
         return self._width(ask) == 1

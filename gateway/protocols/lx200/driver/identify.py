@@ -1,49 +1,94 @@
-"""Finding out which Meade this is: ACK first, then its name; silence means a classic LX200."""
+"""Finding out which Meade this is: where it points first, then its name; silence means a classic LX200.
+
+Whatever tells where it points is a telescope. All else may stay unanswered, or be answered in a form that nobody knows:
+then it can do less. What was not answered is not asked again before the line comes up anew.
+"""
 
 from __future__ import annotations
 
 from gateway.driver import Ask, Steps
-from gateway.errors import Fault, Silence
-from gateway.operations import GetStatus, Identity, Operation, Status, Tracking
-from gateway.protocols.lx200.driver.state import Meade, ask
+from gateway.errors import Busy, Fault, Garbled, NoAnswer, Silence
+from gateway.operations import Equatorial, GetStatus, Identity, Operation, Status, Tracking
+from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Meade, ask
+from gateway.spherical import fold_declination
 
-PROBE = 1.5
+#: A question that may stay unanswered is waited for so many times longer than two answers took, and at least so long.
+TIMES, AT_LEAST = 2.0, 0.6
 #: The length of a right ascension in high precision.
 HIGH = len("HH:MM:SS#")
 
 
-def identity(mount: Meade, _: Operation) -> Steps:
-    """ACK, :GVP, :GVN, :GW, :GR -> Identity."""
+def contact(mount: Meade) -> Steps:
+    """ACK, :GR and :GD in high precision -> Equatorial: from then on programs can be told where it points."""
     mount.power_on()
-    letter = yield from _probe("ACK")
+    mount.mute, mount.quick = frozenset(), OWN_PATIENCE
+    yield from _probe(mount, "ACK", light=True)
+    began = mount.now()
+    first = yield from high_precision(mount)
+    since = mount.now()
+    second = yield from ask(mount, "GD")
+    mount.halves = since, mount.now()
+    mount.quick, mount.met = min(OWN_PATIENCE, since - began, mount.now() - since), True
+    return Equatorial(*fold_declination(first["ra"], second["dec"]))
+
+
+def identity(mount: Meade, _: Operation) -> Steps:
+    """ACK, :GVP, :GVN, :GW -> Identity."""
+    if not mount.met:
+        yield from contact(mount)
+    mount.met = False
+    letter = yield from _probe(mount, "ACK")
     if letter is not None:
         _learn_letter(mount, letter["mode"])
         mount.land = letter["mode"] == "L"
-    product = yield from _probe("GVP")
+    product = yield from _name(mount)
     mount.product = product["product"] if product else ""
     if mount.named_model is None:
-        mount.model = yield from _model(mount.product)
+        mount.model = yield from _model(mount, mount.product)
+    mount.tells_status, mount.more = False, frozenset()
     if product:
-        firmware = yield from _probe("GVN")
+        firmware = yield from _probe(mount, "GVN")
         mount.firmware = firmware["firmware"] if firmware else ""
-        mount.tells_status = (yield from _probe("GW")) is not None
+        mount.tells_status = (yield from _probe(mount, "GW")) is not None
         mount.more = frozenset({"GW"}) if mount.tells_status else frozenset()
-    yield from high_precision(mount)
-    yield from read_status(mount)
+    try:
+        yield from read_status(mount)
+    except Fault as fault:  # whatever it says of that, it is there
+        if isinstance(fault, NoAnswer) and not isinstance(fault, Garbled):
+            raise
     return Identity(product=mount.product or "LX200", version=mount.firmware or "?", model=mount.model or "autostar")
 
 
-def _probe(command: str) -> Steps:
-    """A question that may stay unanswered -> its fields or None."""
+def _name(mount: Meade) -> Steps:
+    """The name, asked for twice where the model hangs on it: one question may have been lost on its way."""
+    product = yield from _probe(mount, "GVP")
+    if product is None and mount.named_model is None:
+        mount.mute -= {"GVP"}
+        product = yield from _probe(mount, "GVP")
+    return product
+
+
+def _probe(mount: Meade, command: str, light: bool = False) -> Steps:
+    """A question that need not be answered -> its fields or None. Raises NoAnswer where the line is down."""
+    if command in mount.mute:
+        return None
     try:
-        return (yield Ask(command, patience=PROBE))
-    except Silence:
+        patience = min(OWN_PATIENCE, max(AT_LEAST, TIMES * mount.quick))
+        return (yield Ask(command, patience=patience, light=light))
+    except Busy:  # it will know the answer when it has time for it
+        return None
+    except (Garbled, Silence):
+        mount.mute |= {command}
+        return None
+    except NoAnswer:
+        raise
+    except Fault:
         return None
 
 
-def _model(product: str) -> Steps:
+def _model(mount: Meade, product: str) -> Steps:
     """The model that a product text stands for; a nameless one is a classic, one with a home is the 16 inch."""
-    if product.startswith("LX2001"):
+    if product.startswith(("LX2001", "LX200GPS")):
         return "lx200gps"
     if product.startswith("LX200 16"):
         return "lx200-16"
@@ -51,19 +96,20 @@ def _model(product: str) -> Steps:
         return "lx200"
     if product:
         return "autostar"
-    return "lx200-16" if (yield from _probe("h?")) is not None else "lx200"
+    return "lx200-16" if (yield from _probe(mount, "h?")) is not None else "lx200"
 
 
 def high_precision(mount: Meade) -> Steps:
-    """Make sure once: read, toggle if the answer is short, read again."""
+    """Make sure once: read, toggle if the answer is short, read again -> the last answer."""
     for _ in range(2):
         answer = yield from ask(mount, "GR")
         mount.low = answer["length"] < HIGH
         if not mount.low:
-            return
+            return answer
         yield from ask(mount, "U")
     answer = yield from ask(mount, "GR")
     mount.low = answer["length"] < HIGH
+    return answer
 
 
 def _learn_letter(mount: Meade, letter: str) -> None:
@@ -73,22 +119,28 @@ def _learn_letter(mount: Meade, letter: str) -> None:
 
 
 def read_status(mount: Meade) -> Steps:
-    """:GW where the telescope knows it, else ACK."""
-    if mount.tells_status:
-        answer = yield from ask(mount, "GW")
+    """:GW where the telescope knows it, else ACK; where it knows neither, it is taken to be aligned and to track."""
+    if mount.product and not mount.tells_status and "GW" not in mount.mute:  # it was too busy to tell
+        mount.tells_status = (yield from _probe(mount, "GW")) is not None
+    answer = (yield from ask(mount, "GW")) if mount.tells_status else None
+    if answer is not None:
         tracks = answer["tracking"] == "T"
-        if answer["build"] in "PG" or mount.home_letter == "A":
+        if answer["build"] == "L":
+            _learn_letter(mount, "L")
+            mount.land = True
+        elif answer["build"] in "PG" or mount.home_letter == "A":
             _learn_letter(mount, answer["build"])
         else:
-            mount.land = yield from _in_land_mode()
+            mount.land = yield from _in_land_mode(mount)
             if not mount.land:
                 _learn_letter(mount, answer["build"])
         mount.land = mount.land and not (tracks and mount.goto is None)
         mount.aligned = answer["aligned"] not in "0"
         mount.asleep_as_told = mount.asleep_as_told and not tracks  # somebody has woken it at its keys
     else:
-        answer = yield from _probe("ACK")
+        answer = yield from _probe(mount, "ACK")
         if answer is None:
+            mount.aligned, mount.tracking = True, Tracking.OFF if mount.parked else native_mode(mount)
             return None
         _learn_letter(mount, answer["mode"])
         mount.aligned, tracks = True, answer["mode"] != "L" and not mount.parked
@@ -96,13 +148,13 @@ def read_status(mount: Meade) -> Steps:
     return None
 
 
-def _in_land_mode() -> Steps:
+def _in_land_mode(mount: Meade) -> Steps:
     """Whether the alignment mode is L.
 
     Of a polar telescope whose tracking is off for that reason, ``:GW#`` may tell an A, and a T while it slews. How it
     stands is then what it said before; if somebody has taken it off its wedge, the alignment mode is an A.
     """
-    answer = yield from _probe("ACK")
+    answer = yield from _probe(mount, "ACK")
     return answer is not None and answer["mode"] == "L"
 
 

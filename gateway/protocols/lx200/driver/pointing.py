@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 from gateway.driver import Pause, Steps
-from gateway.errors import Fault, Garbled, NoAnswer, Refused
+from gateway.errors import Fault, Garbled, NoAnswer, Refused, Silence
 from gateway.operations import (
     CancelGoto,
     Equatorial,
@@ -29,6 +31,10 @@ QUIET = 2
 LOOK_AGAIN = 0.5
 #: Seconds between the halves of a position, and how often both are asked until they are no further apart.
 INSTANT, PAIR_TRIES, HORIZONTAL_TRIES = 0.5, 5, 2
+#: After so many silences in a row it is not asked any more where it points over the horizon.
+GIVEN_UP = 2
+#: So many times longer than two answers took before is no delay.
+SLOWER = 1.25
 
 
 def position(mount: Meade, _: Position) -> Steps:
@@ -40,20 +46,38 @@ def position(mount: Meade, _: Position) -> Steps:
 
 
 def horizontal_position(mount: Meade, _: HorizontalPosition) -> Steps:
-    """:GZ and :GA -> Horizontal; None where the line is too busy for both at once (the hub derives it then)."""
-    first, second, together = yield from _pair(mount, "GZ", "GA", HORIZONTAL_TRIES)
+    """:GZ and :GA -> Horizontal; None where the telescope does not answer that, or the line is too busy for both.
+
+    The hub derives it then. One silence may be an answer that was lost.
+    """
+    if mount.mute.intersection(("GZ", "GA")):
+        return None
+    try:
+        first, second, together = yield from _pair(mount, "GZ", "GA", HORIZONTAL_TRIES)
+    except (Garbled, Silence):
+        mount.unanswered += 1
+        if mount.unanswered >= GIVEN_UP:
+            mount.mute |= {"GZ", "GA"}
+        return None
+    mount.unanswered = 0
     return Horizontal(first["az"], second["alt"]) if together else None
 
 
 def _pair(mount: Meade, first: str, second: str, tries: int) -> Steps:
-    """Two answers, and whether they are of about one instant: what comes between them on the line may take long."""
+    """Two answers, and whether they are of about one instant: what comes between them on the line may take long.
+
+    Where the line itself takes long they are no nearer to each other however often both are asked.
+    """
+    nearest = math.inf
     for _ in range(tries):
         one = yield from ask(mount, first)
         since = mount.now()
         other = yield from ask(mount, second)
         mount.halves = since, mount.now()
-        if mount.now() - since <= INSTANT:
+        nearest = min(nearest, mount.now() - since)
+        if mount.now() - since <= max(INSTANT, SLOWER * mount.quick):
             return one, other, True
+    mount.quick = nearest
     return one, other, False
 
 

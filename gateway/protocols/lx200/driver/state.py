@@ -30,6 +30,8 @@ _NAMES = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
 NAMES = frozenset({"GVP", "GVN", "GVD", "GVT", "GVF"})
 #: Seconds in which a telescope answers what it knows; its firmware may know less than its manual.
 OWN_PATIENCE = 1.5
+#: What some leave unanswered that have all the rest.
+MAY_BE_SILENT = frozenset({"GZ", "GA"})
 #: Hand-control keys 1-9 as Meade's four rates.
 _KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS", 9: "RS"}
 
@@ -71,6 +73,12 @@ class Meade(Driver):
         #: It was put into land mode, in which it does not track.
         self.land = False
         self.tells_status = False
+        #: The questions that it has not answered, or not in a form that is known; how long its answers take, seconds.
+        self.mute: frozenset[str] = frozenset()
+        self.quick = 0.0
+        self.unanswered = 0
+        #: It is known to be there, and not yet who it is.
+        self.met = False
         #: The commands that it has beyond those of its model: some that tell a classic's name answer what that lacks.
         self.more: frozenset[str] = frozenset()
         self.aligned = True
@@ -149,6 +157,11 @@ class Meade(Driver):
     @property
     def equatorial(self) -> bool:
         return self.home_letter in "PG"
+
+    def contact(self) -> Steps:
+        from gateway.protocols.lx200.driver.identify import contact  # which knows this class
+
+        return (yield from contact(self))
 
     def presented(self) -> dict[str, Any]:
         """The row of its model, and what it does not answer: commands that it has not, and a name it cannot tell."""
@@ -229,7 +242,8 @@ def ask(mount: Meade, command: str, **values: Any) -> Steps:
     long, prompt = command in LONG, command in BY_HAND
     for attempt in range(BUSY_RETRIES):
         try:
-            return (yield Ask(command, {**values, "low": mount.low}, LONG.get(command), long, prompt))
+            patience = LONG.get(command) or (OWN_PATIENCE if command in MAY_BE_SILENT else None)
+            return (yield Ask(command, {**values, "low": mount.low}, patience, long, prompt))
         except Busy:
             if prompt or attempt == BUSY_RETRIES - 1:
                 raise
