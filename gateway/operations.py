@@ -258,7 +258,8 @@ class MoonPlace(Read, frozen=True):
 class Goto(Operation, frozen=True):
     """Slew to a place of date and track there. Raises BelowHorizon, TooHigh, NearSun, NotAligned, NoAnswer.
 
-    ``lowest`` and ``highest`` narrow the altitude limits; without ``track`` a stopped drive stays stopped.
+    ``lowest`` and ``highest`` narrow the altitude limits; without ``track`` a stopped drive stays stopped. ``fastest``
+    is the speed asked for, degrees a second, where the mount lets it be chosen.
     """
 
     ra: float
@@ -266,22 +267,26 @@ class Goto(Operation, frozen=True):
     lowest: float | None = None
     highest: float | None = None
     track: bool = True
+    fastest: float | None = None
 
 
 class GotoHorizontal(Operation, frozen=True):
-    """Slew to an azimuth and altitude, degrees."""
+    """Slew to an azimuth and altitude, degrees; the rest as in ``Goto``."""
 
     az: float
     alt: float
     lowest: float | None = None
     highest: float | None = None
+    fastest: float | None = None
 
 
 class GotoAxes(Operation, frozen=True):
-    """Bring the two motor axes to these readings, degrees (a horizon place only on a fork)."""
+    """Bring the two motor axes to these readings, degrees (a horizon place only on a fork); ``fastest`` as in ``Goto``.
+    """
 
     az: float
     alt: float
+    fastest: float | None = None
 
 
 class Sync(Operation, frozen=True):
@@ -478,10 +483,11 @@ class SetGuideRate(Operation, frozen=True):
 
 
 class Backlash(Operation, frozen=True):
-    """Antibacklash of an axis, 0-99."""
+    """Antibacklash of an axis, 0-99: in one sense of its motor (1, -1), or in both (0)."""
 
     axis: int
     value: int
+    sense: int = 0
 
 
 class PeriodicError(Operation, frozen=True):

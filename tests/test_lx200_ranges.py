@@ -153,3 +153,11 @@ def test_whoever_only_looks_is_told_no_by_everything_that_sets(setting: bytes) -
             assert await client.ask(b":GG#") == before
 
     run(play())
+
+
+def test_limits_that_leave_nothing_between_them_are_refused() -> None:
+    """The manual's text has the two the other way round: a program that goes by it would lock itself out."""
+    talk = Talk()
+    assert talk.send(b":Sh00#:Gh#") == b"090*#"
+    assert talk.send(b":So85*#:Sh10#:So85*#") == b"101"
+    assert talk.send(b":Go#:Gh#") == b"85*#90*#"

@@ -198,3 +198,29 @@ def test_long_pulses_are_as_long_in_all_their_pieces() -> None:
             assert (truth_of(bridge.sim).axis2 - before) * 3600.0 == pytest.approx(376.0, rel=0.02)
 
     run(program())
+
+
+@pytest.mark.parametrize(("asked", "speed"), [(b"", 8.0), (b":Sw2#", 2.0), (b":Sw5#", 5.0)])
+@pytest.mark.parametrize("order", [b":Sr03:30:00#:Sd+20*00:00#:MS#", b":Sz120*00#:Sa+45*00#:MA#"])
+def test_a_goto_of_a_meade_goes_at_the_fastest_rate_that_its_program_has_chosen(
+    asked: bytes, speed: float, order: bytes
+) -> None:
+    """Meade: ``:SwN#``, set maximum slew rate to N degrees per second. Other programs' gotos go as before."""
+
+    async def program() -> None:
+        async with Bridge("lx200gps", driven="lx200", presented="lx200",
+                          config={"sun": 0.0, "lowest": -90.0}) as bridge:
+            client = bridge.client()
+            if asked:
+                assert await client.ask(asked, until=b"1") == b"1"
+            await client.ask(order, until=b"110")
+            fastest = 0.0
+            for _ in range(40):
+                await asyncio.sleep(0.25)
+                seen = truth_of(bridge.sim)
+                fastest = max(fastest, abs(seen.rate1), abs(seen.rate2))
+            assert fastest == pytest.approx(speed, rel=0.02)
+            await asyncio.sleep(60)
+            assert bridge.sim.kept.get("Sw", 8) == 8
+
+    run(program())

@@ -136,7 +136,7 @@ class Admission:
         mount.limits().narrowed(operation.lowest, operation.highest).check_altitude(operation.alt)
         fork = not (await self._status()).equatorial
         if fork and mount.driver.way(op.GotoAxes) and not mount.driver.displaced:
-            return await self.admit(op.GotoAxes(operation.az, operation.alt))
+            return await self.admit(op.GotoAxes(operation.az, operation.alt, operation.fastest))
         return await self.admit(mount.astrometry.equatorial(operation))
 
     async def _check_own_place(self, operation: op.Park | op.Home) -> None:

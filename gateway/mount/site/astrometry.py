@@ -59,7 +59,8 @@ class SiteAstrometry:
         """The goto that brings an equatorial mount to an azimuth and altitude."""
         place = self.place()
         unix = self.observatory.unix()
-        return op.Goto(*self.sky.equatorial(wanted.az, wanted.alt, place.latitude, place.longitude, unix))
+        ra, dec = self.sky.equatorial(wanted.az, wanted.alt, place.latitude, place.longitude, unix)
+        return op.Goto(ra, dec, fastest=wanted.fastest)
 
     def axes(self, seen: op.Equatorial, wedge: bool = False) -> op.Horizontal:
         """Where the axes of an equatorial mount would stand; a fork on its ``wedge`` reads from north."""

@@ -20,7 +20,7 @@ from gateway.operations import (
 from gateway.protocols.lx200.driver.ends import MOUNT, begins, end
 from gateway.protocols.lx200.driver.identify import HIGH, high_precision
 from gateway.protocols.lx200.driver.pier import chooses_side
-from gateway.protocols.lx200.driver.put_back import fastest_back
+from gateway.protocols.lx200.driver.put_back import at_most, later
 from gateway.protocols.lx200.driver.state import GotoState, Meade, ask
 from gateway.spherical import fold_declination
 
@@ -111,20 +111,22 @@ def still_seeking(mount: Meade) -> Steps:
 def goto(mount: Meade, operation: Goto) -> Steps:
     """:Sr :Sd :MS - refusals come with the telescope's own words."""
     yield from stop_current_motion(mount)
-    yield from fastest_back(mount)
+    yield from at_most(mount, operation.fastest)
     yield from ask(mount, "Sr", ra=operation.ra)
     yield from ask(mount, "Sd", dec=operation.dec)
     yield from begin(mount, "MS")
     chooses_side(mount, operation.ra)
+    yield from later(mount)
 
 
 def goto_axes(mount: Meade, operation: GotoAxes) -> Steps:
     """:Sz :Sa :MA - where the model has it."""
     yield from stop_current_motion(mount)
-    yield from fastest_back(mount)
+    yield from at_most(mount, operation.fastest)
     yield from ask(mount, "Sz", az=operation.az)
     yield from ask(mount, "Sa", alt=operation.alt)
     yield from begin(mount, "MA")
+    yield from later(mount)
 
 
 def begin(mount: Meade, command: str, then: str | None = None) -> Steps:

@@ -39,16 +39,19 @@ def put_back(mount: Meade, _: PutBack) -> Steps:
     for axis in sorted(mount.free_axes):
         yield from ask(mount, "RA" if axis == 1 else "RE", rate=float(mount.facts["max_rate"]))
         mount.free_axes.discard(axis)
-    yield from fastest_back(mount)
+    yield from at_most(mount, None)
     if mount.knows("Rg"):
         yield from guide_at(mount, mount.guide_rate)
 
 
-def fastest_back(mount: Meade) -> Steps:
-    """Before a goto at once: its speed is the fastest rate."""
-    if mount.fastest not in (None, mount.facts["max_rate"]):
-        yield from ask(mount, "Sw", rate=mount.facts["max_rate"])
-        mount.fastest = None
+def at_most(mount: Meade, degrees: float | None) -> Steps:
+    """:Sw before a goto, for its speed is the fastest rate: degrees a second, or what the telescope has at power-on."""
+    usual = int(mount.facts["max_rate"])
+    lowest, highest = mount.facts["max_rates"]
+    wanted = usual if degrees is None else int(max(lowest, min(highest, degrees)))
+    if mount.knows("Sw") and wanted != (mount.fastest or usual):
+        yield from ask(mount, "Sw", rate=wanted)
+        mount.fastest = wanted
 
 
 def guide_at(mount: Meade, fraction: float) -> Steps:

@@ -130,12 +130,21 @@ def set_name(session: Session, command: Command, values: dict[str, Any]) -> None
 
 def set_lowest(session: Session, command: Command, values: dict[str, Any]) -> None:
     """:So - as real programs use it (against the manual's words): the lowest altitude; over 90 it is in arcminutes."""
-    session.kept["lowest"] = _degrees(values)
+    _narrow(session, "lowest", _degrees(values))
 
 
 def set_highest(session: Session, command: Command, values: dict[str, Any]) -> None:
     """:Sh - the highest altitude."""
-    session.kept["highest"] = _degrees(values)
+    _narrow(session, "highest", _degrees(values))
+
+
+def _narrow(session: Session, which: str, altitude: float) -> None:
+    """Raises Invalid for a limit that leaves no altitude at all: nothing could be moved any more."""
+    wanted = {name: session.kept.get(name) for name in ("lowest", "highest")} | {which: altitude}
+    limits = session.settings["limits"].narrowed(wanted["lowest"], wanted["highest"])
+    if limits.lowest >= limits.highest:
+        raise Invalid(f"Nothing is left between {limits.lowest:g} and {limits.highest:g} degrees.")
+    session.kept[which] = altitude
 
 
 def _degrees(values: dict[str, Any]) -> float:

@@ -68,7 +68,7 @@ def goto(session: Session, _: Command, values: dict[str, Any]) -> Handling:
     kept = session.kept
     place: Equatorial = yield from selected.target(session)
     yield Goto(place.ra, place.dec, lowest=kept.get("lowest"), highest=kept.get("highest"),
-               track=not kept.get("land", False))
+               track=not kept.get("land", False), fastest=kept.get("fastest"))
 
 
 def goto_horizontal(session: Session, _: Command, values: dict[str, Any]) -> Handling:
@@ -76,7 +76,8 @@ def goto_horizontal(session: Session, _: Command, values: dict[str, Any]) -> Han
     kept = session.kept
     if "az" not in kept or "alt" not in kept:
         raise NoTarget
-    yield GotoHorizontal(kept["az"], kept["alt"], lowest=kept.get("lowest"), highest=kept.get("highest"))
+    yield GotoHorizontal(kept["az"], kept["alt"], lowest=kept.get("lowest"), highest=kept.get("highest"),
+                         fastest=kept.get("fastest"))
 
 
 def sync(session: Session, _: Command, values: dict[str, Any]) -> Handling:

@@ -274,8 +274,8 @@ def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
 
 
 def backlash(mount: NexStar, operation: Backlash) -> Steps:
-    """AUX 0x10 and 0x11: the same in both senses."""
-    for side in ("pos", "neg"):
+    """AUX 0x10 and 0x11."""
+    for side in {1: ("pos",), -1: ("neg",)}.get(operation.sense, ("pos", "neg")):
         yield Ask(f"set_backlash_{side}", {"device": 15 + operation.axis, "value": operation.value})
 
 

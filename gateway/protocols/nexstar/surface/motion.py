@@ -157,11 +157,12 @@ def guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Ha
 
 
 def set_backlash(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """AUX 0x10, 0x11 - up to 99; a mount that lacks it says so by the no-response form."""
+    """AUX 0x10, 0x11 - up to 99; a mount that lacks it says so by the no-response form; a Meade has one for both."""
     axis = motor(values)
     if values["value"] > _FULL_BACKLASH:
         raise Invalid
-    yield from _set(session, _backlash_name(command, axis), values["value"], Backlash(axis, values["value"]))
+    yield from _set(session, _backlash_name(command, axis), values["value"],
+                    Backlash(axis, values["value"], 1 if command.name.endswith("pos") else -1))
 
 
 def backlash(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
