@@ -127,8 +127,8 @@ class NexStar(Driver):
         #: that was asked for; and those tracking rates.
         self.riding: dict[int, tuple[float, float]] = {}
         self.following: tuple[float, float] = (0.0, 0.0)
-        #: How many seconds after one motor the other one was told, the last time.
-        self.apart = 0.1
+        #: How many seconds after one motor the other one was told, the last time; None where none was told yet.
+        self.apart: float | None = None
         #: When the pulse that a motor times itself is over, axis by axis.
         self.pulse_ends: dict[int, float] = {}
         # position
@@ -308,13 +308,13 @@ class NexStar(Driver):
     @property
     def _index(self) -> tuple[float, float]:
         """The pole of an equatorial mount (a fork on its wedge reads from north); another's north, at the horizon or
-        just above the lowest altitude.
+        above the lowest altitude, by so much that it may track there when it is unparked.
         """
         if self.german:
             return POLE_AXES
         if self.native_mode is not None and self.native_mode.equatorial:
             return (0.0 if self.native_mode is Tracking.EQ_SOUTH else 180.0), 90.0
-        return 0.0, self.settings.lowest + ABOVE_LOWEST if self.settings.lowest > 0.0 else 0.0
+        return 0.0, max(0.0, self.settings.lowest + ABOVE_LOWEST)
 
     @property
     def _guide_key(self) -> int:
