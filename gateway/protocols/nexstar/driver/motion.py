@@ -263,11 +263,23 @@ def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
         mount.pulse_ends[axis] = mount.now() + piece / 1000.0
         yield Ask("pulse", {"device": 15 + axis, "rate": sign * percent, "ticks": ticks}, prompt=True)
         return Pulsed(piece / 1000.0, ends=True, left=operation.ms - piece)
-    if not (mount.tracking or Tracking.OFF).equatorial or mount.stepping:
-        raise Unsupported("This mount cannot be guided in alt-az: its motors know no guide pulses.")
+    _need_equatorial(mount)
     mount.pulsing.add(axis)
     turns = yield from guide_speed.begin(mount, axis, sign, fraction)
     return Pulsed(guide_speed.lasts(operation.ms, fraction, turns), ends=False)
+
+
+def _need_equatorial(mount: NexStar) -> None:
+    """A motor without pulses is guided by a difference to equatorial tracking. Raises Unsupported with the reason."""
+    if mount.stepping:
+        raise Unsupported("Hand controls before 1.6 have no way to the motors: this mount cannot be guided.")
+    if (mount.tracking or Tracking.OFF).equatorial:
+        return
+    if not mount.aligned:
+        raise Unsupported("The mount is not aligned and does not track: the guide pulse is dropped.")
+    if (tracking.native_mode(mount) or Tracking.OFF).equatorial:
+        raise Unsupported("The mount does not track: the guide pulse is dropped. Tracking on, and it is guided.")
+    raise Unsupported("This mount cannot be guided in alt-az: its motors know no guide pulses.")
 
 
 # --- mechanics --------------------------------------------------------------------------------------------------
