@@ -8,6 +8,7 @@ from typing import Any, cast
 from msgspec import Struct, ValidationError, convert, to_builtins
 
 from gateway.driver import Ask, Driver, Steps
+from gateway.errors import Fault
 from gateway.operations import (
     Equatorial,
     GotoAxes,
@@ -19,11 +20,13 @@ from gateway.operations import (
     Own,
     Park,
     Place,
+    PulseAxis,
     Rate,
     Tracking,
     TrackRate,
 )
 from gateway.protocols.nexstar.driver import itself
+from gateway.protocols.nexstar.driver.unguided import unguided
 from gateway.protocols.nexstar.rates import SIDEREAL, key_speed, rate_tables
 from gateway.protocols.nexstar.versions import numbered
 from gateway.tables import Version, load, parse_version
@@ -283,6 +286,10 @@ class NexStar(Driver):
         ):
             return None
         return min(rate.degrees, float(self.rates["fastest"]))
+
+    def impossible(self, operation: Operation) -> Fault | None:
+        """A guide pulse by motor sense, where the motors cannot be guided now."""
+        return unguided(self) if isinstance(operation, PulseAxis) else None
 
     def tube_side(self, told: str) -> str | None:
         """The letter of ``PierSide`` on a German mount, if it was told; the other one where the version swaps them."""
