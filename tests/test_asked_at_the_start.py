@@ -1,4 +1,4 @@
-"""What a hand control is asked before anything is known of it is what its version knows: what it does not know it leaves
+"""A hand control is asked at the start what its version knows, and nothing else: what it does not know it leaves
 unanswered, and the line is dead for seconds then, while programs wait.
 """
 
