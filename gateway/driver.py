@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Mapping
 from typing import Any, NamedTuple
 
-from gateway.errors import Unsupported
+from gateway.errors import Fault, Unsupported
 from gateway.operations import GotoAxes, Identity, Operation, Own, Rate, Read, Verbatim
 from gateway.tables import Command, Protocol, Version, Way
 
@@ -125,6 +125,10 @@ class Driver:
         for way in self.protocol.driver.get(operation.__name__, ()):
             if all(self.knows(name) for name in (*way.send, *way.needs)):
                 return way
+        return None
+
+    def impossible(self, operation: Operation) -> Fault | None:
+        """What an operation would be refused with, as far as that is known without asking the mount."""
         return None
 
     def speed(self, rate: Rate) -> float:

@@ -201,6 +201,22 @@ def test_pulses_as_short_as_a_guider_sends_them_are_as_long_as_asked(latency: fl
     run(program())
 
 
+@pytest.mark.parametrize("latency", [0.0, 0.02, 0.05, 0.15])
+def test_the_first_pulse_leaves_the_other_axis_where_it_follows_like_every_other(latency: float) -> None:
+    """How long the line takes was guessed for it: over a fast line the azimuth ran 2" ahead of the stars."""
+
+    async def program() -> None:
+        async with Bridge("cpc", "4.21", latency=latency, config={"sun": 0.0}) as bridge:
+            before = truth_of(bridge.sim)
+            bridge.client().tell(b":Mgn2000#")
+            await asyncio.sleep(6.0)
+            across, along = on_the_axes(before, truth_of(bridge.sim), NORTH, True)
+            assert along * 3600 == pytest.approx(15.04, abs=0.5)
+            assert abs(across) * 3600 < 0.7
+
+    run(program())
+
+
 @pytest.mark.parametrize("end", [b":Q#", b":Qw#", b":Sr05:00:00#:Sd+20*00:00#:MS#"])
 @pytest.mark.parametrize("motion", [b":RG#:Mw#", b":Mgw3000#"])
 def test_a_stop_or_a_goto_ends_it_and_tracking_comes_back(motion: bytes, end: bytes) -> None:
@@ -221,7 +237,7 @@ def test_a_stop_or_a_goto_ends_it_and_tracking_comes_back(motion: bytes, end: by
 
 @pytest.mark.parametrize(("mount", "version", "config", "words"), [
     ("nexstar-gps", "2.2", {}, "--mode tells it"), ("slt", "4.03", {"site": None}, ""),
-    ("gt", "101.0", {}, ""), ("nexstar-gps", "1.6", {"mode": "alt-az"}, "--site tells it"),
+    ("gt", "101.0", {}, "before 1.6"), ("nexstar-gps", "1.6", {"mode": "alt-az"}, "--site tells it"),
 ])
 def test_what_cannot_be_guided_is_refused_with_words(mount: str, version: str, config: dict[str, Any],
                                                      words: str) -> None:
@@ -239,6 +255,23 @@ def test_what_cannot_be_guided_is_refused_with_words(mount: str, version: str, c
             assert bool(sent) is (mount == "slt")
             assert bool(told) is (mount != "slt")
             assert all(words in note for note in told)
+
+    run(program())
+
+
+@pytest.mark.parametrize(("aligned", "words"), [(False, "is not aligned"), (True, "does not track")])
+def test_a_german_mount_that_does_not_track_is_not_said_to_be_an_alt_az_one(aligned: bool, words: str) -> None:
+    async def program() -> None:
+        async with Bridge("cge", "4.21", aligned=aligned, config={"sun": 0.0}) as bridge:
+            client = bridge.client()
+            client.tell(b":AL#")
+            await asyncio.sleep(2.0)
+            since = len(bridge.sent())
+            client.tell(b":Mgn0500#")
+            await asyncio.sleep(2.0)
+            assert not motions(bridge, since)
+            (told,) = [entry.note for entry in bridge.entries if "guide" in entry.note]
+            assert words in told and "alt-az" not in told
 
     run(program())
 

@@ -56,6 +56,17 @@ def test_the_gps_is_not_asked_while_anything_moves() -> None:
     run(program())
 
 
+@pytest.mark.parametrize(("model", "gps", "set_"), [("cge", {}, False), ("cpc", {"gps_linked": True}, True)])
+def test_a_clock_that_no_gps_has_set_is_not_said_to_be_kept(model: str, gps: dict[str, Any], set_: bool) -> None:
+    async def program() -> None:
+        async with Bridge(model, surface="lx200gps") as bridge:
+            assert await bridge.client().ask(b":gT#", 5.0) == (b"1" if set_ else b"0")
+            said = any("set by the GPS" in entry.note for entry in bridge.entries)
+            assert said is set_
+
+    run(program())
+
+
 def test_a_stop_does_not_wait_for_a_classic_to_calculate_its_planets() -> None:
     async def program() -> None:
         async with meade("lx200") as bridge:

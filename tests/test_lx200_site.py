@@ -92,6 +92,12 @@ def test_names_are_everybodys_and_never_empty() -> None:
                for model in ("autostar", "lx200") for letter in (b"M", b"N", b"O", b"P"))
 
 
+@pytest.mark.parametrize(("model", "names"), [
+    ("autostar", b"SITE 1#SITE 2#SITE 3#SITE 4#"), ("lx200", b"ST1#ST2#ST3#ST4#"), ("lx200-16", b"ST1#ST2#ST3#ST4#")])
+def test_sites_that_nobody_has_named_can_be_told_apart(model: str, names: bytes) -> None:
+    assert Talk(model=model).send(b":GM#:GN#:GO#:GP#") == names
+
+
 @pytest.mark.parametrize(("model", "numbers"), [
     ("autostar", b"0123"), ("lx200-16", b"0123"), ("lx200", b"1234"), ("lx200gps", b"1234"),
 ])

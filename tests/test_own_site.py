@@ -71,6 +71,18 @@ def test_half_of_another_site_is_not_the_mounts_own_either() -> None:
     run(program())
 
 
+def test_a_site_entered_at_the_keys_while_nobody_asks_is_in_force_some_minutes_later() -> None:
+    """It was asked for at the start, and then only while a program asked for the position."""
+
+    async def program() -> None:
+        async with Bridge("cpc", "4.21", surface="lx200gps") as bridge:
+            bridge.sim.feed(FORTY)
+            await asyncio.sleep(240)
+            assert await place(bridge.client()) == b"+40*00#+020*00#"
+
+    run(program())
+
+
 def test_a_site_entered_at_the_hand_control_meanwhile_is_its_own() -> None:
     """Neither what it had before nor what a program set comes back."""
 

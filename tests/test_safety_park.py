@@ -34,13 +34,31 @@ def parked(config: dict[str, Any], mount: str = "cpc", driven: str = "nexstar") 
     return found
 
 
-@pytest.mark.parametrize(("lowest", "altitude"), [(0.0, 0.0), (10.0, 10.5), (-90.0, 0.0)])
+@pytest.mark.parametrize(("lowest", "altitude"), [(0.0, 0.5), (10.0, 10.5), (-0.2, 0.3), (-90.0, 0.0)])
 def test_a_fork_is_parked_as_low_as_is_allowed(lowest: float, altitude: float) -> None:
     """The sample configuration has lowest = 10: it parked nowhere, and no program was told."""
     where, tracks, said = parked({"lowest": lowest})
     assert where == pytest.approx(altitude, abs=0.01)
     assert not tracks
     assert not any("Park" in line for line in said)
+
+
+@pytest.mark.parametrize(("mount", "version"), [("nexstar-gps", "2.2"), ("cpc", "4.21"), ("6-8se", "4.21")])
+def test_a_fork_that_is_unparked_tracks(mount: str, version: str) -> None:
+    """It stood at the lowest altitude to the last digit, and tracking was put off again at once."""
+    async def program() -> None:
+        async with Bridge(mount, version) as bridge:
+            client = bridge.client()
+            client.tell(b":hP#")
+            await asyncio.sleep(90.0)
+            assert not truth_of(bridge.sim).tracking
+            client.tell(b":hW#")
+            for _ in range(60):
+                await client.ask(b":GR#")
+                await asyncio.sleep(1.0)
+            assert truth_of(bridge.sim).tracking, notes(bridge)
+
+    run(program())
 
 
 def test_a_place_of_the_owners_choice_may_lie_beyond_the_limits() -> None:

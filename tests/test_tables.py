@@ -140,7 +140,7 @@ def test_a_row_that_one_old_version_lacks_fails_the_check(monkeypatch: pytest.Mo
 @pytest.mark.parametrize(
     ("said", "outcome"),
     [
-        (b":AL#", "kept"), (b":AP#", "kept"), (b":Sr05:00:00#:Sd+45*00:00#:CM#", "kept"), (b":Ga#", "kept"),
+        (b":AL#", "refused"), (b":AP#", "refused"), (b":Sr05:00:00#:Sd+45*00:00#:CM#", "kept"), (b":Ga#", "kept"),
         (b":GC#", "kept"), (b":GG#", "kept"), (b":Gg#", "kept"), (b":GL#", "kept"), (b":Gt#", "kept"),
         (b":hN#", "silent"), (b":hW#", "silent"), (b":I#", "translated"), (b":Mgn0500#", "refused"),
         (b":RS#:Mn#", "translated"),

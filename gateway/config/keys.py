@@ -42,7 +42,8 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     equinox: Annotated[Literal["jnow", "j2000", "auto"], _key(
         "what the mount's coordinates mean; auto goes by its version")] = "jnow"
     site_time: Annotated[Literal["unaligned", "always", "never"], _key(
-        "send the mount the site and time that clients set? unaligned: while it is not aligned")] = "unaligned"
+        "send the mount the site and time that clients set? unaligned: a NexStar while it is not aligned, a Meade "
+        "always")] = "unaligned"
     lowest: Annotated[float, _key("lowest altitude of gotos and of hand motion, degrees", "DEG",
                                   ge=-90.0, le=90.0)] = 0.0
     highest: Annotated[float, _key("highest altitude of gotos and of hand motion, degrees", "DEG",
@@ -57,7 +58,8 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     park: Annotated[tuple[Annotated[float, Meta(ge=-360.0, le=360.0)], Annotated[float, Meta(ge=-180.0, le=180.0)]]
                     | Literal["mount"] | None, _key(
         "axis readings that a NexStar parks at, degrees (default: the pole on an equatorial mount, else north at the "
-        "horizon or just above lowest); mount: a Meade may park at its own place, whatever lowest and highest say",
+        "horizon or half a degree above lowest); mount: a Meade may park at its own place, whatever lowest and highest "
+        "say",
         "AZ,ALT", [0.0, 0.0])] = None
     unaligned: Annotated[Literal["refuse", "allow"], _key(
         "may a NexStar that is not aligned be sent to axis readings, parked and homed? Its axes point anywhere then"

@@ -158,7 +158,7 @@ class Hub:
                 self.hold.admit(operation)
         except Held as fault:
             return fault
-        return None
+        return self.driver.impossible(operation)
 
     @property
     def slewing(self) -> bool:

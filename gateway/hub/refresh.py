@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from gateway.hub.core import Hub
 
 HEARTBEAT = 5.0
-#: How old the mount's own clock and site may grow while somebody is there: a person may change them at its keys.
-OWN_AGE = 25.0
+#: How old the mount's own clock and site may grow, each in its turn: a person may change them at its keys.
+#: With nobody there it is seen later, but it is seen: who comes then, and the limits, go by it.
+OWN_AGE, OWN_AGE_ALONE = 25.0, 100.0
 ASK_AGAIN = 1.0
 #: How long the axes are left alone that nobody has asked for and the mount did not tell.
 NOT_TOLD = 10.0
@@ -98,13 +99,13 @@ class Refresh:
             return
 
     async def _now_and_then(self, now: float) -> None:
-        """The heartbeat; the mount's own clock and site while somebody is there and nothing moves."""
+        """The heartbeat; the mount's own clock and site while nothing moves, whoever asks: limits go by them, too."""
         hub = self._hub
         if hub.snapshot.age(op.Position, now) >= HEARTBEAT:
             await self.renew(op.Position)
         clock = hub.observatory.mount_clock
         asked = self._asked_own if clock is None else max(self._asked_own, clock[1])
-        if now - asked <= OWN_AGE or self._watched or not self._wanted(op.Position, now):
+        if now - asked <= (OWN_AGE if self._wanted(op.Position, now) else OWN_AGE_ALONE) or self._watched:
             return
         if self._reading_own is None or self._reading_own.done():  # not here: the position must not wait for it
             self._asked_own, self._own = now, self._own[::-1]

@@ -156,13 +156,13 @@ class SiteAndClock:
                 await self._hub.drive(self._hub.driver.perform(operation), SETTING)
                 await self.renew(op.GetClock)
                 return
-        self._hub.transcript.note_once("mount", "the clock that was set by the GPS is kept in the gateway")
         seen = await self._get_gps(op.GetGps())
         if not seen.linked or seen.unix is None:
             raise NoDevice("The GPS is not linked.")
         present = self._observatory.clock()
         self._observatory.keep_clock(op.SetClock(seen.unix, present.offset, present.dst) if present else
                                      op.SetClock(seen.unix, 0.0))
+        self._hub.transcript.note_once("mount", "the clock that was set by the GPS is kept in the gateway")
 
     async def _periodic_error(self, operation: op.PeriodicError) -> None:
         """On or off is a setting; a toggle is pressed once, heard or not. Raises Fault."""

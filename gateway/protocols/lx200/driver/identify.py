@@ -119,7 +119,11 @@ def _learn_letter(mount: Meade, letter: str) -> None:
 
 
 def read_status(mount: Meade) -> Steps:
-    """:GW where the telescope knows it, else ACK; where it knows neither, it is taken to be aligned and to track."""
+    """:GW where the telescope knows it, else ACK; where it knows neither, it is taken to be aligned and to track.
+
+    In motion a Meade tells what its motors do: under a key that it does not track, for a moment of a goto that it does.
+    How it goes on afterwards is what it said at rest.
+    """
     if mount.product and not mount.tells_status and "GW" not in mount.mute:  # it was too busy to tell
         mount.tells_status = (yield from _probe(mount, "GW")) is not None
     answer = (yield from ask(mount, "GW")) if mount.tells_status else None
@@ -144,7 +148,8 @@ def read_status(mount: Meade) -> Steps:
             return None
         _learn_letter(mount, answer["mode"])
         mount.aligned, tracks = True, answer["mode"] != "L" and not mount.parked
-    mount.tracking = native_mode(mount) if tracks else Tracking.OFF
+    if not (mount.tells_status and (mount.moving or mount.goto is not None)):
+        mount.tracking = native_mode(mount) if tracks else Tracking.OFF
     return None
 
 

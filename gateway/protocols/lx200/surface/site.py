@@ -113,10 +113,11 @@ def _place(session: Session, index: int) -> SetSite:
 
 
 def tell_name(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
-    """:GM :GN :GO :GP"""
-    index = _NAMED.index(command.name[1])
+    """:GM :GN :GO :GP - four names that can be told apart, also before anybody has named a site."""
+    index, longest = _NAMED.index(command.name[1]), session.model["names"]
+    unnamed = f"SITE {index + 1}" if longest > len("ST1") else f"ST{index + 1}"
     stored = session.shared["sites"].get(str(index), {})
-    return {"name": stored.get("name", f"SITE {index + 1}")[: session.model["names"]]}
+    return {"name": stored.get("name", unnamed)[:longest]}
 
 
 def set_name(session: Session, command: Command, values: dict[str, Any]) -> None:

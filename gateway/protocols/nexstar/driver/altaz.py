@@ -22,8 +22,9 @@ Pair = tuple[float, float]
 
 #: From here on, degrees a second, tracking is no part of a motion that anybody could see.
 SLOW = 0.1
-#: Seconds for which the line waits after an acknowledgement, and the most that two motors are taken to be told apart.
-BETWEEN, FARTHEST = 0.03, 0.5
+#: Seconds for which the line waits after an acknowledgement; the most that two motors are taken to be told apart, and
+#: what they are where nothing was told that could show it.
+BETWEEN, FARTHEST, UNKNOWN = 0.03, 0.5, 0.1
 _AXIS = {1: "azm", 2: "alt"}
 
 
@@ -69,17 +70,20 @@ def pulse(mount: NexStar, operation: Pulse) -> Steps:
         raise Unsupported("This mount is guided on top of its tracking, which takes the latitude: --site tells it.")
     where = yield from _look(mount)
     rested = mount.suspended is None
-    yield from tracking.suspend(mount)
-    lasts = max(operation.ms / 1000.0, 2.0 * mount.apart)
+    took = yield from tracking.suspend(mount)
+    apart = mount.apart
+    if apart is None:  # the motors take as long as that order did, and the wait after it
+        apart = UNKNOWN if took is None else min(FARTHEST, took + BETWEEN)
+    lasts = max(operation.ms / 1000.0, 2.0 * apart)
     rate = direction.sense * mount.guide_rates[direction.axis] * SIDEREAL * operation.ms / 1000.0 / lasts
     share = _share(direction.axis, rate)
     if mount.settings.guide_directions == "sky":
         first, second = _on_the_sky(direction, where, mount)
         share = rate * first, rate * second
-    late = mount.apart / lasts if rested else 0.0
+    late = apart / lasts if rested else 0.0
     mount.pulsing.add(direction.axis)
     heard = yield from _add(mount, direction.axis, share, (late, 2.0 * late))
-    return Pulsed(max(0.0, lasts - (mount.now() - heard) - max(0.0, mount.apart - BETWEEN)), ends=False)
+    return Pulsed(max(0.0, lasts - (mount.now() - heard) - max(0.0, (mount.apart or 0.0) - BETWEEN)), ends=False)
 
 
 def halt(mount: NexStar, axis: int) -> Steps:

@@ -208,7 +208,7 @@ def arrived(mount: NexStar, operation: Arrived) -> Steps:
     if mount.goto is not None or mount.moving or (again and not mount.parked):
         return
     if operation.then == "park":
-        if not mount.knows("T") or tracking.native_mode(mount) is None:
+        if not mount.knows("T"):
             raise Unsupported("It stands at its park position, but this hand control keeps tracking.")
         mount.parked, mount.suspended = True, None
         try:

@@ -8,7 +8,7 @@ a chain of small gotos.
 from __future__ import annotations
 
 from gateway.driver import Ask, Later, Steps
-from gateway.errors import Busy, Fault, Refused, Unsupported
+from gateway.errors import Busy, Fault, Unsupported
 from gateway.operations import (
     Backlash,
     Direction,
@@ -30,11 +30,11 @@ from gateway.protocols.nexstar.driver import altaz, guide_speed, tracking
 from gateway.protocols.nexstar.driver.goto import Arrived, need_alignment, stop_current_motion
 from gateway.protocols.nexstar.driver.position import pier_side
 from gateway.protocols.nexstar.driver.state import NexStar, Stepping
+from gateway.protocols.nexstar.driver.unguided import times_pulses, unguided
 from gateway.protocols.nexstar.rates import SIDEREAL
 from gateway.spherical import fold_declination, wrap180
 
 FOCUSER = 18
-PULSE_FIRMWARE = (6, 12)
 LONGEST_PULSE = 2550
 #: Seconds from one small goto to the next; how far its goal may be ahead beyond that, in seconds and in degrees.
 STEP_EVERY, LONGER, AHEAD = 0.6, 0.5, 0.75
@@ -231,19 +231,14 @@ def _step(mount: NexStar, axis: int, here: float) -> float:
 def pulse(mount: NexStar, operation: Pulse) -> Steps:
     """-> Pulsed. ``motor``: n turns the second motor one way, wherever the tube is. ``sky``: n is north."""
     by_sky = mount.settings.guide_directions == "sky"
-    if operation.ms > 0 and altaz.stands(mount) and (by_sky or not _times_pulses(mount)):
+    if operation.ms > 0 and altaz.stands(mount) and (by_sky or not times_pulses(mount)):
         return (yield from altaz.pulse(mount, operation))
-    if tracking.native_mode(mount) is None and not (mount.stepping or _times_pulses(mount)):
+    if tracking.native_mode(mount) is None and not (mount.stepping or times_pulses(mount)):
         raise Unsupported("This hand control does not tell how it tracks, which guiding goes by: --mode tells it.")
     axis, sign = operation.direction.axis, sense(mount, operation.direction)
     if by_sky and not mount.stepping and (yield from _reversed(mount, operation.direction)):
         sign = -sign
     return (yield from pulse_axis(mount, PulseAxis(axis, sign, operation.ms)))
-
-
-def _times_pulses(mount: NexStar) -> bool:
-    """Whether both motors know guide pulses, which they add to whatever they do."""
-    return bool(mount.motors) and min(mount.motors.values()) >= PULSE_FIRMWARE
 
 
 def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
@@ -255,16 +250,14 @@ def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
     fraction = mount.guide_rates[axis] if operation.rate is None else operation.rate
     if operation.ms <= 0 or fraction <= 0.0:
         return None
-    if mount.goto is not None:
-        raise Refused("The mount is slewing: the guide pulse is dropped.")
-    if _times_pulses(mount):
+    if (fault := unguided(mount)) is not None:
+        raise fault
+    if times_pulses(mount):
         piece = min(operation.ms, LONGEST_PULSE)
         percent, ticks = guide_speed.motor_pulse(piece, fraction)
         mount.pulse_ends[axis] = mount.now() + piece / 1000.0
         yield Ask("pulse", {"device": 15 + axis, "rate": sign * percent, "ticks": ticks}, prompt=True)
         return Pulsed(piece / 1000.0, ends=True, left=operation.ms - piece)
-    if not (mount.tracking or Tracking.OFF).equatorial or mount.stepping:
-        raise Unsupported("This mount cannot be guided in alt-az: its motors know no guide pulses.")
     mount.pulsing.add(axis)
     turns = yield from guide_speed.begin(mount, axis, sign, fraction)
     return Pulsed(guide_speed.lasts(operation.ms, fraction, turns), ends=False)

@@ -70,7 +70,7 @@ def get_clock(mount: NexStar, _: GetClock) -> Steps:
         a = yield Ask("h")
         return _moment(a, float(a["zone"]))
     for part in ("gps", "rtc"):
-        if not mount.has(part):
+        if not (mount.has(part) and mount.knows(f"{part}_date")):
             continue
         try:
             if part == "gps" and not (yield Ask("gps_linked"))["linked"]:

@@ -8,6 +8,7 @@ from typing import Any, cast
 from msgspec import Struct, ValidationError, convert, to_builtins
 
 from gateway.driver import Ask, Driver, Steps
+from gateway.errors import Fault
 from gateway.operations import (
     Equatorial,
     GotoAxes,
@@ -19,11 +20,13 @@ from gateway.operations import (
     Own,
     Park,
     Place,
+    PulseAxis,
     Rate,
     Tracking,
     TrackRate,
 )
 from gateway.protocols.nexstar.driver import itself
+from gateway.protocols.nexstar.driver.unguided import unguided
 from gateway.protocols.nexstar.rates import SIDEREAL, key_speed, rate_tables
 from gateway.protocols.nexstar.versions import numbered
 from gateway.tables import Version, load, parse_version
@@ -127,8 +130,8 @@ class NexStar(Driver):
         #: that was asked for; and those tracking rates.
         self.riding: dict[int, tuple[float, float]] = {}
         self.following: tuple[float, float] = (0.0, 0.0)
-        #: How many seconds after one motor the other one was told, the last time.
-        self.apart = 0.1
+        #: How many seconds after one motor the other one was told, the last time; None where none was told yet.
+        self.apart: float | None = None
         #: When the pulse that a motor times itself is over, axis by axis.
         self.pulse_ends: dict[int, float] = {}
         # position
@@ -284,6 +287,10 @@ class NexStar(Driver):
             return None
         return min(rate.degrees, float(self.rates["fastest"]))
 
+    def impossible(self, operation: Operation) -> Fault | None:
+        """A guide pulse by motor sense, where the motors cannot be guided now."""
+        return unguided(self) if isinstance(operation, PulseAxis) else None
+
     def tube_side(self, told: str) -> str | None:
         """The letter of ``PierSide`` on a German mount, if it was told; the other one where the version swaps them."""
         if not self.german or not told:
@@ -308,13 +315,13 @@ class NexStar(Driver):
     @property
     def _index(self) -> tuple[float, float]:
         """The pole of an equatorial mount (a fork on its wedge reads from north); another's north, at the horizon or
-        just above the lowest altitude.
+        above the lowest altitude, by so much that it may track there when it is unparked.
         """
         if self.german:
             return POLE_AXES
         if self.native_mode is not None and self.native_mode.equatorial:
             return (0.0 if self.native_mode is Tracking.EQ_SOUTH else 180.0), 90.0
-        return 0.0, self.settings.lowest + ABOVE_LOWEST if self.settings.lowest > 0.0 else 0.0
+        return 0.0, max(0.0, self.settings.lowest + ABOVE_LOWEST)
 
     @property
     def _guide_key(self) -> int:

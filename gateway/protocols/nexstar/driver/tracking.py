@@ -139,16 +139,22 @@ def _in_motion(mount: NexStar) -> bool:
 
 
 def suspend(mount: NexStar) -> Steps:
-    """Before fast motion: remember what the mount does now, once, and put tracking off."""
+    """Before fast motion: remember what the mount does now, once, and put tracking off.
+
+    -> the seconds that this order took, None where nothing was to be put off.
+    """
     if mount.suspended is not None or not mount.knows("T"):
-        return
+        return None
     if mount.knows("t"):
         answer = yield Ask("t")
         _learn(mount, mode_of(mount, answer["mode"]))
     mount.suspended = mount.tracking or (_built_for(mount) if mount.aligned else Tracking.OFF)
-    if mount.suspended is not Tracking.OFF:
-        yield Ask("T", {"mode": 0})
-        mount.tracking, mount.drive = Tracking.OFF, "own"
+    if mount.suspended is Tracking.OFF:
+        return None
+    began = mount.now()
+    yield Ask("T", {"mode": 0})
+    mount.tracking, mount.drive = Tracking.OFF, "own"
+    return mount.now() - began
 
 
 def resume(mount: NexStar) -> Steps:
