@@ -1,4 +1,4 @@
-"""The configuration as text: the one in effect reads back, the example is complete, the README's table is fresh."""
+"""The configuration as text: the one in effect reads back, the example is complete, the table of the keys is fresh."""
 
 from __future__ import annotations
 
@@ -101,8 +101,9 @@ def test_every_key_is_described() -> None:
             assert isinstance(key.default, bool) or key.shown, key.name
 
 
-def test_the_table_of_the_readme_is_fresh() -> None:
-    _, begin, rest = (ROOT / "README.md").read_text("utf-8").partition("<!-- keys: mount-gateway config --table -->\n")
+def test_the_table_of_the_keys_is_fresh() -> None:
+    page = (ROOT / "docs" / "configuration.md").read_text("utf-8")
+    _, begin, rest = page.partition("<!-- keys: mount-gateway config --table -->\n")
     assert begin
     assert rest.partition("<!-- end of keys -->")[0] == table(), "put in what mount-gateway config --table prints"
 

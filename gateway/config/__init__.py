@@ -1,7 +1,8 @@
 """What a user sets: on the command line or in ``gateway.toml``, under the same names.
 
 ``keys.py`` is the one place where a key is declared and described: its reading, its flag, ``--help``, the example and
-the README's table all follow from there. Every mistake is one line that says where it is and what would be right.
+the table of docs/configuration.md all follow from there. Every mistake is one line that says where it is and what
+would be right.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Configurations as text, made from the keys: the one in effect, a commented example, and the README's table."""
+"""Configurations as text, made from the keys: the one in effect, a commented example, the table of the keys in docs."""
 
 from __future__ import annotations
 
