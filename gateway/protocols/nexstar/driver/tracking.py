@@ -124,6 +124,8 @@ def set_tracking(mount: NexStar, operation: SetTracking) -> Steps:
     """
     own = native_mode(mount)
     mode = (operation.mode or own or _built_for(mount)) if operation.on else Tracking.OFF
+    if mode is Tracking.ALTAZ and mount.german:
+        raise Unsupported("A German mount does not track in alt-az: it passes over that mode.")
     if operation.on and own is not None and mode.equatorial != own.equatorial and _in_motion(mount):
         raise Refused("The mount moves: between alt-az and equatorial it changes only at rest.")
     mount.parked = mount.parked and not operation.on
