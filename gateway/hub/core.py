@@ -158,7 +158,7 @@ class Hub:
                 self.hold.admit(operation)
         except Held as fault:
             return fault
-        return self.driver.impossible(operation)
+        return self.motions.impossible(operation) if self.identified.is_set() else None
 
     @property
     def slewing(self) -> bool:
