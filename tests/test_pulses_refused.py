@@ -15,7 +15,6 @@ from tests.virtual import run
 NO = b"\0#"
 PULSE_AZM, ACTIVE_AZM = b"P\x03\x10\x26\x32\x32\0\0", b"P\x01\x10\x27\0\0\0\x01"
 PULSE_ALT, ACTIVE_ALT = b"P\x03\x11\x26\xce\x32\0\0", b"P\x01\x11\x27\0\0\0\x01"
-KEY_4 = b"P\x02\x10\x24\x04\0\0\0"
 
 
 @pytest.mark.parametrize(("surface", "none"), [(None, b"\0\0#"), ("avx", b"\0#")])
@@ -75,5 +74,24 @@ def test_during_a_goto_there_are_none_and_after_a_stop_there_are(driven: str, mo
             assert await client.ask(b"L") == b"0#"
             assert await client.ask(PULSE_AZM) == b"#"
             await asyncio.sleep(2.0)
+
+    run(program())
+
+
+@pytest.mark.parametrize(("driven", "mount"), [("nexstar", "avx"), ("lx200", "lx200gps")])
+def test_right_behind_the_end_of_a_goto_it_is_done(driven: str, mount: str) -> None:
+    async def program() -> None:
+        async with Bridge(mount, driven=driven, presented="nexstar", surface="avx",
+                          config={"lowest": -90.0, "sun": 0.0}) as bridge:
+            client = bridge.client()
+            ra, dec = bridge.sim.truth()
+            words = [round((angle % 360.0) / 360.0 * 2**32) for angle in (ra + 40.0, dec - 10.0)]
+            assert await client.ask(f"r{words[0]:08X},{words[1]:08X}".encode()) == b"#"
+            await asyncio.sleep(2.0)
+            before = len(bridge.sent())
+            assert await client.ask(b"M" + PULSE_AZM) == b"##"
+            await asyncio.sleep(3.0)
+            pulses = [sent for sent in bridge.sent()[before:] if sent.startswith((b":Mg", b"P\x03\x10\x26"))]
+            assert len(pulses) == 1
 
     run(program())
