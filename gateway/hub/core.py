@@ -17,7 +17,7 @@ from msgspec import Struct
 
 from gateway import operations as op
 from gateway.driver import Driver, Steps
-from gateway.errors import Asleep, Fault, Held, NoAnswer
+from gateway.errors import Asleep, Busy, Fault, Held, NoAnswer
 from gateway.hub.belief import Belief
 from gateway.hub.ending import end_motion
 from gateway.hub.executor import HubExecutor
@@ -32,7 +32,7 @@ from gateway.hub.snapshot import FRESH, Kind, Snapshot
 from gateway.hub.telling import Telling
 from gateway.hub.turnstile import Turnstile
 from gateway.line import SETTING, STOP, Line
-from gateway.motion_kinds import MOTIONS, begins_motion
+from gateway.motion_kinds import GOTOS, MOTIONS, begins_motion
 from gateway.mount.motion.awaited import ended
 from gateway.mount.motion.end_watch import EndWatch
 from gateway.mount.motion.reconciler import Reconciler
@@ -153,12 +153,14 @@ class Hub:
         sleeps = (self.driver.asleep or self.driver.powerless) and not self.motions.waking
         if sleeps and begins_motion(operation):
             return Asleep()
+        if self.line.occupied and begins_motion(operation) and not isinstance(operation, GOTOS):  # which wait for it
+            return Busy()
         try:
             if isinstance(operation, MOTIONS):
                 self.hold.admit(operation)
         except Held as fault:
             return fault
-        return self.driver.impossible(operation)
+        return self.motions.impossible(operation) if self.identified.is_set() else None
 
     @property
     def slewing(self) -> bool:

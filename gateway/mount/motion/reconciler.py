@@ -136,6 +136,11 @@ class Reconciler:
         self._go_on()
         return outcome if outcome is not None else self._awaited.done()
 
+    def impossible(self, operation: op.Operation) -> Fault | None:
+        """Why the mount would refuse this, where that is known: nothing waits that may change how it stands."""
+        same = all(isinstance(order.operation, op.Pulse | op.PulseAxis) for order in self.wanted.pending)
+        return self._driver.impossible(operation) if same and not self.wanted.owed else None
+
     def _only_a_stop_is_heard(self, operation: op.Operation) -> bool:
         """Whether an arrow is released that the mount would go on with for seconds."""
         ends = isinstance(operation, op.Halt) and operation.axis in self.wanted.by_hand

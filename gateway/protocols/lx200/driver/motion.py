@@ -18,7 +18,7 @@ from gateway.protocols.lx200.driver.drive import drive_at, put_drive_back
 from gateway.protocols.lx200.driver.ends import MOUNT, begins, end
 from gateway.protocols.lx200.driver.pier import beyond_pole
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Speed, instead_of_tracking, nearest, off
-from gateway.protocols.lx200.driver.state import Meade, ask, rate_command
+from gateway.protocols.lx200.driver.state import SLEWING, Meade, ask, rate_command
 
 LONGEST_PULSE = 9999  # milliseconds: the four digits of :Mg
 #: What is off by more than this part of what was asked is said.
@@ -187,7 +187,7 @@ def pulse_axis(mount: Meade, operation: PulseAxis) -> Steps:
 def _pulse(mount: Meade, axis: int, letter: str, ms: int, rate: float | None) -> Steps:
     """A model that guides at its one rate alone does so for as much shorter."""
     if mount.goto is not None:
-        raise Refused("The mount is slewing: the guide pulse is dropped.")
+        raise Refused(SLEWING)
     fraction = mount.guide_rate if rate is None else rate
     shorter = 1.0 if mount.knows("Rg") else fraction
     if mount.knows("Rg"):

@@ -9,14 +9,16 @@ from typing import Any
 from msgspec import Struct
 
 from gateway.driver import Ask, Driver, Pause, Steps
-from gateway.errors import Busy, Refused, Unsupported
-from gateway.operations import Identity, Own, Place, Rate, Tracking, TrackRate
+from gateway.errors import Busy, Fault, Refused, Unsupported
+from gateway.operations import Identity, Operation, Own, Place, Pulse, PulseAxis, Rate, Tracking, TrackRate
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Abilities, nearest
 from gateway.tables import load
 
 BUSY_RETRIES, BUSY_WAIT = 6, 0.4
 #: What takes a telescope long, in seconds at most: a classic calculates its planets, an LX200GPS finds its satellites.
 LONG = {"SC": 14.0, "gT": 600.0}
+#: Why there is no guide pulse.
+SLEWING = "The mount is slewing: the guide pulse is dropped."
 #: Differs from every rate that may be wanted.
 UNKNOWN = -1
 #: What turns a motor, which has no power while the telescope sleeps.
@@ -162,6 +164,11 @@ class Meade(Driver):
         from gateway.protocols.lx200.driver.identify import contact  # which knows this class
 
         return (yield from contact(self))
+
+    def impossible(self, operation: Operation) -> Fault | None:
+        if self.goto is not None and isinstance(operation, Pulse | PulseAxis):
+            return Refused(SLEWING)
+        return None
 
     def presented(self) -> dict[str, Any]:
         """The row of its model, and what it does not answer: commands that it has not, and a name it cannot tell."""
