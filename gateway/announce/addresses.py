@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from ipaddress import IPv4Address, IPv6Address, ip_address
 
-import ifaddr
-
 from gateway.announce.offer import EVERYWHERE, Offer
 from gateway.announce.skyfi import seen_from
 
@@ -20,6 +18,8 @@ _FAR = ("192.0.2.1", 9)
 
 def held() -> Iterator[tuple[str, IPv4Address | IPv6Address]]:
     """Every address of this computer with the name of its interface."""
+    import ifaddr  # not before somebody asks: loading it would delay every start
+
     for adapter in ifaddr.get_adapters():
         for one in adapter.ips:
             text = one.ip if isinstance(one.ip, str) else one.ip[0]
