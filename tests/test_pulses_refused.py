@@ -9,7 +9,7 @@ import asyncio
 
 import pytest
 
-from tests.bridge import Bridge
+from tests.bridge import Bridge, Visitor
 from tests.virtual import run
 
 NO = b"\0#"
@@ -56,16 +56,21 @@ def test_a_mode_that_is_on_its_way_to_the_mount_counts() -> None:
     run(program())
 
 
+async def _set_out(bridge: Bridge, client: Visitor) -> None:
+    """Two seconds of a goto by the precise command, 40 degrees away in right ascension."""
+    ra, dec = bridge.sim.truth()
+    words = [round((angle % 360.0) / 360.0 * 2**32) for angle in (ra + 40.0, dec - 10.0)]
+    assert await client.ask(f"r{words[0]:08X},{words[1]:08X}".encode()) == b"#"
+    await asyncio.sleep(2.0)
+
+
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "avx"), ("lx200", "lx200gps"), ("lx200", "lx200")])
 def test_during_a_goto_there_are_none_and_after_a_stop_there_are(driven: str, mount: str) -> None:
     async def program() -> None:
         async with Bridge(mount, driven=driven, presented="nexstar", surface="avx",
                           config={"lowest": -90.0, "sun": 0.0}) as bridge:
             client = bridge.client()
-            ra, dec = bridge.sim.truth()
-            words = [round((angle % 360.0) / 360.0 * 2**32) for angle in (ra + 40.0, dec - 10.0)]
-            assert await client.ask(f"r{words[0]:08X},{words[1]:08X}".encode()) == b"#"
-            await asyncio.sleep(2.0)
+            await _set_out(bridge, client)
             assert await client.ask(b"L") == b"1#"
             assert await client.ask(PULSE_AZM) == NO
             assert await client.ask(ACTIVE_AZM) == b"\0#"
@@ -84,10 +89,7 @@ def test_right_behind_the_end_of_a_goto_it_is_done(driven: str, mount: str) -> N
         async with Bridge(mount, driven=driven, presented="nexstar", surface="avx",
                           config={"lowest": -90.0, "sun": 0.0}) as bridge:
             client = bridge.client()
-            ra, dec = bridge.sim.truth()
-            words = [round((angle % 360.0) / 360.0 * 2**32) for angle in (ra + 40.0, dec - 10.0)]
-            assert await client.ask(f"r{words[0]:08X},{words[1]:08X}".encode()) == b"#"
-            await asyncio.sleep(2.0)
+            await _set_out(bridge, client)
             before = len(bridge.sent())
             assert await client.ask(b"M" + PULSE_AZM) == b"##"
             await asyncio.sleep(3.0)
