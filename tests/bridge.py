@@ -7,10 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gateway.keeping import Keeping
-from gateway.mark import InThread
-from gateway.rehearsal.stage import Stage, Visitor
-from gateway.state import Marked
+from gateway.app.state.file import MarkerContent
+from gateway.app.state.motion_marker import InThread
+from gateway.app.state.store import StateStore
+from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from tests.sent_forms import malformed
 
 __all__ = ["EVENING", "Bridge", "Visitor", "here"]
@@ -27,11 +27,21 @@ async def here(function: Callable[..., Any], *arguments: Any) -> Any:
 class Bridge(Stage):
     """``sim`` is the simulated mount, ``hub`` the gateway's, ``client()`` a new connection."""
 
-    keeping: Keeping | None = None
+    keeping: StateStore | None = None
 
-    def __init__(self, mount: str = "6-8se", version: str | None = None, *, surface: str | None = "autostar",
-                 start: float = EVENING, driven: str = "nexstar", presented: str = "lx200",
-                 state: Path | None = None, in_thread: InThread | None = None, **settings: Any) -> None:
+    def __init__(
+        self,
+        mount: str = "6-8se",
+        version: str | None = None,
+        *,
+        surface: str | None = "autostar",
+        start: float = EVENING,
+        driven: str = "nexstar",
+        presented: str = "lx200",
+        state: Path | None = None,
+        in_thread: InThread | None = None,
+        **settings: Any,
+    ) -> None:
         """With ``state`` a directory for what is kept; the other settings are those of a stage."""
         self._state, self._in_thread = state, in_thread
         self._driven, self._hands_on = driven, presented == driven == "nexstar"
@@ -41,9 +51,15 @@ class Bridge(Stage):
     def remember(self) -> tuple[dict[str, Any], Callable[[], None]]:
         if self._state is None:
             return super().remember()
-        self.keeping = Keeping(self._driven, "bridge", Marked(f"{self._driven}@bridge", 9600), str(self._state),
-                               self.warned.append, self._in_thread or here)
-        self.keeping.attach(self.hub)
+        self.keeping = StateStore(
+            self._driven,
+            "bridge",
+            MarkerContent(f"{self._driven}@bridge", 9600),
+            str(self._state),
+            self.warned.append,
+            self._in_thread or here,
+        )
+        self.keeping.attach(self.controller)
         return self.keeping.shared, self.keeping.changed
 
     async def __aexit__(self, failed: object = None, *_: object) -> None:
@@ -59,6 +75,6 @@ class Bridge(Stage):
         tasks = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
         for task in tasks:
             task.cancel()
-        self.hub.motions.close()
+        self.controller.motions.close()
         await asyncio.gather(*tasks, return_exceptions=True)
         self.keeping._lock.release()

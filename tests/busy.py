@@ -8,17 +8,17 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from gateway.assembly import Gateway
-from gateway.cli.recorded import record
-from gateway.config import MountConfig, SurfaceConfig
-from gateway.entrance import HostClock
-from gateway.line import Line
-from gateway.ports import Guest
-from gateway.recorder import Recorder
-from gateway.simulators import make_simulator
-from gateway.transcript import Transcript
-from gateway.turns import TurnLoop, Wait
-from gateway.wires import SimulatorWire
+from gateway.app.config import MountConfig, SurfaceConfig
+from gateway.app.gateway import Gateway
+from gateway.app.recording.entrance import HostClock
+from gateway.app.recording.recorder import Recorder
+from gateway.app.recording.turns import TurnLoop, Wait
+from gateway.app.simulated import make_simulator
+from gateway.cli.serve.recorded import record
+from gateway.core.wire_log import Transcript
+from gateway.mount.link.queue import MountLink
+from gateway.transport import ConnectionHandler
+from gateway.transport.wires import SimulatedTransport
 
 #: 2026-01-15 22:00 UTC
 EVENING = 1768514400.0
@@ -46,7 +46,7 @@ def run_busy(program: Coroutine[Any, Any, Any], seed: object) -> Any:
         return runner.run(program)
 
 
-class Pluggable(SimulatorWire):
+class Pluggable(SimulatedTransport):
     """A simulated mount whose cable comes off."""
 
     async def open(self, on_data: Any, on_lost: Any) -> None:
@@ -67,10 +67,10 @@ class Recorded:
         self.wire = Pluggable("sim", make_simulator(self.gateway.mount, clock=clock, speed=3.0).connection, 0.0131)
         self.recorder: Recorder = record(str(path), self.gateway, longest)
         entrance = self.gateway.entrance
-        self.gateway.prepare(lambda dialogue, to: Line(entrance.wire(self.wire), dialogue, to))
+        self.gateway.prepare(lambda dialogue, to: MountLink(entrance.wire(self.wire), dialogue, to))
         self._arrive = entrance.arrive(self.gateway.receptions[0])
 
-    def arrive(self, name: str, write: Any) -> Guest:
+    def arrive(self, name: str, write: Any) -> ConnectionHandler:
         """A new connection. Raises TurnedAway."""
         guest = self._arrive(name, name.partition(":")[0], write)
         guest.network(lambda last: None)

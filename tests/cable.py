@@ -9,7 +9,7 @@ class Cable:
     """The port is gone between ``pull`` and ``plug``; bytes that are on their way are lost."""
 
     def __init__(self, bridge: Any) -> None:
-        self._line = bridge.hub.line
+        self._line = bridge.controller.line
         self._open = self._line.wire.open
         self._line.wire.open = self._reopen
         self._out = False
@@ -31,7 +31,7 @@ class Cable:
 
 def deafen(bridge: Any, beginnings: tuple[bytes, ...], times: int = 1) -> list[bytes]:
     """Let the mount miss the next commands that begin so, on a line that is otherwise good -> those it has missed."""
-    wire = bridge.hub.line.wire
+    wire = bridge.controller.line.wire
     missed: list[bytes] = []
     feed = wire._feed
 
@@ -47,7 +47,7 @@ def deafen(bridge: Any, beginnings: tuple[bytes, ...], times: int = 1) -> list[b
 
 def mute(bridge: Any, beginnings: tuple[bytes, ...], times: int) -> list[bytes]:
     """Let the answers to the next commands that begin so be lost: the mount has heard them."""
-    wire = bridge.hub.line.wire
+    wire = bridge.controller.line.wire
     heard: list[bytes] = []
     feed = wire._feed
 

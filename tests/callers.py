@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from itertools import cycle
 from typing import Any
 
-from gateway.ports.rfc2217 import over_telnet
+from gateway.transport.rfc2217 import over_telnet
 
 
 class Caller:
@@ -16,8 +16,14 @@ class Caller:
     ``trusted``: over neither, as if nobody could be a stranger there.
     """
 
-    def __init__(self, reception: Any, transport: str = "tcp", host: str = "127.0.0.1", number: int = 50000,
-                 trusted: bool = False) -> None:
+    def __init__(
+        self,
+        reception: Any,
+        transport: str = "tcp",
+        host: str = "127.0.0.1",
+        number: int = 50000,
+        trusted: bool = False,
+    ) -> None:
         self.heard = b""
         self.gone = False
         arrive = over_telnet(reception.arrive) if transport == "rfc2217" else reception.arrive

@@ -5,18 +5,18 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-from gateway import operations as op
-from gateway.assembly import DRIVERS, FACES
-from gateway.config import Endpoint, MountConfig, SurfaceConfig
-from gateway.guests import Reception
-from gateway.hub import Hub, Policy
-from gateway.line import Line
+from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
+from gateway.app.gateway import DRIVERS, FACES
+from gateway.astro.ephemeris import Sky
+from gateway.clients.acceptor import ConnectionAcceptor
+from gateway.core import operations as op
+from gateway.core.wire_log import Entry, Transcript
+from gateway.mount.controller import MountController, Policy
+from gateway.mount.link.queue import MountLink
 from gateway.mount.safety.limits import Limits
-from gateway.observatory import Observatory
-from gateway.ports import Guest
-from gateway.sky import Sky
-from gateway.transcript import Entry, Transcript
-from gateway.wires import OnData, OnLost
+from gateway.mount.site.site_clock import SiteClock
+from gateway.transport import ConnectionHandler
+from gateway.transport.wires import OnData, OnLost
 from tests.bridge import Bridge, Visitor
 from tests.sent_forms import malformed
 
@@ -29,9 +29,9 @@ class GuestWire:
 
     name = "the other gateway"
 
-    def __init__(self, reception: Reception) -> None:
+    def __init__(self, reception: ConnectionAcceptor) -> None:
         self._reception = reception
-        self._guest: Guest | None = None
+        self._guest: ConnectionHandler | None = None
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
         loop = asyncio.get_running_loop()
@@ -58,22 +58,22 @@ class Chain:
         self.transcript.sinks.append(self.entries.append)
         driver, follow_ups, dialogue = DRIVERS[link](Endpoint(link, "-"), MountConfig(at="-"), loop.time)
         self.driver: Any = driver
-        line = Line(GuestWire(inner.reception), dialogue, self.transcript)
-        observatory = Observatory(loop.time, inner.clock, None)
+        line = MountLink(GuestWire(inner.reception), dialogue, self.transcript)
+        observatory = SiteClock(loop.time, inner.clock, None)
         limits = Limits(lowest=-90.0, sun=0.0)  # the inner gateway and the mount have limits of their own
-        self.hub = Hub(driver, follow_ups, line, Sky(), observatory, self.transcript, Policy(limits))
+        self.controller = MountController(driver, follow_ups, line, Sky(), observatory, self.transcript, Policy(limits))
         face = FACES[presented](Endpoint(presented, "-", surface), SurfaceConfig(at="-"), limits)
-        self.reception = Reception(self.hub, face, {"sites": {}}, inner.clock, lambda: None)
+        self.reception = ConnectionAcceptor(self.controller, face, {"sites": {}}, inner.clock, lambda: None)
 
     async def __aenter__(self) -> Chain:
         await self.inner.__aenter__()
-        self.hub.start()
+        self.controller.start()
         async with asyncio.timeout(MOST):  # else one that is never identified is asked for ever
-            await self.hub.settled.wait()
+            await self.controller.settled.wait()
         return self
 
     async def __aexit__(self, failed: object = None, *_: object) -> None:
-        await self.hub.close()
+        await self.controller.close()
         await self.inner.__aexit__(failed)
         if failed is None:
             assert not (wrong := malformed(self._link, self.sent())), f"no paper writes it so: {wrong}"

@@ -10,19 +10,19 @@ from datetime import datetime
 from functools import cache
 from typing import Any
 
-from gateway import operations as op
-from gateway.assembly import FACES
-from gateway.clients import PAIR
-from gateway.config import Endpoint, SurfaceConfig
-from gateway.errors import Fault, NoAnswer, Unsupported
-from gateway.guests import Face
+from gateway.app.config import Endpoint, SurfaceConfig
+from gateway.app.gateway import FACES
+from gateway.astro.ephemeris import Sky
+from gateway.clients.acceptor import SurfaceBinding
+from gateway.clients.command_processor import PAIR
+from gateway.core import operations as op
+from gateway.core.errors import Fault, NoAnswer, Unsupported
 from gateway.mount.safety.limits import Limits
-from gateway.mount.safety.sync_sum import check_sync
+from gateway.mount.safety.rules.sync_sum import check_sync
 from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.ephemeris_reads import PLACES
-from gateway.observatory import Observatory
-from gateway.sky import Sky
-from gateway.surface import Again, Defer, Possible, Session, Speed, Start
+from gateway.mount.site.site_clock import SiteClock
+from gateway.protocols.base.surface import Defer, FireAndForget, Possible, ReuseLastReading, Session, Speed
 
 
 @cache
@@ -63,23 +63,31 @@ class Mount:
         if type(operation) in self.faults:
             raise self.faults[type(operation)]
         answers: dict[type[op.Operation], Any] = {
-            op.Position: self.position, op.HorizontalPosition: self.horizontal, op.Slewing: self.slewing,
-            op.GetStatus: self.status, op.GetSite: self.site, op.GetClock: self.clock, op.HomeState: 0,
-            op.AxisPosition: self.axes, op.PierSide: self.pier,
-            op.GetIdentity: self.identity, op.DriveRate: self.drive_rate,
+            op.Position: self.position,
+            op.HorizontalPosition: self.horizontal,
+            op.Slewing: self.slewing,
+            op.GetStatus: self.status,
+            op.GetSite: self.site,
+            op.GetClock: self.clock,
+            op.HomeState: 0,
+            op.AxisPosition: self.axes,
+            op.PierSide: self.pier,
+            op.GetIdentity: self.identity,
+            op.DriveRate: self.drive_rate,
         }
         if isinstance(operation, op.GetGps) and self.gps is not None:
             return self.gps
         if isinstance(operation, op.GetGps | op.GuideRate):
             raise Unsupported
         if type(operation) in PLACES:
-            observatory = Observatory(lambda: self.clock.unix, lambda: self.clock.unix, self.site)
+            observatory = SiteClock(lambda: self.clock.unix, lambda: self.clock.unix, self.site)
             return PLACES[type(operation)](SiteAstrometry(self.sky, observatory, "jnow"), operation)
         if isinstance(operation, op.SiderealTime):
             return self.sky.sidereal_time(self.clock.unix, self.site.longitude)
         if isinstance(operation, op.Goto):
-            _, altitude = self.sky.horizon(operation.ra, operation.dec, self.site.latitude, self.site.longitude,
-                                           self.clock.unix)
+            _, altitude = self.sky.horizon(
+                operation.ra, operation.dec, self.site.latitude, self.site.longitude, self.clock.unix
+            )
             self.limits.narrowed(operation.lowest, operation.highest).check_altitude(altitude)
             self.slewing = True
         elif isinstance(operation, op.GotoHorizontal):
@@ -115,11 +123,17 @@ class Mount:
 class Talk:
     """One client of a surface over a ``Mount``: bytes in, bytes out, no I/O."""
 
-    def __init__(self, mount: Mount | None = None, model: str = "autostar", protocol: str = "lx200",
-                 version: str | None = None, **settings: Any) -> None:
+    def __init__(
+        self,
+        mount: Mount | None = None,
+        model: str = "autostar",
+        protocol: str = "lx200",
+        version: str | None = None,
+        **settings: Any,
+    ) -> None:
         self.mount = mount or Mount()
         endpoint = Endpoint(protocol, "-", model, version)
-        self.face: Face = FACES[protocol](endpoint, SurfaceConfig(at="-", **settings), Limits())
+        self.face: SurfaceBinding = FACES[protocol](endpoint, SurfaceConfig(at="-", **settings), Limits())
         self.now = self.mount.clock.unix
         self.session = Session(self.face.model, self.face.settings, lambda: self.now, {"sites": {}})
         self.framing = self.face.framing(lambda: self.now)
@@ -154,13 +168,13 @@ class Talk:
                     self.deferred.append((self.now + wanted.seconds, session, wanted.special))
                     continue
                 try:
-                    operation = wanted.operation if isinstance(wanted, Start | Again) else wanted
+                    operation = wanted.operation if isinstance(wanted, FireAndForget | ReuseLastReading) else wanted
                     at, answer = self._told.get(type(operation), (-1e9, None))
-                    if not (isinstance(wanted, Again) and self.now - at < PAIR):
+                    if not (isinstance(wanted, ReuseLastReading) and self.now - at < PAIR):
                         answer = self.mount.perform(operation)
                         self._told[type(operation)] = self.now, answer
                 except Fault as error:
-                    fault = None if isinstance(wanted, Start) else error
+                    fault = None if isinstance(wanted, FireAndForget) else error
         except StopIteration as end:
             reply: bytes | None = end.value
             return reply

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any
 
-from gateway.spherical import separation, sidereal_time, wrap360
+from gateway.astro.spherical import separation, sidereal_time, wrap360
 from tests.bridge import Bridge, Visitor
 from tests.virtual import run
 

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from gateway.spherical import (
+from gateway.astro.spherical import (
     fold_declination,
     horizon_to_hour_angle,
     hour_angle_to_horizon,
@@ -77,7 +77,7 @@ class Truth:
         self._bridge = bridge
         self._asked: dict[str, deque[tuple[float, float]]] = {"ra": deque(maxlen=20), "dec": deque(maxlen=20)}
         self._ticks = tuple(near + far for near, far in zip(UNITS[plan.presented], UNITS[plan.driven], strict=True))
-        wire: Any = bridge.hub.line.wire
+        wire: Any = bridge.controller.line.wire
         self._feed, wire._feed = wire._feed, self._note
 
     def _note(self, data: bytes) -> bytes:
@@ -91,10 +91,11 @@ class Truth:
     def units(self, ra: float, dec: float) -> float:
         """How far from the nearest that the mount said lately, in units of the wire; 1 is as good as it gets."""
         now = self._bridge.clock()
-        return max(min((abs(wrap180(told - value)) for at, value in self._asked[name] if now - at <= OLDEST),
-                       default=360.0) / tick
-                   for name, told, tick in zip(("ra", "dec"), (ra, dec), self._ticks, strict=True))
-
+        return max(
+            min((abs(wrap180(told - value)) for at, value in self._asked[name] if now - at <= OLDEST), default=360.0)
+            / tick
+            for name, told, tick in zip(("ra", "dec"), (ra, dec), self._ticks, strict=True)
+        )
 
     def off(self, ra: float, dec: float) -> float:
         """How far from where the mount takes itself to point now, in units of what may be wrong of what is reckoned."""
@@ -119,8 +120,10 @@ class Lx200:
 
     async def goto(self, ra: float, dec: float) -> None:
         s, a = round(ra * 240.0) % 86400, round(abs(dec) * 3600.0)
-        text = (f":Sr{s // 3600:02}:{s // 60 % 60:02}:{s % 60:02}#"
-                f":Sd{'-' if dec < 0 else '+'}{a // 3600:02}*{a // 60 % 60:02}:{a % 60:02}#:MS#")
+        text = (
+            f":Sr{s // 3600:02}:{s // 60 % 60:02}:{s % 60:02}#"
+            f":Sd{'-' if dec < 0 else '+'}{a // 3600:02}*{a // 60 % 60:02}:{a % 60:02}#:MS#"
+        )
         assert await self._client.ask(text.encode(), 15, until=b"110") == b"110"
 
     async def slewing(self) -> bool:
@@ -190,8 +193,9 @@ def _date(unix: float, form: str) -> str:
     return datetime.fromtimestamp(unix, UTC).strftime(form)
 
 
-async def night(plan: Plan, seconds: float, goto_every: float, seed: int,
-                hourly: Callable[[], None] = lambda: None) -> Record:
+async def night(
+    plan: Plan, seconds: float, goto_every: float, seed: int, hourly: Callable[[], None] = lambda: None
+) -> Record:
     """Spend a night of so many seconds; ``hourly`` is called at every full hour."""
     chance, record = random.Random(seed), Record()
     bridge = Bridge(plan.mount, driven=plan.driven, presented=plan.presented, surface=None, latency=LATENCY)
@@ -206,9 +210,9 @@ async def night(plan: Plan, seconds: float, goto_every: float, seed: int,
         slewing, target = False, (0.0, 0.0)
         while bridge.clock() < began + seconds:
             await asyncio.sleep(chance.uniform(0.5, 1.0))
-            moving = bridge.hub.moving
+            moving = bridge.controller.moving
             told = await program.where()
-            units = truth.off(*told) if moving or bridge.hub.moving else truth.units(*told)
+            units = truth.off(*told) if moving or bridge.controller.moving else truth.units(*told)
             record.polls, record.worst = record.polls + 1, max(record.worst, units)
             if units > 1.01:
                 record.wrong.append(f"at {bridge.clock() - began:.0f} s: told {told}, {units:.1f} units off")

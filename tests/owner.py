@@ -6,8 +6,8 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
-from gateway.protocols.lx200.sim_motion import release
-from gateway.truth import truth_of
+from gateway.protocols.lx200.simulator.motion import release
+from gateway.protocols.mechanics.truth import truth_of
 
 #: The keypad as bytes of a line of its own: typed from the manuals.
 KEYS = {
@@ -54,8 +54,8 @@ class Owner:
     def __init__(self, bridge: Any, driven: str) -> None:
         self._bridge, self._driven = bridge, driven
         self._speak = bridge.sim.connection()
-        self.cable = Cable(bridge.hub.line.wire)
-        bridge.hub.line.wire = self.cable
+        self.cable = Cable(bridge.controller.line.wire)
+        bridge.controller.line.wire = self.cable
         self._before = 0
 
     def keys(self, *names: str) -> None:

@@ -14,8 +14,8 @@ from typing import Any
 
 from msgspec import Struct
 
-from gateway.spherical import fold_declination, separation
-from gateway.wires import OnData, OnLost
+from gateway.astro.spherical import fold_declination, separation
+from gateway.transport.wires import OnData, OnLost
 from tests.bridge import Bridge, Visitor
 
 #: Seconds: from an answer to the next question, until a program gives up, and a byte at 9600 baud.
@@ -92,7 +92,7 @@ class Polls(Struct):
 def over(bridge: Bridge, poor: Poor, seed: int = 1) -> PoorWire:
     """Put a poor line between a bridge and its mount."""
     wire = PoorWire(bridge.sim.connection, poor, seed)
-    bridge.hub.line.wire = wire
+    bridge.controller.line.wire = wire
     return wire
 
 
@@ -143,15 +143,17 @@ def _truth(bridge: Bridge) -> tuple[float, float]:
 def _true(heard: bytes, places: list[tuple[float, float]]) -> bool:
     """Whether the mount has pointed there, each of the two angles at a moment of its own."""
     if heard.count(b"#") > 1:
-        ra, dec = (text.replace("*", ":").replace("\xdf", ":").split(":") for text in
-                   heard.decode("latin-1").split("#")[:2])
+        ra, dec = (
+            text.replace("*", ":").replace("\xdf", ":").split(":") for text in heard.decode("latin-1").split("#")[:2]
+        )
         told = 15.0 * _sexagesimal(ra), _sexagesimal(dec)
     else:
         told = tuple(int(part, 16) * 360.0 / 2**32 for part in heard[:-1].split(b","))  # type: ignore[assignment]
     steps = [(separation(was[0], 0.0, now[0], 0.0), abs(now[1] - was[1])) for was, now in pairwise(places)]
     first, second = (MARGIN + RECKONED / SAMPLE * max([step[n] for step in steps], default=0.0) for n in (0, 1))
     return any(separation(told[0], 0.0, ra, 0.0) < first for ra, _ in places) and any(
-        abs((told[1] - dec + 180.0) % 360.0 - 180.0) < second for _, dec in places)
+        abs((told[1] - dec + 180.0) % 360.0 - 180.0) < second for _, dec in places
+    )
 
 
 def _sexagesimal(parts: list[str]) -> float:

@@ -11,8 +11,8 @@ import contextlib
 from math import cos, radians, sin
 from random import Random
 
-from gateway import operations as op
-from gateway.errors import Fault
+from gateway.core import operations as op
+from gateway.core.errors import Fault
 from tests import random_commands
 from tests.bridge import Bridge, Visitor
 from tests.random_judge import MOTION, Judge, sun
@@ -27,8 +27,10 @@ NEAR = 8.0
 KEYS = (0, 5, 7, 8, 9, 9, 9)
 #: What programs poll, and what keeps the line busy besides.
 POLLED = {"lx200": b":GR#", "nexstar": b"e"}
-BESIDES = {"lx200": [b":GA#", b":GZ#", b":GS#", b":GC#", b":D#", b":GW#", b":GD#", b":Gt#", b":GVP#"],
-           "nexstar": [b"z", b"L", b"t", b"h", b"w", b"p", b"J", b"E", b"P\x01\x10\xfe\0\0\0\x02"]}
+BESIDES = {
+    "lx200": [b":GA#", b":GZ#", b":GS#", b":GC#", b":D#", b":GW#", b":GD#", b":Gt#", b":GVP#"],
+    "nexstar": [b"z", b"L", b"t", b"h", b"w", b"p", b"J", b"E", b"P\x01\x10\xfe\0\0\0\x02"],
+}
 
 
 def play(seed: int) -> Play:
@@ -46,8 +48,15 @@ async def _play(seed: int) -> Play:
         hand = _Hand(bridge, random, judge, presented)
         for _ in range(SCENES):
             await hand.scene()
-        return Play(f"seed {seed}: {here.name}", len(hand.said), judge.looks, len(bridge.sent()), judge.complaints,
-                    judge.worst, hand.said)
+        return Play(
+            f"seed {seed}: {here.name}",
+            len(hand.said),
+            judge.looks,
+            len(bridge.sent()),
+            judge.complaints,
+            judge.worst,
+            hand.said,
+        )
 
 
 class _Hand:
@@ -63,17 +72,17 @@ class _Hand:
         """Go near a limit, turn the axes any way, and stop."""
         ra, dec = self.place()
         with contextlib.suppress(Fault):
-            await self.bridge.hub.perform(op.Goto(ra, dec))
+            await self.bridge.controller.perform(op.Goto(ra, dec))
         for _ in range(600):
             await self.rest(0.2)
-            if not self.bridge.hub.slewing:
+            if not self.bridge.controller.slewing:
                 break
         await self.rest(self.random.choice((0.1, 1.0, 5.0)))
         for _ in range(self.random.randrange(1, 7)):
             self.say(self.hand, self.words())
             await self.rest(self.random.choice((0.0, 0.1, 0.3, 0.5, 1.0, 2.0, 4.0)))
         await self.rest(3.0)
-        self.bridge.hub.begin_stop()
+        self.bridge.controller.begin_stop()
         await self.rest(3.0)
         if await self.rest(0.5) > MOTION:
             self.judge.complain("goes on after a stop")

@@ -19,8 +19,23 @@ SYNCS = re.compile(rb":C[ML]|[Ssu]")
 #: Loses the alignment, wakes programs that run for minutes, or changes how the mount stands.
 ALIGNS = re.compile(rb":A[aAP]|:I#|:hI")
 #: The reply bytes of the opcodes of the manual, and of two that every hand control here answers.
-REPLIES = {"E": 10, "e": 18, "Z": 10, "z": 18, "t": 2, "w": 9, "h": 9, "V": 3, "m": 2, "K": 2, "J": 2, "L": 2, "v": 2,
-           "p": 2, **dict.fromkeys("RrBbSsTWHM", 1)}
+REPLIES = {
+    "E": 10,
+    "e": 18,
+    "Z": 10,
+    "z": 18,
+    "t": 2,
+    "w": 9,
+    "h": 9,
+    "V": 3,
+    "m": 2,
+    "K": 2,
+    "J": 2,
+    "L": 2,
+    "v": 2,
+    "p": 2,
+    **dict.fromkeys("RrBbSsTWHM", 1),
+}
 LX200_FORMS = rows("lx200_forms.txt") + rows("lx200_beyond.txt")
 NEXSTAR_FORMS = rows("nexstar_forms.txt")
 
@@ -89,8 +104,10 @@ def _lx200_motion(random: Random, judge: Judge) -> list[Step]:
         az, alt = random.randrange(360), random.randrange(-10, 91)
         return [Step(b":Sz%03d*00#" % az, "1 ~ 0"), Step(b":Sa%+03d*00#" % alt, "1 ~ 0"), Step(b":MA#", "0 ~ 1")]
     if kind <= 7:
-        return [Step(random.choice([b":RG#", b":RC#", b":RM#", b":RS#", b":RS#"]), "-"),
-                *(Step(b":M%c#" % random.choice(b"nsew"), "-") for _ in range(random.randrange(1, 3)))]
+        return [
+            Step(random.choice([b":RG#", b":RC#", b":RM#", b":RS#", b":RS#"]), "-"),
+            *(Step(b":M%c#" % random.choice(b"nsew"), "-") for _ in range(random.randrange(1, 3))),
+        ]
     if kind == 8:
         return [Step(b":Q%c#" % random.choice(b"nsew"), "-")]
     if kind == 9:
@@ -167,8 +184,12 @@ def nexstar(random: Random, judge: Judge, model: str, wild: bool, synced: bool) 
         steps = [Step(data, 0 if data[:1] == b"P" else REPLIES[chr(data[0])])]
     else:
         steps = [Step(noise(random, raw(random.choice(NEXSTAR_FORMS)[1])), None)]
-    return [step for step in steps if step.shapes is not None or wild or not SYNCS.match(step.data)
-            if step.shapes is None or _wanted_frame(step.data, wild, synced)]
+    return [
+        step
+        for step in steps
+        if step.shapes is not None or wild or not SYNCS.match(step.data)
+        if step.shapes is None or _wanted_frame(step.data, wild, synced)
+    ]
 
 
 def _wanted_frame(data: bytes, wild: bool, synced: bool) -> bool:

@@ -13,8 +13,14 @@ from typing import Any
 #: Degrees a second above which it is a motion and neither tracking nor guiding.
 MOTION = 0.02
 #: Bytes of a request to a hand control, by its opcode.
-LENGTHS = {**dict.fromkeys("EZezJLMVmtwhvplxyiu", 1), **dict.fromkeys("TK", 2), **dict.fromkeys("WHIP", 9),
-           **dict.fromkeys("RBS", 10), **dict.fromkeys("rbs", 18), "P": 8}
+LENGTHS = {
+    **dict.fromkeys("EZezJLMVmtwhvplxyiu", 1),
+    **dict.fromkeys("TK", 2),
+    **dict.fromkeys("WHIP", 9),
+    **dict.fromkeys("RBS", 10),
+    **dict.fromkeys("rbs", 18),
+    "P": 8,
+}
 #: Never to any device: firmware upload (RTC setting excepted), memory, an axis's position, finding the index.
 FIRMWARE, MEMORY, INDEX, SET_POSITION = range(0x81, 0x85), (0x30, 0x31), 0x19, 0x04
 RTC, RTC_DATE, RTC_YEAR = 178, 0x83, 0x84
@@ -34,8 +40,10 @@ def sun(unix: float) -> tuple[float, float]:
     mean, anomaly = 280.460 + 0.9856474 * days, radians(357.528 + 0.9856003 * days)
     longitude = radians(mean + 1.915 * sin(anomaly) + 0.020 * sin(2 * anomaly))
     tilt = radians(23.439 - 0.0000004 * days)
-    return (degrees(atan2(cos(tilt) * sin(longitude), cos(longitude))) % 360.0,
-            degrees(asin(sin(tilt) * sin(longitude))))
+    return (
+        degrees(atan2(cos(tilt) * sin(longitude), cos(longitude))) % 360.0,
+        degrees(asin(sin(tilt) * sin(longitude))),
+    )
 
 
 def apart(ra: float, dec: float, other_ra: float, other_dec: float) -> float:
@@ -59,8 +67,16 @@ def turned(pole: float, first: float, second: float) -> tuple[float, float]:
 class Judge:
     """``complaints`` is what was wrong, with the virtual second; ``worst`` the farthest beyond each limit."""
 
-    def __init__(self, bridge: Any, protocol: str, lowest: float, highest: float, circle: float,
-                 unsettles: re.Pattern[bytes], latency: float) -> None:
+    def __init__(
+        self,
+        bridge: Any,
+        protocol: str,
+        lowest: float,
+        highest: float,
+        circle: float,
+        unsettles: re.Pattern[bytes],
+        latency: float,
+    ) -> None:
         #: Until a client says something that makes the gateway's sky another one than the mount's: no limit after that.
         self.strict, self._unsettles = True, unsettles
         self.bridge, self.sim, self.protocol = bridge, bridge.sim, protocol
@@ -130,8 +146,11 @@ class Judge:
         jumped = moved > 2.0 * speed_of_axes * elapsed + 0.1  # by a sync; a look later it is seen where it leads
         speed = moved / elapsed
         altitude = self.altitude(*here)
-        beyond = {"low": self.lowest - altitude, "high": altitude - self.highest,
-                  "sun": self.circle - self.from_sun(*here)}
+        beyond = {
+            "low": self.lowest - altitude,
+            "high": altitude - self.highest,
+            "sun": self.circle - self.from_sun(*here),
+        }
         slewing = mechanics.slewing(now)
         self._moves = slewing or speed > MOTION
         self._slewed = self._slewed or slewing
@@ -145,8 +164,10 @@ class Judge:
                 self.worst[limit] = max(self.worst[limit], farther)
                 if farther > self.tolerance():
                     self._entered[limit] = amount
-                    self.complain(f"{limit} limit crossed by {amount:.2f} at {speed:.2f} deg/s "
-                                  f"({'goto' if self._slewed else 'by hand'})")
+                    self.complain(
+                        f"{limit} limit crossed by {amount:.2f} at {speed:.2f} deg/s "
+                        f"({'goto' if self._slewed else 'by hand'})"
+                    )
         if speed < MOTION:
             self.lenient, self._slewed = "", slewing
         return speed

@@ -12,7 +12,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from gateway.tables import load
+from gateway.protocols.wireformat.command_set import load
 from tests import random_commands
 from tests.bridge import Bridge, Visitor
 from tests.manual_files import fits
@@ -86,10 +86,22 @@ def scene(random: Random, mount: tuple[str, str, str | None], presented: str, al
     latency = random.choice((0.02, 0.05, 0.2))
     if version in ("1.2", "101.0"):
         latency = min(latency, 0.1)  # small gotos and looks fill a slower line, and reads wait long
-    name = (f"{driven}:{model}{f'/{version}' if version else ''} as {presented}:{face}, "
-            f"{'day' if day else 'night'}, {site}, {lowest}..{highest}, latency {latency}")
-    bridge = {"mount": model, "version": version, "site": site, "latency": latency, "aligned": aligned, "surface": face,
-              "config": config, "driven": driven, "presented": presented, "start": start}
+    name = (
+        f"{driven}:{model}{f'/{version}' if version else ''} as {presented}:{face}, "
+        f"{'day' if day else 'night'}, {site}, {lowest}..{highest}, latency {latency}"
+    )
+    bridge = {
+        "mount": model,
+        "version": version,
+        "site": site,
+        "latency": latency,
+        "aligned": aligned,
+        "surface": face,
+        "config": config,
+        "driven": driven,
+        "presented": presented,
+        "start": start,
+    }
     return Scene(name, bridge, lowest, highest, latency, face)
 
 
@@ -105,7 +117,8 @@ async def _play(seed: int, steps: int, mount: tuple[str, str, str | None], prese
         judge = Judge(bridge, driven, here.lowest, here.highest, CIRCLE, unsettles, here.latency)
         player = _Player(bridge, random, driven, presented, here.face, wild, judge, synced)
         asyncio.get_running_loop().set_exception_handler(
-            lambda _, context: player.judge.complain(f"nobody caught {context}"))
+            lambda _, context: player.judge.complain(f"nobody caught {context}")
+        )
         ends = time.monotonic() + WALL
         done = 0
         while done < steps:
@@ -114,15 +127,25 @@ async def _play(seed: int, steps: int, mount: tuple[str, str, str | None], prese
                 player.judge.complain(f"{done} steps took more than {WALL:.0f} s")
                 break
         await player.end()
-        return Play(f"seed {seed}: {name}", done, judge.looks, len(bridge.sent()), judge.complaints, judge.worst,
-                    player.said)
+        return Play(
+            f"seed {seed}: {name}", done, judge.looks, len(bridge.sent()), judge.complaints, judge.worst, player.said
+        )
 
 
 class _Player:
     """Two programs on two computers, and what they have said."""
 
-    def __init__(self, bridge: Bridge, random: Random, driven: str, presented: str, face: str, wild: bool,
-                 judge: Judge, synced: bool) -> None:
+    def __init__(
+        self,
+        bridge: Bridge,
+        random: Random,
+        driven: str,
+        presented: str,
+        face: str,
+        wild: bool,
+        judge: Judge,
+        synced: bool,
+    ) -> None:
         self.bridge, self.random, self.judge = bridge, random, judge
         self.driven, self.presented, self.face, self.wild, self.synced = driven, presented, face, wild, synced
         self.visitors = [bridge.client("127.0.0.1"), bridge.client("127.0.0.2")]

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.sky import Sky
-from gateway.spherical import wrap180
+from gateway.astro.ephemeris import Sky
+from gateway.astro.spherical import wrap180
 
 api = pytest.importorskip("skyfield.api")
 iers = pytest.importorskip("skyfield.data.iers")

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 from msgspec.structs import fields
 
-from gateway import operations as op
-from gateway.access import Access, TurnedAway, harmless, networks
-from gateway.assembly import Gateway
-from gateway.config import MountConfig, Source, SurfaceConfig, make_config
-from gateway.errors import UserError
-from gateway.ports.tcp import exposed
+from gateway.app.config import MountConfig, Source, SurfaceConfig, make_config
+from gateway.app.gateway import Gateway
+from gateway.clients.access import Access, ConnectionRefused, harmless, networks
+from gateway.core import operations as op
+from gateway.core.errors import UserError
+from gateway.transport.tcp import exposed
 from tests.bridge import Bridge
 from tests.nexstar_flows import precise, up
 from tests.test_ports import address, ask
@@ -101,7 +101,7 @@ def test_what_a_closed_connection_has_asked_for_counts_until_it_is_done() -> Non
                 client = bridge.client()
                 client.tell(b"T\2t" * 20)
                 client.close()
-            with pytest.raises(TurnedAway):
+            with pytest.raises(ConnectionRefused):
                 bridge.client()
             await asyncio.sleep(200)
             assert await bridge.client().ask(b"Kx") == b"x#"
@@ -109,18 +109,31 @@ def test_what_a_closed_connection_has_asked_for_counts_until_it_is_done() -> Non
     run(program())
 
 
-@pytest.mark.parametrize(("where", "wide"), [
-    ("tcp://127.0.0.1:4030", False), ("tcp://127.8.0.1:4030", False), ("tcp://[::1]:4030", False),
-    ("tcp://0.0.0.0:4030", True), ("tcp://192.168.1.5:4030", True), ("tcp://[::]:4030", True), ("pty:/tmp/x", False),
-])
+@pytest.mark.parametrize(
+    ("where", "wide"),
+    [
+        ("tcp://127.0.0.1:4030", False),
+        ("tcp://127.8.0.1:4030", False),
+        ("tcp://[::1]:4030", False),
+        ("tcp://0.0.0.0:4030", True),
+        ("tcp://192.168.1.5:4030", True),
+        ("tcp://[::]:4030", True),
+        ("pty:/tmp/x", False),
+    ],
+)
 def test_what_others_can_reach(where: str, wide: bool) -> None:
     assert exposed(where) is wide
 
 
-@pytest.mark.parametrize(("keys", "loud"), [
-    ({}, True), ({"allow": ["127.0.0.1"]}, False), ({"read_only": True}, False),
-    ({"read_only": ["10.0.0.0/8"]}, True),
-])
+@pytest.mark.parametrize(
+    ("keys", "loud"),
+    [
+        ({}, True),
+        ({"allow": ["127.0.0.1"]}, False),
+        ({"read_only": True}, False),
+        ({"read_only": ["10.0.0.0/8"]}, True),
+    ],
+)
 def test_a_port_that_anybody_can_reach_is_said_aloud(keys: dict[str, Any], loud: bool) -> None:
     async def program(gateway: Gateway, said: list[str]) -> None:
         assert any("no password" in line and "allow" in line for line in said) is loud
@@ -145,14 +158,17 @@ def test_addresses_of_both_families_and_lines_without_any() -> None:
     assert Access(read_only=True).only_looks("pty:/tmp/lx200")
 
 
-@pytest.mark.parametrize(("line", "words"), [
-    ('allow = ["192.168.1.5/24"]', "'192.168.1.5/24': write 192.168.1.0/24"),
-    ('allow = ["home"]', "'home': write a network such as 192.168.1.0/24, or an address"),
-    ('allow = "192.168.1.0/24"', 'write a list, each text in "quotes"'),
-    ('read-only = ["10.0.0.0/33"]', "'10.0.0.0/33': write a network"),
-    ('read-only = "yes"', 'write true or false or a list, each text in "quotes"'),
-    ("max-clients = 0", "write a whole number from 1 to 10000"),
-])
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ('allow = ["192.168.1.5/24"]', "'192.168.1.5/24': write 192.168.1.0/24"),
+        ('allow = ["home"]', "'home': write a network such as 192.168.1.0/24, or an address"),
+        ('allow = "192.168.1.0/24"', 'write a list, each text in "quotes"'),
+        ('read-only = ["10.0.0.0/33"]', "'10.0.0.0/33': write a network"),
+        ('read-only = "yes"', 'write true or false or a list, each text in "quotes"'),
+        ("max-clients = 0", "write a whole number from 1 to 10000"),
+    ],
+)
 def test_a_mistake_says_what_would_be_right(line: str, words: str) -> None:
     import tomli
 
@@ -184,15 +200,54 @@ def test_reading_and_stopping_are_harmless_and_nothing_else_is() -> None:
 
 #: What a program sends -> what a client that only looks is told. None: no reply.
 LX200_REFUSED: dict[bytes, bytes | None] = {
-    b":Sr05:34:32#:Sd+22*00:52#:MS#": b"111Read only.#", b":CM#": b"#", b":Sz180*00#:Sa+45*00#:MA#": b"111",
-    b":St+50*00#": b"0", b":Sg010*00#": b"0", b":SG+01#:SL12:00:00#:SC01/15/26#": b"000", b":ST60.0#": b"0",
-    b":SMhere#": b"0", b":gT#": b"0",
-    b":Mn#": None, b":Mge0500#": None, b":hP#": None, b":hF#": None, b":hS#": None, b":hN#": None, b":hW#": None,
-    b":AL#": None, b":AP#": None, b":TQ#": None, b":TL#": None, b":T+#": None, b":Rg10.0#": None, b":F+#": None,
-    b"$Q#": None, b":$QZ+#": None, b":$BA10#": None, b":W1#": None, b":hI260115220000#": None,
+    b":Sr05:34:32#:Sd+22*00:52#:MS#": b"111Read only.#",
+    b":CM#": b"#",
+    b":Sz180*00#:Sa+45*00#:MA#": b"111",
+    b":St+50*00#": b"0",
+    b":Sg010*00#": b"0",
+    b":SG+01#:SL12:00:00#:SC01/15/26#": b"000",
+    b":ST60.0#": b"0",
+    b":SMhere#": b"0",
+    b":gT#": b"0",
+    b":Mn#": None,
+    b":Mge0500#": None,
+    b":hP#": None,
+    b":hF#": None,
+    b":hS#": None,
+    b":hN#": None,
+    b":hW#": None,
+    b":AL#": None,
+    b":AP#": None,
+    b":TQ#": None,
+    b":TL#": None,
+    b":T+#": None,
+    b":Rg10.0#": None,
+    b":F+#": None,
+    b"$Q#": None,
+    b":$QZ+#": None,
+    b":$BA10#": None,
+    b":W1#": None,
+    b":hI260115220000#": None,
 }
-LX200_ALLOWED = [b":GR#", b":GD#", b":GA#", b":D#", b":GVP#", b":GL#", b":GC#", b":GG#", b":GS#", b":Gt#", b":GM#",
-                 b":GW#", b":h?#", b":Gr#", b":P#", b":GT#", b"\x06"]
+LX200_ALLOWED = [
+    b":GR#",
+    b":GD#",
+    b":GA#",
+    b":D#",
+    b":GVP#",
+    b":GL#",
+    b":GC#",
+    b":GG#",
+    b":GS#",
+    b":Gt#",
+    b":GM#",
+    b":GW#",
+    b":h?#",
+    b":Gr#",
+    b":P#",
+    b":GT#",
+    b"\x06",
+]
 
 
 def test_lx200_clients_that_only_look() -> None:
@@ -235,8 +290,20 @@ def test_whoever_only_looks_selects_no_site_and_shifts_no_zone() -> None:
             await asyncio.sleep(3)
             looker.tell(b":W3#")
             assert await looker.ask(b":SG+07#:SL03:00:00#:GG#", until=b"#") == b"00+00#"
-            for setting in (b":SG+01#", b":SL12:00:00#", b":SC01/15/26#", b":St+50*00#", b":Sg010*00#", b":SS12:00:00#",
-                            b":SMhere#", b":SNhere#", b":SOhere#", b":SPhere#", b":ST60.0#", b":gT#"):
+            for setting in (
+                b":SG+01#",
+                b":SL12:00:00#",
+                b":SC01/15/26#",
+                b":St+50*00#",
+                b":Sg010*00#",
+                b":SS12:00:00#",
+                b":SMhere#",
+                b":SNhere#",
+                b":SOhere#",
+                b":SPhere#",
+                b":ST60.0#",
+                b":gT#",
+            ):
                 assert await looker.ask(setting) == b"0", setting
             await asyncio.sleep(70)
             assert await looker.ask(b":Gt#", until=b"#") == await owner.ask(b":Gt#", until=b"#") == b"+45*00#"
@@ -253,13 +320,13 @@ def test_whoever_looks_may_stop(stop: bytes) -> None:
             mover, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
             mover.tell(b":RM#:Mn#")
             await asyncio.sleep(1)
-            assert bridge.hub.motions.axes == {2}
+            assert bridge.controller.motions.axes == {2}
             looker.tell(b":Ms#:Me#")
             await asyncio.sleep(1)
-            assert bridge.hub.motions.axes == {2}
+            assert bridge.controller.motions.axes == {2}
             looker.tell(stop)
             await asyncio.sleep(1)
-            assert bridge.hub.motions.axes == set()
+            assert bridge.controller.motions.axes == set()
 
     run(program())
 
@@ -274,11 +341,25 @@ def test_nexstar_clients_that_only_look() -> None:
             await asyncio.sleep(5)
             before = set(bridge.sent())
             ra, dec = up(bridge, 40.0)
-            for command in (precise(b"r", ra, dec), b"R8000,1000", b"B8000,1000", precise(b"b", 10.0, 20.0),
-                            precise(b"s", ra, dec), b"T\0", b"W" + bytes((10, 0, 0, 0, 10, 0, 0, 0)),
-                            b"H" + bytes((10, 0, 0, 1, 1, 26, 0, 0)), b"x", b"y", b"P\2\x10\x24\5\0\0\0",
-                            b"P\3\x11\x06\1\0\0\0", b"P\4\x10\x02\1\2\3\0", b"P\2\x10\x46\5\0\0\0",
-                            b"P\3\x10\x26\x20\x20\0\0", b"P\2\x12\x24\5\0\0\0", b"P\1\x10\x12\0\0\0\1"):
+            for command in (
+                precise(b"r", ra, dec),
+                b"R8000,1000",
+                b"B8000,1000",
+                precise(b"b", 10.0, 20.0),
+                precise(b"s", ra, dec),
+                b"T\0",
+                b"W" + bytes((10, 0, 0, 0, 10, 0, 0, 0)),
+                b"H" + bytes((10, 0, 0, 1, 1, 26, 0, 0)),
+                b"x",
+                b"y",
+                b"P\2\x10\x24\5\0\0\0",
+                b"P\3\x11\x06\1\0\0\0",
+                b"P\4\x10\x02\1\2\3\0",
+                b"P\2\x10\x46\5\0\0\0",
+                b"P\3\x10\x26\x20\x20\0\0",
+                b"P\2\x12\x24\5\0\0\0",
+                b"P\1\x10\x12\0\0\0\1",
+            ):
                 assert (await looker.ask(command, 3.0))[-1:] == b"#", command
                 assert await looker.ask(b"L") == b"0#", command
             await asyncio.sleep(5)
@@ -293,7 +374,7 @@ def test_nexstar_clients_that_only_look() -> None:
             await asyncio.sleep(1)
             assert await looker.ask(b"P\2\x10\x24\0\0\0\0") == b"#"
             await asyncio.sleep(1)
-            assert bridge.hub.motions.axes == set()
+            assert bridge.controller.motions.axes == set()
 
     run(program())
 
@@ -332,7 +413,7 @@ def test_no_command_that_writes_into_a_device_reaches_a_mount() -> None:
 def test_what_is_never_passed_is_no_matter_of_where_a_client_comes_from() -> None:
     """The surface decides, before it is known how the bytes came: tcp, pty and serial alike."""
     from gateway.protocols.nexstar.surface.devices import NEVER_PASSED, passes
-    from gateway.tables import load
+    from gateway.protocols.wireformat.command_set import load
 
     protocol = load("nexstar")
     for command in DEADLY:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from gateway import operations as op
+from gateway.core import operations as op
 from gateway.protocols.lx200.nmea import fix
 from tests.bridge import Bridge
 from tests.virtual import run
@@ -17,7 +17,7 @@ from tests.virtual import run
 
 def alter(bridge: Any, question: bytes, to: bytes) -> list[bytes]:
     """The next answer to this question arrives as another one of the same form -> the answers that were replaced."""
-    wire, replaced = bridge.hub.line.wire, []
+    wire, replaced = bridge.controller.line.wire, []
     feed = wire._feed
 
     def hear(data: bytes) -> bytes:
@@ -50,16 +50,19 @@ ALTERED = [
 
 
 @pytest.mark.parametrize(("mount", "driven", "operation", "question", "to"), ALTERED)
-def test_an_altered_answer_is_asked_again(mount: str, driven: str, operation: op.Read, question: bytes,
-                                          to: bytes) -> None:
+def test_an_altered_answer_is_asked_again(
+    mount: str, driven: str, operation: op.Read, question: bytes, to: bytes
+) -> None:
     async def program() -> None:
         async with Bridge(mount, driven=driven) as bridge:
-            truth = await bridge.hub.perform(operation)
+            truth = await bridge.controller.perform(operation)
         async with Bridge(mount, driven=driven) as bridge:
             if not isinstance(operation, op.GetGps):
-                assert await bridge.hub.anew(operation) == truth  # else what was heard first is what was altered
+                assert await bridge.controller.anew(operation) == truth  # else what was heard first is what was altered
             replaced = alter(bridge, question, to)
-            told = await (bridge.hub.perform if isinstance(operation, op.GetGps) else bridge.hub.anew)(operation)
+            told = await (bridge.controller.perform if isinstance(operation, op.GetGps) else bridge.controller.anew)(
+                operation
+            )
             assert replaced
             if isinstance(truth, op.Gps):
                 assert told.linked

@@ -13,11 +13,11 @@ from typing import Any
 
 import pytest
 
-from gateway.announce import Announcement, Offer, offered
-from gateway.announce.addresses import in_words, to_type
-from gateway.announce.skyfi import answer
-from gateway.cli import serving
-from gateway.config import Config, MountConfig, SurfaceConfig
+from gateway.app.config import Config, MountConfig, SurfaceConfig
+from gateway.app.discovery import Announcement, Offer, offered
+from gateway.app.discovery.addresses import in_words, to_type
+from gateway.app.discovery.skyfi import answer
+from gateway.cli.serve import serving
 from tests.running import Running
 
 LOCAL = ("127.0.0.1", 50000)
@@ -53,12 +53,21 @@ def test_the_address_is_that_of_the_surface() -> None:
 
 
 def test_offers_are_what_the_network_can_reach() -> None:
-    names = ["lx200:autostar@tcp://0.0.0.0:4030 pier", "nexstar:cge@rfc2217://[::1]:4031", "lx200:lx200@pty:/tmp/x",
-             "lx200:lx200@/dev/ttyS1", "lx200:autostar@tcp://127.0.0.1:4040", "lx200:autostar@tcp://[fe80::1%eth0]:1"]
+    names = [
+        "lx200:autostar@tcp://0.0.0.0:4030 pier",
+        "nexstar:cge@rfc2217://[::1]:4031",
+        "lx200:lx200@pty:/tmp/x",
+        "lx200:lx200@/dev/ttyS1",
+        "lx200:autostar@tcp://127.0.0.1:4040",
+        "lx200:autostar@tcp://[fe80::1%eth0]:1",
+    ]
     found = offered(names)
     assert [(offer.scheme, offer.host, offer.port, offer.wide) for offer in found] == [
-        ("tcp", "0.0.0.0", 4030, True), ("rfc2217", "::1", 4031, False), ("tcp", "127.0.0.1", 4040, False),
-        ("tcp", "fe80::1%eth0", 1, True)]
+        ("tcp", "0.0.0.0", 4030, True),
+        ("rfc2217", "::1", 4031, False),
+        ("tcp", "127.0.0.1", 4040, False),
+        ("tcp", "fe80::1%eth0", 1, True),
+    ]
     assert (found[0].protocol, found[0].model, found[0].mount) == ("lx200", "autostar", "pier")
 
 
@@ -94,8 +103,9 @@ def test_skysafari_is_answered_until_the_end() -> None:
     (["lx200@tcp://127.0.0.1:0", "lx200@tcp://0.0.0.0:0"], False, []),
     (["lx200@tcp://127.0.0.1:0"], True, []),
 ])  # fmt: skip
-def test_run_announces_what_it_presents(monkeypatch: pytest.MonkeyPatch, surfaces: list[str], discovery: bool,
-                                        found: list[str]) -> None:
+def test_run_announces_what_it_presents(
+    monkeypatch: pytest.MonkeyPatch, surfaces: list[str], discovery: bool, found: list[str]
+) -> None:
     done, said = asyncio.Event(), []
 
     class Listener(Announcement):
@@ -109,7 +119,7 @@ def test_run_announces_what_it_presents(monkeypatch: pytest.MonkeyPatch, surface
         async def close(self) -> None:
             said.append("closed")
 
-    monkeypatch.setattr("gateway.announce.Announcement", Listener)
+    monkeypatch.setattr("gateway.app.discovery.Announcement", Listener)
     monkeypatch.setattr(serving, "until_signal", lambda: done)
     config = Config([MountConfig("nexstar@sim")], [SurfaceConfig(at) for at in surfaces], discovery=discovery)
     assert serving.with_loop(True, lambda: serving.serve_mounts(config)) == 0
@@ -186,8 +196,15 @@ def held(*addresses: str) -> list[tuple[str, Any]]:
     return [(name, ip_address(text)) for name, _, text in (one.partition("=") for one in addresses)]
 
 
-HOME = held("lo=127.0.0.1", "eth0=169.254.3.4", "docker0=172.17.0.1", "tun0=10.8.0.2", "wlan0=192.168.1.23",
-            "wlan0=fe80::5", "wlan0=2001:db8::7")
+HOME = held(
+    "lo=127.0.0.1",
+    "eth0=169.254.3.4",
+    "docker0=172.17.0.1",
+    "tun0=10.8.0.2",
+    "wlan0=192.168.1.23",
+    "wlan0=fe80::5",
+    "wlan0=2001:db8::7",
+)
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ import asyncio
 
 import pytest
 
-from gateway.pairs import effective
-from gateway.tables import load
+from gateway.diagnostics.command_tables import effective
+from gateway.protocols.wireformat.command_set import load
 from tests.bridge import Bridge
 from tests.virtual import run
 

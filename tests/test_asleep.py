@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway import operations as op
+from gateway.core import operations as op
 from tests.bridge import Bridge, Visitor
 from tests.test_lost_answers import swallow
 from tests.virtual import run
@@ -80,13 +80,21 @@ def test_it_wakes_whatever_was_asked_of_it_in_its_sleep(presented: str) -> None:
                 for command in (b":Mn#", b":Q#", b":Qn#", b":hW#"):
                     client.tell(command)
             else:
-                for command in (b"r34560000,34560000", b"P\x02\x10\x24\x05\0\0\0", b"M",
-                                b"P\x02\x10\x24\0\0\0\0", b"y"):
+                for command in (
+                    b"r34560000,34560000",
+                    b"P\x02\x10\x24\x05\0\0\0",
+                    b"M",
+                    b"P\x02\x10\x24\0\0\0\0",
+                    b"y",
+                ):
                     client.tell(command)
             await asyncio.sleep(6 * SILENCE)
-            assert not bridge.sim.asleep and not bridge.hub.motions.owed
+            assert not bridge.sim.asleep and not bridge.controller.motions.owed
             assert await client.ask(b":GR#" if presented == "lx200" else b"e", 2.0)
-            assert bridge.sim.mode == ALTAZ and (await bridge.hub.read(op.GetStatus())).tracking is op.Tracking.ALTAZ
+            assert (
+                bridge.sim.mode == ALTAZ
+                and (await bridge.controller.read(op.GetStatus())).tracking is op.Tracking.ALTAZ
+            )
 
     run(program())
 
@@ -123,11 +131,11 @@ def test_sleep_ends_what_moves() -> None:
             client = bridge.client()
             client.tell(b":RC#:Me#")
             await asyncio.sleep(3.0)
-            assert bridge.hub.moving
+            assert bridge.controller.moving
             await asleep(bridge, client, "lx200")
-            assert not bridge.hub.moving and not bridge.driver.moving
+            assert not bridge.controller.moving and not bridge.driver.moving
             sent = bridge.sent()
-            assert b"P\x02\x10\x24\0\0\0\0" in sent[:sent.index(b"x")]
+            assert b"P\x02\x10\x24\0\0\0\0" in sent[: sent.index(b"x")]
 
     run(program())
 
@@ -136,7 +144,7 @@ def test_a_gateway_that_starts_while_the_mount_sleeps_can_wake_it() -> None:
     async def program() -> None:
         bridge = Bridge("cpc", presented="lx200")
         bridge.sim.asleep = True
-        bridge.hub.start()
+        bridge.controller.start()
         try:
             client = bridge.client()
             await asyncio.sleep(5.0)
@@ -146,7 +154,7 @@ def test_a_gateway_that_starts_while_the_mount_sleeps_can_wake_it() -> None:
             assert not bridge.sim.asleep
             assert await client.ask(b":GR#", 2.0)
         finally:
-            await bridge.hub.close()
+            await bridge.controller.close()
 
     run(program())
 
@@ -157,12 +165,12 @@ def test_settings_get_their_turn_however_long_reads_take() -> None:
     async def program() -> None:
         async with Bridge("cpc", presented="nexstar", surface=None) as bridge:
             client = bridge.client()
-            await bridge.hub.perform(op.Goto(100.0, 40.0))
+            await bridge.controller.perform(op.Goto(100.0, 40.0))
             bridge.sim.asleep = True
             for _ in range(60):
                 client.tell(b"L")
                 await asyncio.sleep(1.0)
-            setting = asyncio.create_task(bridge.hub.perform(op.Backlash(1, 10)))
+            setting = asyncio.create_task(bridge.controller.perform(op.Backlash(1, 10)))
             await asyncio.sleep(60.0)
             assert setting.done() and setting.exception() is not None
 
@@ -178,7 +186,7 @@ def test_a_sleep_whose_stop_is_not_heard_leaves_nothing_moving() -> None:
             lost = swallow(bridge, lambda data: data == b"P\x02\x11\x24\0\0\0\0")
             client.tell(b":hN#")
             await asyncio.sleep(15.0)
-            assert lost and bridge.sim.asleep and not bridge.hub.moving
+            assert lost and bridge.sim.asleep and not bridge.controller.moving
             before = bridge.sim.mechanics.axes(bridge.clock())
             await asyncio.sleep(1.0)
             assert bridge.sim.mechanics.axes(bridge.clock()) == before
@@ -237,20 +245,20 @@ def test_a_starsense_can_be_woken_after_its_line_was_lost(from_the_start: bool) 
     async def program() -> None:
         bridge = Bridge("cpc", "starsense-1.20")
         bridge.sim.asleep = from_the_start
-        bridge.hub.start()
+        bridge.controller.start()
         try:
             client = bridge.client()
             if not from_the_start:
-                await bridge.hub.settled.wait()
+                await bridge.controller.settled.wait()
                 await asleep(bridge, client, "lx200")
-                bridge.hub.line.talk.lose("unplugged")
-                bridge.hub.line._wake.set()
+                bridge.controller.line.talk.lose("unplugged")
+                bridge.controller.line._wake.set()
             await asyncio.sleep(30.0)
             client.tell(b":hW#")
             await asyncio.sleep(5 * SILENCE)
             assert not bridge.sim.asleep
         finally:
-            await bridge.hub.close()
+            await bridge.controller.close()
 
     run(program())
 

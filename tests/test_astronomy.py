@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway import operations as op
+from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.earth import EarthRotation
+from gateway.astro.spherical import separation, wrap180
+from gateway.core import operations as op
 from gateway.mount.site.astrometry import SiteAstrometry
-from gateway.sky import Sky
-from gateway.sky.earth import EarthRotation
-from gateway.spherical import separation, wrap180
 from tests import sky_judge as judge
 
 COUNT = 1000
@@ -32,7 +32,7 @@ def exact() -> Iterator[Sky]:
     sky.load()
     assert sky.ready and not sky.failure
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gateway.sky._FRAMES_KEPT", 2 * COUNT)
+        patch.setattr("gateway.astro.ephemeris._FRAMES_KEPT", 2 * COUNT)
         yield sky
 
 
@@ -51,7 +51,13 @@ def scene() -> Iterator[SimpleNamespace]:
     earth, moon = kernel["earth"], kernel["moon"]
     t, place = judge.at(scale, moments), judge.api.wgs84.latlon(lat, lon)
     yield SimpleNamespace(
-        rows=rows, moments=moments, end=end, lat=lat, lon=lon, j2000=np.array([ra, dec]), gast=t.gast,
+        rows=rows,
+        moments=moments,
+        end=end,
+        lat=lat,
+        lon=lon,
+        j2000=np.array([ra, dec]),
+        gast=t.gast,
         date=judge.turned(t.M, ra, dec),
         horizon=judge.turned(place.rotation_at(t), ra, dec),
         sun=judge.apparent(earth, t, kernel["sun"])[0],
@@ -72,8 +78,16 @@ BOUNDS = pytest.mark.parametrize(
 
 @BOUNDS
 def test_every_answer_agrees_with_skyfield(
-    exact: Sky, scene: Any, loaded: bool, seconds: float, date: float, horizon: float,
-    sun: float, moon: float, moon_rms: float, kilometres: float,
+    exact: Sky,
+    scene: Any,
+    loaded: bool,
+    seconds: float,
+    date: float,
+    horizon: float,
+    sun: float,
+    moon: float,
+    moon_rms: float,
+    kilometres: float,
 ) -> None:
     """The demand: 0.1 s, 1", Sun 2", Moon 5" rms and 20" at worst; the bounds here are those of the docstrings."""
     sky, when, lat, lon = exact if loaded else Sky(), scene.moments, scene.lat, scene.lon

@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.sky import Sky
-from gateway.spherical import SIDEREAL_RATE, from_vector, separation, wrap180
+from gateway.astro.ephemeris import Sky
+from gateway.astro.spherical import SIDEREAL_RATE, from_vector, separation, wrap180
 from tests import sky_judge as judge
 
 YEAR = 365.25 * 86400.0
@@ -94,10 +94,7 @@ def test_over_a_leap_second_the_earth_turns_on(scale: Any) -> None:
     midnight = 1483228800.0
     before, after = (EXACT.sidereal_time(midnight + s, 0.0) for s in (-0.5, 0.5))
     assert wrap180(after - before) == pytest.approx(2.0 * SIDEREAL_RATE, abs=0.005 * SIDEREAL_RATE)
-    for t, found in (
-        (scale.utc(2016, 12, 31, 23, 59, 59.5), before),
-        (scale.utc(2017, 1, 1, 0, 0, 0.5), after),
-    ):
+    for t, found in ((scale.utc(2016, 12, 31, 23, 59, 59.5), before), (scale.utc(2017, 1, 1, 0, 0, 0.5), after)):
         assert wrap180(found - 15.0 * t.gast) * 240.0 == pytest.approx(0.0, abs=0.005)
 
 

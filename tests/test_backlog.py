@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway.ports.pace import SHARE
+from gateway.transport.intake import SHARE
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -15,7 +15,7 @@ ARROWS = b":RM#:Me#" * (4 * SHARE // 8)
 
 def shares(data: bytes) -> list[bytes]:
     """As a port reads them."""
-    return [data[at:at + SHARE] for at in range(0, len(data), SHARE)]
+    return [data[at : at + SHARE] for at in range(0, len(data), SHARE)]
 
 
 @pytest.mark.parametrize("who", ["another program", "mount-gateway stop"])
@@ -26,13 +26,13 @@ def test_what_was_sent_before_a_stop_begins_no_motion_after_it(who: str) -> None
             first, *rest = shares(ARROWS)
             bully.tell(first)
             await asyncio.sleep(2.0)
-            assert bridge.hub.motions.axes == {1}
-            other.tell(b":Q#") if who == "another program" else bridge.hub.begin_stop()
+            assert bridge.controller.motions.axes == {1}
+            other.tell(b":Q#") if who == "another program" else bridge.controller.begin_stop()
             for share in rest:
                 await asyncio.sleep(0.05)
                 bully.tell(share)
             await asyncio.sleep(4.0)
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
             assert not bridge.sim.slewing
             assert bridge.sim.tracking
 
@@ -48,10 +48,10 @@ def test_whoever_has_caught_up_moves_the_mount_again() -> None:
             other.tell(b":Q#")
             bully.tell(b":Me#")  # the rest of what it had sent
             await asyncio.sleep(3.0)
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
             bully.tell(b":Me#")
             await asyncio.sleep(1.0)
-            assert bridge.hub.motions.axes == {1}
+            assert bridge.controller.motions.axes == {1}
 
     run(program())
 
@@ -66,6 +66,6 @@ def test_a_long_piece_is_forgotten_when_its_time_is_over() -> None:
             await asyncio.sleep(30.0)
             client.tell(b":RM#:Me#")
             await asyncio.sleep(1.0)
-            assert bridge.hub.motions.axes == {1}
+            assert bridge.controller.motions.axes == {1}
 
     run(program())

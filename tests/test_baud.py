@@ -10,8 +10,8 @@ import tty
 
 import pytest
 
-from gateway.ports import baud
-from gateway.ports.serial import SerialPort
+from gateway.transport import baud_trial as baud
+from gateway.transport.serial_port import SerialPort
 from tests.bridge import Bridge
 from tests.virtual import run
 

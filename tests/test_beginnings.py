@@ -18,10 +18,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.beginning import Beginning, Piece
-from gateway.protocols.lx200.surface.beginning import BEGINNING as LX200_BEGINNING
-from gateway.protocols.nexstar.surface.beginning import BEGINNING as NEXSTAR_BEGINNING
-from gateway.strangers import IDLE, Greeting, Recogniser, greetings
+from gateway.clients.greeting import Beginning, Piece
+from gateway.clients.strangers import IDLE, Greeting, Recogniser, greetings
+from gateway.protocols.lx200.surface.opening import BEGINNING as LX200_BEGINNING
+from gateway.protocols.nexstar.surface.opening import BEGINNING as NEXSTAR_BEGINNING
 from tests.bridge import Bridge
 from tests.callers import Caller
 from tests.greetings import GREETINGS, TELNET
@@ -48,19 +48,33 @@ TIME = [among(0, 23), SIXTY, SIXTY, among(1, 12), among(1, 31), EVERY, EVERY, FL
 ASKING = "EeZzVvJLMmtwhipl"
 #: Everything a hand control's program can say: command by command, the values of every byte.
 NEXSTAR = [
-    *([frozenset((byte,))] for byte in IDLE), *(letters(letter) for letter in ASKING + "xyu"),
-    [*letters("K"), EVERY], [*letters("T"), among(0, 3)],
+    *([frozenset((byte,))] for byte in IDLE),
+    *(letters(letter) for letter in ASKING + "xyu"),
+    [*letters("K"), EVERY],
+    [*letters("T"), among(0, 3)],
     *([*letters(letter), *[HEX] * 4, *COMMA, *[HEX] * 4] for letter in "RBS"),
     *([*letters(letter), *[HEX] * 8, *COMMA, *[HEX] * 8] for letter in "rbs"),
     [*letters("P"), among(1, 8), *[EVERY] * 6],
     [*letters("W"), among(0, 90), SIXTY, SIXTY, FLAG, among(0, 180), SIXTY, SIXTY, FLAG],
-    [*letters("H"), *TIME], [*letters("I"), *TIME],
+    [*letters("H"), *TIME],
+    [*letters("I"), *TIME],
 ]
 #: A Meade's: an ACK, or a colon and a name, and anything up to a ``#``; what tries other protocols first begins so.
 LX200 = [
-    *([frozenset((byte,))] for byte in (*IDLE, 6)), letters("$Q#"), letters("$$$"), letters("Ka"), letters("V"),
-    *([*letters(":"), frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz$?"), *[EVERY - {35}] * count,
-       *letters("#")] for count in range(20)),
+    *([frozenset((byte,))] for byte in (*IDLE, 6)),
+    letters("$Q#"),
+    letters("$$$"),
+    letters("Ka"),
+    letters("V"),
+    *(
+        [
+            *letters(":"),
+            frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz$?"),
+            *[EVERY - {35}] * count,
+            *letters("#"),
+        ]
+        for count in range(20)
+    ),
 ]
 
 
@@ -105,11 +119,14 @@ def test_no_greeting_contains_a_command_that_does_more_than_ask() -> None:
 
 NEXSTAR_COMMANDS = st.one_of(
     st.sampled_from([bytes((byte,)) for byte in (ASKING + "xyu").encode()] + [bytes((byte,)) for byte in IDLE]),
-    st.integers(0, 255).map(lambda byte: bytes((75, byte))), st.integers(0, 3).map(lambda mode: bytes((84, mode))),
+    st.integers(0, 255).map(lambda byte: bytes((75, byte))),
+    st.integers(0, 3).map(lambda mode: bytes((84, mode))),
     st.tuples(st.sampled_from("RBS"), st.integers(0, 65535), st.integers(0, 65535)).map(
-        lambda args: b"%c%04X,%04X" % (ord(args[0]), *args[1:])),
+        lambda args: b"%c%04X,%04X" % (ord(args[0]), *args[1:])
+    ),
     st.tuples(st.sampled_from("rbs"), st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1)).map(
-        lambda args: b"%c%08x,%08X" % (ord(args[0]), *args[1:])),
+        lambda args: b"%c%08x,%08X" % (ord(args[0]), *args[1:])
+    ),
     st.tuples(st.integers(1, 4), st.binary(min_size=6, max_size=6)).map(lambda args: bytes((80, args[0])) + args[1]),
     *(st.tuples(*(st.sampled_from(sorted(values)) for values in command)).map(bytes) for command in NEXSTAR[-3:]),
 )
@@ -127,7 +144,7 @@ def goes_on(beginning: Beginning, opening: list[bytes], cuts: list[int]) -> None
         ends.append((ends[-1] if ends else 0) + len(command))
     cuts = [*cuts, len(whole)]
     for cut in cuts:
-        piece = whole[sent:sent + cut]
+        piece = whole[sent : sent + cut]
         sent += len(piece)
         heard += b"".join(piece.data for piece in beginning.hear(Piece(piece, 0.0, 0))) if not beginning.over else piece
         assert beginning.stranger is None
@@ -179,7 +196,7 @@ def test_every_form_of_the_manuals_goes_on_with_its_last_byte_at_the_latest() ->
             beginning = Beginning(NEXSTAR_BEGINNING if protocol == "nexstar" else LX200_BEGINNING)
             heard = b""
             for at in range(0, len(request), size):
-                chunk = request[at:at + size]
+                chunk = request[at : at + size]
                 pieces = [Piece(chunk, 0.0, 0)] if beginning.over else beginning.hear(Piece(chunk, 0.0, 0))
                 heard += b"".join(piece.data for piece in pieces)
             assert beginning.stranger is None and heard == request, request
@@ -250,7 +267,7 @@ def test_what_follows_a_stop_in_one_write_is_begun_over_a_network_as_on_a_line()
         async with Bridge() as bridge:
             Caller(bridge.reception).tell(b"#:RS#:Q#:Me#")
             await asyncio.sleep(1.0)
-            assert bridge.hub.motions.axes == {1}
+            assert bridge.controller.motions.axes == {1}
 
     run(program())
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import gc
 
-from gateway.errors import NoDevice
-from gateway.hub.belief import KNOWN
+from gateway.core.errors import NoDevice
+from gateway.mount.link.verification import KNOWN
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -31,6 +31,6 @@ def test_no_client_makes_it_remember_without_end() -> None:
             client = bridge.client()
             for device in range(256):
                 await client.ask(bytes((80, 1, device, 18, 0, 0, 0, 1)))
-            assert len(bridge.hub.belief._known) <= KNOWN
+            assert len(bridge.controller.belief._known) <= KNOWN
 
     run(program())

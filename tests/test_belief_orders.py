@@ -6,23 +6,23 @@ import asyncio
 
 import pytest
 
-from gateway import operations as op
-from gateway.errors import NoAnswer
-from gateway.line import Line
+from gateway.core import operations as op
+from gateway.core.errors import NoAnswer
+from gateway.mount.link.queue import MountLink
 from tests.bridge import Bridge
 from tests.virtual import run
 
 
 def test_an_order_that_is_never_clear_of_doubt_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def never(line: Line, ask: object) -> None:
+    async def never(line: MountLink, ask: object) -> None:
         await asyncio.sleep(1e6)
 
     async def program() -> None:
         async with Bridge("cge") as bridge:
-            monkeypatch.setattr(Line, "clear_of_doubt", never)
-            began = bridge.hub.now()
+            monkeypatch.setattr(MountLink, "clear_of_doubt", never)
+            began = bridge.controller.now()
             with pytest.raises(NoAnswer):
-                await bridge.hub.perform(op.Backlash(1, 5))
-            assert bridge.hub.now() - began < 20.0
+                await bridge.controller.perform(op.Backlash(1, 5))
+            assert bridge.controller.now() - began < 20.0
 
     run(program())

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from gateway import operations as op
-from gateway.errors import NoAnswer
-from gateway.truth import truth_of
+from gateway.core import operations as op
+from gateway.core.errors import NoAnswer
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge, Visitor
 from tests.virtual import run
 
@@ -24,7 +24,7 @@ def meade(model: str) -> Bridge:
 async def calculating(bridge: Bridge) -> None:
     """A classic that was told the date calculates its planets; an LX200GPS looks for satellites for a minute."""
     if bridge.sim.classic:
-        bridge.hub.spawn(bridge.hub.perform(op.SetClock(bridge.clock() + 86400.0, 0.0)))
+        bridge.controller.spawn(bridge.controller.perform(op.SetClock(bridge.clock() + 86400.0, 0.0)))
     else:
         bridge.client("10.0.0.7").tell(b":gT#")
     await asyncio.sleep(1.5)
@@ -37,9 +37,9 @@ def test_a_goto_waits_until_a_classic_has_calculated(model: str) -> None:
             client = bridge.client()
             await calculating(bridge)
             await asyncio.sleep(1.0)
-            began = bridge.hub.now()
+            began = bridge.controller.now()
             assert await client.ask(GOTO, 30.0, until=b"0") == b"110"
-            assert 2.4 < bridge.hub.now() - began < 3.5, "longer than the driver itself tries"
+            assert 2.4 < bridge.controller.now() - began < 3.5, "longer than the driver itself tries"
             assert bridge.sim.slewing
 
     run(program())
@@ -89,12 +89,12 @@ def test_what_moves_it_by_hand_never_waits(model: str, by_hand: bytes) -> None:
 
 def silence(bridge: Any, seconds: float) -> None:
     """The mount's answers are lost for so long; what is sent arrives."""
-    wire = bridge.hub.line.wire
-    good, until = wire._feed, bridge.hub.now() + seconds
+    wire = bridge.controller.line.wire
+    good, until = wire._feed, bridge.controller.now() + seconds
 
     def feed(data: bytes) -> bytes:
         answer = bytes(good(data))
-        return b"" if bridge.hub.now() < until else answer
+        return b"" if bridge.controller.now() < until else answer
 
     wire._feed = feed
 
@@ -102,14 +102,14 @@ def silence(bridge: Any, seconds: float) -> None:
 async def look(bridge: Bridge) -> None:
     """Keep the line with a question that is not answered."""
     with contextlib.suppress(NoAnswer):
-        await bridge.hub.anew(op.Position())
+        await bridge.controller.anew(op.Position())
 
 
 @pytest.mark.parametrize(("mount", "driven"), [("cge", "nexstar"), ("cgx", "nexstar"), ("autostar", "lx200")])
 @pytest.mark.parametrize("by_hand", [b":RS#:Me#", b":Mgw3000#"])
 @pytest.mark.parametrize("asks", [True, False])
 def test_what_was_asked_for_on_a_silent_line_is_not_begun_seconds_later(
-    mount: str, driven: str, by_hand: bytes, asks: bool,
+    mount: str, driven: str, by_hand: bytes, asks: bool
 ) -> None:
     """``asks``: it waits behind a question of its own program."""
 
@@ -117,7 +117,7 @@ def test_what_was_asked_for_on_a_silent_line_is_not_begun_seconds_later(
         async with Bridge(mount, driven=driven) as bridge:
             client: Visitor = bridge.client()
             silence(bridge, 2.0)
-            bridge.hub.spawn(look(bridge))
+            bridge.controller.spawn(look(bridge))
             (client if asks else bridge.client("10.0.0.8")).tell(b":GR#")
             await asyncio.sleep(0.1)
             client.tell(by_hand)

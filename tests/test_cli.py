@@ -15,9 +15,10 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli import main, serving
-from gateway.detect import looking
-from gateway.detect.probe import Patience
+from gateway.cli import main
+from gateway.cli.serve import serving
+from gateway.diagnostics.detect import scan_port as looking
+from gateway.diagnostics.detect.probe import Patience
 from tests.running import GATEWAY, PATIENCE, Running, ask
 
 
@@ -87,8 +88,10 @@ def test_a_port_in_use_is_named(started: list[Running]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["run", "--mount", "nexstar@/dev/does-not-exist", "--surface", "lx200@tcp://:0"],
-         "no such port; mount-gateway detect"),
+        (
+            ["run", "--mount", "nexstar@/dev/does-not-exist", "--surface", "lx200@tcp://:0"],
+            "no such port; mount-gateway detect",
+        ),
         (["run", "--mount", "nexstar:gpe@sim", "--surface", "lx200@tcp://:0"], "did you mean"),
         (["run", "--mount", "nexstr@sim", "--surface", "lx200@tcp://:0"], "no protocol"),
         (["run", "--mount", "nexstar:cge/new@sim", "--surface", "lx200@tcp://:0"], "no version"),
@@ -126,7 +129,7 @@ def test_a_mistake_gets_one_clear_line(arguments: list[str], says: str) -> None:
         ('[mount]\nat = "nexstar@sim"\ndead-man = 0\n[[surface]]\nat = "lx200@tcp://:0"', "dead-man"),
         ('[mount]\nat = "nexstar@sim"\nbaud = "fast"\n[[surface]]\nat = "lx200@tcp://:0"', "baud"),
         ('[mount]\nat = "nexstar@sim"\n[[surface]]\nequinox = "jnow"', "at"),
-        ('[mount\n', "gateway.toml"),
+        ("[mount\n", "gateway.toml"),
     ],
 )
 def test_a_mistake_in_the_file_is_named(tmp_path: Path, text: str, says: str) -> None:

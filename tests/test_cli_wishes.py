@@ -12,13 +12,13 @@ from pathlib import Path
 
 import pytest
 
+from gateway.app.control.commands import Body, Spot
+from gateway.app.recording.format import read
+from gateway.astro.catalog.files import NotInstalled
 from gateway.cli import main
-from gateway.cli.places import place
-from gateway.control.wishes import Body, Spot
-from gateway.errors import UserError
-from gateway.library.files import NotInstalled
-from gateway.recording import read
-from gateway.replaying import replay
+from gateway.cli.mount.places import place
+from gateway.core.errors import UserError
+from gateway.diagnostics.replay.replaying import replay
 from tests.running import GATEWAY, PATIENCE, Running, ask
 
 Say = Callable[..., tuple[int, str, str]]
@@ -39,8 +39,9 @@ def say(capsys: pytest.CaptureFixture[str]) -> Say:
 
 
 def gateway(started: list[Running], state: Path, *more: str) -> Running:
-    running = Running("run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", "--state", str(state),
-                      *ANYWHERE, *more)
+    running = Running(
+        "run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", "--state", str(state), *ANYWHERE, *more
+    )
     started.append(running)
     return running
 
@@ -63,8 +64,7 @@ def test_a_night_at_the_shell(say: Say, tmp_path: Path, started: list[Running]) 
     assert out.splitlines()[0] == "6-8se (nexstar@sim)"
     assert "  mount     Celestron NexStar, 6-8se, version 4.21" in out
     assert "  wanted    no motion" in out
-    assert say("move", "north", "--rate", "9", "--seconds", "0.5", *which) == (
-        0, "it was moved north for 0.5 s", "")
+    assert say("move", "north", "--rate", "9", "--seconds", "0.5", *which) == (0, "it was moved north for 0.5 s", "")
     assert say("goto", "10:00:00", "-05:30:00", *which) == (0, "it goes to 10:00:00 -05°30'00\"", "")
     [state] = json.loads(say("status", "--json", "--mount", "sim", *which)[1])
     assert state["look"]["slewing"]
@@ -74,8 +74,11 @@ def test_a_night_at_the_shell(say: Say, tmp_path: Path, started: list[Running]) 
     assert (code, out) == (1, "")
     assert err.startswith("mount-gateway: Sync refused: ")
     assert say("unpark", *which)[:2] == (0, "it is in service again, and tracks")
-    assert say("goto", "nowhere", *which) == (2, "", (
-        "mount-gateway: 'nowhere' is no place: write RA DEC, like 05:34:32 +22:00:52, or a name, like M42 or Jupiter"))
+    assert say("goto", "nowhere", *which) == (
+        2,
+        "",
+        ("mount-gateway: 'nowhere' is no place: write RA DEC, like 05:34:32 +22:00:52, or a name, like M42 or Jupiter"),
+    )
     assert say("status", "--mount", "dome", *which)[0] == 1
     assert running.end() == 0
     outcome = replay(read(tmp_path / "night.rec"))
@@ -86,8 +89,9 @@ def test_ctrl_c_stops_what_was_begun(tmp_path: Path, started: list[Running]) -> 
     which = ("--state", str(tmp_path))
     gateway(started, tmp_path).ready()
     for words in (("goto", "03:00:00", "+80", "--wait"), ("move", "west", "--rate", "9", "--seconds", "25")):
-        with subprocess.Popen([*GATEWAY, *words, *which], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                              text=True) as command:
+        with subprocess.Popen(
+            [*GATEWAY, *words, *which], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as command:
             deadline = time.monotonic() + PATIENCE
             while not _wanted(which) and time.monotonic() < deadline:
                 time.sleep(0.1)
@@ -109,7 +113,9 @@ def _wanted(which: tuple[str, ...]) -> list[str]:
 def test_of_several_one_must_be_named(say: Say, tmp_path: Path, started: list[Running]) -> None:
     """Two mounts of one gateway, by name."""
     config = tmp_path / "gateway.toml"
-    config.write_text("\n".join(f'''
+    config.write_text(
+        "\n".join(
+            f'''
         [[mount]]
         at = "{protocol}@sim"
         name = "{name}"
@@ -117,7 +123,10 @@ def test_of_several_one_must_be_named(say: Say, tmp_path: Path, started: list[Ru
         [[surface]]
         at = "lx200@tcp://127.0.0.1:0"
         mount = "{name}"
-    ''' for protocol, name in (("nexstar", "pier"), ("lx200", "dome"))))
+    '''
+            for protocol, name in (("nexstar", "pier"), ("lx200", "dome"))
+        )
+    )
     running = Running("run", "--config", str(config))
     started.append(running)
     running.ready()
@@ -125,19 +134,21 @@ def test_of_several_one_must_be_named(say: Say, tmp_path: Path, started: list[Ru
     which = ("--state", str(tmp_path))
     told = say("unpark", *which)
     assert (told[0], told[2]) == (
-        2, "mount-gateway: 2 mounts run here; say which one is meant: --mount dome or --mount pier")
+        2,
+        "mount-gateway: 2 mounts run here; say which one is meant: --mount dome or --mount pier",
+    )
     assert say("unpark", "--mount", "dome", *which)[0] == 0
     code, out, _ = say("status", *which)
     assert (code, "pier (nexstar@sim)" in out, "dome (lx200@sim)" in out) == (0, True, True)
     assert say("stop", "--mount", "dome", *which)[:2] == (0, "lx200@sim: stopped")
-    assert say("status", "--mount", "attic", *which)[2].startswith(
-        "mount-gateway: no gateway runs here for attic; ")
+    assert say("status", "--mount", "attic", *which)[2].startswith("mount-gateway: no gateway runs here for attic; ")
 
 
 def test_watch_tells_a_line_a_second(tmp_path: Path, started: list[Running]) -> None:
     gateway(started, tmp_path).ready()
-    with subprocess.Popen([*GATEWAY, "watch", "--state", str(tmp_path)], stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, text=True) as command:
+    with subprocess.Popen(
+        [*GATEWAY, "watch", "--state", str(tmp_path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as command:
         assert command.stdout is not None
         for _ in range(2):
             assert command.stdout.readline().startswith("6-8se  ")
@@ -193,12 +204,17 @@ def test_without_the_library_that_is_said(monkeypatch: pytest.MonkeyPatch) -> No
     def missing(catalogue: str, number: int) -> None:
         raise NotInstalled
 
-    monkeypatch.setattr("gateway.library.deepsky.look_up", missing)
+    monkeypatch.setattr("gateway.astro.catalog.deepsky.look_up", missing)
     with pytest.raises(UserError, match=r"pip install 'mount-gateway\[library\]'"):
         place(Typed("M42"))  # type: ignore[arg-type]
 
 
 def test_a_declination_below_the_equator_is_no_flag() -> None:
-    told = subprocess.run([sys.executable, "-m", "gateway", "goto", "05:00", "-5:30", "--mount", "none"],
-                          capture_output=True, text=True, check=False, timeout=PATIENCE)
+    told = subprocess.run(
+        [sys.executable, "-m", "gateway", "goto", "05:00", "-5:30", "--mount", "none"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=PATIENCE,
+    )
     assert (told.returncode, "no gateway runs here for none" in told.stderr) == (1, True)

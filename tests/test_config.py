@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
-from gateway.cli.settings import add_settings, settings
-from gateway.config import Config, make_config, read_tables
-from gateway.config.describing import keys
-from gateway.config.lines import line_of
-from gateway.errors import UserError
+from gateway.app.config import Config, make_config, read_tables
+from gateway.app.config.describing import keys
+from gateway.app.config.lines import line_of
+from gateway.cli.serve.settings import add_settings, settings
+from gateway.core.errors import UserError
 
 SURFACE = '[[surface]]\nat = "lx200@tcp://:0"\n'
 MOUNT = '[mount]\nat = "nexstar@sim"\n'
@@ -116,7 +116,9 @@ def test_two_mounts_cannot_be_at_one_port(tmp_path: Path) -> None:
 def test_several_mounts_have_their_own_surfaces(tmp_path: Path) -> None:
     config = read(tmp_path, TWO + A + B.replace(":0", ":4040") + A.replace(":0", ":4050"))
     assert [[surface.at for surface in config.of(mount)] for mount in config.mount] == [
-        ["lx200@tcp://:0", "lx200@tcp://:4050"], ["lx200@tcp://:4040"]]
+        ["lx200@tcp://:0", "lx200@tcp://:4050"],
+        ["lx200@tcp://:4040"],
+    ]
 
 
 def test_a_single_mount_needs_no_name_and_may_have_one(tmp_path: Path) -> None:
@@ -160,9 +162,20 @@ def test_a_wrong_flag_is_named(words: tuple[str, ...], says: str) -> None:
 
 
 def test_every_key_of_the_mount_is_a_flag() -> None:
-    given = {"baud": "19200", "site": "1,2", "mode": "eq-north", "equinox": "auto", "site-time": "never",
-             "lowest": "1.5", "highest": "80", "sync-limit": "3", "guide-rate": "0.75", "park": "3,4", "latency": "1",
-             "speed": "5"}
+    given = {
+        "baud": "19200",
+        "site": "1,2",
+        "mode": "eq-north",
+        "equinox": "auto",
+        "site-time": "never",
+        "lowest": "1.5",
+        "highest": "80",
+        "sync-limit": "3",
+        "guide-rate": "0.75",
+        "park": "3,4",
+        "latency": "1",
+        "speed": "5",
+    }
     for name, text in given.items():
         key = next(key for key in keys("mount") if key.name == name)
         mount = flags(f"--{name}", text).mount[0]
@@ -215,10 +228,22 @@ def test_a_flag_for_one_of_several_mounts_is_refused(tmp_path: Path) -> None:
 
 
 _WORD = st.text("abcdef-", min_size=1, max_size=4)
-_VALUE = st.sampled_from([
-    "1", "-2.5", '"x"', "'#'", "true", '"""\n[a]\nb = 1\n"""', "'''x\n\n'''", "[\n  1, # ]\n  2,\n]", "[]", "{a = 1}",
-    "1979-05-27T07:32:00Z", '"\\u0041 = 3"',
-])
+_VALUE = st.sampled_from(
+    [
+        "1",
+        "-2.5",
+        '"x"',
+        "'#'",
+        "true",
+        '"""\n[a]\nb = 1\n"""',
+        "'''x\n\n'''",
+        "[\n  1, # ]\n  2,\n]",
+        "[]",
+        "{a = 1}",
+        "1979-05-27T07:32:00Z",
+        '"\\u0041 = 3"',
+    ]
+)
 _FILLER = st.lists(st.sampled_from(["", "# [x]", "   ", "# a = 1"]), max_size=2)
 _KEYS = st.dictionaries(_WORD, st.tuples(_FILLER, _VALUE), max_size=4)
 _TABLES = st.lists(st.tuples(st.booleans(), _WORD, _FILLER, _KEYS), max_size=5)

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from gateway.app.config import make_config, read_tables
 from gateway.cli import main
-from gateway.config import make_config, read_tables
-from gateway.errors import UserError
+from gateway.core.errors import UserError
 
 SURFACE = '[[surface]]\nat = "lx200@tcp://:0"\n'
 MOUNT = '[mount]\nat = "nexstar@sim"\n'

@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 
 import gateway
-from gateway import pairs
 from gateway.cli import main
-from gateway.cli.serving import _unless
-from gateway.errors import UserError
-from gateway.tables import load
+from gateway.cli.serve.serving import _unless
+from gateway.core.errors import UserError
+from gateway.diagnostics import command_tables as pairs
+from gateway.protocols.wireformat.command_set import load
 
 
 @pytest.mark.parametrize(
@@ -59,8 +59,9 @@ def test_the_help_of_run_tells_of_ranges_and_defaults(capsys: pytest.CaptureFixt
         assert part in words
 
 
-def test_an_installed_copy_is_not_written_into(monkeypatch: pytest.MonkeyPatch,
-                                               capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_installed_copy_is_not_written_into(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     inside = Path(gateway.__file__).resolve().parent / "mappings"
     monkeypatch.setattr(pairs, "mappings_folder", lambda: inside)
     monkeypatch.setattr(pairs, "text", lambda: "")
@@ -73,9 +74,20 @@ def test_a_signal_ends_the_search_for_a_mute_mount() -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute:
         mute.settimeout(20)
         process = subprocess.Popen(
-            [sys.executable, "-m", "gateway", "run", "--surface", "lx200@tcp://127.0.0.1:0",
-             "--mount", f"nexstar@socket://127.0.0.1:{mute.getsockname()[1]}"],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            [
+                sys.executable,
+                "-m",
+                "gateway",
+                "run",
+                "--surface",
+                "lx200@tcp://127.0.0.1:0",
+                "--mount",
+                f"nexstar@socket://127.0.0.1:{mute.getsockname()[1]}",
+            ],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
         link, _ = mute.accept()
         with link:
             link.settimeout(20)

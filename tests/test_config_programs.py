@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from gateway.assembly import manners
-from gateway.config import SurfaceConfig
-from gateway.config.describing import named
-from gateway.config.programs import programs, recognisable, settled, wanted_by
-from gateway.equinox import J2000
-from gateway.transcript import Entry
+from gateway.app.config import SurfaceConfig
+from gateway.app.config.describing import named
+from gateway.app.config.programs import programs, recognisable, settled, wanted_by
+from gateway.app.gateway import manners
+from gateway.clients.equinox import J2000
+from gateway.core.wire_log import Entry
 from tests.fixture import Mount, Talk
 from tests.transcript_files import files, read
 from tests.virtual import run
@@ -29,11 +29,11 @@ def house(**keys: str) -> tuple[House, list[Entry]]:
     """A port as ``Gateway`` puts it together, and what is noted down."""
     surface = SurfaceConfig(at=TCP, **keys)  # type: ignore[arg-type]
     built = House(Mount())
-    j2000 = J2000(built.mount.sky, built.hub.clock)
+    j2000 = J2000(built.mount.sky, built.controller.clock)
     face = replace(built.reception.face, manners=tuple(manners("lx200", surface, j2000)))
     built.reception.face = face
     entries: list[Entry] = []
-    built.hub.transcript.sinks.append(entries.append)
+    built.controller.transcript.sinks.append(entries.append)
     return built, entries
 
 
@@ -101,12 +101,13 @@ def test_stellarium_mobile_is_told_j2000_and_nobody_else_is() -> None:
         assert of_date == b"12:34:56#"
         assert j2000 == b"12:33:40#"  # 26.2 years of 3.07 + 1.34 sin(ra) tan(dec) = 2.87 s back
         assert [entry.note for entry in entries if "treated" in entry.note] == [
-            "this is Stellarium Mobile PLUS, and treated so"]
+            "this is Stellarium Mobile PLUS, and treated so"
+        ]
         assert await mobile.ask(b"#:Sr05:34:32#") == b"1"
         assert await mobile.ask(b"#:Sd+22:00:52#") == b"1"
         assert await mobile.ask(b"#:MS#") == b"0"
         target = built.mount.asked[-1]
-        sky = built.mount.sky.to_of_date(15 * (5 + 34 / 60 + 32 / 3600), 22 + 52 / 3600, built.hub.clock())
+        sky = built.mount.sky.to_of_date(15 * (5 + 34 / 60 + 32 / 3600), 22 + 52 / 3600, built.controller.clock())
         assert (target.ra, target.dec) == pytest.approx(sky, abs=1e-6)  # type: ignore[attr-defined]
 
     run(story())

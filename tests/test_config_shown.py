@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 import tomli
 
+from gateway.app.config import Source, make_config, read_tables
+from gateway.app.config.describing import keys
+from gateway.app.config.keys import Config
+from gateway.app.config.lines import Place
+from gateway.app.config.programs import settled
+from gateway.app.config.showing import effective, example, table, toml
 from gateway.cli import main
-from gateway.config import Source, make_config, read_tables
-from gateway.config.describing import keys
-from gateway.config.keys import Config
-from gateway.config.lines import Place
-from gateway.config.programs import settled
-from gateway.config.showing import effective, example, table, toml
 
 ROOT = Path(__file__).parent.parent
 ALL = """log = true
@@ -65,7 +65,7 @@ def test_what_is_no_default_says_where_it_comes_from(tmp_path: Path) -> None:
     assert "lowest = 12.5  # --lowest" in lines
     assert "lowest = 0.0" in lines
     assert 'precision = "high"  # g.toml:19' in lines
-    assert any(line.startswith("sync-text = \"1M31") and "# client stellarium: " in line for line in lines)
+    assert any(line.startswith('sync-text = "1M31') and "# client stellarium: " in line for line in lines)
     assert "# mode: not set" in lines
 
 
@@ -75,7 +75,9 @@ def test_every_default_is_shown_without_a_mark() -> None:
     source = Source("command line", flags=flags)
     lines = effective(make_config(tables, source), source).splitlines()[2:]
     assert [line for line in lines if "  # " in line] == [
-        'at = "nexstar@sim"  # --mount', 'at = "lx200@tcp://:0"  # --surface']
+        'at = "nexstar@sim"  # --mount',
+        'at = "lx200@tcp://:0"  # --surface',
+    ]
 
 
 def test_the_example_is_valid_as_it_is(tmp_path: Path) -> None:
@@ -108,7 +110,7 @@ def test_the_table_of_the_keys_is_fresh() -> None:
     assert rest.partition("<!-- end of keys -->")[0] == table(), "put in what mount-gateway config --table prints"
 
 
-@pytest.mark.parametrize("value", [True, 0, -1.5, "a \"b\" \\ \x7f \n é", [1.0, -2.0], ["a"]])
+@pytest.mark.parametrize("value", [True, 0, -1.5, 'a "b" \\ \x7f \n é', [1.0, -2.0], ["a"]])
 def test_values_are_written_as_toml(value: object) -> None:
     assert tomli.loads(f"x = {toml(value)}") == {"x": value}
 

@@ -11,9 +11,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from gateway.control import Control, Door, ask, client, doors
-from gateway.control.messages import Parts, parts, seal, unseal
-from gateway.errors import NoAnswer
+from gateway.app.control import Control, ControlEndpoint, ask, client
+from gateway.app.control import endpoints as doors
+from gateway.app.control.messages import Parts, parts, seal, unseal
+from gateway.core.errors import NoAnswer
 
 
 async def _good() -> str:
@@ -52,11 +53,14 @@ def _asked(folder: Path, order: Callable[[], Awaitable[str]], secret: str | None
     return asyncio.run(program())
 
 
-@pytest.mark.parametrize(("order", "answer"), [
-    (_good, "stopped"),
-    (_dead, "failed No answer from mount."),
-    (_broken, "failed internal error, please report it: RuntimeError('a defect')"),
-])
+@pytest.mark.parametrize(
+    ("order", "answer"),
+    [
+        (_good, "stopped"),
+        (_dead, "failed No answer from mount."),
+        (_broken, "failed internal error, please report it: RuntimeError('a defect')"),
+    ],
+)
 def test_a_gateway_answers_when_it_has_done_it(
     tmp_path: Path, order: Callable[[], Awaitable[str]], answer: str
 ) -> None:
@@ -115,8 +119,16 @@ def test_nothing_that_comes_in_hurts(tmp_path: Path) -> None:
         await served.open()
         [(_, door)] = doors(tmp_path)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-            for data in (b"", b"\0" * 3000, b"stop", b" ", b"x" * 60_000, seal("guessed", "1", "ask stop"),
-                         seal(door.secret, "1", "stop"), seal(door.secret, "", "")):
+            for data in (
+                b"",
+                b"\0" * 3000,
+                b"stop",
+                b" ",
+                b"x" * 60_000,
+                seal("guessed", "1", "ask stop"),
+                seal(door.secret, "1", "stop"),
+                seal(door.secret, "", ""),
+            ):
                 stranger.sendto(data, ("127.0.0.1", door.port))
         assert await ask(door, "stop", 5.0) == "stopped"
         await served.close()
@@ -165,7 +177,7 @@ def _nobodys_port() -> int:
 
 def test_what_a_killed_gateway_has_left_is_taken_away_and_junk_is_in_nobodys_way(tmp_path: Path) -> None:
     async def program() -> None:
-        door = Door("lx200@COM3", 2**22 + 1, _nobodys_port(), "s")
+        door = ControlEndpoint("lx200@COM3", 2**22 + 1, _nobodys_port(), "s")
         stale = tmp_path / "lx200@COM3.77.control"
         (tmp_path / "garbage.control").write_bytes(b"{")
         (tmp_path / "deep.control").write_bytes(b"[" * 60_000)

@@ -18,12 +18,19 @@ SET_TIME = b"H\x15\x1e\x28\x03\x0e\x1b\x0a\x00"
 
 
 @pytest.mark.parametrize("after", [0.05, 0.3, 0.8, 2.0])
-@pytest.mark.parametrize("motion", [b"P\x02\x10\x24\x05\0\0\0", b"P\x03\x11\x26\x64\x64\0\0",
-                                    b"P\x03\x10\x06\x02\x58\0\0"])
+@pytest.mark.parametrize(
+    "motion", [b"P\x02\x10\x24\x05\0\0\0", b"P\x03\x11\x26\x64\x64\0\0", b"P\x03\x10\x06\x02\x58\0\0"]
+)
 def test_what_is_not_begun_gets_the_form_for_no_and_stops_their_yes(after: float, motion: bytes) -> None:
     async def program() -> None:
-        async with Bridge("lx200", driven="lx200", presented="nexstar", surface="cpc", aligned=True,
-                          config={"lowest": -90.0, "sun": 0.0, "site_time": "always"}) as bridge:
+        async with Bridge(
+            "lx200",
+            driven="lx200",
+            presented="nexstar",
+            surface="cpc",
+            aligned=True,
+            config={"lowest": -90.0, "sun": 0.0, "site_time": "always"},
+        ) as bridge:
             client = bridge.client()
             assert await client.ask(b"e", 5.0)
             assert await client.ask(SET_TIME) == b"#"

@@ -33,8 +33,9 @@ def _decode(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, l
 def test_twenty_megabytes_of_junk_take_little(protocol: str, tmp_path: Path) -> None:
     path = tmp_path / "junk"
     path.write_bytes(Random(1).randbytes(20_000_000))
-    done = subprocess.run([sys.executable, "-c", PROGRAM, "--protocol", protocol, str(path)], capture_output=True,
-                          text=True, timeout=60.0)
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, "--protocol", protocol, str(path)], capture_output=True, text=True, timeout=60.0
+    )
     *said, memory = done.stderr.splitlines()
     assert done.returncode == 2
     assert "no conversation in the" in said[-1] and "the rest was not decoded" in said[-1]
@@ -72,10 +73,14 @@ def test_what_is_repeated_without_times_is_counted(tmp_path: Path, capsys: pytes
 
 def test_a_spy_log_and_a_socat_log_are_read_line_by_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     spy, socat = tmp_path / "spy", tmp_path / "socat"
-    spy.write_text("000000.002 TX   0000  3A 47 52 23                                       :GR#\n"
-                   "000000.020 RX   0000  30 35 3A 33 34 3A 33 32  23                       05:34:32#\n")
-    socat.write_text("> 2026/01/15 22:00:00.000100  length=4 from=0 to=3\n 3a 47 52 23\n--\n"
-                     "< 2026/01/15 22:00:00.020100  length=9 from=0 to=8\n 30 35 3a 33 34 3a 33 32 23\n--\n")
+    spy.write_text(
+        "000000.002 TX   0000  3A 47 52 23                                       :GR#\n"
+        "000000.020 RX   0000  30 35 3A 33 34 3A 33 32  23                       05:34:32#\n"
+    )
+    socat.write_text(
+        "> 2026/01/15 22:00:00.000100  length=4 from=0 to=3\n 3a 47 52 23\n--\n"
+        "< 2026/01/15 22:00:00.020100  length=9 from=0 to=8\n 30 35 3a 33 34 3a 33 32 23\n--\n"
+    )
     for path in (spy, socat):
         code, lines, _ = _decode(capsys, str(path))
         assert code == 0
@@ -88,8 +93,10 @@ def test_a_client_that_sends_noise_is_counted_in_a_recording(
 ) -> None:
     path = tmp_path / "night.rec"
     config = '{"mount": {"at": "lx200@sim"}, "surface": [{"at": "lx200@tcp://:0"}]}'
-    head = (f'# mount-gateway recording 1\n# {{"began": 0, "from": 0, "past": {{}}, "config": {config}}}\n'
-            "0.1 10.0.0.1:1 + surface 1, host 10.0.0.1\n")
+    head = (
+        f'# mount-gateway recording 1\n# {{"began": 0, "from": 0, "past": {{}}, "config": {config}}}\n'
+        "0.1 10.0.0.1:1 + surface 1, host 10.0.0.1\n"
+    )
     path.write_text(head + "0.2 10.0.0.1:1 > :noise#\n" * 3000 + "0.3 10.0.0.1:1 > :GR#\n0.4 10.0.0.1:1 -\n")
     code, lines, _ = _decode(capsys, str(path))
     assert code == 0
@@ -101,7 +108,11 @@ def test_a_client_that_sends_noise_is_counted_in_a_recording(
 def test_a_terminal_without_a_degree_sign(tmp_path: Path) -> None:
     path = tmp_path / "capture"
     path.write_bytes(b":Sd+22*00:52#")
-    done = subprocess.run([sys.executable, "-m", "gateway", "decode", str(path)], capture_output=True, timeout=60.0,
-                          env={**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"})
+    done = subprocess.run(
+        [sys.executable, "-m", "gateway", "decode", str(path)],
+        capture_output=True,
+        timeout=60.0,
+        env={**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"},
+    )
     assert (done.returncode, done.stderr) == (0, b"")
     assert b"Dec +22?00'52\"" in done.stdout

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli import demo
-from gateway.errors import UserError
-from gateway.ports.link import Link, is_free
+from gateway.cli.serve import demo
+from gateway.core.errors import UserError
+from gateway.transport.device_link import DeviceLink, is_free
 from tests.running import Running
 from tests.test_cli import refused
 
@@ -32,7 +32,8 @@ def test_the_live_link_of_another_program_is_left_alone(tmp_path: Path, terminal
     path = tmp_path / "lx200"
     path.symlink_to(terminal)
     assert f"another program has a link of that name to {terminal}, which is in use" in refused(
-        "demo", "--port", "0", "--pty", str(path))
+        "demo", "--port", "0", "--pty", str(path)
+    )
     assert os.readlink(path) == terminal
     assert not is_free(str(path)) and os.readlink(path) == terminal
 
@@ -46,14 +47,14 @@ def test_what_a_killed_gateway_left_behind_is_taken(tmp_path: Path, terminal: st
     killed.end(signal.SIGKILL)
     path.unlink()
     path.symlink_to(terminal)
-    link = Link(str(path))
+    link = DeviceLink(str(path))
     link.point("/dev/pts/99999")
     link.close()
     assert not path.is_symlink()
 
 
 def test_a_second_pair_of_the_same_port_has_the_same_name(tmp_path: Path, terminal: str) -> None:
-    link = Link(str(tmp_path / "lx200"))
+    link = DeviceLink(str(tmp_path / "lx200"))
     link.point(terminal)
     link.point("/dev/pts/99999")
     link.close()
@@ -68,7 +69,7 @@ def test_a_name_in_use_is_followed_by_the_next(tmp_path: Path, terminal: str) ->
     assert demo.free_name(str(path)) == f"{path}-3"
     assert (os.readlink(path), (tmp_path / "lx200-2").read_text()) == (terminal, "mine")
     with pytest.raises(UserError, match="is in use"):
-        Link(str(path)).check()
+        DeviceLink(str(path)).check()
 
 
 def test_a_port_in_use_is_followed_by_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -84,8 +85,9 @@ def test_the_demo_says_where_it_is_instead(tmp_path: Path, monkeypatch: pytest.M
     told: list[str] = []
     monkeypatch.setattr(demo, "free_port", lambda: 4031)
     monkeypatch.setattr(demo, "free_name", lambda path: str(tmp_path / "lx200-2"))
-    monkeypatch.setattr(demo, "serve_mounts", lambda config, banner: told.extend([banner, *(
-        surface.at for surface in config.surface)]))
+    monkeypatch.setattr(
+        demo, "serve_mounts", lambda config, banner: told.extend([banner, *(surface.at for surface in config.surface)])
+    )
     monkeypatch.setattr(demo, "with_loop", lambda fast, serve: serve() or 0)
     from gateway.cli import main
 

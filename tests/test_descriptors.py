@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 
-from gateway import descriptors
-from gateway.assembly import Gateway
-from gateway.errors import MappingError
+from gateway.app.gateway import Gateway
+from gateway.core.errors import MappingError
 from gateway.protocols.nexstar import rates
-from gateway.tables import Protocol
+from gateway.protocols.wireformat.command_set import CommandSet
+from gateway.system import file_limits as descriptors
 from tests.bridge import Bridge
 from tests.test_ports import address, ask, serve
 from tests.virtual import run
@@ -57,7 +57,7 @@ def test_room_is_made_as_far_as_the_system_lets(
 
 
 def test_who_comes_when_no_file_is_left_is_turned_away_with_one_line_and_later_let_in(
-    monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async def program(gateway: Gateway) -> None:
         notes: list[str] = []
@@ -91,20 +91,20 @@ def test_an_arrow_begins_though_no_file_can_be_opened(tmp_path: Path, monkeypatc
     async def nothing_opens(function: Any, *arguments: Any) -> Any:
         raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
 
-    def no_table(protocol: Protocol, name: str) -> Any:
+    def no_table(protocol: CommandSet, name: str) -> Any:
         raise MappingError(name, "[file]", os.strerror(errno.EMFILE))
 
     async def program() -> None:
         async with Bridge(state=tmp_path, in_thread=nothing_opens) as bridge:
-            monkeypatch.setattr(Protocol, "extra", no_table)
+            monkeypatch.setattr(CommandSet, "extra", no_table)
             client = bridge.client()
             for _ in range(3):
                 client.tell(b":RM#:Mn#")
                 await asyncio.sleep(2.0)
-                assert bridge.hub.motions.axes == {2}
+                assert bridge.controller.motions.axes == {2}
                 client.tell(b":Qn#")
                 await asyncio.sleep(8.0)
-                assert bridge.hub.motions.axes == set()
+                assert bridge.controller.motions.axes == set()
             assert len([words for words in bridge.warned if "not marked" in words or "written" in words]) == 1
             assert not any("internal error" in entry.note for entry in bridge.entries)
 
@@ -121,10 +121,10 @@ def test_a_defect_is_not_lost_because_nobody_waits_for_what_came_of_it(monkeypat
             async def defect(operation: Any) -> Any:
                 raise ValueError("broken")
 
-            monkeypatch.setattr(bridge.hub.checks, "admit", defect)
+            monkeypatch.setattr(bridge.controller.checks, "admit", defect)
             client.tell(b":Mn#")
             await asyncio.sleep(3.0)
             assert any("internal error" in entry.note and "broken" in entry.note for entry in bridge.entries)
-            assert bridge.hub.motions.axes == set()
+            assert bridge.controller.motions.axes == set()
 
     run(program())

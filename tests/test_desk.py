@@ -7,13 +7,13 @@ from typing import Any
 
 import msgspec
 
-from gateway.cli.status import lines
-from gateway.control import wishes
-from gateway.control.desk import Desk
-from gateway.operations import Direction
-from gateway.sky import Sky
-from gateway.status import State
-from gateway.truth import truth_of
+from gateway.app.control import commands as wishes
+from gateway.app.control.requests import Desk
+from gateway.app.status import State
+from gateway.astro.ephemeris import Sky
+from gateway.cli.mount.status import lines
+from gateway.core.operations import Direction
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -25,8 +25,8 @@ class Owner:
     """Somebody at the keyboard of a bridge's gateway."""
 
     def __init__(self, bridge: Any, name: str = "") -> None:
-        self.desk = Desk(bridge.hub, name, "nexstar@sim", lambda: bridge.reception.here())
-        self._hub = bridge.hub
+        self.desk = Desk(bridge.controller, name, "nexstar@sim", lambda: bridge.reception.here())
+        self._controller = bridge.controller
 
     async def wish(self, wish: wishes.Wish) -> str:
         return await self.desk.carry_out(wishes.written(wish))
@@ -76,8 +76,10 @@ def test_the_limits_hold_and_the_refusal_is_in_words() -> None:
         async with Bridge(config={"lowest": 15.0}) as bridge:
             owner = Owner(bridge)
             answer = await owner.wish(wishes.Goto("g", wishes.Spot(83.6, -70.0)))
-            assert answer.startswith("failed Object Below Lower Limit. It lies, or the way to it leads, lower than the "
-                                     "15 degrees that are allowed")
+            assert answer.startswith(
+                "failed Object Below Lower Limit. It lies, or the way to it leads, lower than the "
+                "15 degrees that are allowed"
+            )
             assert not moves(bridge)
             far = await owner.wish(wishes.Sync("s", wishes.Spot(200.0, 40.0)))
             assert far.startswith("failed Sync refused: ")
@@ -99,7 +101,8 @@ def test_what_a_program_was_refused_is_told_without_a_log() -> None:
                 await client.ask(b":Sr05:34:32#:Sd-80*00:00#:MS#", until=b"#")
             state = await Owner(bridge).see()
             assert [words.partition(" ago, ")[2] for words in state.lately] == [
-                "192.168.1.23: Goto: Object Below Horizon. (2 times)"]
+                "192.168.1.23: Goto: Object Below Horizon. (2 times)"
+            ]
             assert state.programs == ("192.168.1.23",)
             bridge.transcript.sinks.append(bridge.entries.append)
 
@@ -160,7 +163,7 @@ def test_what_another_has_begun_since_is_not_ended() -> None:
             assert await client.ask(b":Sr03:00:00#:Sd+60*00:00#:MS#", until=b"110") == b"110"
             await asyncio.sleep(1)
             assert await owner.wish(wishes.End("g")) == "done nothing that was begun here is under way"
-            assert bridge.hub.slewing
+            assert bridge.controller.slewing
             assert (await owner.see()).wanted[0].startswith("a goto to 03:00:00 +60°00'00\"")
 
     run(program())
@@ -212,7 +215,7 @@ def test_a_mount_that_is_held_or_not_aligned_says_so() -> None:
         async with Bridge(aligned=False) as bridge:
             owner = Owner(bridge)
             assert "align it at the hand control" in await owner.wish(wishes.Goto("g", CRAB))
-            bridge.hub.hold.on = True
+            bridge.controller.hold.on = True
             assert "mount-gateway stop --release" in await owner.wish(wishes.Goto("h", CRAB))
             assert "held: nothing moves it until mount-gateway stop --release" in (await owner.see()).allowed
 
@@ -278,6 +281,6 @@ def test_many_wishes_leave_nothing_behind() -> None:
             await asyncio.sleep(61)
             for number in range(200, 270):
                 await owner.wish(wishes.End(str(number)))
-            assert sum(len(there) for there in bridge.hub.presence._hosts.values()) <= 64 + 70 + 2
+            assert sum(len(there) for there in bridge.controller.presence._hosts.values()) <= 64 + 70 + 2
 
     run(program())

@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from gateway.config import Endpoint
-from gateway.detect import Finding, Place, look, named
-from gateway.detect.looking import OTHERS
-from gateway.detect.probe import sentence
-from gateway.detect.report import block, command
-from gateway.simulators import make_simulator
+from gateway.app.config import Endpoint
+from gateway.app.simulated import make_simulator
+from gateway.diagnostics.detect import Finding, SerialPortInfo, look, named
+from gateway.diagnostics.detect.probe import sentence
+from gateway.diagnostics.detect.report import block, command
+from gateway.diagnostics.detect.scan_port import OTHERS
 from tests.uart import Device, UartWire
 from tests.virtual import run
 
@@ -41,8 +41,14 @@ def mount(what: str) -> Any:
     return make_simulator(Endpoint(protocol, "-", name, version or None), clock=lambda: EVENING + clock() - began)
 
 
-def seen(make: Callable[[], Device], rate: int = 9600, place: Place = Place("-", "-"), *,
-         talk: bytes = b"", latency: float = 0.1) -> tuple[Finding, UartWire]:
+def seen(
+    make: Callable[[], Device],
+    rate: int = 9600,
+    place: SerialPortInfo = SerialPortInfo("-", "-"),
+    *,
+    talk: bytes = b"",
+    latency: float = 0.1,
+) -> tuple[Finding, UartWire]:
     """Look at a device in virtual time; one that talks does so every second."""
 
     async def program() -> tuple[Finding, UartWire]:
@@ -153,7 +159,7 @@ def test_half_a_command_is_not_completed() -> None:
         sim = mount("nexstar:6-8se/4.21")
         before = sim.truth()
         sim.feed(b"P\x02\x10\x24\x09\x00")
-        finding = await look(Place("-", "-"), UartWire(sim.feed))
+        finding = await look(SerialPortInfo("-", "-"), UartWire(sim.feed))
         assert finding.mount is not None
         await asyncio.sleep(5.0)
         assert sim.truth() == pytest.approx(before, abs=0.01)
@@ -169,13 +175,24 @@ def test_a_silent_port_is_sent_two_harmless_questions_at_every_rate() -> None:
     assert finding.state == "silent"
     assert wire.sent() == [b"Kx", b"\x06"] * 11
     assert [baud for baud, _ in wire.log[::2]] == [
-        9600, 19200, 38400, 57600, 115200, 1200, 14400, 28800, 9600, 4800, 2400]
+        9600,
+        19200,
+        38400,
+        57600,
+        115200,
+        1200,
+        14400,
+        28800,
+        9600,
+        4800,
+        2400,
+    ]
     assert finding.seconds < AT_9600 + ELSEWHERE
     assert "nothing here" in block(finding)
 
 
 def test_a_network_address_has_no_other_rates() -> None:
-    finding, wire = seen(lambda: silent, place=Place("socket://127.0.0.1:4030", "-"))
+    finding, wire = seen(lambda: silent, place=SerialPortInfo("socket://127.0.0.1:4030", "-"))
     assert (finding.state, finding.baud) == ("silent", None)
     assert wire.sent() == [b"Kx", b"\x06"]
     assert finding.seconds < AT_9600
@@ -207,7 +224,7 @@ def test_a_letter_that_begins_a_word_is_no_answer_to_ack() -> None:
             return b"P"
 
         wire = UartWire(prompt)
-        assert (await look(Place("-", "-"), wire)).state == "stranger"
+        assert (await look(SerialPortInfo("-", "-"), wire)).state == "stranger"
         assert wire.sent() == HARMLESS
 
     run(program())
@@ -250,7 +267,7 @@ def test_a_stray_byte_at_opening_is_no_talk() -> None:
     async def program() -> None:
         wire = UartWire(mount("nexstar:cpc").feed)
         asyncio.get_running_loop().call_later(0.01, wire.say, b"\x00")
-        assert (await look(Place("-", "-"), wire)).mount is not None
+        assert (await look(SerialPortInfo("-", "-"), wire)).mount is not None
 
     run(program())
 
@@ -268,7 +285,8 @@ def test_a_classic_that_does_not_know_ack_is_found_when_it_is_named() -> None:
     assert finding.mount is not None
     assert wire.sent()[:3] == [b"Kx", b"\x06", b"#:GR#"]
     assert command(finding) == (
-        "mount-gateway run --mount lx200:lx200@/dev/ttyUSB0 --surface nexstar@tcp://127.0.0.1:4030")
+        "mount-gateway run --mount lx200:lx200@/dev/ttyUSB0 --surface nexstar@tcp://127.0.0.1:4030"
+    )
 
 
 def test_a_hand_control_that_is_named_is_asked_nothing_else() -> None:
@@ -297,7 +315,7 @@ def test_a_port_that_vanishes_is_said_to_have(when: float) -> None:
             wire.on_lost("unplugged")
 
         asyncio.get_running_loop().call_later(when, vanish)
-        return await look(Place("-", "-"), wire)
+        return await look(SerialPortInfo("-", "-"), wire)
 
     assert run(program()).state == "vanished"
 
@@ -311,7 +329,7 @@ def test_a_port_that_vanishes_while_the_mount_says_who_it_is() -> None:
             wire.on_lost("unplugged")
 
         asyncio.get_running_loop().call_later(1.3, vanish)
-        return await look(Place("-", "-"), wire)
+        return await look(SerialPortInfo("-", "-"), wire)
 
     assert run(program()).state == "vanished"
 
@@ -326,7 +344,7 @@ def test_a_defect_in_a_driver_costs_one_port(monkeypatch: pytest.MonkeyPatch) ->
     async def broken(*_: object) -> None:
         raise KeyError("defect")
 
-    monkeypatch.setattr("gateway.detect.looking.identify", broken)
+    monkeypatch.setattr("gateway.diagnostics.detect.scan_port.identify", broken)
     finding, _ = seen(lambda: mount("nexstar:cpc").feed)
     assert finding.state == "mute"
     assert "please report it: KeyError('defect')" in block(finding)
@@ -340,7 +358,7 @@ def test_a_rate_that_the_port_does_not_have_is_passed_over() -> None:
             super().set_baud(baud)
 
     async def program() -> Finding:
-        return await look(Place("-", "-"), Poor(silent))
+        return await look(SerialPortInfo("-", "-"), Poor(silent))
 
     finding = run(program())
     assert (finding.state, finding.rates) == ("silent", len(OTHERS) - 2)

@@ -20,16 +20,16 @@ import pytest
 import serial
 from serial.rfc2217 import PortManager
 
+from gateway.app.config import Endpoint, make_config, read_tables
+from gateway.app.simulated import make_simulator, serve_simulator
 from gateway.cli import main
-from gateway.cli.detect import write_whole
-from gateway.config import Endpoint, make_config, read_tables
-from gateway.detect import Finding, Place, look, named
-from gateway.detect.ports import here, holder, lasting_name
-from gateway.detect.probe import Patience
-from gateway.errors import UserError
-from gateway.ports.pty import speed
-from gateway.ports.uart import misread
-from gateway.simulators import make_simulator, serve_simulator
+from gateway.cli.inspect.detect import write_whole
+from gateway.core.errors import UserError
+from gateway.diagnostics.detect import Finding, SerialPortInfo, look, named
+from gateway.diagnostics.detect.ports import here, holder, lasting_name
+from gateway.diagnostics.detect.probe import Patience
+from gateway.transport.pty import speed
+from gateway.transport.uart import misread
 
 GATEWAY = [sys.executable, "-bb", "-m", "gateway"]
 PATIENCE = 20.0
@@ -62,8 +62,8 @@ class Terminal:
             self.master = -1
 
 
-def at(path: str) -> Place:
-    return Place(path, path)
+def at(path: str) -> SerialPortInfo:
+    return SerialPortInfo(path, path)
 
 
 async def _everybody(folder: Path) -> dict[str, Any]:
@@ -77,8 +77,7 @@ async def _everybody(folder: Path) -> dict[str, Any]:
         ports += await serve_simulator(simulator, [f"pty:{folder / str(index)}"], 0.01, rate)
         patience = {} if what in MOUNTS[1:] else {"first": HURRY, "others": HURRY}
         jobs[what] = look(at(str(folder / str(index))), **patience)
-    silent, echo, gps, vanishing, held = [
-        Terminal(), Terminal(lambda data: data), Terminal(), Terminal(), Terminal()]
+    silent, echo, gps, vanishing, held = [Terminal(), Terminal(lambda data: data), Terminal(), Terminal(), Terminal()]
     jobs["silent"] = look(at(silent.path), first=GLANCE, others=GLANCE)
     jobs["echo"] = look(at(echo.path), first=HURRY)
     jobs["loop"] = look(at("loop://"), first=HURRY)
@@ -106,7 +105,9 @@ def cli(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, list[s
     folder = tmp_path_factory.mktemp("cli")
     simulator = subprocess.Popen(
         [*GATEWAY, "sim", "nexstar:cpc/4.10", "--at", f"pty:{folder / 'mount'}", "--baud", "9600"],
-        stdout=subprocess.PIPE, text=True)
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     assert simulator.stdout is not None
     assert simulator.stdout.readline().startswith("ready")
     arguments = ["detect", "--json", str(folder / "mount"), str(folder / "none"), "--write", str(folder / "g.toml")]
@@ -163,7 +164,8 @@ def test_the_command_line_writes_what_run_reads(found: dict[str, Any], cli: tupl
     assert "no such port" in none["words"]
     assert (mount["mount"]["model"], mount["mount"]["version"], mount["baud"]) == ("cpc", "4.10", 9600)
     assert mount["mount"]["run"] == (
-        f"mount-gateway run --mount nexstar@{folder / 'mount'} --surface lx200@tcp://127.0.0.1:4030")
+        f"mount-gateway run --mount nexstar@{folder / 'mount'} --surface lx200@tcp://127.0.0.1:4030"
+    )
     config = make_config(*read_tables(folder / "g.toml"))
     assert (config.mount[0].at, config.mount[0].baud) == (f"nexstar@{folder / 'mount'}", 9600)
     assert config.surface[0].at == "lx200@tcp://127.0.0.1:4030"
@@ -232,7 +234,7 @@ def test_the_name_that_lasts_is_written(tmp_path: Path, monkeypatch: pytest.Monk
         device, description = "/dev/ttyUSB7", "USB-Serial Controller"
 
     monkeypatch.setattr("serial.tools.list_ports.comports", lambda: [Port])
-    assert here() == [Place("/dev/ttyUSB7", "/dev/ttyUSB7", "USB-Serial Controller")]
+    assert here() == [SerialPortInfo("/dev/ttyUSB7", "/dev/ttyUSB7", "USB-Serial Controller")]
 
 
 def test_an_endpoint_may_be_given_for_a_port() -> None:

@@ -10,21 +10,21 @@ from pathlib import Path
 import pytest
 import serial
 
+from gateway.app.config import make_config, read_tables
 from gateway.cli import main
-from gateway.cli.service import reached_from_elsewhere
-from gateway.config import make_config, read_tables
-from gateway.detect import Finding, Place
-from gateway.detect.advice import next_steps
-from gateway.detect.identify import Mount
-from gateway.detect.report import block, toml, values
-from gateway.wires import group_of
+from gateway.cli.serve.service import reached_from_elsewhere
+from gateway.diagnostics.detect import Finding, SerialPortInfo
+from gateway.diagnostics.detect.advice import next_steps
+from gateway.diagnostics.detect.identify import Mount
+from gateway.diagnostics.detect.report import block, toml, values
+from gateway.transport.wires import group_of
 
 PORT = "/dev/ttyUSB0"
 
 
 def mount(protocol: str = "nexstar") -> Finding:
     made = Mount(protocol, "Celestron NexStar", "cpc", "4.21", (), 0.1, "jnow", True, False, True, True, {})
-    return Finding(Place(PORT, PORT), protocol, 9600, mount=made)
+    return Finding(SerialPortInfo(PORT, PORT), protocol, 9600, mount=made)
 
 
 @pytest.mark.parametrize(("protocol", "programs"), [("nexstar", "lx200"), ("lx200", "nexstar")])
@@ -52,12 +52,14 @@ def test_the_file_is_for_whom_it_was_asked_for(network: bool, tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("finding", "says"),
     [
-        (Finding(Place(PORT, PORT), "silent"),
-         ["switch the mount on", "base of the hand control", "lx200@/dev/ttyUSB0"]),
-        (Finding(Place(PORT, PORT), "busy"), ["/dev/ttyUSB0 is in use: end that program"]),
-        (Finding(Place(PORT, PORT), "unopened"), ["mount-gateway detect without a port"]),
-        (Finding(Place(PORT, PORT), "echo"), ["loopback plug"]),
-        (Finding(Place(PORT, PORT), "garbled"), ["another cable"]),
+        (
+            Finding(SerialPortInfo(PORT, PORT), "silent"),
+            ["switch the mount on", "base of the hand control", "lx200@/dev/ttyUSB0"],
+        ),
+        (Finding(SerialPortInfo(PORT, PORT), "busy"), ["/dev/ttyUSB0 is in use: end that program"]),
+        (Finding(SerialPortInfo(PORT, PORT), "unopened"), ["mount-gateway detect without a port"]),
+        (Finding(SerialPortInfo(PORT, PORT), "echo"), ["loopback plug"]),
+        (Finding(SerialPortInfo(PORT, PORT), "garbled"), ["another cable"]),
     ],
 )
 def test_without_a_mount_it_is_said_what_to_try(finding: Finding, says: list[str]) -> None:
@@ -67,7 +69,7 @@ def test_without_a_mount_it_is_said_what_to_try(finding: Finding, says: list[str
 
 
 def test_without_a_port_too(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.detect.here", list)
+    monkeypatch.setattr("gateway.diagnostics.detect.here", list)
     assert main(["detect"]) == 1
     told = capsys.readouterr()
     assert told.out == "no mount was found\n"
@@ -76,8 +78,9 @@ def test_without_a_port_too(capsys: pytest.CaptureFixture[str], monkeypatch: pyt
     assert capsys.readouterr() == ("[]\n", "")
 
 
-def test_a_port_that_may_not_be_opened_says_what_to_type(capsys: pytest.CaptureFixture[str],
-                                                         monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_port_that_may_not_be_opened_says_what_to_type(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise serial.SerialException(errno.EACCES, "could not open port /dev/x: [Errno 13] Permission denied: '/dev/x'")
 
@@ -122,9 +125,15 @@ def test_a_service_runs_as_somebody_who_exists(tmp_path: Path, capsys: pytest.Ca
     assert "this computer has no user 'nobody-of-that-name'" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("at", "others"), [
-    ("lx200@tcp://0.0.0.0:4030", True), ("lx200@tcp://127.0.0.1:4030", False), ("lx200@pty:/tmp/lx200", False),
-    ("lx200@/dev/ttyS1", True), ("lx200@rfc2217://[::]:4030", True),
-])
+@pytest.mark.parametrize(
+    ("at", "others"),
+    [
+        ("lx200@tcp://0.0.0.0:4030", True),
+        ("lx200@tcp://127.0.0.1:4030", False),
+        ("lx200@pty:/tmp/lx200", False),
+        ("lx200@/dev/ttyS1", True),
+        ("lx200@rfc2217://[::]:4030", True),
+    ],
+)
 def test_who_reaches_a_surface(at: str, others: bool) -> None:
     assert reached_from_elsewhere(at) is others

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from gateway.astro.spherical import following, hour_angle_to_horizon, northwards, wrap180
+from gateway.protocols.mechanics.truth import truth_of
 from gateway.protocols.nexstar.driver.altaz import SLOW
-from gateway.spherical import following, hour_angle_to_horizon, northwards, wrap180
-from gateway.truth import truth_of
 from tests.bridge import Bridge
 from tests.proof.directions import NORTH, SOUTH, Scenario, on_the_axes, play
 from tests.virtual import run
@@ -51,12 +51,15 @@ def test_they_are_finite_in_the_zenith_and_at_the_pole(place: tuple[float, float
 # --- alt-az: on top of tracking -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("arrow", "first", "second"), [
-    (b"w", b"P\x03\x10\x06\x00\x73\0\0", STANDS),  # 21.27 + 7.52
-    (b"e", b"P\x03\x10\x06\x00\x37\0\0", STANDS),  # 21.27 - 7.52
-    (b"n", b"P\x03\x11\x06\x00\x1e\0\0", FOLLOWS),
-    (b"s", b"P\x03\x11\x07\x00\x1e\0\0", FOLLOWS),
-])
+@pytest.mark.parametrize(
+    ("arrow", "first", "second"),
+    [
+        (b"w", b"P\x03\x10\x06\x00\x73\0\0", STANDS),  # 21.27 + 7.52
+        (b"e", b"P\x03\x10\x06\x00\x37\0\0", STANDS),  # 21.27 - 7.52
+        (b"n", b"P\x03\x11\x06\x00\x1e\0\0", FOLLOWS),
+        (b"s", b"P\x03\x11\x07\x00\x1e\0\0", FOLLOWS),
+    ],
+)
 def test_a_slow_arrow_is_added_to_the_tracking_of_both_axes(arrow: bytes, first: bytes, second: bytes) -> None:
     async def program() -> None:
         async with fork() as bridge:
@@ -132,15 +135,19 @@ def test_a_slow_arrow_while_tracking_is_off_is_the_key_as_ever() -> None:
     run(program())
 
 
-@pytest.mark.parametrize(("config", "pulse", "first", "second"), [
-    ({}, b"w", b"P\x03\x10\x06\x00\x73\0\0", STANDS),
-    ({}, b"n", b"P\x03\x11\x06\x00\x1e\0\0", FOLLOWS),
-    ({"guide_directions": "sky"}, b"w", b"P\x03\x10\x06\x00\x80\0\0", STANDS),  # half as fast again
-    ({"guide_directions": "sky"}, b"e", b"P\x03\x10\x06\x00\x2b\0\0", STANDS),
-    ({"guide_directions": "sky"}, b"s", b"P\x03\x11\x07\x00\x1e\0\0", FOLLOWS),
-])
-def test_a_pulse_in_alt_az_ends_with_tracking_and_never_stands(config: dict[str, Any], pulse: bytes, first: bytes,
-                                                               second: bytes) -> None:
+@pytest.mark.parametrize(
+    ("config", "pulse", "first", "second"),
+    [
+        ({}, b"w", b"P\x03\x10\x06\x00\x73\0\0", STANDS),
+        ({}, b"n", b"P\x03\x11\x06\x00\x1e\0\0", FOLLOWS),
+        ({"guide_directions": "sky"}, b"w", b"P\x03\x10\x06\x00\x80\0\0", STANDS),  # half as fast again
+        ({"guide_directions": "sky"}, b"e", b"P\x03\x10\x06\x00\x2b\0\0", STANDS),
+        ({"guide_directions": "sky"}, b"s", b"P\x03\x11\x07\x00\x1e\0\0", FOLLOWS),
+    ],
+)
+def test_a_pulse_in_alt_az_ends_with_tracking_and_never_stands(
+    config: dict[str, Any], pulse: bytes, first: bytes, second: bytes
+) -> None:
     async def program() -> None:
         async with fork(**config) as bridge:
             bridge.driver.apart = 0.0  # nothing stands still while this line tells both motors
@@ -235,12 +242,18 @@ def test_a_stop_or_a_goto_ends_it_and_tracking_comes_back(motion: bytes, end: by
     run(program())
 
 
-@pytest.mark.parametrize(("mount", "version", "config", "words"), [
-    ("nexstar-gps", "2.2", {}, "--mode tells it"), ("slt", "4.03", {"site": None}, ""),
-    ("gt", "101.0", {}, "before 1.6"), ("nexstar-gps", "1.6", {"mode": "alt-az"}, "--site tells it"),
-])
-def test_what_cannot_be_guided_is_refused_with_words(mount: str, version: str, config: dict[str, Any],
-                                                     words: str) -> None:
+@pytest.mark.parametrize(
+    ("mount", "version", "config", "words"),
+    [
+        ("nexstar-gps", "2.2", {}, "--mode tells it"),
+        ("slt", "4.03", {"site": None}, ""),
+        ("gt", "101.0", {}, "before 1.6"),
+        ("nexstar-gps", "1.6", {"mode": "alt-az"}, "--site tells it"),
+    ],
+)
+def test_what_cannot_be_guided_is_refused_with_words(
+    mount: str, version: str, config: dict[str, Any], words: str
+) -> None:
     """An SLT tells its site itself; a NexStar GPS its GPS unit's, while it has a fix."""
 
     async def program() -> None:
@@ -291,8 +304,10 @@ def test_a_rate_above_that_at_which_tracking_counts_is_a_key() -> None:
 # --- a German mount: the motor or the sky -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("guide", "side", "command"), [
-    ("motor", "east", 36), ("motor", "west", 36), ("sky", "east", 36), ("sky", "west", 37)])
+@pytest.mark.parametrize(
+    ("guide", "side", "command"),
+    [("motor", "east", 36), ("motor", "west", 36), ("sky", "east", 36), ("sky", "west", 37)],
+)
 def test_north_is_a_turn_of_the_motor_or_the_north(guide: str, side: str, command: int) -> None:
     async def program() -> None:
         async with Bridge("cge", "4.21", latency=0.0, config={"sun": 0.0, "guide_directions": guide}) as bridge:
@@ -330,11 +345,19 @@ def test_the_second_motor_of_a_polar_fork_turns_towards_the_elevated_pole(site: 
 # --- all of it, in short ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("case", [
-    Scenario("lx200", "cpc", "4.21", "fork", SOUTH), Scenario("lx200", "cge", "4.21", "german west", NORTH, "sky"),
-    Scenario("lx200", "avx", "5.31", "german east", SOUTH), Scenario("lx200", "cpc", "4.21", "alt-az", NORTH, "sky"),
-    Scenario("lx200", "slt", "4.03", "alt-az", SOUTH), Scenario("nexstar", "lx200gps", None, "fork", SOUTH),
-    Scenario("nexstar", "autostar", None, "german west", NORTH), Scenario("nexstar", "autostar", None, "alt-az", SOUTH),
-], ids=str)
+@pytest.mark.parametrize(
+    "case",
+    [
+        Scenario("lx200", "cpc", "4.21", "fork", SOUTH),
+        Scenario("lx200", "cge", "4.21", "german west", NORTH, "sky"),
+        Scenario("lx200", "avx", "5.31", "german east", SOUTH),
+        Scenario("lx200", "cpc", "4.21", "alt-az", NORTH, "sky"),
+        Scenario("lx200", "slt", "4.03", "alt-az", SOUTH),
+        Scenario("nexstar", "lx200gps", None, "fork", SOUTH),
+        Scenario("nexstar", "autostar", None, "german west", NORTH),
+        Scenario("nexstar", "autostar", None, "alt-az", SOUTH),
+    ],
+    ids=str,
+)
 def test_motion_on_the_sky(case: Scenario) -> None:
     assert not [row for row in play(case) if not row.right]

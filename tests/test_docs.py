@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway import rescue
+from gateway.app import stop_command as rescue
 from gateway.cli import COMMANDS, main, parser
 from tests.pages import blocks, commands, installed, spans
 from tests.running import GATEWAY, Running, ask

@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway.frames import Framing
+from gateway.protocols.base.frames import Framing
 from gateway.protocols.lx200 import framing as lx200
 from gateway.protocols.nexstar import framing as nexstar
 from tests.bridge import Bridge
@@ -18,15 +18,18 @@ def _dropped(bridge: Bridge) -> list[tuple[bytes, str]]:
     return [(entry.data, entry.note) for entry in bridge.entries if entry.arrow == "x"]
 
 
-@pytest.mark.parametrize(("said", "dropped"), [
-    (b"Ka:GR#", (b"Ka", lx200.NOISE)),
-    (b"GR#", (b"GR", lx200.NOISE)),
-    (b"\xff\xfe:GR#:GD#", (b"\xff\xfe", lx200.NOISE)),
-    (b":GR\x06:GR#", (b":GR", lx200.HALF)),
-    (b":G:GR#", (b":G", lx200.HALF)),
-    (b"$X:GR#", (b"$X", lx200.NOISE)),
-    (b":" + b"z" * 70 + b"#:GR#", (b":" + b"z" * 64, lx200.TOO_LONG)),
-])
+@pytest.mark.parametrize(
+    ("said", "dropped"),
+    [
+        (b"Ka:GR#", (b"Ka", lx200.NOISE)),
+        (b"GR#", (b"GR", lx200.NOISE)),
+        (b"\xff\xfe:GR#:GD#", (b"\xff\xfe", lx200.NOISE)),
+        (b":GR\x06:GR#", (b":GR", lx200.HALF)),
+        (b":G:GR#", (b":G", lx200.HALF)),
+        (b"$X:GR#", (b"$X", lx200.NOISE)),
+        (b":" + b"z" * 70 + b"#:GR#", (b":" + b"z" * 64, lx200.TOO_LONG)),
+    ],
+)
 def test_noise_on_an_lx200_surface(said: bytes, dropped: tuple[bytes, str]) -> None:
     async def play() -> None:
         async with Bridge() as bridge:
@@ -37,11 +40,14 @@ def test_noise_on_an_lx200_surface(said: bytes, dropped: tuple[bytes, str]) -> N
     run(play())
 
 
-@pytest.mark.parametrize(("said", "dropped"), [
-    (b":GR#", (b":GR#", nexstar.NOISE)),
-    (b"e\xffJ", (b"\xffJ", nexstar.NOISE)),
-    (b"GET / HTTP/1.0", (b"GET / HTTP/1.0", nexstar.NOISE)),
-])
+@pytest.mark.parametrize(
+    ("said", "dropped"),
+    [
+        (b":GR#", (b":GR#", nexstar.NOISE)),
+        (b"e\xffJ", (b"\xffJ", nexstar.NOISE)),
+        (b"GET / HTTP/1.0", (b"GET / HTTP/1.0", nexstar.NOISE)),
+    ],
+)
 def test_noise_on_a_nexstar_surface(said: bytes, dropped: tuple[bytes, str]) -> None:
     async def play() -> None:
         async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:

@@ -40,7 +40,7 @@ def test_one_that_was_lost_is_sent_again_at_growing_intervals_and_then_told() ->
     pauses = [round(later - before, 1) for before, later in itertools.pairwise(sent)]
     assert all(pause >= wanted - 1e-6 for pause, wanted in zip(pauses, AGAIN, strict=False))
     assert len(sent) > TIMES and len(told) == len(sent) - TIMES
-    assert all(pause >= THEN_EVERY for pause in pauses[len(AGAIN):])
+    assert all(pause >= THEN_EVERY for pause in pauses[len(AGAIN) :])
 
 
 def test_only_the_axes_that_are_to_rest_count() -> None:

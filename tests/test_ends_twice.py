@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.truth import truth_of
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge
 from tests.cable import deafen
 from tests.virtual import run
@@ -22,13 +22,14 @@ def meade(mount: str, **others: Any) -> Bridge:
 
 def times(bridge: Bridge, command: bytes) -> list[float]:
     """When it was sent."""
-    return [entry.time for entry in bridge.entries
-            if (entry.side, entry.arrow, entry.data) == ("mount", ">", command)]
+    return [entry.time for entry in bridge.entries if (entry.side, entry.arrow, entry.data) == ("mount", ">", command)]
 
 
 @pytest.mark.parametrize("mount", MEADES)
-@pytest.mark.parametrize(("motion", "end"), [
-    (b":RG#:Me#", b":Q#"), (b":RG#:Me#", b":Qe#"), (b":RS#:Mn#", b":Qn#"), (b":RC#:Mw#", b":Q#"), (GOTO, b":Q#")])
+@pytest.mark.parametrize(
+    ("motion", "end"),
+    [(b":RG#:Me#", b":Q#"), (b":RG#:Me#", b":Qe#"), (b":RS#:Mn#", b":Qn#"), (b":RC#:Mw#", b":Q#"), (GOTO, b":Q#")],
+)
 def test_an_end_that_was_lost_is_made_good_within_a_moment(mount: str, motion: bytes, end: bytes) -> None:
     """Too slow a motion, or too short a time, for the position to show it."""
 
@@ -172,6 +173,6 @@ def test_a_release_that_a_telescope_cannot_hear_becomes_a_stop() -> None:
             await asyncio.sleep(0.5)
             assert bridge.sim.busy
             assert not bridge.sim.arrows
-            assert not bridge.hub.motions.axes
+            assert not bridge.controller.motions.axes
 
     run(program())

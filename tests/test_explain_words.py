@@ -7,10 +7,10 @@ from typing import Any, get_args, get_type_hints
 
 import pytest
 
-from gateway import operations as op
-from gateway.rehearsal.explain import explain
-from gateway.rehearsal.meaning import meaning
-from gateway.tables import OUTCOMES
+from gateway.core import operations as op
+from gateway.diagnostics.rehearsal.explain import explain
+from gateway.diagnostics.rehearsal.meaning import meaning
+from gateway.protocols.wireformat.command_set import OUTCOMES
 
 SAMPLES: dict[type, Any] = {
     float: 12.5, int: 1, str: "GVP", bool: True, op.Direction: op.Direction.NORTH, op.Tracking: op.Tracking.EQ_NORTH,
@@ -40,16 +40,23 @@ def test_every_operation_has_words(kind: type[op.Operation]) -> None:
     ("operation", "words"),
     [
         (op.Goto(83.63333, 22.01444), "go to RA 05:34:32, Dec +22°00'52\", and track there"),
-        (op.Goto(83.63333, 22.01444, lowest=10.0, track=False),
-         "go to RA 05:34:32, Dec +22°00'52\", no lower than 10°"),
+        (
+            op.Goto(83.63333, 22.01444, lowest=10.0, track=False),
+            "go to RA 05:34:32, Dec +22°00'52\", no lower than 10°",
+        ),
         (op.Sync(0.0, -5.5), "the mount points at RA 00:00:00, Dec -05°30'00\" now"),
         (op.Move(op.Direction.WEST, op.Rate("find")), "move west at finding speed, until it is stopped"),
-        (op.Move(op.Direction.EAST, op.Rate("max", degrees=2.0)),
-         "move east at full speed, no faster than 2° a second, until it is stopped"),
-        (op.MoveAxis(2, -1, op.Rate(key=9)),
-         "turn the second axis (declination or altitude) backwards with speed 9 of the hand control, until it is "
-         "stopped"),
-        (op.SetTracking(False), "tracking off"), (op.SetTracking(True), "tracking on"),
+        (
+            op.Move(op.Direction.EAST, op.Rate("max", degrees=2.0)),
+            "move east at full speed, no faster than 2° a second, until it is stopped",
+        ),
+        (
+            op.MoveAxis(2, -1, op.Rate(key=9)),
+            "turn the second axis (declination or altitude) backwards with speed 9 of the hand control, until it is "
+            "stopped",
+        ),
+        (op.SetTracking(False), "tracking off"),
+        (op.SetTracking(True), "tracking on"),
         (op.SetTracking(True, op.Tracking.EQ_SOUTH), "tracking on equatorially, in the south"),
         (op.TrackRate("lunar"), "track at the lunar rate"),
         (op.TrackRate(factor=1.5), "track at 1.5 of the sidereal rate"),
@@ -57,7 +64,8 @@ def test_every_operation_has_words(kind: type[op.Operation]) -> None:
         (op.SetSite(), "the mount's site"),
         (op.SetSite(others=()), "the mount stands where its own hand control says"),
         (op.SetClock(0.0, -7.5, 0), "it is 1970-01-01 00:00:00 UTC, UTC-7.5 h here, no daylight saving"),
-        (op.Focus(0), "stop the focuser"), (op.Focus(-1, 4), "move the focuser out, speed 4"),
+        (op.Focus(0), "stop the focuser"),
+        (op.Focus(-1, 4), "move the focuser out, speed 4"),
         (op.PeriodicError(), "periodic error correction of both axes the other way round"),
         (op.MoonPlace(), "where is the middle of the Moon now?"),
         (op.MoonPlace(17.0, 59.0), "where is 17°00'00\" N, 59°00'00\" E on the Moon now?"),
@@ -71,9 +79,11 @@ def test_a_goto_is_explained_to_an_owner() -> None:
     told = explain("lx200", "6se", ":MS#").splitlines()
     assert told[0] == ":MS#  slew to the target"
     assert told[1].endswith("a 6-8se/4.21 mount: translated (carried out on the mount by that mount's own commands)")
-    assert '  the gateway understands: go to RA 05:34:32, Dec +22°00\'52", and track there' in told
-    assert ("    to the mount: r3B78FC00,0FA79B00  precise goto right ascension and declination: "
-            'RA 05:34:32, Dec +22°00\'52"') in told
+    assert "  the gateway understands: go to RA 05:34:32, Dec +22°00'52\", and track there" in told
+    assert (
+        "    to the mount: r3B78FC00,0FA79B00  precise goto right ascension and declination: "
+        "RA 05:34:32, Dec +22°00'52\""
+    ) in told
     assert told[-1] == "reply: 0"
 
 
@@ -84,8 +94,9 @@ def test_values_and_replies_are_told_as_people_write_them() -> None:
 
 
 def test_every_outcome_is_explained() -> None:
-    from gateway.pairs import STANDS_FOR
+    from gateway.diagnostics.command_tables import STANDS_FOR
 
     assert tuple(STANDS_FOR) == OUTCOMES
     assert "(no is said in the protocol's form for it; where it has none, the log says so)" in explain(
-        "lx200gps", "cge/3.02", ":gT#")
+        "lx200gps", "cge/3.02", ":gT#"
+    )

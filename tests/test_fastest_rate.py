@@ -6,13 +6,19 @@ import asyncio
 
 import pytest
 
-from gateway.truth import truth_of
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge
 from tests.virtual import run
 
 #: Model, version, and the most that its motors do, degrees a second.
-MOUNTS = [("cpc", "4.21", 5.0), ("cge", "4.21", 5.0), ("slt", "4.03", 5.0), ("avx", "5.31", 4.0),
-          ("nexstar-gps", "2.2", 4.0), ("gt", "104.0", 3.0)]
+MOUNTS = [
+    ("cpc", "4.21", 5.0),
+    ("cge", "4.21", 5.0),
+    ("slt", "4.03", 5.0),
+    ("avx", "5.31", 4.0),
+    ("nexstar-gps", "2.2", 4.0),
+    ("gt", "104.0", 3.0),
+]
 
 
 def turns(mount: tuple[str, str, float], commands: bytes, surface: str = "lx200gps") -> tuple[float, list[bytes]]:

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from gateway.mount_geometry import Sky
-from gateway.spherical import horizon_to_hour_angle, wrap360
-from gateway.truth import truth_of
+from gateway.astro.axes import Sky
+from gateway.astro.spherical import horizon_to_hour_angle, wrap360
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -27,9 +27,10 @@ def eight_digits(degrees: float) -> bytes:
 @pytest.mark.parametrize("moment", [0.0, 4.0, 8.0])
 def test_a_goto_waits_for_the_site_and_the_clock_of_the_mount(mount: str, latency: float, moment: float) -> None:
     """``moment``: round trips since the port was opened."""
+
     async def program() -> None:
         bridge: Any = Bridge(mount, presented="nexstar", surface="cge", config={"lowest": 10.0}, latency=latency)
-        bridge.hub.start()
+        bridge.controller.start()
         await asyncio.sleep(moment * latency)
         hour_angle, dec = horizon_to_hour_angle(*LOW, 45.0)
         ra = wrap360(Sky(45.0, 10.0).sidereal(bridge.clock()) - hour_angle)
@@ -37,6 +38,6 @@ def test_a_goto_waits_for_the_site_and_the_clock_of_the_mount(mount: str, latenc
         for _ in range(200):
             await asyncio.sleep(0.1)
             assert truth_of(bridge.sim).altitude > 9.7
-        await bridge.hub.close()
+        await bridge.controller.close()
 
     run(program())

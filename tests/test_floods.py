@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
-from gateway.assembly import Gateway
-from gateway.begun import BEGUN
-from gateway.ports import pace
-from gateway.ports.pace import BREATH, SHARE
+from gateway.app.gateway import Gateway
+from gateway.clients.outstanding import BEGUN
+from gateway.transport import intake as pace
+from gateway.transport.intake import BREATH, SHARE
 from tests.bridge import Bridge, Visitor
 from tests.chain import equatorial
 from tests.nexstar_flows import precise, up
@@ -24,11 +24,13 @@ from tests.virtual import run
 
 SLOW = 0.12
 #: Guide rates, backlash, tracking rates, arrows: acknowledged at once, and each some exchanges for the mount.
-COSTLY = b"".join([
-    *(bytes((80, 2, 16 + axis, 70, rate, 0, 0, 0)) for axis in (0, 1) for rate in range(40, 60)),
-    *(bytes((80, 3, 16, 6, 255, low, 0, 0)) for low in (255, 254, 253)),
-    *(bytes((80, 2, 16 + axis, 36, key, 0, 0, 0)) for axis in (0, 1) for key in (1, 2, 9)),
-])
+COSTLY = b"".join(
+    [
+        *(bytes((80, 2, 16 + axis, 70, rate, 0, 0, 0)) for axis in (0, 1) for rate in range(40, 60)),
+        *(bytes((80, 3, 16, 6, 255, low, 0, 0)) for low in (255, 254, 253)),
+        *(bytes((80, 2, 16 + axis, 36, key, 0, 0, 0)) for axis in (0, 1) for key in (1, 2, 9)),
+    ]
+)
 
 
 def flooded(flood: bytes, test: Callable[[Bridge, Visitor], Awaitable[None]], **settings: Any) -> None:
@@ -43,7 +45,7 @@ def flooded(flood: bytes, test: Callable[[Bridge, Visitor], Awaitable[None]], **
                     bully.tell(flood)
                     await asyncio.sleep(0.2)
 
-            pouring = bridge.hub.spawn(pour())
+            pouring = bridge.controller.spawn(pour())
             await asyncio.sleep(5)
             await test(bridge, other)
             pouring.cancel()
@@ -65,8 +67,8 @@ def test_a_stop_goes_before_everything_that_a_flood_has_asked_for() -> None:
         for _ in range(3):
             await asyncio.sleep(1.3)
             before, began = len(bridge.entries), asyncio.get_running_loop().time()
-            bridge.hub.begin_stop()
-            await bridge.hub.motions.stop()
+            bridge.controller.begin_stop()
+            await bridge.controller.motions.stop()
             assert asyncio.get_running_loop().time() - began < 8 * SLOW
             first = next(entry for entry in bridge.entries[before:] if entry.side == "mount" and entry.arrow == ">")
             assert first.data in (b"M", bytes((80, 2, 16, 36, 0, 0, 0, 0))), "after the exchange on the wire"
@@ -79,7 +81,7 @@ def test_a_stop_goes_before_what_outlives_it() -> None:
         for _ in range(5):
             await asyncio.sleep(0.7)
             began = asyncio.get_running_loop().time()
-            await bridge.hub.motions.stop()
+            await bridge.controller.motions.stop()
             assert asyncio.get_running_loop().time() - began < 8 * SLOW
 
     flooded(b":AL#:AP#" * 20, stopped, presented="lx200", surface="autostar")
@@ -93,8 +95,8 @@ def test_a_hundred_stops_at_once_are_one() -> None:
         names = [getattr(task.get_coro(), "__qualname__", "") for task in asyncio.all_tasks()]
         assert names.count("Stopping._send") == 1
         await asyncio.sleep(3)
-        assert not bridge.hub.motions.owed
-        assert not bridge.hub.motions.axes
+        assert not bridge.controller.motions.owed
+        assert not bridge.controller.motions.axes
 
     flooded(b":GVP#", stopped, presented="lx200", surface="autostar")
 
@@ -140,7 +142,7 @@ def test_another_ones_goto_is_begun() -> None:
 def test_what_is_under_way_for_one_client_is_bounded() -> None:
     async def bounded(bridge: Bridge, other: Visitor) -> None:
         assert len(asyncio.all_tasks()) < 2 * BEGUN + 30
-        assert len(bridge.hub.line._queue) < BEGUN + 10
+        assert len(bridge.controller.line._queue) < BEGUN + 10
 
     flooded(COSTLY * 4, bounded)
 
@@ -149,7 +151,7 @@ def test_a_rate_that_is_let_go_ends_at_once_however_many_came_before() -> None:
     async def ended(bridge: Bridge, other: Visitor) -> None:
         other.tell(bytes((80, 2, 17, 36, 9, 0, 0, 0)) * 300 + bytes((80, 2, 17, 36, 0, 0, 0, 0)))
         await asyncio.sleep(2.0)
-        assert 2 not in bridge.hub.motions.axes
+        assert 2 not in bridge.controller.motions.axes
         assert bridge.sent().count(bytes((80, 2, 17, 36, 9, 0, 0, 0))) <= 1, "a newer one takes the place of the older"
 
     flooded(b"e", ended)
@@ -195,13 +197,13 @@ class _SecondFace:
     """A client of another protocol at the same mount."""
 
     def __init__(self, bridge: Bridge) -> None:
-        from gateway.assembly import FACES
-        from gateway.config import Endpoint, SurfaceConfig
-        from gateway.guests import Reception
+        from gateway.app.config import Endpoint, SurfaceConfig
+        from gateway.app.gateway import FACES
+        from gateway.clients.acceptor import ConnectionAcceptor
         from gateway.mount.safety.limits import Limits
 
         face = FACES["nexstar"](Endpoint("nexstar", "-", "6-8se"), SurfaceConfig(at="-"), Limits())
-        self.reception = Reception(bridge.hub, face, {"sites": {}}, bridge.clock, lambda: None)
+        self.reception = ConnectionAcceptor(bridge.controller, face, {"sites": {}}, bridge.clock, lambda: None)
 
     async def __aenter__(self) -> Visitor:
         return Visitor(self, "10.0.0.2")
@@ -307,8 +309,14 @@ def test_the_system_looks_after_connections_whose_other_side_has_vanished() -> N
 
 def test_what_a_client_costs_in_memory_is_bounded() -> None:
     """Half commands, names, drafts, timers, repeated questions: everything that a connection can leave behind."""
-    noise = b":Sr05:3" + b"x" * 200 + b"".join(
-        b":%s#" % word for word in (b"SMabc", b"SL12:00:00", b"SyGP", b"Sr05:34:32", b"GR", b"GD", b"GA", b"D", b"GVP"))
+    noise = (
+        b":Sr05:3"
+        + b"x" * 200
+        + b"".join(
+            b":%s#" % word
+            for word in (b"SMabc", b"SL12:00:00", b"SyGP", b"Sr05:34:32", b"GR", b"GD", b"GA", b"D", b"GVP")
+        )
+    )
 
     async def program() -> None:
         async with Bridge() as bridge:

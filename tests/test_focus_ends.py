@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from gateway.protocols.nexstar.sim_devices import FocuserMotor
+from gateway.protocols.nexstar.simulator.devices import FocuserMotor
 from tests.bridge import Bridge
 from tests.test_lost_answers import swallow
 from tests.virtual import run
@@ -44,7 +44,7 @@ def test_a_stop_of_the_mount_does_not_take_back_the_end_of_the_focuser(mount: st
             client.tell(packet)
             await asyncio.sleep(2.0)
             assert not moves(bridge)
-            assert bridge.hub.motions.wanted.focus is None
+            assert bridge.controller.motions.wanted.focus is None
 
     run(program())
 
@@ -67,8 +67,8 @@ def test_the_end_of_the_focuser_is_sent_until_it_is_acknowledged(how: str, times
             assert len(lost) == times
             assert bridge.sent().count(HALT) == times + 1
             assert not moves(bridge)
-            assert bridge.hub.motions.wanted.focus is None
-            assert not bridge.hub.motions.wanted.pending
+            assert bridge.controller.motions.wanted.focus is None
+            assert not bridge.controller.motions.wanted.pending
 
     run(program())
 
@@ -81,7 +81,7 @@ def test_the_end_of_an_older_motion_does_not_end_a_newer_one() -> None:
             await asyncio.sleep(1.0)
             lost = swallow(bridge, lambda data: data == HALT)
             client.tell(b":FQ#")
-            while not bridge.hub.motions.wanted.pending or not lost:
+            while not bridge.controller.motions.wanted.pending or not lost:
                 await asyncio.sleep(0.1)
             client.tell(b":F-#")
             await asyncio.sleep(8.0)

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from gateway.spherical import separation, sidereal_time, wrap180, wrap360
+from gateway.astro.spherical import separation, sidereal_time, wrap180, wrap360
 from tests.bridge import Bridge, Visitor
 from tests.chain import Chain, equatorial
 from tests.test_scenarios import dms, hms, parse_dec, parse_ra
@@ -21,15 +21,30 @@ from tests.virtual import run
 
 #: What the inner gateway presents, and what it drives; the model that a nexstar surface has over it of itself.
 SURFACES = [("lx200", "lx200gps"), ("lx200", "lx200"), ("lx200", "lx200-16"), ("nexstar", None)]
-MOUNTS = [("nexstar", "cge", "cge"), ("lx200", "lx200gps", "6-8se"), ("lx200", "lx200", "cpc"),
-          ("lx200", "lx200-16", "cpc")]
+MOUNTS = [
+    ("nexstar", "cge", "cge"),
+    ("lx200", "lx200gps", "6-8se"),
+    ("lx200", "lx200", "cpc"),
+    ("lx200", "lx200-16", "cpc"),
+]
 #: More of what differs: a model that is named, a StarSense at each end, a fork on its wedge.
-MORE = [(("nexstar", "6-8se/starsense-1.20"), ("nexstar", "cpc/starsense-1.20", "6-8se")),
-        (("nexstar", "cge"), ("lx200", "lx200", "cge")), (("lx200", "autostar"), ("lx200", "autostar", "6-8se")),
-        (("nexstar", "avx/5.31"), ("nexstar", "cgx/5.31", "cgx"))]
+MORE = [
+    (("nexstar", "6-8se/starsense-1.20"), ("nexstar", "cpc/starsense-1.20", "6-8se")),
+    (("nexstar", "cge"), ("lx200", "lx200", "cge")),
+    (("lx200", "autostar"), ("lx200", "autostar", "6-8se")),
+    (("nexstar", "avx/5.31"), ("nexstar", "cgx/5.31", "cgx")),
+]
 PAIRS = [(surface, mount) for surface in SURFACES for mount in MOUNTS] + MORE
-CASES = [pytest.param(surface, mount, number // 2 % 2 == 1, (number + number // 4) % 2 == 1,
-                      id=f"{surface[1] or surface[0]}-on-{mount[1]}") for number, (surface, mount) in enumerate(PAIRS)]
+CASES = [
+    pytest.param(
+        surface,
+        mount,
+        number // 2 % 2 == 1,
+        (number + number // 4) % 2 == 1,
+        id=f"{surface[1] or surface[0]}-on-{mount[1]}",
+    )
+    for number, (surface, mount) in enumerate(PAIRS)
+]
 NORTH, SOUTH = (45.0, 10.0), (-33.5, -70.25)
 SECOND = 1.0 / 3600.0
 #: Half a second of right ascension and of declination, and what 24 bits lose.
@@ -69,7 +84,8 @@ class Program:
 
     async def sync(self, ra: float, dec: float) -> None:
         assert (await self.client.ask(self._order("s", "CM", ra, dec), 15.0, until=b"#")).startswith(
-            b"#" if self.nexstar else b"11")
+            b"#" if self.nexstar else b"11"
+        )
 
     async def stop(self) -> None:
         if self.nexstar:
@@ -104,8 +120,16 @@ class Program:
     async def set_clock(self, unix: float, offset: float, dst: int) -> None:
         local = datetime.fromtimestamp(unix, UTC) + timedelta(hours=offset)
         if self.nexstar:
-            fields = (local.hour, local.minute, local.second, local.month, local.day, local.year - 2000,
-                      int(offset - dst) % 256, dst)
+            fields = (
+                local.hour,
+                local.minute,
+                local.second,
+                local.month,
+                local.day,
+                local.year - 2000,
+                int(offset - dst) % 256,
+                dst,
+            )
             assert await self.client.ask(b"H" + bytes(fields)) == b"#"
         else:
             said = f":SG{-offset:+05.1f}#:SL{local:%H:%M:%S}#:SC{local:%m/%d/%y}#"
@@ -141,8 +165,17 @@ def row(surface: tuple[str, str | None], mount: tuple[str, str, str], nexstar: b
     driven, named, fits = mount
     (model, version), (shown, shown_as) = _parts(named), _parts(surface[1] or fits)
     assert model is not None
-    bridge = Bridge(model, version, driven=driven, presented=surface[0], surface=shown, surface_version=shown_as,
-                    latency=0.02, config={"lowest": -90.0, "sun": 0.0}, **more)
+    bridge = Bridge(
+        model,
+        version,
+        driven=driven,
+        presented=surface[0],
+        surface=shown,
+        surface_version=shown_as,
+        latency=0.02,
+        config={"lowest": -90.0, "sun": 0.0},
+        **more,
+    )
     return Chain(bridge, surface[0], "nexstar" if nexstar else "lx200", fits if nexstar else "autostar")
 
 
@@ -230,8 +263,9 @@ CLOCKS = [(-5, 1), (9, 0), (12, 1), (5.5, 0), (-3.5, 0)]
 
 
 @pytest.mark.parametrize(("surface", "mount", "south", "nexstar"), CASES)
-def test_site_and_time(surface: tuple[str, str | None], mount: tuple[str, str, str], south: bool,
-                       nexstar: bool) -> None:
+def test_site_and_time(
+    surface: tuple[str, str | None], mount: tuple[str, str, str], south: bool, nexstar: bool
+) -> None:
     """East and west, half-hour zones, daylight saving: the same at both gateways and on the mount.
 
     A classic cannot say that it is not aligned: over a nexstar surface it is told neither, the outer one keeps both.

@@ -10,11 +10,11 @@ from random import Random
 
 import pytest
 
-from gateway import operations as op
-from gateway.errors import Fault
-from gateway.line import READ
+from gateway.core import operations as op
+from gateway.core.errors import Fault
+from gateway.mount.link.queue import READ
 from gateway.mount.motion.seen import PositionSample, Seen
-from gateway.protocols.lx200.simulator import Meade
+from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
 from tests.bridge import EVENING, Bridge
 from tests.proof.fuzz_bytes import KINDS
 from tests.proof.fuzz_drivers import Findings, lie
@@ -59,22 +59,22 @@ def test_the_judges_know_bad_from_good() -> None:
 
 
 def _mute(bridge: Bridge) -> None:
-    bridge.hub.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+    bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
 
 
 def test_a_read_from_a_mount_that_never_said_who_it_is_ends_also_after_a_stop() -> None:
     async def program() -> None:
         bridge = Bridge()
         _mute(bridge)
-        bridge.hub.start()
+        bridge.controller.start()
         with pytest.raises(Fault):
-            await bridge.hub.stop()
-        bridge.hub.snapshot.put(op.Slewing, False, bridge.hub.now())  # as an acknowledged stop leaves it
+            await bridge.controller.stop()
+        bridge.controller.snapshot.put(op.Slewing, False, bridge.controller.now())  # as an acknowledged stop leaves it
         await asyncio.sleep(20)
         async with asyncio.timeout(10):
             with pytest.raises(Fault):
-                await bridge.hub.read(op.Slewing())
-        await bridge.hub.close()
+                await bridge.controller.read(op.Slewing())
+        await bridge.controller.close()
 
     run(program())
 
@@ -82,17 +82,17 @@ def test_a_read_from_a_mount_that_never_said_who_it_is_ends_also_after_a_stop() 
 def test_a_line_that_is_in_step_again_at_the_second_proof_is_up() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
-            good, lost = bridge.hub.line.wire._feed, [2]  # type: ignore[attr-defined]
+            good, lost = bridge.controller.line.wire._feed, [2]  # type: ignore[attr-defined]
 
             def feed(data: bytes) -> bytes:
                 lost[0] -= 1
                 return b"" if lost[0] >= 0 else bytes(good(data))
 
-            bridge.hub.line.wire._feed = feed  # type: ignore[attr-defined]
+            bridge.controller.line.wire._feed = feed  # type: ignore[attr-defined]
             with pytest.raises(Fault):
-                await bridge.hub.drive(bridge.driver.perform(op.GetSite()), READ)
+                await bridge.controller.drive(bridge.driver.perform(op.GetSite()), READ)
             await asyncio.sleep(60)
-            assert bridge.hub.line.state == "up"
+            assert bridge.controller.line.state == "up"
 
     run(program())
 
@@ -103,7 +103,7 @@ def test_a_stop_that_fails_when_nobody_waits_any_more_leaves_nothing_behind() ->
         asyncio.get_running_loop().set_exception_handler(lambda _, context: left.append(context))
         async with Bridge() as bridge:
             _mute(bridge)
-            waiting = asyncio.create_task(bridge.hub.stop())
+            waiting = asyncio.create_task(bridge.controller.stop())
             await asyncio.sleep(1)
             waiting.cancel()
             await asyncio.sleep(60)
@@ -141,12 +141,13 @@ def test_a_four_digit_year_is_taken() -> None:
 def test_an_impossible_zone_of_a_hand_control_is_not_told(zone: int, dst: int) -> None:
     async def program() -> None:
         bridge = Bridge()
-        good = bridge.hub.line.wire._feed  # type: ignore[attr-defined]
-        bridge.hub.line.wire._feed = lambda data: (  # type: ignore[attr-defined]
-            bytes((12, 0, 0, 1, 15, 26, zone, dst)) + b"#" if data in (b"h", b"i") else good(data))
+        good = bridge.controller.line.wire._feed  # type: ignore[attr-defined]
+        bridge.controller.line.wire._feed = lambda data: (  # type: ignore[attr-defined]
+            bytes((12, 0, 0, 1, 15, 26, zone, dst)) + b"#" if data in (b"h", b"i") else good(data)
+        )
         async with bridge:
             assert bridge.observatory.mount_clock is None
-            moment = await bridge.hub.perform(op.GetClock())
+            moment = await bridge.controller.perform(op.GetClock())
             assert moment.offset == 0.0
 
     run(program())
@@ -157,6 +158,7 @@ def test_a_defect_in_what_is_done_later_is_told() -> None:
         left: list[object] = []
         asyncio.get_running_loop().set_exception_handler(lambda _, context: left.append(context))
         async with Bridge(aligned=False) as bridge:
+
             def broken(*_: object) -> None:
                 raise ArithmeticError("as if")
 
@@ -174,7 +176,7 @@ def test_a_defect_in_what_is_done_later_is_told() -> None:
 
 def test_a_simulated_classic_shows_bars_on_the_way_to_half_a_target() -> None:
     now = [EVENING]
-    sim = Meade("lx200", clock=lambda: now[0], site=(45.0, 10.0))
+    sim = SimulatedLx200("lx200", clock=lambda: now[0], site=(45.0, 10.0))
     sim.feed(b":Sr02:00:00#:MS#")
     now[0] += 1.0
     assert sim.feed(b":D#").startswith(b"\xff")
@@ -183,11 +185,11 @@ def test_a_simulated_classic_shows_bars_on_the_way_to_half_a_target() -> None:
 def test_a_look_from_before_the_site_was_known_is_measured_again_from_the_sun_too() -> None:
     async def program() -> None:
         async with Bridge(start=EVENING - 10 * 3600.0) as bridge:
-            guard = bridge.hub.guard
-            seen = await bridge.hub.read(op.Position())
-            guard.seen = Seen(last=PositionSample(bridge.hub.now() - 1.0, seen))
+            guard = bridge.controller.guard
+            seen = await bridge.controller.read(op.Position())
+            guard.seen = Seen(last=PositionSample(bridge.controller.now() - 1.0, seen))
             guard._coasts_until = 0.0
-            assert bridge.hub.suns.distances(seen)
+            assert bridge.controller.suns.distances(seen)
             guard.look(seen)
             assert guard.seen.farthest
 

@@ -23,8 +23,10 @@ def test_alt_az_is_no_mode_of_a_german_mount(model: str, version: str) -> None:
             await asyncio.sleep(5)
             assert b"T\x01" not in bridge.sent()
             told = await bridge.client("10.0.0.2").ask(b"z", until=b"#")
-            assert all(abs(int(a, 16) - int(b, 16)) < 0x400000 for a, b in zip(
-                before[:-1].split(b","), told[:-1].split(b","), strict=True))
+            assert all(
+                abs(int(a, 16) - int(b, 16)) < 0x400000
+                for a, b in zip(before[:-1].split(b","), told[:-1].split(b","), strict=True)
+            )
             assert await client.ask(b"t", until=b"#") == b"\x00#"
             assert await client.ask(b"T\x02", until=b"#") == b"#"
             assert await client.ask(b"t", until=b"#") == b"\x02#"

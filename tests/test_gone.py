@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from gateway.ports import open_port
-from gateway.ports.pace import BREATH, SHARE
-from gateway.ports.tcp import TcpPort, split_address
+from gateway.transport import open_port
+from gateway.transport.intake import BREATH, SHARE
+from gateway.transport.tcp import TcpPort, split_address
 from tests.bridge import Bridge
 from tests.running import PATIENCE, Running
 from tests.test_backlog import shares
@@ -24,7 +24,7 @@ ARROWS = b":RM#:Me#" * 60_000
 
 async def flood(visitor: Any, data: bytes, seconds: float) -> None:
     """As a port reads it."""
-    for share in shares(data)[:round(seconds / BREATH)]:
+    for share in shares(data)[: round(seconds / BREATH)]:
         visitor.tell(share)
         await asyncio.sleep(BREATH)
 
@@ -34,11 +34,11 @@ def test_what_is_read_long_after_it_was_sent_begins_nothing_and_holds_nothing() 
         async with Bridge("cge") as bridge:
             bully = bridge.client("10.0.0.1")
             await flood(bully, ARROWS, 0.9)
-            assert bridge.hub.motions.axes == {1}, "for a second it is as good as new"
+            assert bridge.controller.motions.axes == {1}, "for a second it is as good as new"
             await flood(bully, ARROWS, 7.0)
             for _ in range(10):
                 await flood(bully, ARROWS, 1.0)
-                assert not bridge.hub.moving
+                assert not bridge.controller.moving
             said = [entry.note for entry in bridge.entries if "sent so much" in entry.note]
             assert len(said) == 1
 
@@ -57,10 +57,10 @@ def test_what_is_left_behind_ends_motions_and_is_answered() -> None:
             await asyncio.sleep(1.0)
             assert gone.heard.startswith(b"111Stopped.#")
             assert gone.heard.endswith(b"#")
-            assert bridge.hub.motions.axes == {2}
+            assert bridge.controller.motions.axes == {2}
             gone.tell((b":Q#" + b":GR#" * SHARE)[:SHARE])
             await asyncio.sleep(2.0)
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
 
     run(program())
 
@@ -75,7 +75,7 @@ def test_whoever_has_caught_up_moves_the_mount_and_holds_its_arrow() -> None:
                 await asyncio.sleep(0.1)
             client.tell(b":RM#:Me#")
             await asyncio.sleep(20.0)
-            assert bridge.hub.motions.axes == {1}
+            assert bridge.controller.motions.axes == {1}
             client.tell(b":Q#")
 
     run(program())
@@ -89,7 +89,7 @@ def test_who_sends_no_more_holds_no_arrow() -> None:
             await asyncio.sleep(1.0)
             client._guest.gone()
             await asyncio.sleep(7.0)
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
 
     run(program())
 
@@ -165,8 +165,17 @@ def test_who_sends_no_more_is_answered_before_the_connection_closes(scheme: str)
 
 @pytest.mark.parametrize("scheme", ["tcp", "rfc2217"])
 def test_one_command_and_no_more_is_carried_out_and_answered(scheme: str, started: list[Running]) -> None:
-    gateway = Running("run", "--mount", "lx200:autostar@sim", "--surface", f"lx200@{scheme}://127.0.0.1:0",
-                      "--latency", "0.2", "--sun", "0")
+    gateway = Running(
+        "run",
+        "--mount",
+        "lx200:autostar@sim",
+        "--surface",
+        f"lx200@{scheme}://127.0.0.1:0",
+        "--latency",
+        "0.2",
+        "--sun",
+        "0",
+    )
     started.append(gateway)
     where = gateway.ready()
     address = split_address(where)

@@ -6,8 +6,8 @@ import asyncio
 
 import pytest
 
-from gateway.mount.motion.arrival import missed
-from gateway.operations import Equatorial
+from gateway.core.operations import Equatorial
+from gateway.mount.readings.arrival import missed
 from tests.bridge import Bridge
 from tests.owner import Owner
 from tests.virtual import run
@@ -31,7 +31,7 @@ def test_a_goto_that_was_cancelled_at_the_keypad_is_told_of(mount: str, driven: 
                 await asyncio.sleep(1.0)
             told = [entry.note for entry in bridge.entries if "from its goal" in entry.note]
             assert len(told) == cancelled
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
 
     run(program())
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.spherical import separation
+from gateway.astro.spherical import separation
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -96,13 +96,14 @@ def test_an_arrow_whose_release_came_with_a_goto_that_is_refused_is_released(mou
             await asyncio.sleep(2.0)
             client.tell(b":Sr08:00:00#:Sd-80*00:00#:MS#:Qw#")
             assert await rests(bridge)
-            assert not bridge.hub.motions.axes
+            assert not bridge.controller.motions.axes
 
     run(program())
 
 
 def test_an_arrow_that_is_pressed_and_released_right_after_a_goto_is_ended() -> None:
     """That the goto is over may not be known yet when the arrow is pressed."""
+
     async def program() -> None:
         async with Bridge("cge") as bridge:
             client = bridge.client()
@@ -138,6 +139,7 @@ def test_a_rate_or_a_pulse_that_comes_meanwhile_leaves_the_goto_whole(
 @pytest.mark.parametrize("ended", [False, True])
 def test_a_rate_that_came_during_a_goto_runs_when_it_is_over(ended: bool) -> None:
     """The Moon's: 14.685 arcseconds a second; also when the goto was stopped."""
+
     async def program() -> None:
         async with Bridge("cge") as bridge:
             client = bridge.client()
@@ -169,6 +171,7 @@ async def arrives_near(bridge: Any) -> bool:
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 def test_a_sync_in_the_last_moment_of_a_goto_waits_for_its_end(mount: str, driven: str) -> None:
     """A driver that compares positions takes the goto for over when it is two arcminutes away, and syncs."""
+
     async def program() -> None:
         async with Bridge(mount, driven=driven) as bridge:
             client = bridge.client()
@@ -194,6 +197,7 @@ def test_an_arrow_that_is_released_soon_after_a_goto_was_interrupted_leaves_noth
     mount: str, driven: str, held: float, when: str
 ) -> None:
     """The mount may have heard of the arrow and not yet acknowledged it, and the goto may seem to be under way."""
+
     async def program() -> None:
         async with Bridge(mount, driven=driven, config={"lowest": -90.0, "sun": 0.0}) as bridge:
             client = bridge.client()
@@ -213,7 +217,7 @@ def test_an_arrow_that_is_released_soon_after_a_goto_was_interrupted_leaves_noth
             await asyncio.sleep(0.5)
             client.tell(b":Qe#")
             assert await rests(bridge)
-            assert not bridge.hub.motions.axes
+            assert not bridge.controller.motions.axes
             await asyncio.sleep(2.0)
             assert bridge.sim.tracking
 
@@ -229,7 +233,7 @@ def test_an_arrow_that_the_dead_man_ended_takes_no_halt_away(mount: str, driven:
             await asyncio.sleep(1.0)
             first.close()
             await asyncio.sleep(6.0)
-            assert not bridge.hub.motions.axes
+            assert not bridge.controller.motions.axes
             second = bridge.client()
             await second.ask(GOTO, until=b"0")
             await asyncio.sleep(3.0)

@@ -11,14 +11,19 @@ from typing import Any
 
 import pytest
 
-from gateway.spherical import SIDEREAL_RATE, wrap180
-from gateway.truth import truth_of
+from gateway.astro.spherical import SIDEREAL_RATE, wrap180
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge
 from tests.virtual import run
 
 #: Keys 1 and 2 are half and once sidereal on a CGE, twice and four times on a NexStar GPS and on an AVX.
-MOUNTS = [("cge", "4.21", b""), ("cge", "3.02", b""), ("avx", "5.31", b""), ("nexstar-gps", "4.21", b"T\2"),
-          ("nexstar-gps", "2.2", b"T\2")]
+MOUNTS = [
+    ("cge", "4.21", b""),
+    ("cge", "3.02", b""),
+    ("avx", "5.31", b""),
+    ("nexstar-gps", "4.21", b"T\2"),
+    ("nexstar-gps", "2.2", b"T\2"),
+]
 RATES = [3.0, 7.5, 15.0]
 
 

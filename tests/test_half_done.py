@@ -10,9 +10,9 @@ import asyncio
 
 import pytest
 
-from gateway import operations as op
-from gateway.spherical import separation
-from gateway.truth import truth_of
+from gateway.astro.spherical import separation
+from gateway.core import operations as op
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge
 from tests.test_lost_answers import swallow
 from tests.virtual import run
@@ -78,7 +78,7 @@ def test_tracking_comes_back_when_a_goto_comes_to_grief_that_has_ended_an_arrow(
             await polled(bridge, 15)
             assert lost
             assert bridge.sim.tracking
-            assert not bridge.hub.motions.axes
+            assert not bridge.controller.motions.axes
             assert not bridge.driver.tracking_suspended
 
     run(program())
@@ -92,7 +92,7 @@ def test_a_goto_that_is_refused_before_it_touches_anything_leaves_the_arrow_alon
             await asyncio.sleep(2.0)
             await client.ask(b":Sr08:00:00#:Sd-80*00:00#:MS#", until=b"#")
             await asyncio.sleep(1.0)
-            assert bridge.hub.motions.axes == {1}
+            assert bridge.controller.motions.axes == {1}
             assert abs(truth_of(bridge.sim).rate1) > 0.1
 
     run(program())
@@ -102,15 +102,15 @@ def test_a_goto_that_is_refused_before_it_touches_anything_leaves_the_arrow_alon
 def test_a_way_home_that_was_broken_off_is_told_so(instead: op.Operation) -> None:
     async def program() -> None:
         async with Bridge("cge") as bridge:
-            await bridge.hub.perform(op.SetHome())
+            await bridge.controller.perform(op.SetHome())
             await bridge.client().ask(GOTO, until=b"0")
             await polled(bridge, 60)
-            await bridge.hub.perform(op.Home())
+            await bridge.controller.perform(op.Home())
             await asyncio.sleep(1.0)
-            assert await bridge.hub.perform(op.HomeState()) == 2
-            await bridge.hub.perform(instead)
+            assert await bridge.controller.perform(op.HomeState()) == 2
+            await bridge.controller.perform(instead)
             await polled(bridge, 60)
-            assert await bridge.hub.perform(op.HomeState()) == 0
+            assert await bridge.controller.perform(op.HomeState()) == 0
 
     run(program())
 
@@ -187,12 +187,12 @@ def test_a_park_that_is_over_is_not_put_in_force_again() -> None:
 def test_who_leaves_the_park_position_by_its_axes_is_not_parked() -> None:
     async def program() -> None:
         async with Bridge("cge") as bridge:
-            await bridge.hub.perform(op.Park())
+            await bridge.controller.perform(op.Park())
             await polled(bridge, 10)
-            assert await bridge.hub.perform(op.HomeState()) == 1
-            await bridge.hub.perform(op.GotoAxes(100.0, 60.0))
+            assert await bridge.controller.perform(op.HomeState()) == 1
+            await bridge.controller.perform(op.GotoAxes(100.0, 60.0))
             await polled(bridge, 40)
-            assert await bridge.hub.perform(op.HomeState()) == 0
+            assert await bridge.controller.perform(op.HomeState()) == 0
 
     run(program())
 

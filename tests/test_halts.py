@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from gateway.spherical import wrap180
+from gateway.astro.spherical import wrap180
 from tests.bridge import Bridge
 from tests.driven import _axes
 from tests.virtual import run
@@ -19,22 +19,37 @@ NORTH_STOPS, EAST_STOPS = b"P\x02\x11\x24\0\0\0\0", b"P\x02\x10\x24\0\0\0\0"
 #: A hand control's keys, by the NexStar protocol: device, direction, key.
 MOTORS = {
     "lx200": [(b":Mn#", 2), (b":Ms#", 2), (b":Me#", 1), (b":Mw#", 1)],
-    "nexstar": [(b"P\x02\x10\x24\x07\0\0\0", 1), (b"P\x02\x10\x25\x07\0\0\0", 1),
-                (b"P\x02\x11\x24\x07\0\0\0", 2), (b"P\x02\x11\x25\x07\0\0\0", 2)],
+    "nexstar": [
+        (b"P\x02\x10\x24\x07\0\0\0", 1),
+        (b"P\x02\x10\x25\x07\0\0\0", 1),
+        (b"P\x02\x11\x24\x07\0\0\0", 2),
+        (b"P\x02\x11\x25\x07\0\0\0", 2),
+    ],
 }
 ENDS = {
     "lx200": [(b":Qn#", 2), (b":Qs#", 2), (b":Qe#", 1), (b":Qw#", 1)],
-    "nexstar": [(b"P\x02\x10\x24\0\0\0\0", 1), (b"P\x02\x10\x25\0\0\0\0", 1), (b"P\x02\x11\x24\0\0\0\0", 2),
-                (b"P\x02\x11\x25\0\0\0\0", 2), (b"P\x03\x11\x06\0\0\0\0", 2)],
+    "nexstar": [
+        (b"P\x02\x10\x24\0\0\0\0", 1),
+        (b"P\x02\x10\x25\0\0\0\0", 1),
+        (b"P\x02\x11\x24\0\0\0\0", 2),
+        (b"P\x02\x11\x25\0\0\0\0", 2),
+        (b"P\x03\x11\x06\0\0\0\0", 2),
+    ],
 }
 
 
-@pytest.mark.parametrize(("presented", "driven", "mount"), [("lx200", "nexstar", "6-8se"),
-                                                            ("nexstar", "lx200", "lx200gps")])
+@pytest.mark.parametrize(
+    ("presented", "driven", "mount"), [("lx200", "nexstar", "6-8se"), ("nexstar", "lx200", "lx200gps")]
+)
 def test_what_was_halted_last_rests_and_what_was_begun_last_moves(presented: str, driven: str, mount: str) -> None:
     """Whoever said it, how often, and whatever it came between."""
-    said = st.tuples(st.booleans(), st.integers(0, 3), st.sampled_from((1, 1, 1, 2, 30)), st.integers(0, 2),
-                     st.sampled_from((0.0, 0.0, 0.0, 0.01, 0.11, 0.35)))
+    said = st.tuples(
+        st.booleans(),
+        st.integers(0, 3),
+        st.sampled_from((1, 1, 1, 2, 30)),
+        st.integers(0, 2),
+        st.sampled_from((0.0, 0.0, 0.0, 0.01, 0.11, 0.35)),
+    )
 
     @settings(max_examples=25, deadline=None)
     @given(st.lists(said, max_size=12))
@@ -45,8 +60,13 @@ def test_what_was_halted_last_rests_and_what_was_begun_last_moves(presented: str
         run(program(sequence))
 
     async def program(sequence: list[tuple[bool, int, int, int, float]]) -> None:
-        async with Bridge(mount, driven=driven, presented=presented, latency=LATENCY,
-                          surface="autostar" if presented == "lx200" else "6-8se") as bridge:
+        async with Bridge(
+            mount,
+            driven=driven,
+            presented=presented,
+            latency=LATENCY,
+            surface="autostar" if presented == "lx200" else "6-8se",
+        ) as bridge:
             clients = [bridge.client(f"10.0.0.{number}") for number in range(3)]
             for client in clients:
                 client.tell(b":RC#" if presented == "lx200" else b"")
@@ -63,7 +83,7 @@ def test_what_was_halted_last_rests_and_what_was_begun_last_moves(presented: str
             await asyncio.sleep(4.0)
             for client in clients:  # somebody is there all the time
                 client.tell(b":GR#" if presented == "lx200" else b"e")
-            assert bridge.hub.motions.axes == {axis for axis, turns in turning.items() if turns}, sequence
+            assert bridge.controller.motions.axes == {axis for axis, turns in turning.items() if turns}, sequence
             before = _axes(bridge)
             await asyncio.sleep(1.0)
             turned = [abs(wrap180(now - then)) for now, then in zip(_axes(bridge), before, strict=True)]
@@ -103,7 +123,7 @@ def test_whoever_asks_where_the_mount_is_waits_for_no_flood_of_halts(flood: byte
                     bully.tell(flood * 10)
                     await asyncio.sleep(0.02)
 
-            pouring = bridge.hub.spawn(pour())
+            pouring = bridge.controller.spawn(pour())
             waits = []
             for _ in range(100):
                 began = loop.time()
@@ -126,16 +146,19 @@ def test_a_flood_of_halts_on_one_axis_lets_the_other_be_moved() -> None:
                     bully.tell(b":Qe#" * 10)
                     await asyncio.sleep(0.02)
 
-            pouring = bridge.hub.spawn(pour())
+            pouring = bridge.controller.spawn(pour())
             await asyncio.sleep(3.0)
             other.tell(b":RM#:Mn#")
             await asyncio.sleep(2.0)
-            assert bridge.hub.motions.axes == {2}
+            assert bridge.controller.motions.axes == {2}
             asked = bridge.clock()
             other.tell(b":Qn#")
             await asyncio.sleep(1.0)
-            sent = [entry.time - asked for entry in bridge.entries
-                    if entry.data == NORTH_STOPS and entry.arrow == ">" and entry.time >= asked]
+            sent = [
+                entry.time - asked
+                for entry in bridge.entries
+                if entry.data == NORTH_STOPS and entry.arrow == ">" and entry.time >= asked
+            ]
             assert sent[0] <= LATENCY + 0.001
             pouring.cancel()
 
@@ -156,8 +179,11 @@ def test_a_halt_that_is_asked_for_twice_is_sent_twice_and_each_time_at_once() ->
                 asked = bridge.clock()
                 client.tell(b":Qe#")
                 await asyncio.sleep(0.4)
-                times = [entry.time - asked for entry in bridge.entries
-                         if entry.data == EAST_STOPS and entry.arrow == ">" and entry.time >= asked]
+                times = [
+                    entry.time - asked
+                    for entry in bridge.entries
+                    if entry.data == EAST_STOPS and entry.arrow == ">" and entry.time >= asked
+                ]
                 assert times
                 assert times[0] <= LATENCY + 0.001
 

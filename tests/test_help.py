@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from gateway.app.config.describing import keys
 from gateway.cli import COMMANDS, main, parser
 from gateway.cli.completion import SHELLS, script
-from gateway.cli.settings import GROUPS
-from gateway.config.describing import keys
-from gateway.tables import load
+from gateway.cli.serve.settings import GROUPS
+from gateway.protocols.wireformat.command_set import load
 
 
 def told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *words: str) -> str:

@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from gateway import operations as op
-from gateway.access import Access, Rights
-from gateway.assembly import Gateway, access
-from gateway.config import MountConfig, Source, SurfaceConfig, make_config
-from gateway.transcript import Entry
+from gateway.app.config import MountConfig, Source, SurfaceConfig, make_config
+from gateway.app.gateway import Gateway, access
+from gateway.clients.access import Access, Rights
+from gateway.core import operations as op
+from gateway.core.wire_log import Entry
 from tests.bridge import Bridge
 from tests.callers import Caller
 from tests.test_ports import address, ask

@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 
-from gateway import hold as on_disk
-from gateway import operations as op
-from gateway.control.orders import orders
-from gateway.errors import Held
-from gateway.motion_kinds import MOTIONS
-from gateway.mount.safety.held import Hold
-from gateway.spherical import wrap180
+from gateway.app.control.orders import orders
+from gateway.app.state import hold as on_disk
+from gateway.astro.spherical import wrap180
+from gateway.core import operations as op
+from gateway.core.errors import Held
+from gateway.core.motion_kinds import MOTIONS
+from gateway.mount.safety.rules.held import Hold
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -50,7 +50,7 @@ def test_of_everything_that_can_move_it_is_known_whether_a_held_mount_does_it() 
 
 async def _order(bridge: Bridge, word: str) -> str:
     assert bridge.keeping is not None
-    return await orders(bridge.hub, bridge.keeping)[word]()
+    return await orders(bridge.controller, bridge.keeping)[word]()
 
 
 def _axes(bridge: Bridge) -> tuple[float, float]:
@@ -125,10 +125,10 @@ def test_holding_stops_first_and_says_so_only_when_it_was_seen(tmp_path: Path) -
             await _order(bridge, "release")
             client.tell(b":RS#:Mn#")
             await asyncio.sleep(2)
-            bridge.hub.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+            bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
             answer = await _order(bridge, "hold")
             assert answer.startswith("failed not stopped: ") and answer.endswith("; it is held from now on")
-            assert bridge.hub.hold.on and on_disk.is_held(tmp_path)
+            assert bridge.controller.hold.on and on_disk.is_held(tmp_path)
 
     run(program())
 
@@ -139,7 +139,8 @@ def test_it_outlives_the_gateway_and_that_is_said_at_the_start(tmp_path: Path) -
             assert await _order(first, "hold") == "held"
         async with Bridge(state=tmp_path, on=first) as second:
             assert second.warned == [
-                "nexstar@bridge: the mount is held: no program moves it until mount-gateway stop --release"]
+                "nexstar@bridge: the mount is held: no program moves it until mount-gateway stop --release"
+            ]
             second.client().tell(b":RS#:Mn#")
             assert await _rests(second)
             assert await _order(second, "release") == "released"
@@ -147,7 +148,7 @@ def test_it_outlives_the_gateway_and_that_is_said_at_the_start(tmp_path: Path) -
             assert not await _rests(second)
         async with Bridge(state=tmp_path, on=first) as third:
             assert third.warned == []
-            assert not third.hub.hold.on
+            assert not third.controller.hold.on
 
     run(program())
 
@@ -162,8 +163,10 @@ def test_where_it_cannot_be_written_it_holds_in_memory_and_that_is_said(
         async with Bridge(state=tmp_path) as bridge:
             monkeypatch.setattr(on_disk, "hold", full)
             answer = await _order(bridge, "hold")
-            assert answer == ("failed it is stopped and held, but a restart of the gateway forgets that: "
-                              f"{tmp_path}/hold cannot be written (No space left on device)")
+            assert answer == (
+                "failed it is stopped and held, but a restart of the gateway forgets that: "
+                f"{tmp_path}/hold cannot be written (No space left on device)"
+            )
             bridge.client().tell(b":RS#:Mn#")
             assert await _rests(bridge)
             assert await _order(bridge, "release") == "released"
@@ -185,9 +188,9 @@ def test_a_motion_on_its_way_to_the_mount_does_not_slip_through(tmp_path: Path) 
     run(program())
 
 
-@pytest.mark.parametrize("make", [
-    lambda path: path.write_text(""), lambda path: path.mkdir(), lambda path: path.symlink_to("nowhere"),
-])
+@pytest.mark.parametrize(
+    "make", [lambda path: path.write_text(""), lambda path: path.mkdir(), lambda path: path.symlink_to("nowhere")]
+)
 def test_whatever_has_that_name_holds(tmp_path: Path, make: Callable[[Path], Any]) -> None:
     assert not on_disk.is_held(tmp_path)
     make(tmp_path / "hold")

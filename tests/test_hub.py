@@ -6,8 +6,8 @@ import asyncio
 
 import pytest
 
-from gateway.errors import NoAnswer
-from gateway.operations import GetStatus, Goto, Position, Slewing, Stop
+from gateway.core.errors import NoAnswer
+from gateway.core.operations import GetStatus, Goto, Position, Slewing, Stop
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -50,7 +50,7 @@ def test_reads_asked_at_the_same_time_share_one_exchange() -> None:
         async with Bridge(latency=0.3) as bridge:
             await asyncio.sleep(10)
             before = bridge.sent().count(b"e")
-            answers = await asyncio.gather(*(bridge.hub.perform(Position()) for _ in range(50)))
+            answers = await asyncio.gather(*(bridge.controller.perform(Position()) for _ in range(50)))
             assert len(set(map(id, answers))) == 1
             assert bridge.sent().count(b"e") <= before + 1
 
@@ -170,7 +170,7 @@ def test_motion_stops_at_the_altitude_limit() -> None:
                 await asyncio.sleep(1)
             altitude = float((await client.ask(b":GA#"))[1:3])
             assert 18 <= altitude <= 24
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
 
     run(program())
 
@@ -188,6 +188,7 @@ def test_an_unaligned_mount_refuses_gotos_with_words() -> None:
 @pytest.mark.parametrize("asked", [b":Sr07:00:00#:Sd+30*00:00#:CM#", b":Sz090*00#:Sa+40*00#:MA#", b":hP#"])
 def test_an_unaligned_hand_control_takes_no_sync_and_no_axis_goto(mount: str, asked: bytes) -> None:
     """It says ``#`` to a sync and forgets it; to axis readings it goes, wherever they lead."""
+
     async def program() -> None:
         async with Bridge(mount, aligned=False) as bridge:
             reply = await bridge.client().ask(asked, 3.0, until=b"111")
@@ -249,11 +250,11 @@ def test_the_last_position_is_told_for_a_while_when_the_line_is_down() -> None:
             client = bridge.client()
             told = await client.ask(b":GR#")
             bridge.sim.feed = lambda data: b""
-            bridge.hub.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+            bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
             await asyncio.sleep(2)
             assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#", until=b"11") == b"11"
             started = asyncio.get_running_loop().time()
-            while bridge.hub.line.state == "up" and asyncio.get_running_loop().time() - started < 30:
+            while bridge.controller.line.state == "up" and asyncio.get_running_loop().time() - started < 30:
                 client.tell(b":GR#")
                 await asyncio.sleep(0.5)
             assert told
@@ -261,7 +262,7 @@ def test_the_last_position_is_told_for_a_while_when_the_line_is_down() -> None:
             await asyncio.sleep(12)
             assert await client.ask(b":GR#", 3) == b""
             with pytest.raises(NoAnswer):
-                await bridge.hub.perform(Position())
+                await bridge.controller.perform(Position())
 
     run(program())
 
@@ -269,14 +270,14 @@ def test_the_last_position_is_told_for_a_while_when_the_line_is_down() -> None:
 def test_slewing_holds_from_the_moment_it_was_asked_for() -> None:
     async def program() -> None:
         async with Bridge(latency=0.2) as bridge:
-            task = asyncio.ensure_future(bridge.hub.perform(Goto(105.0, 30.0)))
+            task = asyncio.ensure_future(bridge.controller.perform(Goto(105.0, 30.0)))
             await asyncio.sleep(0.01)
-            assert bridge.hub.peek(Slewing()) is True
+            assert bridge.controller.peek(Slewing()) is True
             await task
-            assert bridge.hub.peek(Slewing()) is True
-            await bridge.hub.perform(Stop())
-            assert bridge.hub.peek(Slewing()) is False
-            assert (await bridge.hub.perform(GetStatus())).aligned
+            assert bridge.controller.peek(Slewing()) is True
+            await bridge.controller.perform(Stop())
+            assert bridge.controller.peek(Slewing()) is False
+            assert (await bridge.controller.perform(GetStatus())).aligned
 
     run(program())
 

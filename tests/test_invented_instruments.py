@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from gateway import operations as op
-from gateway.errors import NoDevice
+from gateway.core import operations as op
+from gateway.core.errors import NoDevice
 from tests.bridge import Bridge
 from tests.fixture import Talk
 from tests.virtual import run
@@ -61,6 +61,7 @@ def test_the_sidereal_time_is_that_of_clock_and_site(model: str) -> None:
 
 def test_what_a_real_telescope_has_is_told_through() -> None:
     """An LX200GPS behind the gateway has a thermometer and a receiver of its own."""
+
     async def play() -> None:
         async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:
             client = bridge.client()

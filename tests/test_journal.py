@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from gateway import journal
-from gateway.assembly import speech
+from gateway.app.gateway import speech
 from gateway.cli import main
-from gateway.log.printing import Rows, printer
-from gateway.transcript import Entry
+from gateway.core.wire_log import Entry
+from gateway.diagnostics.log.printing import Rows, printer
+from gateway.system import journal
 
 ASKED = Entry(1768514400.0, "mount", ">", b"V")
 NOTED = Entry(1768514400.5, "mount", "!", b"", "the mount does not answer")

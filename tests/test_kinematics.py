@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import pytest
 
-from gateway.kinematics import Mechanics
-from gateway.mount_geometry import Build, Geometry, Sky
-from gateway.spherical import separation, sidereal_time, wrap180
+from gateway.astro.axes import Build, Geometry, Sky
+from gateway.astro.spherical import separation, sidereal_time, wrap180
+from gateway.protocols.mechanics.mount import Mechanics
 
 START = 1_775_000_000.0
 ARCSECOND = 1 / 3600
@@ -58,9 +58,7 @@ def test_tracking_holds_for_an_hour_and_rest_drifts(build: Build, latitude: floa
 @pytest.mark.parametrize("latitude", SITES)
 @pytest.mark.parametrize("build", BUILDS)
 @pytest.mark.parametrize("where", [(25.0, 10.0), (-60.0, -20.0), (-5.0, 5.0), (40.0, 20.0)])
-def test_goto_arrives_exactly_on_the_moving_target(
-    build: Build, latitude: float, where: tuple[float, float]
-) -> None:
+def test_goto_arrives_exactly_on_the_moving_target(build: Build, latitude: float, where: tuple[float, float]) -> None:
     made = mount(build, latitude)
     ra = made.sky.sidereal(START) - where[0]
     made.goto_sky(START, ra, where[1])

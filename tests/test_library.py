@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from gateway import library
-from gateway.library import QUALITIES, Wanted, deepsky, describe, files, search, stars
-from gateway.library.objects import quality
-from gateway.spherical import separation
+from gateway.astro import catalog as library
+from gateway.astro.catalog import QUALITIES, Wanted, deepsky, describe, files, search, stars
+from gateway.astro.catalog.objects import quality
+from gateway.astro.spherical import separation
 
 EVERYTHING = Wanted(-5.5, 20.0, 0, 200, "GPDCO", "VP")
 #: catalogue, number, J2000 hours, minutes, degrees (decimal), kinds
@@ -40,8 +40,10 @@ def test_the_great_catalogues_are_whole() -> None:
     assert not [number for number in range(1, 5387, 97) if deepsky.look_up("IC", number) is None]
 
 
-@pytest.mark.parametrize(("catalog", "number"), [("M", 0), ("M", 111), ("NGC", 7841), ("IC", 5387), ("C", 110),
-                                                 ("NGC", 999999), ("UGC", 99999)])
+@pytest.mark.parametrize(
+    ("catalog", "number"),
+    [("M", 0), ("M", 111), ("NGC", 7841), ("IC", 5387), ("C", 110), ("NGC", 999999), ("UGC", 99999)],
+)
 def test_a_number_that_no_catalogue_has(catalog: str, number: int) -> None:
     assert deepsky.look_up(catalog, number) is None
 
@@ -76,8 +78,10 @@ def test_the_first_and_the_last_star() -> None:
     assert all(stars.hipparcos(number, 2000.0) for number in (1, 2, 120403, 120404))
 
 
-@pytest.mark.parametrize(("call"), [lambda: deepsky.look_up("M", 42), lambda: stars.hipparcos(1, 2000.0),
-                                    lambda: deepsky.matching(EVERYTHING)])
+@pytest.mark.parametrize(
+    ("call"),
+    [lambda: deepsky.look_up("M", 42), lambda: stars.hipparcos(1, 2000.0), lambda: deepsky.matching(EVERYTHING)],
+)
 def test_without_the_packages_it_says_what_to_install(call: object, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(files, "find_spec", lambda name: None)
     with pytest.raises(files.NotInstalled, match=r"Install mount-gateway\[library\]"):
@@ -103,11 +107,17 @@ def test_a_description_leaves_out_what_nobody_has_measured() -> None:
 # --- searching ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("wanted", [
-    Wanted(-5.5, 6.0, 0, 200, "GPDCO", "VP"), Wanted(9.0, 9.5, 0, 200, "GPDCO", "VP"),
-    Wanted(-5.5, 12.0, 20, 40, "GPDCO", "VP"), Wanted(-5.5, 20.0, 0, 200, "P", "VP"),
-    Wanted(-5.5, 20.0, 0, 200, "CO", "EX"), Wanted(-5.5, 20.0, 0, 200, "G", "GD"),
-])
+@pytest.mark.parametrize(
+    "wanted",
+    [
+        Wanted(-5.5, 6.0, 0, 200, "GPDCO", "VP"),
+        Wanted(9.0, 9.5, 0, 200, "GPDCO", "VP"),
+        Wanted(-5.5, 12.0, 20, 40, "GPDCO", "VP"),
+        Wanted(-5.5, 20.0, 0, 200, "P", "VP"),
+        Wanted(-5.5, 20.0, 0, 200, "CO", "EX"),
+        Wanted(-5.5, 20.0, 0, 200, "G", "GD"),
+    ],
+)
 def test_a_search_keeps_its_limits(wanted: Wanted) -> None:
     found = deepsky.matching(wanted)
     assert 3 < len(found) < 2000

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.truth import truth_of
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -22,15 +22,15 @@ def bridge_to(mount: str) -> Bridge:
 
 async def cut(bridge: Any, seconds: float) -> list[bytes]:
     """Pull the cable out for so long -> what is sent first when it is back."""
-    wire = bridge.hub.line.wire
+    wire = bridge.controller.line.wire
     opening = wire.open
 
     async def no_port(*callbacks: Any) -> None:
         raise OSError(2, "no such port")
 
     wire.open = no_port
-    bridge.hub.line.talk.lose("unplugged")
-    bridge.hub.line._wake.set()
+    bridge.controller.line.talk.lose("unplugged")
+    bridge.controller.line._wake.set()
     await asyncio.sleep(seconds)
     before = len(bridge.sent())
     wire.open = opening
@@ -41,8 +41,7 @@ async def cut(bridge: Any, seconds: float) -> list[bytes]:
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
-@pytest.mark.parametrize("motion", [b":RM#:Me#", b":RS#:Mn#:Mw#", b":RC#:Ms#",
-                                    b":Sr05:00:00#:Sd+30*00:00#:MS#"])
+@pytest.mark.parametrize("motion", [b":RM#:Me#", b":RS#:Mn#:Mw#", b":RC#:Ms#", b":Sr05:00:00#:Sd+30*00:00#:MS#"])
 def test_what_moved_when_the_line_was_lost_is_over_when_it_is_back(mount: str, motion: bytes) -> None:
     async def program() -> None:
         async with bridge_to(mount) as bridge:
@@ -51,12 +50,12 @@ def test_what_moved_when_the_line_was_lost_is_over_when_it_is_back(mount: str, m
             for _ in range(20):
                 client.tell(b":GR#")
                 await asyncio.sleep(0.1)
-            assert bridge.hub.moving
+            assert bridge.controller.moving
             first = await cut(bridge, 4.0)
             assert first[0] in STOPS
             await asyncio.sleep(2.0)
             assert not truth_of(bridge.sim).moving
-            assert not bridge.hub.motions.owed and not bridge.hub.moving
+            assert not bridge.controller.motions.owed and not bridge.controller.moving
             assert [entry for entry in bridge.entries if "the line was lost while the mount moved" in entry.note]
 
     run(program())
@@ -73,7 +72,7 @@ def test_a_stop_that_was_asked_for_while_the_line_was_lost_goes_first(mount: str
             first = await cut(bridge, 4.0)
             assert first[0] in STOPS
             await asyncio.sleep(3.0)
-            assert not bridge.hub.motions.owed
+            assert not bridge.controller.motions.owed
 
     run(program())
 
@@ -100,11 +99,11 @@ def test_half_a_command_of_a_hand_control_is_waited_for_first() -> None:
                 client = bridge.client()
                 client.tell(b":RM#:Me#")
                 await asyncio.sleep(2.0)
-                talk = bridge.hub.line.talk
-                talk.half, talk.request, talk.wrote = True, last, bridge.hub.now()
-                began = bridge.hub.now()
+                talk = bridge.controller.line.talk
+                talk.half, talk.request, talk.wrote = True, last, bridge.controller.now()
+                began = bridge.controller.now()
                 await cut(bridge, 0.1)
-                assert (bridge.hub.now() - began > 3.5) == waits
+                assert (bridge.controller.now() - began > 3.5) == waits
 
     run(program())
 
@@ -115,7 +114,7 @@ def test_half_a_command_of_a_meade_is_closed_before_the_stop() -> None:
             client = bridge.client()
             client.tell(b":RM#:Me#")
             await asyncio.sleep(2.0)
-            bridge.hub.line.talk.half = True
+            bridge.controller.line.talk.half = True
             assert (await cut(bridge, 0.1))[0] == b"#:Q#"
 
     run(program())

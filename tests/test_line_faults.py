@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
-from gateway import operations as op
-from gateway.driver import Ask
-from gateway.errors import Garbled, NoAnswer
-from gateway.line import HALF_COMMAND, READ, STOP, Line
-from gateway.protocols.lx200.dialogue import MeadeDialogue
-from gateway.protocols.nexstar.dialogue import NexStarDialogue
-from gateway.transcript import Transcript
-from gateway.wires import SerialWire
+from gateway.core import operations as op
+from gateway.core.errors import Garbled, NoAnswer
+from gateway.core.wire_log import Transcript
+from gateway.mount.link.queue import HALF_COMMAND, READ, STOP, MountLink
+from gateway.protocols.base.driver import Send
+from gateway.protocols.lx200.reply_rules import MeadeDialogue
+from gateway.protocols.nexstar.reply_rules import NexStarDialogue
+from gateway.transport.wires import SerialTransport
 from tests.bridge import Bridge
 from tests.proof.faulty import Kind
 from tests.proof.line_faults import trial
@@ -39,7 +39,7 @@ def test_nothing_is_told_wrongly_on_a_bad_line(driven: str, model: str, seed: in
 
 def test_the_proof_sees_what_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     """With every answer believed at once, garbled positions are delivered, and noticed."""
-    monkeypatch.setattr("gateway.hub.belief.Belief._wanted", lambda *_: 1)
+    monkeypatch.setattr("gateway.mount.link.verification.ReplyVerifier._wanted", lambda *_: 1)
     assert trial("nexstar", "cge", 2, 0.5, (Kind.ALTERED,), 300).wrong["position"]
 
 
@@ -57,10 +57,10 @@ def test_a_line_whose_first_proof_failed_comes_back_with_the_second() -> None:
     async def program() -> None:
         line, _ = await opened(answers)
         with pytest.raises(NoAnswer):
-            await line.exchange(Ask("J"))
+            await line.exchange(Send("J"))
         await asyncio.sleep(10)
         assert line.state == "up"
-        assert (await line.exchange(Ask("t")))["mode"] == 2
+        assert (await line.exchange(Send("t")))["mode"] == 2
         await line.close()
 
     run(program())
@@ -77,7 +77,7 @@ def test_a_second_copy_is_not_the_answer_to_the_next_question(after: float) -> N
     async def program() -> None:
         line, wire = await opened(answers)
         wire.deliver(b"#")  # a line that has shown that it does such things
-        first, second = [asyncio.ensure_future(line.exchange(Ask(name))) for name in ("e", "z")]
+        first, second = [asyncio.ensure_future(line.exchange(Send(name))) for name in ("e", "z")]
         done = await asyncio.gather(first, second, return_exceptions=True)
         for outcome, field, value in zip(done, ("ra", "az"), (22.5, 67.5), strict=True):
             assert isinstance(outcome, Garbled) or outcome[field] == value  # type: ignore[index]
@@ -90,8 +90,8 @@ def test_an_acknowledgement_that_another_follows_is_none() -> None:
     async def program() -> None:
         line, _ = await opened(lambda data: [(0.01, b"#"), (0.02, b"#")] if data == b"M" else hand_control(data))
         with pytest.raises(Garbled):
-            await line.exchange(Ask("M"), STOP)
-        assert (await line.exchange(Ask("t")))["mode"] == 2
+            await line.exchange(Send("M"), STOP)
+        assert (await line.exchange(Send("t")))["mode"] == 2
         await line.close()
 
     run(program())
@@ -100,7 +100,7 @@ def test_an_acknowledgement_that_another_follows_is_none() -> None:
 @pytest.mark.parametrize("reply", [b"+45*30:15#", b"12:3x:56#", b"2:34:56#", b"1#"])
 def test_a_reply_of_another_form_is_none(reply: bytes) -> None:
     """What a client may write and a declination are no right ascension."""
-    outcome = MeadeDialogue().take(Ask("GR"), reply)
+    outcome = MeadeDialogue().take(Send("GR"), reply)
     assert outcome is not None
     assert isinstance(outcome[0], Garbled)
 
@@ -118,7 +118,7 @@ def test_after_half_a_command_nothing_is_sent_for_a_while() -> None:
 
         wire.write = bad  # type: ignore[method-assign]
         with pytest.raises(NoAnswer):
-            await line.exchange(Ask("e"))
+            await line.exchange(Send("e"))
         wire.write = good  # type: ignore[method-assign]
         await asyncio.sleep(HALF_COMMAND - 0.1)
         assert len(sent) == 1
@@ -134,11 +134,11 @@ def test_a_mute_port_is_opened_anew() -> None:
 
     async def program() -> None:
         wire = Wire(lambda data: hand_control(data) if wire.opened == 2 else [])
-        line = Line(wire, NexStarDialogue(), Transcript(lambda: 0.0))
+        line = MountLink(wire, NexStarDialogue(), Transcript(lambda: 0.0))
         line.start()
         await asyncio.sleep(0.01)
         with pytest.raises(NoAnswer):
-            await line.exchange(Ask("J"))
+            await line.exchange(Send("J"))
         await asyncio.sleep(60)
         assert wire.opened == 2
         assert line.state == "up"
@@ -163,10 +163,10 @@ class _Port:
 
 
 def test_a_reader_that_dies_says_so_and_a_partial_write_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.wires.open_port", lambda url, baud: _Port())
+    monkeypatch.setattr("gateway.transport.wires.open_port", lambda url, baud: _Port())
 
     async def program() -> None:
-        wire, lost = SerialWire("/dev/none"), asyncio.Event()
+        wire, lost = SerialTransport("/dev/none"), asyncio.Event()
         await wire.open(lambda data: None, lambda reason: lost.set())
         async with asyncio.timeout(5):
             await lost.wait()
@@ -182,7 +182,7 @@ def test_a_reader_that_dies_says_so_and_a_partial_write_is_an_error(monkeypatch:
 
 def silence(bridge: Bridge) -> Callable[[], None]:
     """The mount says nothing until what is returned is called."""
-    wire: Any = bridge.hub.line.wire
+    wire: Any = bridge.controller.line.wire
     good = wire._feed
     wire._feed = lambda data: b""
 
@@ -201,7 +201,7 @@ def test_what_clients_are_told_while_the_line_is_down() -> None:
             await asyncio.sleep(1)
             bridge.client("10.0.0.2").tell(b":GR#")
             await asyncio.sleep(8)
-            assert bridge.hub.line.state == "down"
+            assert bridge.controller.line.state == "down"
             assert await client.ask(b":GR#", 0.1) == position
             assert await client.ask(b":Sr05:00:00#", 0.1) == b"1"
             assert await client.ask(b":Sd+30*00:00#", 0.1) == b"1"
@@ -245,17 +245,17 @@ def test_a_meade_that_was_switched_off_is_made_precise_again() -> None:
 def test_a_changed_digit_is_not_believed_and_a_sync_is() -> None:
     async def program() -> None:
         async with Bridge("cge") as bridge:
-            before = await bridge.hub.read(op.Position())
-            wire: Any = bridge.hub.line.wire
+            before = await bridge.controller.read(op.Position())
+            wire: Any = bridge.controller.line.wire
             good, wrong = wire._feed, [b"90000000,10000000#"]
             wire._feed = lambda data: (good(data), wrong.pop())[1] if data == b"e" and wrong else good(data)
             for _ in range(20):
                 await asyncio.sleep(0.05)
-                after = await bridge.hub.read(op.Position())
+                after = await bridge.controller.read(op.Position())
                 assert (after.ra, after.dec) == pytest.approx((before.ra, before.dec), abs=0.01)
             assert not wrong
-            await bridge.hub.perform(op.Sync(before.ra + 5.0, before.dec - 5.0))
-            synced = await bridge.hub.read(op.Position())
+            await bridge.controller.perform(op.Sync(before.ra + 5.0, before.dec - 5.0))
+            synced = await bridge.controller.read(op.Position())
             assert synced.dec == pytest.approx(before.dec - 5.0, abs=0.01)
 
     run(program())
@@ -264,7 +264,7 @@ def test_a_changed_digit_is_not_believed_and_a_sync_is() -> None:
 def test_a_lost_acknowledgement_of_a_goto_does_not_hide_the_slew() -> None:
     async def program() -> None:
         async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se") as bridge:
-            wire: Any = bridge.hub.line.wire
+            wire: Any = bridge.controller.line.wire
             good = wire._feed
             wire._feed = lambda data: (good(data), b"")[1] if data == b":MS#" else good(data)
             client = bridge.client()
@@ -281,10 +281,10 @@ def test_reads_are_asked_again_only_when_something_changed() -> None:
 
     async def program() -> None:
         async with Bridge("cge") as bridge:
-            await bridge.hub.belief.exchange(Ask("t"), READ)
+            await bridge.controller.belief.exchange(Send("t"), READ)
             before = len(bridge.sent())
             for _ in range(5):
-                await bridge.hub.belief.exchange(Ask("t"), READ)
+                await bridge.controller.belief.exchange(Send("t"), READ)
             assert bridge.sent()[before:].count(b"t") == 5
 
     run(program())

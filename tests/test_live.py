@@ -19,8 +19,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from gateway.cli.live import Screen, find_terminal, look_on
-from gateway.notify import notify, watchdog
+from gateway.cli.serve.live import Screen, find_terminal, look_on
+from gateway.system.systemd import notify, watchdog
 from tests.bridge import Bridge
 from tests.running import GATEWAY, PATIENCE
 from tests.virtual import run
@@ -92,14 +92,16 @@ def test_the_watchdog_is_fed_only_while_the_line_has_its_worker(
 ) -> None:
     async def program() -> None:
         async with Bridge() as bridge:
-            gateway = SimpleNamespace(hub=bridge.hub, receptions=[], mount="", config=SimpleNamespace(name="pier"))
+            gateway = SimpleNamespace(
+                controller=bridge.controller, receptions=[], mount="", config=SimpleNamespace(name="pier")
+            )
             tasks = look_on([gateway], Screen(None))  # type: ignore[list-item]
             assert len(tasks) == 1  # no terminal, no line
             await asyncio.sleep(2)
             beats = sum(text.startswith("WATCHDOG=1") for text in heard(systemd))
             assert beats in (10, 11)  # three in each 0.6 s
-            assert bridge.hub.line._task is not None
-            bridge.hub.line._task.cancel()
+            assert bridge.controller.line._task is not None
+            bridge.controller.line._task.cancel()
             await asyncio.sleep(0.5)
             heard(systemd)
             await asyncio.sleep(2)

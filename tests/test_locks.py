@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
-from gateway import runtime
-from gateway.config import parse_endpoint
-from gateway.errors import UserError
-from gateway.locks import Claim, PidLock, Taken, read_pid
-from gateway.mount_claim import MountClaim, address
-from gateway.ports.link import Link
-from gateway.runtime import folders, user
+from gateway.app.config import parse_endpoint
+from gateway.app.mount_claim import MountClaim, address
+from gateway.core.errors import UserError
+from gateway.system import runtime_folders as runtime
+from gateway.system.locks import Claim, PidLock, Taken, read_pid
+from gateway.system.runtime_folders import folders, user
+from gateway.transport.device_link import DeviceLink
 from tests.running import PATIENCE, Running
 
 ROOT = pytest.mark.skipif(user() != 0, reason="only root can make another user's file")
@@ -65,11 +65,11 @@ def test_what_is_not_ones_own_is_not_used_and_said(
     mine = base / "state" / "run"
     monkeypatch.setenv("STATE_DIRECTORY", str(mine.parent))
     assert folders() == ([mine], [f"{_mine(base)}: {reason}"]), "a place that nobody can take beforehand"
-    Link(str(base / "lx200")).close()
+    DeviceLink(str(base / "lx200")).close()
     monkeypatch.setenv("STATE_DIRECTORY", "/proc/nowhere")
     assert folders()[0] == []
     with pytest.raises(UserError, match=f"cannot make {base}/lx200: no folder for its lock: .*{reason}"):
-        Link(str(base / "lx200"))
+        DeviceLink(str(base / "lx200"))
     warned: list[str] = []
     MountClaim(parse_endpoint("nexstar@socket://10.0.0.5:4030"), warned.append).release()
     assert len(warned) == 1 and reason in warned[0]
@@ -162,8 +162,15 @@ def test_an_address_is_one_however_it_is_written(where: str, name: str | None) -
 
 def test_a_mount_on_the_network_has_one_gateway(tmp_path: Path, started: list[Running]) -> None:
     def run(number: int, at: str) -> Running:
-        one = Running("run", "--mount", f"nexstar@{at}", "--surface", "lx200@tcp://127.0.0.1:0", "--state",
-                      str(tmp_path / str(number)))
+        one = Running(
+            "run",
+            "--mount",
+            f"nexstar@{at}",
+            "--surface",
+            "lx200@tcp://127.0.0.1:0",
+            "--state",
+            str(tmp_path / str(number)),
+        )
         started.append(one)
         return one
 
@@ -175,8 +182,11 @@ def test_a_mount_on_the_network_has_one_gateway(tmp_path: Path, started: list[Ru
     at = f"rfc2217://{address.replace('127.0.0.1', 'localhost')}"
     second = run(2, at)
     assert second.end(0) == 2
-    assert re.fullmatch(rf"mount-gateway: nexstar@{re.escape(at)}: another gateway \(process {first.process.pid}\) "
-                        r"has this mount already; .*", second.said)
+    assert re.fullmatch(
+        rf"mount-gateway: nexstar@{re.escape(at)}: another gateway \(process {first.process.pid}\) "
+        r"has this mount already; .*",
+        second.said,
+    )
     first.end()
     run(2, f"socket://{address}").ready()
 
@@ -189,10 +199,10 @@ def test_a_link_has_no_name_that_another_user_could_take_beforehand(base: Path) 
     path = base / "lx200"
     for taken in (path.with_name(f"lx200.{os.getpid()}"), *base.glob("mount-gateway-*.lock")):
         taken.mkdir()
-    link = Link(str(path))
+    link = DeviceLink(str(path))
     link.point("/dev/pts/99999")
     with pytest.raises(UserError, match=rf"another gateway holds it \(process {os.getpid()}\)"):
-        Link(str(path))
+        DeviceLink(str(path))
     assert {entry.name for entry in base.iterdir()} == {"lx200", f"lx200.{os.getpid()}", _mine(base).name}
     link.close()
     assert list(_mine(base).iterdir()) == [] and not path.is_symlink()
@@ -204,7 +214,7 @@ def test_a_link_of_another_user_that_leads_somewhere_is_left_alone(base: Path) -
     path = base / "lx200"
     path.symlink_to(os.ttyname(slave))
     os.lchown(path, 1, 1)
-    link = Link(str(path))
+    link = DeviceLink(str(path))
     with pytest.raises(UserError, match=f"cannot make {path}: the user daemon has a link of that name to /dev/pts/"):
         link.point("/dev/pts/99999")
     os.close(master)

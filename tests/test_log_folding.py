@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from gateway.assembly import speech
-from gateway.log.layout import Row
-from gateway.log.printing import Rows
-from gateway.transcript import Entry
+from gateway.app.gateway import speech
+from gateway.core.wire_log import Entry
+from gateway.diagnostics.log.layout import Row
+from gateway.diagnostics.log.printing import Rows
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -25,8 +25,9 @@ class Log:
 
     def of(self, side: str) -> list[str]:
         """What is told of one side: arrow and bytes, or arrow and words."""
-        return [f"{row.arrow} {row.data.decode('latin-1') or row.words}" for row in self.rows
-                if row.side.startswith(side)]
+        return [
+            f"{row.arrow} {row.data.decode('latin-1') or row.words}" for row in self.rows if row.side.startswith(side)
+        ]
 
 
 async def _poll(client: Any, seconds: float) -> None:
@@ -63,7 +64,13 @@ def test_what_moves_or_sets_is_shown_every_time_and_ends_the_fold() -> None:
                 await client.ask(b":Sr05:34:32#")
             assert log.of("127.")[4:] == [
                 "= asked again meanwhile: :GR# 3 times, :GD# 3 times",
-                "> :Sr05:34:32#", "< 1", "> :Sr05:34:32#", "< 1", "> :Sr05:34:32#", "< 1"]
+                "> :Sr05:34:32#",
+                "< 1",
+                "> :Sr05:34:32#",
+                "< 1",
+                "> :Sr05:34:32#",
+                "< 1",
+            ]
             log.rows.clear()
             await client.ask(b":GR#", until=b"#")
             assert log.of("127.") == ["> :GR#", "< 06:21:28#"]
@@ -73,7 +80,11 @@ def test_what_moves_or_sets_is_shown_every_time_and_ends_the_fold() -> None:
             await asyncio.sleep(1.0)
             sent = [row.data for row in log.rows if row.side == "mount" and row.arrow == ">"]
             assert [data for data in sent if data[:1] in b"PT"] == [
-                b"T\0", b"P\2\x10\x25\7\0\0\0", b"P\2\x10\x24\0\0\0\0", b"T\1"]
+                b"T\0",
+                b"P\2\x10\x25\7\0\0\0",
+                b"P\2\x10\x24\0\0\0\0",
+                b"T\1",
+            ]
 
     run(play())
 
@@ -102,8 +113,13 @@ def test_a_refusal_ends_the_fold_and_is_shown_with_its_command() -> None:
             log.rows.clear()
             for _ in range(2):
                 assert await client.ask(b":Sr99:00:00#") == b"0"
-            assert log.of("127.") == ["= asked again meanwhile: :GR# 5 times, :GD# 5 times",
-                                      "> :Sr99:00:00#", "< 0", "> :Sr99:00:00#", "< 0"]
+            assert log.of("127.") == [
+                "= asked again meanwhile: :GR# 5 times, :GD# 5 times",
+                "> :Sr99:00:00#",
+                "< 0",
+                "> :Sr99:00:00#",
+                "< 0",
+            ]
             assert [row.kind for row in log.rows if row.arrow == "<" and row.side.startswith("127.")] == ["no", "no"]
 
     run(play())
@@ -118,7 +134,12 @@ def test_a_question_without_an_answer_is_not_folded() -> None:
             shown += rows.take(Entry(second + 0.1, "mount", "<", b"05:34:32#"))
     shown += rows.take(Entry(9.0, "mount", "!", b"", "the mount does not answer"))
     assert [(row.arrow, row.data) for row in shown] == [
-        (">", b":GR#"), ("<", b"05:34:32#"), (">", b":GR#"), (">", b":GR#"), ("!", b"")]
+        (">", b":GR#"),
+        ("<", b"05:34:32#"),
+        (">", b":GR#"),
+        (">", b":GR#"),
+        ("!", b""),
+    ]
 
 
 def test_a_garbled_answer_is_shown() -> None:
@@ -156,12 +177,15 @@ def test_two_programs_of_one_computer_are_two() -> None:
     assert [row.arrow for row in shown] == ["+", "+", ">", "<", ">", "<"]
 
 
-@pytest.mark.parametrize(("shown", "sides", "told"), [
-    ("program", {"127.0.0.1:5"}, [b":GR#", b"06:21:28#", b":Sr05:34:32#", b"1", b":Sr99#", b"0"]),
-    ("mount", {"mount"}, []),
-    ("changes", {"127.0.0.1:5"}, [b":Sr05:34:32#", b"1", b":Sr99#", b"0"]),
-    ("refusals", {"127.0.0.1:5"}, [b":Sr99#", b"0"]),
-])
+@pytest.mark.parametrize(
+    ("shown", "sides", "told"),
+    [
+        ("program", {"127.0.0.1:5"}, [b":GR#", b"06:21:28#", b":Sr05:34:32#", b"1", b":Sr99#", b"0"]),
+        ("mount", {"mount"}, []),
+        ("changes", {"127.0.0.1:5"}, [b":Sr05:34:32#", b"1", b":Sr99#", b"0"]),
+        ("refusals", {"127.0.0.1:5"}, [b":Sr99#", b"0"]),
+    ],
+)
 def test_what_is_not_asked_for_is_left_out(shown: str, sides: set[str], told: list[bytes]) -> None:
     async def play() -> None:
         async with Bridge() as bridge:
@@ -182,6 +206,14 @@ def test_a_goto_is_a_change_on_both_sides() -> None:
             for said in (b":Sr05:34:32#", b":Sd+22*00:52#", b":MS#", b":GR#"):
                 await client.ask(said)
             assert [row.data for row in log.rows if row.data] == [
-                b":Sr05:34:32#", b"1", b":Sd+22*00:52#", b"1", b":MS#", b"r3B78FC00,0FA79B00", b"#", b"0"]
+                b":Sr05:34:32#",
+                b"1",
+                b":Sd+22*00:52#",
+                b"1",
+                b":MS#",
+                b"r3B78FC00,0FA79B00",
+                b"#",
+                b"0",
+            ]
 
     run(play())

@@ -1,5 +1,4 @@
-"""Lines fit where they are read: 80 columns or a terminal's own; nothing is left out; colours only where they are seen.
-"""
+"""Lines fit where they are read: 80 columns or a terminal's own; nothing is left out; colours only where they are seen."""
 
 from __future__ import annotations
 
@@ -8,11 +7,11 @@ import re
 
 import pytest
 
-from gateway.assembly import speech
-from gateway.log import layout
-from gateway.log.layout import Row, plain, wrapped
-from gateway.log.printing import Rows, printer
-from gateway.transcript import Entry, show
+from gateway.app.gateway import speech
+from gateway.core.wire_log import Entry, show
+from gateway.diagnostics.log import layout
+from gateway.diagnostics.log.layout import Row, plain, wrapped
+from gateway.diagnostics.log.printing import Rows, printer
 
 LONG = [
     Row(0.0, "mount", "<", b"331D2100,0DBC7900#", "e: RA 04:47:04, Dec +19°18'55\""),
@@ -45,11 +44,18 @@ class Terminal(io.StringIO):
         return True
 
 
-ENTRIES = [Entry(0.0, "1.2.3.4:5", "+", b"", "surface 1, host 1.2.3.4"), Entry(0.0, "1.2.3.4:5", ">", b":GR#"),
-           Entry(0.0, "1.2.3.4:5", "<", b"05:34:32#"), Entry(0.0, "mount", ">", b"e"),
-           Entry(0.0, "mount", "<", b"34AB0500,12CE0500#"), Entry(0.0, "mount", "!", b"", "the mount does not answer"),
-           Entry(0.0, "1.2.3.4:5", ">", b":Sr99#"), Entry(0.0, "1.2.3.4:5", "<", b"0"),
-           Entry(0.0, "1.2.3.4:5", "x", b"Ka", "no command of an LX200 begins so"), Entry(0.0, "1.2.3.4:5", "-", b"")]
+ENTRIES = [
+    Entry(0.0, "1.2.3.4:5", "+", b"", "surface 1, host 1.2.3.4"),
+    Entry(0.0, "1.2.3.4:5", ">", b":GR#"),
+    Entry(0.0, "1.2.3.4:5", "<", b"05:34:32#"),
+    Entry(0.0, "mount", ">", b"e"),
+    Entry(0.0, "mount", "<", b"34AB0500,12CE0500#"),
+    Entry(0.0, "mount", "!", b"", "the mount does not answer"),
+    Entry(0.0, "1.2.3.4:5", ">", b":Sr99#"),
+    Entry(0.0, "1.2.3.4:5", "<", b"0"),
+    Entry(0.0, "1.2.3.4:5", "x", b"Ka", "no command of an LX200 begins so"),
+    Entry(0.0, "1.2.3.4:5", "-", b""),
+]
 
 
 def _printed(stream: io.StringIO, night: bool = False) -> str:
@@ -95,8 +101,12 @@ def test_an_empty_no_color_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_program_cannot_write_on_the_terminal() -> None:
     stream = io.StringIO()
     put = printer(Rows("nexstar", ["lx200"], speech), stream)
-    for entry in (Entry(0.0, "1.2.3.4:5", ">", b":SM\x1b[2J#"), Entry(0.0, "1.2.3.4:5", "x", b"\x1b]0;t\x07", "why"),
-                  Entry(0.0, "1.2.3.4:5", "!", b"", "b':\x1b[2J' refused"),
-                  Entry(0.0, "mount", ">", b":GVP#"), Entry(0.0, "mount", "<", b"\x1b[2J#")):
+    for entry in (
+        Entry(0.0, "1.2.3.4:5", ">", b":SM\x1b[2J#"),
+        Entry(0.0, "1.2.3.4:5", "x", b"\x1b]0;t\x07", "why"),
+        Entry(0.0, "1.2.3.4:5", "!", b"", "b':\x1b[2J' refused"),
+        Entry(0.0, "mount", ">", b":GVP#"),
+        Entry(0.0, "mount", "<", b"\x1b[2J#"),
+    ):
         put(entry)
     assert all(char == "\n" or char.isprintable() for char in stream.getvalue())

@@ -8,16 +8,24 @@ from typing import Any
 import pytest
 
 from gateway.cli import _bound, main, parser
-from gateway.cli.settings import settings
+from gateway.cli.serve.settings import settings
 from tests.running import Running, ask
 
 RUN = ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0"]
 
 
-@pytest.mark.parametrize(("flags", "log"), [
-    ([], False), (["--log"], "all"), (["--no-log"], False), (["--log=mount"], "mount"),
-    (["--log=refusals"], "refusals"), (["--log", "--wait"], "all"), (["--log=program", "--no-log"], False),
-])
+@pytest.mark.parametrize(
+    ("flags", "log"),
+    [
+        ([], False),
+        (["--log"], "all"),
+        (["--no-log"], False),
+        (["--log=mount"], "mount"),
+        (["--log=refusals"], "refusals"),
+        (["--log", "--wait"], "all"),
+        (["--log=program", "--no-log"], False),
+    ],
+)
 def test_flags(flags: list[str], log: Any) -> None:
     words = _bound([*RUN, *flags])
     assert settings(parser(words[:1]).parse_args(words))[0].log == log

@@ -6,29 +6,53 @@ from pathlib import Path
 
 import pytest
 
-from gateway.assembly import speech
+from gateway.app.gateway import speech
 from gateway.cli import main
-from gateway.log.conversation import Side
-from gateway.log.printing import Rows
-from gateway.tables import load
-from gateway.transcript import Entry
+from gateway.core.wire_log import Entry
+from gateway.diagnostics.log.conversation import Side
+from gateway.diagnostics.log.printing import Rows
+from gateway.protocols.wireformat.command_set import load
 
 #: Protocol, command, its words, reply, its words; the bytes are those of the manuals.
 SAID = [
-    ("nexstar", b"e", "precise right ascension and declination", b"34AB0500,12CE0500#",
-     "e: RA 04:56:15, Dec +26°26'39\""),
+    (
+        "nexstar",
+        b"e",
+        "precise right ascension and declination",
+        b"34AB0500,12CE0500#",
+        "e: RA 04:56:15, Dec +26°26'39\"",
+    ),
     ("nexstar", b"E", "right ascension and declination", b"34AB,F2CE#", "E: RA 04:56:15, Dec -18°33'21\""),
-    ("nexstar", b"r3B78FC00,0FA79B00", "precise goto right ascension and declination: RA 05:34:32, Dec +22°00'52\"",
-     b"#", "r: accepted"),
+    (
+        "nexstar",
+        b"r3B78FC00,0FA79B00",
+        "precise goto right ascension and declination: RA 05:34:32, Dec +22°00'52\"",
+        b"#",
+        "r: accepted",
+    ),
     ("nexstar", b"T\x02", "set tracking mode: mode 2: EQ north", b"#", "T: accepted"),
-    ("nexstar", b"P\x02\x10\x24\x09\0\0\0", "fixed rate, azimuth or right ascension, positive: rate 9", b"#",
-     "slew_azm_pos: accepted"),
-    ("nexstar", b"P\x03\x11\x07\x02\x58\0\0", "variable rate, altitude or declination, negative: rate 150 arcsec/s",
-     b"#", "rate_alt_neg: accepted"),
-    ("nexstar", b"W\x21\x32\x29\0\x76\x14\x11\1",
-     "set location: latitude 33°50'41\" N, longitude 118°20'17\" W", b"#", "W: accepted"),
-    ("nexstar", b"h", "local time, zone", b"\x0f\x1a\0\x04\x06\x05\xf8\1#",
-     "h: 2005-04-06 15:26:00, zone -8, dst 1"),
+    (
+        "nexstar",
+        b"P\x02\x10\x24\x09\0\0\0",
+        "fixed rate, azimuth or right ascension, positive: rate 9",
+        b"#",
+        "slew_azm_pos: accepted",
+    ),
+    (
+        "nexstar",
+        b"P\x03\x11\x07\x02\x58\0\0",
+        "variable rate, altitude or declination, negative: rate 150 arcsec/s",
+        b"#",
+        "rate_alt_neg: accepted",
+    ),
+    (
+        "nexstar",
+        b"W\x21\x32\x29\0\x76\x14\x11\1",
+        "set location: latitude 33°50'41\" N, longitude 118°20'17\" W",
+        b"#",
+        "W: accepted",
+    ),
+    ("nexstar", b"h", "local time, zone", b"\x0f\x1a\0\x04\x06\x05\xf8\1#", "h: 2005-04-06 15:26:00, zone -8, dst 1"),
     ("nexstar", b"m", "model", b"\x0c#", "m: 6-8se"),
     ("nexstar", b"V", "hand-control version", b"\x04\x15#", "V: version 4.21"),
     ("nexstar", b"J", "whether the alignment is complete", b"\0#", "J: not aligned"),
@@ -57,17 +81,31 @@ def test_words(protocol: str, command: bytes, words: str, reply: bytes, answer: 
 
 
 @pytest.mark.parametrize(("protocol", "command", "words", "reply", "answer"), SAID)
-def test_decode_and_the_log_have_the_same_words(protocol: str, command: bytes, words: str, reply: bytes, answer: str,
-                                                tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_decode_and_the_log_have_the_same_words(
+    protocol: str,
+    command: bytes,
+    words: str,
+    reply: bytes,
+    answer: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     spied = tmp_path / "spied"
-    spied.write_text("".join(f"00000{number}.002 {way} 0000  {data[start : start + 16].hex(' ').upper()}  .\n"
-                             for number, (way, data) in enumerate([("TX  ", command), ("RX  ", reply)])
-                             for start in range(0, len(data), 16)))
+    spied.write_text(
+        "".join(
+            f"00000{number}.002 {way} 0000  {data[start : start + 16].hex(' ').upper()}  .\n"
+            for number, (way, data) in enumerate([("TX  ", command), ("RX  ", reply)])
+            for start in range(0, len(data), 16)
+        )
+    )
     assert main(["decode", "--protocol", protocol, str(spied)]) == 0
     told = capsys.readouterr().out.splitlines()
     live = Rows("lx200", [protocol], speech)
-    entries = [Entry(0.0, "1.2.3.4:5", "+", b"", "surface 1, host 1.2.3.4"), Entry(0.0, "1.2.3.4:5", ">", command),
-               Entry(1.0, "1.2.3.4:5", "<", reply)][: 3 if reply else 2]
+    entries = [
+        Entry(0.0, "1.2.3.4:5", "+", b"", "surface 1, host 1.2.3.4"),
+        Entry(0.0, "1.2.3.4:5", ">", command),
+        Entry(1.0, "1.2.3.4:5", "<", reply),
+    ][: 3 if reply else 2]
     shown = [row.words for entry in entries for row in live.take(entry)][1:]
     assert [line[line.index(word) :] for line, word in zip(told, shown, strict=True)] == shown
 
@@ -75,8 +113,11 @@ def test_decode_and_the_log_have_the_same_words(protocol: str, command: bytes, w
 @pytest.mark.parametrize("protocol", ["lx200", "nexstar"])
 def test_only_what_does_nothing_else_counts_as_a_question(protocol: str) -> None:
     table = load(protocol)
-    acting = {name for name, command in table.commands.items()
-              if not command.question and any(picture.fields for _, picture in command.replies)}
+    acting = {
+        name
+        for name, command in table.commands.items()
+        if not command.question and any(picture.fields for _, picture in command.replies)
+    }
     assert acting == ({"CM", "P", "MS", "SC"} if protocol == "lx200" else set())
     does = ("Set", "Goto", "Move", "Sync", "Stop", "Halt", "Park", "Cancel", "Pulse", "Focus")
     for name, row in table.surface.items():
@@ -87,8 +128,14 @@ def test_only_what_does_nothing_else_counts_as_a_question(protocol: str) -> None
 def test_every_row_of_words_is_about_a_field_or_a_command_that_there_is() -> None:
     for protocol in ("lx200", "nexstar"):
         table = load(protocol)
-        fields = {name: {field for picture in [*command.requests, *(one for _, one in command.replies)]
-                         for field in picture.fields} for name, command in table.commands.items()}
+        fields = {
+            name: {
+                field
+                for picture in [*command.requests, *(one for _, one in command.replies)]
+                for field in picture.fields
+            }
+            for name, command in table.commands.items()
+        }
         rows = table.extra("words.toml")
         assert set(rows.get("commands", {})) <= set(fields)
         for name in rows["fields"]:

@@ -13,10 +13,11 @@ from tests.virtual import run
 RATE_0 = b"P\x02\x10\x24\x00\x00\x00\x00"
 
 
-def swallow(bridge: Bridge, wanted: Callable[[bytes], bool], times: int = 1, *,
-            carried_out: bool = False) -> list[bytes]:
+def swallow(
+    bridge: Bridge, wanted: Callable[[bytes], bool], times: int = 1, *, carried_out: bool = False
+) -> list[bytes]:
     """The next requests that are wanted never reach the mount, or only their answers are lost -> those so far."""
-    wire = bridge.hub.line.wire
+    wire = bridge.controller.line.wire
     good, lost = wire._feed, []  # type: ignore[attr-defined]
 
     def feed(data: bytes) -> bytes:
@@ -114,10 +115,10 @@ def test_one_lost_answer_does_not_keep_the_mount_unknown() -> None:
     async def program() -> None:
         bridge = Bridge()
         swallow(bridge, lambda data: data == b"V")
-        bridge.hub.start()
+        bridge.controller.start()
         await asyncio.sleep(20)
         assert len(await bridge.client().ask(b":GR#")) == 9
-        await bridge.hub.close()
+        await bridge.controller.close()
 
     run(program())
 
@@ -217,13 +218,13 @@ def test_a_goto_whose_acknowledgement_was_lost_is_seen_and_can_be_ended(mount: s
             swallow(bridge, lambda data: data == b":MS#", carried_out=True)
             assert await client.ask(GOTO, 5.0, until=b"0") == b"11", "it has begun, and nobody knows that in time"
             assert bridge.sim.slewing
-            assert bridge.hub.slewing
+            assert bridge.controller.slewing
             assert bridge.sent().count(b":MS#") == 1
             client.tell(end)
             await asyncio.sleep(2.0)
             assert not bridge.sim.slewing
             await asyncio.sleep(3.0)
-            assert not bridge.hub.slewing
+            assert not bridge.controller.slewing
 
     run(program())
 
@@ -249,7 +250,7 @@ def test_a_goto_on_a_line_that_falls_silent_is_looked_for_when_it_is_back(mount:
     async def program() -> None:
         async with Bridge(mount, driven="lx200", speed=0.4) as bridge:
             client = bridge.client()
-            wire = bridge.hub.line.wire
+            wire = bridge.controller.line.wire
             good = wire._feed  # type: ignore[attr-defined]
             silent = [False]
 
@@ -263,7 +264,7 @@ def test_a_goto_on_a_line_that_falls_silent_is_looked_for_when_it_is_back(mount:
             wire._feed = good  # type: ignore[attr-defined]
             await asyncio.sleep(8.0)
             assert bridge.sim.slewing
-            assert bridge.hub.slewing, "it goes on, and the gateway knows"
+            assert bridge.controller.slewing, "it goes on, and the gateway knows"
             client.tell(b":Qe#")
             await asyncio.sleep(3.0)
             assert not bridge.sim.slewing

@@ -15,7 +15,7 @@ ARROW = bytes((80, 2, 16, 37, 9, 0, 0, 0))  # east, the fastest
 
 def disturb(bridge: Any, how: str, arrow: bytes = ARROW) -> list[bytes]:
     """The first arrow is not heard, its answer does not come, or comes twice, or comes bent -> what was sent."""
-    wire, met = bridge.hub.line.wire, []
+    wire, met = bridge.controller.line.wire, []
     feed = wire._feed
 
     def hear(data: bytes) -> bytes:
@@ -53,6 +53,7 @@ def test_an_arrow_without_an_acknowledgement_is_ended(mount: str, how: str, leav
 @pytest.mark.parametrize("how", ["lost", "doubled", "bent"])
 def test_a_pulse_without_an_acknowledgement_is_ended(how: str) -> None:
     """These motors know no pulses: it is a motion at the guide rate, and somebody must end it."""
+
     async def program() -> None:
         async with Bridge("cge", config={"lowest": -90.0, "sun": 0.0}) as bridge:
             client, met = bridge.client(), disturb(bridge, how, bytes((80, 2, 16, 37, 1, 0, 0, 0)))

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.spherical import separation
+from gateway.astro.spherical import separation
 from tests.bridge import Bridge
 from tests.cable import deafen
 from tests.virtual import run
@@ -26,18 +26,19 @@ def speed(bridge: Any, before: tuple[float, float], seconds: float) -> float:
 
 async def seconds_to_rest(bridge: Any, at_most: float) -> float:
     """Since now; programs poll meanwhile."""
-    began, client = bridge.hub.now(), bridge.client("10.0.0.9")
-    while bridge.hub.now() - began < at_most:
+    began, client = bridge.controller.now(), bridge.client("10.0.0.9")
+    while bridge.controller.now() - began < at_most:
         before = bridge.sim.truth()
         client.tell(b":GR#")
         await asyncio.sleep(0.2)
         if speed(bridge, before, 0.2) < 0.02:
-            return float(bridge.hub.now() - began)
+            return float(bridge.controller.now() - began)
     return at_most
 
 
-@pytest.mark.parametrize(("mount", "times"), [(mount, times) for mount in MEADES for times in (1, 3)] + [
-    ("cge", 1), ("cpc", 1), ("cge", 3)])
+@pytest.mark.parametrize(
+    ("mount", "times"), [(mount, times) for mount in MEADES for times in (1, 3)] + [("cge", 1), ("cpc", 1), ("cge", 3)]
+)
 @pytest.mark.parametrize("motion", [b":RS#:Me#", b":RS#:Mn#:Mw#", b":RM#:Ms#", GOTO])
 def test_a_stop_that_was_lost_is_sent_again(mount: str, motion: bytes, times: int) -> None:
     async def program() -> None:
@@ -67,7 +68,7 @@ def test_a_release_that_was_lost_is_sent_again_and_the_other_axis_goes_on(mount:
                 client.tell(b":GR#")
                 await asyncio.sleep(0.5)
             assert missed
-            assert bridge.hub.motions.axes == {2}
+            assert bridge.controller.motions.axes == {2}
             assert set(bridge.sim.arrows) == {2}
 
     run(program())
@@ -77,6 +78,7 @@ def test_a_release_that_was_lost_is_sent_again_and_the_other_axis_goes_on(mount:
 @pytest.mark.parametrize("fastest", [b":RS#", b":Sw4#", b":Sw2#"])
 def test_a_release_that_was_lost_at_the_fastest_rate_is_sent_again(mount: str, fastest: bytes) -> None:
     """A 16 inch goes at 4 degrees a second, half of what the others do; :Sw slows all of them."""
+
     async def program() -> None:
         async with bridge_to(mount) as bridge:
             client = bridge.client()
@@ -102,7 +104,7 @@ def test_a_stop_that_was_heard_is_not_sent_again(mount: str, motion: bytes) -> N
             await asyncio.sleep(10.0)
             stops = [sent for sent in bridge.sent() if sent in (b":Q#", b"M")]
             assert len(stops) == (2 if mount in MEADES else 1), "a Meade acknowledges nothing, so it is told twice"
-            assert not bridge.hub.ends.pending
+            assert not bridge.controller.ends.pending
             assert not [entry for entry in bridge.entries if "not stopped" in entry.note]
 
     run(program())
@@ -120,7 +122,7 @@ def test_a_mount_that_hears_no_stop_at_all_is_told_of() -> None:
             warned = [entry.note for entry in bridge.entries if entry.note.startswith("WARNING: the mount goes on")]
             assert 1 <= len(warned) <= 2
             await seconds_to_rest(bridge, 90.0)
-            assert not bridge.hub.ends.pending, "it is not fought for without end"
+            assert not bridge.controller.ends.pending, "it is not fought for without end"
             assert bridge.sent().count(b":Q#") <= 9
 
     run(program())

@@ -9,8 +9,8 @@ import random
 import ephem
 import pytest
 
-from gateway.sky import Sky, lunar
-from gateway.spherical import separation, wrap180, wrap360
+from gateway.astro.ephemeris import Sky, lunar
+from gateway.astro.spherical import separation, wrap180, wrap360
 
 UNIX_AT_DUBLIN = 2415020.0 - 2440587.5  # PyEphem counts days from 1899-12-31 noon
 SITES = [(48.2, 16.4), (-33.9, 18.5), (0.3, -78.5), (64.1, -21.9), (-45.9, 170.5)]
@@ -26,8 +26,10 @@ def sky() -> Sky:
 
 def _moments(count: int) -> list[float]:
     dice = random.Random(53)
-    return [dice.uniform(calendar.timegm((1990, 1, 1, 0, 0, 0)), calendar.timegm((2040, 1, 1, 0, 0, 0)))
-            for _ in range(count)]
+    return [
+        dice.uniform(calendar.timegm((1990, 1, 1, 0, 0, 0)), calendar.timegm((2040, 1, 1, 0, 0, 0)))
+        for _ in range(count)
+    ]
 
 
 def _ephem(unix: float) -> ephem.Date:
@@ -69,14 +71,18 @@ def test_a_site_sees_libration_of_its_own(sky: Sky, site: tuple[float, float]) -
         axis = math.radians(lunar.libration(centre, unix)[2])
         phi, dec = math.radians(site[0]), float(moon.g_dec)
         hour = math.radians(sky.sidereal_time(unix, site[1])) - float(moon.g_ra)
-        turn = math.atan2(math.cos(phi) * math.sin(hour),
-                          math.cos(dec) * math.sin(phi) - math.sin(dec) * math.cos(phi) * math.cos(hour))
+        turn = math.atan2(
+            math.cos(phi) * math.sin(hour),
+            math.cos(dec) * math.sin(phi) - math.sin(dec) * math.cos(phi) * math.cos(hour),
+        )
         zenith = math.acos(math.sin(dec) * math.sin(phi) + math.cos(dec) * math.cos(phi) * math.cos(hour))
         parallax = math.degrees(math.asin(6378.14 / math.hypot(*centre)))
         seen = parallax * (math.sin(zenith) + 0.0084 * math.sin(2 * zenith))
         latitude = math.degrees(moon.libration_lat)
-        wanted = (math.degrees(moon.libration_long) - seen * math.sin(turn - axis) / math.cos(math.radians(latitude)),
-                  latitude + seen * math.cos(turn - axis))
+        wanted = (
+            math.degrees(moon.libration_long) - seen * math.sin(turn - axis) / math.cos(math.radians(latitude)),
+            latitude + seen * math.cos(turn - axis),
+        )
         ours = lunar.libration(sky._moon_from(unix, *site), unix)
         assert abs(wrap180(ours[0] - wanted[0])) < 0.05
         assert abs(ours[1] - wanted[1]) < 0.04
@@ -95,10 +101,12 @@ def test_a_feature_stands_where_an_orthographic_map_has_it(sky: Sky, site: tuple
         longitude, latitude, angle = (math.radians(value) for value in lunar.libration(seen, unix))
         place = math.radians(dice.uniform(-60, 60)), math.radians(dice.uniform(-60, 60))
         across = math.cos(place[0]) * math.sin(place[1] - longitude)
-        up = (math.sin(place[0]) * math.cos(latitude)
-              - math.cos(place[0]) * math.sin(latitude) * math.cos(place[1] - longitude))
-        towards = (math.sin(place[0]) * math.sin(latitude)
-                   + math.cos(place[0]) * math.cos(latitude) * math.cos(place[1] - longitude))
+        up = math.sin(place[0]) * math.cos(latitude) - math.cos(place[0]) * math.sin(latitude) * math.cos(
+            place[1] - longitude
+        )
+        towards = math.sin(place[0]) * math.sin(latitude) + math.cos(place[0]) * math.cos(latitude) * math.cos(
+            place[1] - longitude
+        )
         radius = math.degrees(1737.4 / (math.hypot(*seen) - 1737.4 * towards))
         north = radius * (up * math.cos(angle) + across * math.sin(angle))
         east = radius * (up * math.sin(angle) - across * math.cos(angle))

@@ -11,8 +11,19 @@ from tests.simulated_meade import meade, overhead
 from tests.virtual import run
 
 #: What would turn a motor, and what an LX200GPS answers to it while its motors have no power.
-TURNS = [(b":MS#", b"0"), (b":MA#", b"0"), (b":RS#:Mn#", b""), (b":RG#:Mw#", b""), (b":Mge0500#", b""), (b":hP#", b""),
-         (b":hS#", b""), (b":hF#", b""), (b":Aa#", b"0"), (b":AA#", b""), (b":TQ#", b"")]
+TURNS = [
+    (b":MS#", b"0"),
+    (b":MA#", b"0"),
+    (b":RS#:Mn#", b""),
+    (b":RG#:Mw#", b""),
+    (b":Mge0500#", b""),
+    (b":hP#", b""),
+    (b":hS#", b""),
+    (b":hF#", b""),
+    (b":Aa#", b"0"),
+    (b":AA#", b""),
+    (b":TQ#", b""),
+]
 
 
 @pytest.mark.parametrize(("order", "answer"), TURNS)
@@ -96,7 +107,7 @@ def test_programs_are_told_in_words_that_the_telescope_sleeps() -> None:
             assert await client.ask(b":MS#") == b"1The mount is asleep: wake it first.#"
             client.tell(b":RS#:Mn#")
             await asyncio.sleep(2.0)
-            assert not bridge.hub.moving and not {b":MS#", b":Mn#"} & set(bridge.sent())
+            assert not bridge.controller.moving and not {b":MS#", b":Mn#"} & set(bridge.sent())
             client.tell(b":hW#")
             await asyncio.sleep(1.0)
             assert await client.ask(b":MS#") == b"0"

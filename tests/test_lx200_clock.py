@@ -9,15 +9,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway import errors
-from gateway import operations as op
+from gateway.core import errors
+from gateway.core import operations as op
 from tests.fixture import Mount, Talk, unix
 
 #: Every offset in civil use, local minus UTC in hours.
 OFFSETS = [*range(-12, 15), -9.5, -3.5, -2.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75, 13.75]
 #: Both sides of midnight, of the new year, and of a leap day.
-LOCAL = ["2026-12-31 23:59:59", "2027-01-01 00:00:00", "2026-07-01 00:00:01", "2026-06-30 12:00:00",
-         "2028-02-29 23:30:00", "2028-03-01 00:15:00"]
+LOCAL = [
+    "2026-12-31 23:59:59",
+    "2027-01-01 00:00:00",
+    "2026-07-01 00:00:01",
+    "2026-06-30 12:00:00",
+    "2028-02-29 23:30:00",
+    "2028-03-01 00:15:00",
+]
 DATED = b"1Updating        planetary data. #" + b" " * 32 + b"#"
 
 
@@ -38,8 +44,11 @@ def spellings(offset: float) -> list[bytes]:
 
 
 def pieces(local: datetime, offset: bytes) -> dict[str, bytes]:
-    return {"SG": b":SG%s#" % offset, "SL": local.strftime(":SL%H:%M:%S#").encode(),
-            "SC": local.strftime(":SC%m/%d/%y#").encode()}
+    return {
+        "SG": b":SG%s#" % offset,
+        "SL": local.strftime(":SL%H:%M:%S#").encode(),
+        "SC": local.strftime(":SC%m/%d/%y#").encode(),
+    }
 
 
 def told(talk: Talk) -> float:
@@ -102,9 +111,9 @@ def test_an_lx200gps_takes_the_reading_nearer_the_hosts_clock(offset: float, utc
 
 
 @pytest.mark.parametrize("host", ["2023-01-01 00:00:00", "2026-07-01 00:00:00", "2026-07-09 00:00:00"])
-@pytest.mark.parametrize(("offset", "local", "sent"), [
-    (b"+05", "21:30:00", "07/05/26"), (b"-10", "05:00:00", "07/03/26"),
-])
+@pytest.mark.parametrize(
+    ("offset", "local", "sent"), [(b"+05", "21:30:00", "07/05/26"), (b"-10", "05:00:00", "07/03/26")]
+)
 def test_an_lx200gps_goes_by_the_manual_where_the_host_has_lost_its_clock(
     host: str, offset: bytes, local: str, sent: str
 ) -> None:
@@ -234,8 +243,9 @@ def test_two_clients_with_their_own_offsets_hear_the_same_utc(now: int, one: flo
     first, second = Talk(mount), Talk(mount)
     second.send(b":SG%s#" % spellings(other)[0])
     assert told(first) == told(second) == now if now < 2524608000 else True
-    assert first.send(b":GL#") == (b"%s#" % (datetime.fromtimestamp(now, UTC) + timedelta(hours=_printed(one)))
-                                   .strftime("%H:%M:%S").encode())
+    assert first.send(b":GL#") == (
+        b"%s#" % (datetime.fromtimestamp(now, UTC) + timedelta(hours=_printed(one))).strftime("%H:%M:%S").encode()
+    )
 
 
 def _printed(offset: float) -> float:

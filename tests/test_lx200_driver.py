@@ -6,9 +6,9 @@ import asyncio
 
 import pytest
 
-from gateway.errors import Busy
-from gateway.operations import Position, SetClock, SetSite
-from gateway.spherical import sidereal_time, wrap360
+from gateway.astro.spherical import sidereal_time, wrap360
+from gateway.core.errors import Busy
+from gateway.core.operations import Position, SetClock, SetSite
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -132,9 +132,9 @@ def test_a_refused_goto_is_acknowledged_and_shows_as_no_motion(model: str) -> No
 def test_site_and_clock_are_set_and_read_back(model: str) -> None:
     async def program() -> None:
         async with meade(model) as bridge:
-            await bridge.hub.perform(SetSite(latitude=-33.5, longitude=151.25))
+            await bridge.controller.perform(SetSite(latitude=-33.5, longitude=151.25))
             moment = bridge.clock() + 86400.0
-            await bridge.hub.perform(SetClock(moment, 5.75))
+            await bridge.controller.perform(SetClock(moment, 5.75))
             await asyncio.sleep(10)
             assert bridge.sim.site == pytest.approx((-33.5, 151.25), abs=1 / 120)
             bridge.sim.truth()  # come to now
@@ -149,13 +149,15 @@ def test_a_busy_telescope_is_asked_again_and_then_given_up() -> None:
         async with meade("lx200gps") as bridge:
             await asyncio.sleep(6)
             bridge.sim.busy_until = bridge.clock() + 1.0
-            assert (await bridge.hub.perform(Position())).dec == pytest.approx(0.0, abs=0.1)
+            assert (await bridge.controller.perform(Position())).dec == pytest.approx(0.0, abs=0.1)
             await asyncio.sleep(6)
             bridge.sim.busy_until = bridge.clock() + 60.0
-            assert (await bridge.hub.perform(Position())).dec == pytest.approx(0.0, abs=0.1)  # as it was told last
+            assert (await bridge.controller.perform(Position())).dec == pytest.approx(
+                0.0, abs=0.1
+            )  # as it was told last
             await asyncio.sleep(6)
             with pytest.raises(Busy):
-                await bridge.hub.perform(Position())
+                await bridge.controller.perform(Position())
 
     run(program())
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.frames import Unterminated
+from gateway.protocols.base.frames import Unterminated
 from gateway.protocols.lx200.framing import LONGEST, Framer
 
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from gateway import operations as op
-from gateway.errors import Busy, Refused, Unsupported
+from gateway.core import operations as op
+from gateway.core.errors import Busy, Refused, Unsupported
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -24,20 +24,20 @@ def test_a_stop_goes_out_while_the_gps_is_asked_and_nothing_else_does() -> None:
             await other.ask(b":GR#")
             asking.tell(b":gT#")
             await asyncio.sleep(2.0)
-            assert bridge.hub.line.state == "busy"
+            assert bridge.controller.line.state == "busy"
             before = len(bridge.sent())
             assert await other.ask(b":GR#", 0.2) != b""  # the last position, for a while
             other.tell(b":Q#")
             await asyncio.sleep(0.001)
             assert bridge.sent()[before:] == [b":Q#"]
-            assert not bridge.hub.motions.owed
+            assert not bridge.controller.motions.owed
             other.tell(b":Mn#")
             await asyncio.sleep(10.0)
             assert await other.ask(b":GR#", 5.0) == b""
             assert bridge.sent()[before:] == [b":Q#"]
             await asyncio.sleep(60.0)
             assert asking.heard == b"1"
-            assert bridge.hub.line.state == "up"
+            assert bridge.controller.line.state == "up"
             assert (await other.ask(b":GR#")).endswith(b"#")
             assert bridge.sim.mechanics.axes(bridge.sim.now)[1] == pytest.approx(45.0, abs=1.0)  # :Mn never came
 
@@ -71,8 +71,8 @@ def test_a_stop_does_not_wait_for_a_classic_to_calculate_its_planets() -> None:
     async def program() -> None:
         async with meade("lx200") as bridge:
             client = bridge.client()
-            await bridge.hub.perform(op.Goto(bridge.sim.mechanics.sky.sidereal(bridge.clock()) + 40.0, 20.0))
-            await bridge.hub.perform(op.SetClock(bridge.clock() + 86400.0, 0.0))
+            await bridge.controller.perform(op.Goto(bridge.sim.mechanics.sky.sidereal(bridge.clock()) + 40.0, 20.0))
+            await bridge.controller.perform(op.SetClock(bridge.clock() + 86400.0, 0.0))
             await asyncio.sleep(1.0)
             assert bridge.sent()[-1].startswith(b":SC")
             client.tell(b":Q#")
@@ -88,7 +88,7 @@ def test_a_telescope_that_seeks_home_is_asked_nothing_else() -> None:
     async def program() -> None:
         async with meade("lx200-16") as bridge:
             client = bridge.client()
-            await bridge.hub.perform(op.Goto(bridge.sim.mechanics.sky.sidereal(bridge.clock()) + 60.0, 20.0))
+            await bridge.controller.perform(op.Goto(bridge.sim.mechanics.sky.sidereal(bridge.clock()) + 60.0, 20.0))
             await asyncio.sleep(60.0)
             before = len(bridge.sent())
             client.tell(b":hF#")
@@ -97,9 +97,9 @@ def test_a_telescope_that_seeks_home_is_asked_nothing_else() -> None:
                 await asyncio.sleep(0.5)
             assert set(bridge.sent()[before:]) <= {b":Q#", b":hF#", b":h?#"}
             assert await client.ask(b":h?#") == b"2"
-            assert bridge.hub.line.state == "up"
+            assert bridge.controller.line.state == "up"
             with pytest.raises(Busy):
-                await bridge.hub.perform(op.TrackRate(name="lunar"))
+                await bridge.controller.perform(op.TrackRate(name="lunar"))
             client.tell(b":Q#")
             await asyncio.sleep(0.3)
             assert await client.ask(b":h?#") == b"0"
@@ -118,10 +118,10 @@ def test_a_refusal_of_a_command_without_a_reply_is_heard() -> None:
         async with meade(latency=0.01) as bridge:
             bridge.sim.busy_until = bridge.clock() + 1.0
             with pytest.raises(Busy):
-                await bridge.hub.perform(op.Move(op.Direction.NORTH, op.Rate(name="find")))
+                await bridge.controller.perform(op.Move(op.Direction.NORTH, op.Rate(name="find")))
             await asyncio.sleep(3.0)
             assert bridge.sim.arrows == {}
-            await bridge.hub.perform(op.Move(op.Direction.NORTH, op.Rate(name="find")))
+            await bridge.controller.perform(op.Move(op.Direction.NORTH, op.Rate(name="find")))
             assert bridge.sim.arrows == {2: False}
 
     run(program())
@@ -182,7 +182,7 @@ def test_fan_and_derotator_are_switched_where_the_mount_has_them_and_nowhere_els
 def test_a_classic_tracks_at_the_rate_asked_for(factor: float, sent: bytes) -> None:
     async def program() -> None:
         async with meade("lx200") as bridge:
-            await bridge.hub.perform(op.TrackRate(factor=factor))
+            await bridge.controller.perform(op.TrackRate(factor=factor))
             assert sent in bridge.sent()
 
     run(program())
@@ -194,7 +194,7 @@ def test_a_classic_refuses_a_rate_beyond_its_range() -> None:
     async def program() -> None:
         async with meade("lx200") as bridge:
             with pytest.raises(Refused, match=r"56\.4 to 60\.1"):
-                await bridge.hub.perform(op.TrackRate(factor=0.5))
+                await bridge.controller.perform(op.TrackRate(factor=0.5))
             assert b":TM#" not in bridge.sent()
 
     run(program())
@@ -204,10 +204,10 @@ def test_a_toggle_that_is_told_the_same_twice_is_pressed_once() -> None:
     async def program() -> None:
         async with meade("lx200") as bridge:
             for on in (True, True, False, False):
-                await bridge.hub.perform(op.PeriodicError(1, on))
+                await bridge.controller.perform(op.PeriodicError(1, on))
             assert sum(b"$Q" in request for request in bridge.sent()) == 2
             with pytest.raises(Unsupported):
-                await bridge.hub.perform(op.Park())
+                await bridge.controller.perform(op.Park())
 
     run(program())
 
@@ -239,19 +239,20 @@ def test_north_is_north_and_motors_keep_their_sense_on_a_polar_fork(driven: str,
 
     async def program() -> None:
         model = "lx200" if driven == "lx200" else "cpc"
-        async with Bridge(model, driven=driven, site=(latitude, 10.0), aligned=driven == "lx200",
-                          config={"lowest": -90.0}) as bridge:
+        async with Bridge(
+            model, driven=driven, site=(latitude, 10.0), aligned=driven == "lx200", config={"lowest": -90.0}
+        ) as bridge:
             if driven == "nexstar":
                 bridge.sim.aligned = True
                 bridge.sim.track(2 if latitude > 0 else 3)
-                bridge.hub.snapshot.forget(op.GetStatus)
-                await bridge.hub.perform(op.GetStatus())
+                bridge.controller.snapshot.forget(op.GetStatus)
+                await bridge.controller.perform(op.GetStatus())
 
             async def moved(operation: op.Operation, axis: int) -> tuple[float, float]:
                 ra, dec = bridge.sim.truth()
-                await bridge.hub.perform(operation)
+                await bridge.controller.perform(operation)
                 await asyncio.sleep(2.0)
-                await bridge.hub.perform(op.Halt(axis))
+                await bridge.controller.perform(op.Halt(axis))
                 after = bridge.sim.truth()
                 return (after[0] - ra + 180.0) % 360.0 - 180.0, after[1] - dec
 

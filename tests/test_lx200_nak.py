@@ -14,13 +14,20 @@ NAK = b"\x15"
 
 def gps(presented: str) -> Bridge:
     surface = "lx200gps" if presented == "lx200" else "cpc"
-    return Bridge("lx200gps", driven="lx200", presented=presented, surface=surface,
-                  config={"lowest": -90.0, "sun": 0.0})
+    return Bridge(
+        "lx200gps", driven="lx200", presented=presented, surface=surface, config={"lowest": -90.0, "sun": 0.0}
+    )
 
 
-@pytest.mark.parametrize(("presented", "said", "heard"), [
-    ("lx200", b":Sr08:00:00#:Sd+30*00:00#:MS#", b"110"), ("lx200", b":Gt#", b"+45*00#"), ("nexstar", b"T\x02", b"#"),
-    ("nexstar", b"r55555500,15555500", b"#")])
+@pytest.mark.parametrize(
+    ("presented", "said", "heard"),
+    [
+        ("lx200", b":Sr08:00:00#:Sd+30*00:00#:MS#", b"110"),
+        ("lx200", b":Gt#", b"+45*00#"),
+        ("nexstar", b"T\x02", b"#"),
+        ("nexstar", b"r55555500,15555500", b"#"),
+    ],
+)
 def test_what_was_objected_to_is_asked_again(presented: str, said: bytes, heard: bytes) -> None:
     async def program() -> None:
         async with gps(presented) as bridge:
@@ -34,8 +41,10 @@ def test_what_was_objected_to_is_asked_again(presented: str, said: bytes, heard:
     run(program())
 
 
-@pytest.mark.parametrize(("presented", "said"), [("lx200", b":Sr08:00:00#:Sd+30*00:00#:MS#:GR#:GD#:GZ#"),
-                                                 ("nexstar", b"eztr55555500,15555500")])
+@pytest.mark.parametrize(
+    ("presented", "said"),
+    [("lx200", b":Sr08:00:00#:Sd+30*00:00#:MS#:GR#:GD#:GZ#"), ("nexstar", b"eztr55555500,15555500")],
+)
 def test_it_is_not_asked_for_ever_and_nobody_hears_it(presented: str, said: bytes) -> None:
     async def program() -> None:
         async with gps(presented) as bridge:

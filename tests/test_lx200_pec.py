@@ -28,6 +28,7 @@ def test_a_classic_is_told_with_a_colon(model: str) -> None:
 
 def test_the_toggle_after_a_switch_is_the_other_way() -> None:
     """``P 2 16 13 on``, as the motors of a CGE have it."""
+
     async def play() -> None:
         async with Bridge("cge", surface="lx200gps") as bridge:
             client = bridge.client()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.access import Access
+from gateway.clients.access import Access
 from gateway.mount.safety.limits import Limits
 from tests.bridge import Bridge
 from tests.fixture import Talk
@@ -18,8 +18,24 @@ WITH_HORIZON = ["autostar", "lx200-16", "lx200gps"]
 
 
 @pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("bad", [b":So91#", b":Sh91#", b":So99*#", b":Sh-5#", b":So-5#", b":So-05*#", b":Sh100#",
-                                 b":Sh540#", b":Sh5401#", b":So-5400#", b":So#", b":Sh45.5.5#", b":Shab#"])
+@pytest.mark.parametrize(
+    "bad",
+    [
+        b":So91#",
+        b":Sh91#",
+        b":So99*#",
+        b":Sh-5#",
+        b":So-5#",
+        b":So-05*#",
+        b":Sh100#",
+        b":Sh540#",
+        b":Sh5401#",
+        b":So-5400#",
+        b":So#",
+        b":Sh45.5.5#",
+        b":Shab#",
+    ],
+)
 def test_a_limit_is_0_to_90_degrees(model: str, bad: bytes) -> None:
     talk = Talk(model=model)
     assert talk.send(b":So10*#:Sh80#") == b"11"
@@ -45,8 +61,19 @@ def test_a_baud_rate_of_the_manual_is_taken(model: str, good: bytes) -> None:
     assert Talk(model=model).send(good) == b"1"
 
 
-@pytest.mark.parametrize("bad", [b":Srab:cd:ef#", b":Srxx:yy:zz#", b":Sdab*cd:ef#", b":SLab:cd:ef#", b":Sgab*cd#",
-                                 b":Stab*cd#", b":SCab/cd/ef#", b":SGab#"])
+@pytest.mark.parametrize(
+    "bad",
+    [
+        b":Srab:cd:ef#",
+        b":Srxx:yy:zz#",
+        b":Sdab*cd:ef#",
+        b":SLab:cd:ef#",
+        b":Sgab*cd#",
+        b":Stab*cd#",
+        b":SCab/cd/ef#",
+        b":SGab#",
+    ],
+)
 def test_letters_in_place_of_a_number_are_answered_once(bad: bytes) -> None:
     """A program waits for its one character."""
     talk = Talk()
@@ -55,12 +82,18 @@ def test_letters_in_place_of_a_number_are_answered_once(bad: bytes) -> None:
     assert talk.send(b":GR#") == b"12:34:56#"
 
 
-@pytest.mark.parametrize(("bad", "reads", "before"), [
-    (b":Sr12:34:60#", b":Gr#", b"00:00:00#"), (b":Sr12:60:00#", b":Gr#", b"00:00:00#"),
-    (b":Sr12:60.0#", b":Gr#", b"00:00:00#"), (b":Sr23:59:60#", b":Gr#", b"00:00:00#"),
-    (b":Sd+45*60#", b":Gd#", b"+00*00:00#"), (b":Sd+45*59:60#", b":Gd#", b"+00*00:00#"),
-    (b":Sd-00*60#", b":Gd#", b"+00*00:00#"),
-])
+@pytest.mark.parametrize(
+    ("bad", "reads", "before"),
+    [
+        (b":Sr12:34:60#", b":Gr#", b"00:00:00#"),
+        (b":Sr12:60:00#", b":Gr#", b"00:00:00#"),
+        (b":Sr12:60.0#", b":Gr#", b"00:00:00#"),
+        (b":Sr23:59:60#", b":Gr#", b"00:00:00#"),
+        (b":Sd+45*60#", b":Gd#", b"+00*00:00#"),
+        (b":Sd+45*59:60#", b":Gd#", b"+00*00:00#"),
+        (b":Sd-00*60#", b":Gd#", b"+00*00:00#"),
+    ],
+)
 def test_a_target_has_no_sixtieth_minute_or_second(bad: bytes, reads: bytes, before: bytes) -> None:
     """And a target that was refused is none."""
     talk = Talk()
@@ -88,8 +121,9 @@ def test_sixty_carries_where_programs_round_to_it(model: str) -> None:
     assert talk.send(b":Sg074*60#:St40*60#:Gg#:Gt#") == b"11+075*00#+41*00#"
 
 
-@pytest.mark.parametrize("bad", [b":Sz180*61#", b":Sz180*99#", b":Sa+30*61#", b":Sg074*61#", b":Sg074*99#",
-                                 b":St+40*61#", b":St+40*99#"])
+@pytest.mark.parametrize(
+    "bad", [b":Sz180*61#", b":Sz180*99#", b":Sa+30*61#", b":Sg074*61#", b":Sg074*99#", b":St+40*61#", b":St+40*99#"]
+)
 def test_sixty_one_is_no_minute(bad: bytes) -> None:
     talk = Talk()
     assert talk.send(b":Sg074*30#:St+40*45#") == b"11"
@@ -141,8 +175,20 @@ def test_a_focus_speed_that_is_none_changes_nothing() -> None:
 # --- a client that only looks ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("setting", [b":SL23:00:00#", b":SG+00#", b":SC11/22/26#", b":St+10*00#", b":Sg100*00#",
-                                     b":SS12:00:00#", b":ST60.0#", b":SMHOME#", b":hI260320201530#"])
+@pytest.mark.parametrize(
+    "setting",
+    [
+        b":SL23:00:00#",
+        b":SG+00#",
+        b":SC11/22/26#",
+        b":St+10*00#",
+        b":Sg100*00#",
+        b":SS12:00:00#",
+        b":ST60.0#",
+        b":SMHOME#",
+        b":hI260320201530#",
+    ],
+)
 def test_whoever_only_looks_is_told_no_by_everything_that_sets(setting: bytes) -> None:
     async def play() -> None:
         async with Bridge("cpc", surface="lx200gps", access=Access(read_only=True)) as bridge:

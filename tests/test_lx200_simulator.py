@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.protocols.lx200.simulator import HANDLERS
-from gateway.spherical import separation, sidereal_time, wrap360
-from gateway.tables import load
+from gateway.astro.spherical import separation, sidereal_time, wrap360
+from gateway.protocols.lx200.simulator.telescope import HANDLERS
+from gateway.protocols.wireformat.command_set import load
 from tests.manual_files import fits, raw, rows
 from tests.simulated_meade import MODELS, SITES, meade
 

@@ -5,20 +5,43 @@ from __future__ import annotations
 import pytest
 
 from gateway.cli import main
-from gateway.protocols.lx200.sim_forms import well_formed
+from gateway.protocols.lx200.simulator.forms import well_formed
 from tests.manual_files import raw, rows
 from tests.sent_forms import malformed
 from tests.simulated_meade import MODELS, meade
 
 #: What is refused, and what tells that nothing has changed.
 MALFORMED = [
-    (b":Sg-010*45#", b":Gg#"), (b":Sg+118*19#", b":Gg#"), (b":Sg10*45#", b":Gg#"), (b":Sg360*00#", b":Gg#"),
-    (b":Sg010*60#", b":Gg#"), (b":Sg010 45#", b":Gg#"), (b":St45*00#", b":Gt#"), (b":St+5*00#", b":Gt#"),
-    (b":St+45*60#", b":Gt#"), (b":St+91*00#", b":Gt#"), (b":SG+8#", b":GG#"), (b":SG+08#", b":GG#"),
-    (b":SG8.0#", b":GG#"), (b":SG+8.0#", b":GG#"), (b":Sr5:00:00#", b":Gr#"), (b":Sr05:00:60#", b":Gr#"),
-    (b":Sr 05:00:00#", b":Gr#"), (b":Sr24:00:00#", b":Gr#"), (b":Sd20*00:00#", b":Gd#"), (b":Sd+20*60#", b":Gd#"),
-    (b":Sd+90*01#", b":Gd#"), (b":So91*#", b":Go#"), (b":So10#", b":Go#"), (b":So-5*#", b":Go#"), (b":Sh91#", b":Gh#"),
-    (b":Sh5400#", b":Gh#"), (b":Sh5#", b":Gh#"), (b":Sb5#", b":Gb#"), (b":SF21#", b":GF#"), (b":ST60.1#", b":GT#"),
+    (b":Sg-010*45#", b":Gg#"),
+    (b":Sg+118*19#", b":Gg#"),
+    (b":Sg10*45#", b":Gg#"),
+    (b":Sg360*00#", b":Gg#"),
+    (b":Sg010*60#", b":Gg#"),
+    (b":Sg010 45#", b":Gg#"),
+    (b":St45*00#", b":Gt#"),
+    (b":St+5*00#", b":Gt#"),
+    (b":St+45*60#", b":Gt#"),
+    (b":St+91*00#", b":Gt#"),
+    (b":SG+8#", b":GG#"),
+    (b":SG+08#", b":GG#"),
+    (b":SG8.0#", b":GG#"),
+    (b":SG+8.0#", b":GG#"),
+    (b":Sr5:00:00#", b":Gr#"),
+    (b":Sr05:00:60#", b":Gr#"),
+    (b":Sr 05:00:00#", b":Gr#"),
+    (b":Sr24:00:00#", b":Gr#"),
+    (b":Sd20*00:00#", b":Gd#"),
+    (b":Sd+20*60#", b":Gd#"),
+    (b":Sd+90*01#", b":Gd#"),
+    (b":So91*#", b":Go#"),
+    (b":So10#", b":Go#"),
+    (b":So-5*#", b":Go#"),
+    (b":Sh91#", b":Gh#"),
+    (b":Sh5400#", b":Gh#"),
+    (b":Sh5#", b":Gh#"),
+    (b":Sb5#", b":Gb#"),
+    (b":SF21#", b":GF#"),
+    (b":ST60.1#", b":GT#"),
 ]
 
 

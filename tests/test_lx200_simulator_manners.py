@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from gateway.tables import load
+from gateway.protocols.wireformat.command_set import load
 from tests.simulated_meade import MODELS, SITES, Line, meade, overhead
 
 # --- what takes its time ------------------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.spherical import separation, wrap180
+from gateway.astro.spherical import separation, wrap180
 from tests.simulated_meade import MODELS, SITES, meade, overhead
 
 ARCSECOND = 1.0 / 3600.0

@@ -8,33 +8,38 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway import operations as op
+from gateway.core import operations as op
 from tests.fixture import Talk
 
 
 def _place(talk: Talk) -> tuple[Any, Any]:
     """The last halves that were set: latitude, longitude; None where none was."""
     sites = talk.mount.of(op.SetSite)
-    return (next((site.latitude for site in reversed(sites) if site.latitude is not None), None),
-            next((site.longitude for site in reversed(sites) if site.longitude is not None), None))
+    return (
+        next((site.latitude for site in reversed(sites) if site.latitude is not None), None),
+        next((site.longitude for site in reversed(sites) if site.longitude is not None), None),
+    )
 
 
-@pytest.mark.parametrize(("sent", "east", "told"), [
-    (b"122*25", -(122 + 25 / 60), b"+122*25#"),
-    (b"+122*25", -(122 + 25 / 60), b"+122*25#"),
-    (b"003*08'", -(3 + 8 / 60), b"+003*08#"),
-    (b"312*00", 48.0, b"-048*00#"),
-    (b"-48*00", 48.0, b"-048*00#"),
-    (b"-048*00:00", 48.0, b"-048*00#"),
-    (b"351*40", 8 + 20 / 60, b"-008*20#"),
-    (b"-000*30", 0.5, b"-000*30#"),
-    (b"359*30", 0.5, b"-000*30#"),
-    (b"000*30", -0.5, b"+000*30#"),
-    (b"000*00", 0.0, b"+000*00#"),
-    (b"360*00", 0.0, b"+000*00#"),
-    (b"010:44", -(10 + 44 / 60), b"+010*44#"),
-    (b" 122\xdf25", -(122 + 25 / 60), b"+122*25#"),
-])
+@pytest.mark.parametrize(
+    ("sent", "east", "told"),
+    [
+        (b"122*25", -(122 + 25 / 60), b"+122*25#"),
+        (b"+122*25", -(122 + 25 / 60), b"+122*25#"),
+        (b"003*08'", -(3 + 8 / 60), b"+003*08#"),
+        (b"312*00", 48.0, b"-048*00#"),
+        (b"-48*00", 48.0, b"-048*00#"),
+        (b"-048*00:00", 48.0, b"-048*00#"),
+        (b"351*40", 8 + 20 / 60, b"-008*20#"),
+        (b"-000*30", 0.5, b"-000*30#"),
+        (b"359*30", 0.5, b"-000*30#"),
+        (b"000*30", -0.5, b"+000*30#"),
+        (b"000*00", 0.0, b"+000*00#"),
+        (b"360*00", 0.0, b"+000*00#"),
+        (b"010:44", -(10 + 44 / 60), b"+010*44#"),
+        (b" 122\xdf25", -(122 + 25 / 60), b"+122*25#"),
+    ],
+)
 def test_longitude(sent: bytes, east: float, told: bytes) -> None:
     talk = Talk()
     assert talk.send(b":Sg%s#:Gg#" % sent) == b"1" + told
@@ -59,9 +64,9 @@ def test_latitude(north: int) -> None:
     assert _place(talk) == (pytest.approx(north / 60), None)
 
 
-@pytest.mark.parametrize("refused", [
-    b":St+91*00#", b":St+90*01#", b":St#", b":Stabc#", b":Sg361*00#", b":Sg-181*00#", b":Sg#",
-])
+@pytest.mark.parametrize(
+    "refused", [b":St+91*00#", b":St+90*01#", b":St#", b":Stabc#", b":Sg361*00#", b":Sg-181*00#", b":Sg#"]
+)
 def test_an_impossible_place_is_refused(refused: bytes) -> None:
     talk = Talk()
     assert talk.send(refused) == b"0"
@@ -88,19 +93,24 @@ def test_names_are_everybodys_and_never_empty() -> None:
     other.session.shared = one.session.shared
     assert one.send(b":SNHOME#") == b"1"
     assert other.send(b":GN#") == b"HOME#"
-    assert all(len(Talk(model=model).send(b":G%s#" % letter)) > 1
-               for model in ("autostar", "lx200") for letter in (b"M", b"N", b"O", b"P"))
+    assert all(
+        len(Talk(model=model).send(b":G%s#" % letter)) > 1
+        for model in ("autostar", "lx200")
+        for letter in (b"M", b"N", b"O", b"P")
+    )
 
 
-@pytest.mark.parametrize(("model", "names"), [
-    ("autostar", b"SITE 1#SITE 2#SITE 3#SITE 4#"), ("lx200", b"ST1#ST2#ST3#ST4#"), ("lx200-16", b"ST1#ST2#ST3#ST4#")])
+@pytest.mark.parametrize(
+    ("model", "names"),
+    [("autostar", b"SITE 1#SITE 2#SITE 3#SITE 4#"), ("lx200", b"ST1#ST2#ST3#ST4#"), ("lx200-16", b"ST1#ST2#ST3#ST4#")],
+)
 def test_sites_that_nobody_has_named_can_be_told_apart(model: str, names: bytes) -> None:
     assert Talk(model=model).send(b":GM#:GN#:GO#:GP#") == names
 
 
-@pytest.mark.parametrize(("model", "numbers"), [
-    ("autostar", b"0123"), ("lx200-16", b"0123"), ("lx200", b"1234"), ("lx200gps", b"1234"),
-])
+@pytest.mark.parametrize(
+    ("model", "numbers"), [("autostar", b"0123"), ("lx200-16", b"0123"), ("lx200", b"1234"), ("lx200gps", b"1234")]
+)
 def test_selecting_a_stored_site_makes_it_the_site(model: str, numbers: bytes) -> None:
     talk = Talk(model=model)
     for index, number in enumerate(numbers):

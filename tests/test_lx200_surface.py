@@ -6,9 +6,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from gateway import operations as op
-from gateway.errors import NoAnswer
-from gateway.tables import load
+from gateway.core import operations as op
+from gateway.core.errors import NoAnswer
+from gateway.protocols.wireformat.command_set import load
 from tests.fixture import Mount, Talk
 
 MODELS = ["autostar", "lx200", "lx200-16", "lx200gps"]
@@ -21,15 +21,44 @@ NAMES = sorted(load("lx200").commands)
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "ACK"])
 def test_no_argument_upsets_a_command(name: str) -> None:
     for model in MODELS:
-        for argument in (b"", b"x", b"abc", b" ", b"-5", b"+", b".", b"0", b"9", b"1.2.3", b"9999999", b"n", b"n-5",
-                         b"\xff", b"12:34:56", b"+12*34:56", b"nan", b"inf", b"1e3", b"1_0"):
+        for argument in (
+            b"",
+            b"x",
+            b"abc",
+            b" ",
+            b"-5",
+            b"+",
+            b".",
+            b"0",
+            b"9",
+            b"1.2.3",
+            b"9999999",
+            b"n",
+            b"n-5",
+            b"\xff",
+            b"12:34:56",
+            b"+12*34:56",
+            b"nan",
+            b"inf",
+            b"1e3",
+            b"1_0",
+        ):
             talk = Talk(model=model)
             talk.send((b"" if name.startswith("$Q") else b":") + name.encode() + argument + b"#")
             assert talk.send(b"#:Gc#").endswith((b"24#", b"12#"))
 
 
-@given(st.lists(st.one_of(st.binary(max_size=12), st.sampled_from(NAMES).map(lambda name: b":" + name.encode()),
-                          st.just(b"#"), st.just(b"\x06")), max_size=30))
+@given(
+    st.lists(
+        st.one_of(
+            st.binary(max_size=12),
+            st.sampled_from(NAMES).map(lambda name: b":" + name.encode()),
+            st.just(b"#"),
+            st.just(b"\x06"),
+        ),
+        max_size=30,
+    )
+)
 @example([b":SG", b"-15:00", b"#"])
 def test_no_bytes_upset_the_surface(pieces: list[bytes]) -> None:
     talk = Talk()
@@ -53,8 +82,12 @@ def test_both_formats_are_within_half_their_last_digit(ra: float, dec: float) ->
     short.send(b":U#")
     mount.position, mount.horizontal = op.Equatorial(ra, dec), op.Horizontal(ra, dec)
     for talk, hours, tick in ((long, 1 / 240, 1 / 3600), (short, 1 / 40, 1 / 60)):
-        for command, wanted, size, digit in ((b":GR#", ra, 15.0, hours), (b":GD#", dec, 1.0, tick),
-                                             (b":GZ#", ra, 1.0, tick), (b":GA#", dec, 1.0, tick)):
+        for command, wanted, size, digit in (
+            (b":GR#", ra, 15.0, hours),
+            (b":GD#", dec, 1.0, tick),
+            (b":GZ#", ra, 1.0, tick),
+            (b":GA#", dec, 1.0, tick),
+        ):
             reply = talk.send(command)
             off = _degrees(reply) * size - wanted
             assert abs((off + 180) % 360 - 180) <= digit / 2 + 1e-9, (command, reply)
@@ -62,8 +95,11 @@ def test_both_formats_are_within_half_their_last_digit(ra: float, dec: float) ->
 
 @pytest.mark.parametrize("start", ["high", "low"])
 def test_the_format_is_a_clients_own(start: str) -> None:
-    long, short = (b"12:34:56#+45*12:34#", b"12:34.9#+45*13#") if start == "high" else (
-        b"12:34.9#+45*13#", b"12:34:56#+45*12:34#")
+    long, short = (
+        (b"12:34:56#+45*12:34#", b"12:34.9#+45*13#")
+        if start == "high"
+        else (b"12:34.9#+45*13#", b"12:34:56#+45*12:34#")
+    )
     one, other = Talk(mount := Mount(), precision=start), Talk(mount, precision=start)
     assert one.send(b":GR#:GD#") == long
     assert one.send(b":U#:GR#:GD#") == short
@@ -81,9 +117,10 @@ def test_pointing_precision_is_no_format() -> None:
 # --- one instant --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("first", "second", "before", "after"), [
-    (b":GR#", b":GD#", b"+45*12:34#", b"+20*00:00#"), (b":GZ#", b":GA#", b"+40*00:00#", b"+20*00:00#"),
-])
+@pytest.mark.parametrize(
+    ("first", "second", "before", "after"),
+    [(b":GR#", b":GD#", b"+45*12:34#", b"+20*00:00#"), (b":GZ#", b":GA#", b"+40*00:00#", b"+20*00:00#")],
+)
 def test_a_pair_is_one_instant(first: bytes, second: bytes, before: bytes, after: bytes) -> None:
     def moved() -> Talk:
         talk = Talk()
@@ -106,13 +143,16 @@ def test_a_pair_is_one_instant(first: bytes, second: bytes, before: bytes, after
 # --- truthful about the mount -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("tracking", "aligned", "equatorial", "ack", "state"), [
-    (op.Tracking.ALTAZ, True, False, b"A", b"AT1"),
-    (op.Tracking.EQ_NORTH, True, True, b"P", b"PT1"),
-    (op.Tracking.EQ_SOUTH, False, True, b"P", b"PT0"),
-    (op.Tracking.OFF, True, False, b"A", b"AN1"),
-    (op.Tracking.OFF, False, True, b"P", b"PN0"),
-])
+@pytest.mark.parametrize(
+    ("tracking", "aligned", "equatorial", "ack", "state"),
+    [
+        (op.Tracking.ALTAZ, True, False, b"A", b"AT1"),
+        (op.Tracking.EQ_NORTH, True, True, b"P", b"PT1"),
+        (op.Tracking.EQ_SOUTH, False, True, b"P", b"PT0"),
+        (op.Tracking.OFF, True, False, b"A", b"AN1"),
+        (op.Tracking.OFF, False, True, b"P", b"PN0"),
+    ],
+)
 def test_state(tracking: op.Tracking, aligned: bool, equatorial: bool, ack: bytes, state: bytes) -> None:
     talk = Talk()
     talk.mount.status = op.Status(tracking, aligned=aligned, equatorial=equatorial)
@@ -136,9 +176,9 @@ def test_the_alignment_menu_marks_the_present_mode() -> None:
     assert talk.send(b":AL#:G2#").startswith(b">")
 
 
-@pytest.mark.parametrize(("model", "product", "firmware"), [
-    ("autostar", b"Autostar", b"43Eg"), ("lx200gps", b"LX2001", b"4.2l"),
-])
+@pytest.mark.parametrize(
+    ("model", "product", "firmware"), [("autostar", b"Autostar", b"43Eg"), ("lx200gps", b"LX2001", b"4.2l")]
+)
 def test_identity_is_the_presented_models(model: str, product: bytes, firmware: bytes) -> None:
     talk = Talk(model=model)
     assert talk.send(b":GVP#:GVN#") == product + b"#" + firmware + b"#"

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway import errors
-from gateway import operations as op
+from gateway.core import errors
+from gateway.core import operations as op
 from gateway.mount.safety.limits import Limits
 from tests.fixture import Mount, Talk
 
@@ -75,14 +75,17 @@ def test_a_goto_of_a_client_in_land_mode_starts_no_tracking() -> None:
 # --- refusals -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("fault", "reply"), [
-    (errors.BelowHorizon(), b"1Object Below Horizon.#"),
-    (errors.TooHigh("Object Above Higher Limit."), b"2Object Above Higher Limit.#"),
-    (errors.NotAligned(), b"1Mount not aligned.#"),
-    (errors.NoAnswer(), b"1No answer from mount.#"),
-    (errors.Stopped(), b"1Stopped.#"),
-    (errors.Unsupported("The mount # is too old."), b"1The mount   is too old.#"),
-])
+@pytest.mark.parametrize(
+    ("fault", "reply"),
+    [
+        (errors.BelowHorizon(), b"1Object Below Horizon.#"),
+        (errors.TooHigh("Object Above Higher Limit."), b"2Object Above Higher Limit.#"),
+        (errors.NotAligned(), b"1Mount not aligned.#"),
+        (errors.NoAnswer(), b"1No answer from mount.#"),
+        (errors.Stopped(), b"1Stopped.#"),
+        (errors.Unsupported("The mount # is too old."), b"1The mount   is too old.#"),
+    ],
+)
 def test_a_goto_is_refused_with_a_digit_and_words(fault: errors.Fault, reply: bytes) -> None:
     talk = Talk()
     talk.mount.fault = fault
@@ -112,8 +115,10 @@ def test_a_target_exactly_at_a_limit_is_allowed() -> None:
     altitude = _altitude(talk.mount, (5 + 34 / 60 + 32 / 3600) * 15, 22 + 52 / 3600)
     assert 40 < altitude < 80
     for limits, reply in [
-        (Limits(lowest=altitude), b"0"), (Limits(lowest=altitude + 2 / 3600), b"1Object Below Lower Limit.#"),
-        (Limits(highest=altitude), b"0"), (Limits(highest=altitude - 2 / 3600), b"2Object Above Higher Limit.#"),
+        (Limits(lowest=altitude), b"0"),
+        (Limits(lowest=altitude + 2 / 3600), b"1Object Below Lower Limit.#"),
+        (Limits(highest=altitude), b"0"),
+        (Limits(highest=altitude - 2 / 3600), b"2Object Above Higher Limit.#"),
     ]:
         talk.mount.limits = limits
         assert talk.send(TARGET + b":MS#") == b"11" + reply

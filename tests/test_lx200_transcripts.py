@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from gateway import operations as op
+from gateway.core import operations as op
 from tests.fixture import Mount, Talk
 from tests.transcript_files import Conversation, files, read
 from tests.virtual import run
@@ -91,14 +91,24 @@ async def _received(path: Path, conversation: Conversation) -> None:
             await asyncio.sleep(float(line.text))
         else:
             _set_up(house.mount, house.shared["sites"], line.text)
-            house.hub.changed()
+            house.controller.changed()
     assert heard == b""
 
 
 def test_there_is_a_conversation_for_every_program() -> None:
     names = {path.stem.removeprefix("lx200-") for path in FILES}
-    assert names >= {"indi-basic", "indi-autostar", "stellarium", "stellarium-mobile", "skysafari", "sscore", "ascom",
-                     "indigo", "hamlib", "cartes-du-ciel"}
+    assert names >= {
+        "indi-basic",
+        "indi-autostar",
+        "stellarium",
+        "stellarium-mobile",
+        "skysafari",
+        "sscore",
+        "ascom",
+        "indigo",
+        "hamlib",
+        "cartes-du-ciel",
+    }
     for path in FILES:
         lines = read(path).lines
         assert [line.mark for line in lines].count("<") > 4

@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway import operations as op
-from gateway.frames import Suspect, Unterminated
+from gateway.core import operations as op
+from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.lx200.framing import LONGEST, STOPS, Framer
-from gateway.tables import load
+from gateway.protocols.wireformat.command_set import load
 from tests.fixture import Talk
 from tests.manual_files import raw, rows
 
@@ -55,8 +55,19 @@ def aimed(**settings: Any) -> Talk:
 
 
 @pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("lost", [b":Sr07:00:00:MS#", b":Sd+12*30:00:MS#", b":Sr07:00:00:Sd+12*00:MS#", b":Sr:MS#",
-                                  b":SMfoo:Sr07:00:00#", b":Sr07:\x0600:00#", b":SMa:Sd+1\x06:MS#", b":Sr07:00:00:GR#"])
+@pytest.mark.parametrize(
+    "lost",
+    [
+        b":Sr07:00:00:MS#",
+        b":Sd+12*30:00:MS#",
+        b":Sr07:00:00:Sd+12*00:MS#",
+        b":Sr:MS#",
+        b":SMfoo:Sr07:00:00#",
+        b":Sr07:\x0600:00#",
+        b":SMa:Sd+1\x06:MS#",
+        b":Sr07:00:00:GR#",
+    ],
+)
 def test_a_setter_without_its_end_is_refused_once_and_clears_the_target(lost: bytes, way: str) -> None:
     talk = aimed()
     assert say(talk, lost, way) == b"0"
@@ -91,8 +102,15 @@ def test_what_follows_in_the_same_run_is_answered_and_moves_nothing(way: str) ->
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("stop", STOPS)
 def test_a_stop_inside_or_behind_is_carried_out(stop: bytes, way: str) -> None:
-    for sent in (b":Sr07:00:00" + stop, b":SMfoo:Mn" + stop, b":SMfoo:Mn#" + stop, b":SMfoo:Mn#:MS#:GR#" + stop,
-                 b":SMfoo" + stop[:-1] + b":Mn#", b":SM" + b"x" * 100 + stop, b":Sr\x06" + stop):
+    for sent in (
+        b":Sr07:00:00" + stop,
+        b":SMfoo:Mn" + stop,
+        b":SMfoo:Mn#" + stop,
+        b":SMfoo:Mn#:MS#:GR#" + stop,
+        b":SMfoo" + stop[:-1] + b":Mn#",
+        b":SM" + b"x" * 100 + stop,
+        b":Sr\x06" + stop,
+    ):
         talk = aimed()
         say(talk, sent, way)
         (ended,) = done(talk)
@@ -109,8 +127,10 @@ def test_a_stop_is_carried_out_however_the_line_pauses(cut: int) -> None:
     assert [type(operation) for operation in done(talk)] == [op.Stop]
 
 
-@given(st.lists(st.sampled_from([b":", b"S", b"Sr", b"SM", b"Q", b"#", b"\x06", b"$", b"M", b"07", b"x" * 40, b"\r"])),
-       st.lists(st.sampled_from([0.0, 0.05, 0.2, 2.0]), min_size=1))
+@given(
+    st.lists(st.sampled_from([b":", b"S", b"Sr", b"SM", b"Q", b"#", b"\x06", b"$", b"M", b"07", b"x" * 40, b"\r"])),
+    st.lists(st.sampled_from([0.0, 0.05, 0.2, 2.0]), min_size=1),
+)
 def test_whatever_comes_before_a_stop_it_is_handed_on(before: list[bytes], pauses: list[float]) -> None:
     framer, now, frames = Framer(), 0.0, list[bytes]()
     for number, piece in enumerate([*before, b":", b"Q", b"#"]):
@@ -122,16 +142,22 @@ def test_whatever_comes_before_a_stop_it_is_handed_on(before: list[bytes], pause
 
 def test_every_stop_is_known_to_the_framing() -> None:
     lx200 = load("lx200")
-    ends = {command.request.encode({}) for name, command in lx200.commands.items()
-            if lx200.surface[name].operations and set(lx200.surface[name].operations) <= {"Stop", "Halt"}}
+    ends = {
+        command.request.encode({})
+        for name, command in lx200.commands.items()
+        if lx200.surface[name].operations and set(lx200.surface[name].operations) <= {"Stop", "Halt"}
+    }
     assert ends | {b":FQ#"} == set(STOPS)
 
 
 # --- every command with an argument -------------------------------------------------------------------------------
 
 EXAMPLES = [raw(row[1]) for file in ("lx200_forms.txt", "lx200_beyond.txt") for row in rows(file)]
-SETTERS = [(found[0].name, example) for example in EXAMPLES
-           if (found := load("lx200").find(example)) is not None and found[0].request.fields]
+SETTERS = [
+    (found[0].name, example)
+    for example in EXAMPLES
+    if (found := load("lx200").find(example)) is not None and found[0].request.fields
+]
 
 
 @pytest.mark.parametrize("model", ["autostar", "lx200"])
@@ -181,13 +207,27 @@ def test_what_never_ends_needs_no_memory(endless: bytes) -> None:
 
 
 @pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize(("sent", "reply", "moved"), [
-    (b":QA+:GR#", b"12:34:56#", 0), (b":GR:GD#", b"+45*12:34#", 0), (b":GR\x06:GD#", b"P+45*12:34#", 0),
-    (b":RS:Mn#", b"", 1), (b":Mn:Me#", b"", 1), (b":GX80:Mn#", b"", 1), (b":QZ-:MS#", b"0", 1), (b":Sq:Mn#", b"", 1),
-    (b":Sr05:34:32#:Sd+22*00:52#:MS#", b"110", 1), (b":Sz 180*00#:Sa+45*00#:MA#", b"110", 1), (b":St+45*30#", b"1", 1),
-    (b":SL19:00:00#:Mn#", b"1", 1), (b":SMa:1#:Mn#", b"1", 1), (b":SMa::#:Mn#", b"1", 1),
-    (b"#:Q#:Sr05:34:32#", b"1", 1), (b":RM#:Mn#:Qn#", b"", 2),
-])
+@pytest.mark.parametrize(
+    ("sent", "reply", "moved"),
+    [
+        (b":QA+:GR#", b"12:34:56#", 0),
+        (b":GR:GD#", b"+45*12:34#", 0),
+        (b":GR\x06:GD#", b"P+45*12:34#", 0),
+        (b":RS:Mn#", b"", 1),
+        (b":Mn:Me#", b"", 1),
+        (b":GX80:Mn#", b"", 1),
+        (b":QZ-:MS#", b"0", 1),
+        (b":Sq:Mn#", b"", 1),
+        (b":Sr05:34:32#:Sd+22*00:52#:MS#", b"110", 1),
+        (b":Sz 180*00#:Sa+45*00#:MA#", b"110", 1),
+        (b":St+45*30#", b"1", 1),
+        (b":SL19:00:00#:Mn#", b"1", 1),
+        (b":SMa:1#:Mn#", b"1", 1),
+        (b":SMa::#:Mn#", b"1", 1),
+        (b"#:Q#:Sr05:34:32#", b"1", 1),
+        (b":RM#:Mn#:Qn#", b"", 2),
+    ],
+)
 def test_other_commands_are_split_as_ever(sent: bytes, reply: bytes, moved: int, way: str) -> None:
     talk = aimed()
     assert say(talk, sent, way) == reply

@@ -15,8 +15,17 @@ from tests.virtual import run
 # --- what was refused leaves nothing chosen -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("refused", "reply"), [(b":Ls5#", b"2"), (b":Lsx#", b"2"), (b":Lo9#", b"0"), (b":Lo#", b"0"),
-                                                (b":Lo1:LC31#", b"0"), (b":Ls0:LS903#", b"2")])
+@pytest.mark.parametrize(
+    ("refused", "reply"),
+    [
+        (b":Ls5#", b"2"),
+        (b":Lsx#", b"2"),
+        (b":Lo9#", b"0"),
+        (b":Lo#", b"0"),
+        (b":Lo1:LC31#", b"0"),
+        (b":Ls0:LS903#", b"2"),
+    ],
+)
 def test_a_refused_catalogue_leaves_nothing_to_go_to(refused: bytes, reply: bytes) -> None:
     talk = Talk(model="lx200")
     assert talk.send(b":Lo0#:Ls3#:LM42#") == b"11"
@@ -64,17 +73,17 @@ def test_a_stop_inside_ends_a_motion_at_once() -> None:
             client = bridge.client()
             await client.ask(b":RM#:Me#")
             await asyncio.sleep(2)
-            assert bridge.hub.motions.axes
-            stops = bridge.hub.stops
+            assert bridge.controller.motions.axes
+            stops = bridge.controller.stops
             client.tell(b":Sr07:00:00:Q#")
-            assert bridge.hub.stops == stops + 1, "in the very call that brought the bytes"
+            assert bridge.controller.stops == stops + 1, "in the very call that brought the bytes"
             await asyncio.sleep(1)
-            assert not bridge.hub.motions.axes
+            assert not bridge.controller.motions.axes
             await client.ask(b":RM#:Me#")
             await asyncio.sleep(2)
             client.tell(b":SMfoo:Qe#")
             await asyncio.sleep(1)
-            assert not bridge.hub.motions.axes
+            assert not bridge.controller.motions.axes
 
     run(program())
 
@@ -94,6 +103,7 @@ def test_no_answer_comes_from_memory_behind_half_a_command() -> None:
 
 def test_answers_from_memory_keep_the_run_going() -> None:
     """A question that is answered again without being cut out belongs to the run of bytes all the same."""
+
     async def program() -> None:
         async with Bridge() as bridge:
             client = bridge.client()
@@ -106,10 +116,10 @@ def test_answers_from_memory_keep_the_run_going() -> None:
                 await asyncio.sleep(0.05)
             client.tell(b":Mn#")
             await asyncio.sleep(1)
-            assert not bridge.hub.motions.axes
+            assert not bridge.controller.motions.axes
             client.tell(b":Mn#")
             await asyncio.sleep(1)
-            assert bridge.hub.motions.axes == {2}
+            assert bridge.controller.motions.axes == {2}
 
     run(program())
 
@@ -117,6 +127,7 @@ def test_answers_from_memory_keep_the_run_going() -> None:
 @pytest.mark.parametrize("half", [b":Sr07:00", b":Sr07:00:00:M", b":SMfoo:Sr07:00:00#", b":SMfoo:Sr07:00"])
 def test_the_next_connection_does_not_build_on_half_a_command(half: bytes) -> None:
     """What a connection has kept is handed on to the next one from its host: not a target of which half was lost."""
+
     async def program() -> None:
         async with Bridge() as bridge:
             for sent, reply in ((b"", b"0"), (half, b"1No target set.#")):

@@ -7,8 +7,8 @@ import re
 
 import pytest
 
-from gateway.codecs import codec
-from gateway.tables import load
+from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.fields import codec
 from tests.fixture import Talk
 from tests.manual_files import fits, raw, rows
 
@@ -75,8 +75,10 @@ def test_field(way: str, picture: str, data: str, value: str) -> None:
         with pytest.raises(ValueError, match=r"."):
             _ = form.decode(raw(data)) if re.fullmatch(form.pattern, raw(data), re.DOTALL) else int("refused")
     elif way == "in":
-        assert form.decode(raw(data)) == pytest.approx(_value(value, picture)) if picture != "MM/DD/YY" else (
-            form.decode(raw(data)) == _value(value, picture)
+        assert (
+            form.decode(raw(data)) == pytest.approx(_value(value, picture))
+            if picture != "MM/DD/YY"
+            else (form.decode(raw(data)) == _value(value, picture))
         )
     else:
         assert form.encode(_value(value, picture)) == raw(data)

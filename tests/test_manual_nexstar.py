@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import pytest
 
-from gateway.codecs import codec
 from gateway.protocols.nexstar.driver.tracking import rate_code
-from gateway.tables import load, parse_version
+from gateway.protocols.wireformat.command_set import load, parse_version
+from gateway.protocols.wireformat.fields import codec
 from tests.manual_files import raw, rows
 
 NEXSTAR = load("nexstar")

@@ -17,8 +17,12 @@ from tests.virtual import run
 
 MEADE = ("autostar", "lx200", "lx200-16", "lx200gps")
 #: Mounts behind the Meade face whose hand controls have the least, and a newer one.
-HARD = [("nexstar-gps", "1.2", "alt-az"), ("gt", "101.0", "alt-az"), ("nexstar-gps", "1.6", "alt-az"),
-        ("cge", "3.01", "eq-north")]
+HARD = [
+    ("nexstar-gps", "1.2", "alt-az"),
+    ("gt", "101.0", "alt-az"),
+    ("nexstar-gps", "1.6", "alt-az"),
+    ("cge", "3.01", "eq-north"),
+]
 #: How long a reply may take, and how long silence is listened to; virtual seconds.
 PATIENCE, LISTEN = 12.0, 0.3
 SITE = (45.0, 10.0)
@@ -34,8 +38,10 @@ async def _answer(client: object, said: bytes, silent: bool) -> bytes:
 def _lx200_talks(model: str) -> list[list[tuple[str, str]]]:
     """Every form that the model has, and what programs send beyond them; then what is said of this model."""
     forms = rows("lx200_forms.txt") + rows("lx200_beyond.txt")
-    return [[(example, shapes) for _, example, models, shapes in forms if models == "-" or model in models.split(",")],
-            [(said, shapes) for models, said, shapes, _ in rows("lx200_models.txt") if model in models.split(",")]]
+    return [
+        [(example, shapes) for _, example, models, shapes in forms if models == "-" or model in models.split(",")],
+        [(said, shapes) for models, said, shapes, _ in rows("lx200_models.txt") if model in models.split(",")],
+    ]
 
 
 def test_every_form_on_every_model_has_an_expectation() -> None:
@@ -46,7 +52,8 @@ def test_every_form_on_every_model_has_an_expectation() -> None:
         typed = {example for models, example, _, _ in rows("lx200_models.txt") if model in models.split(",")}
         assert outside <= typed, (model, outside - typed)
         assert outside == {example for models, example, _, _ in denied if model in models.split(",")} | (
-            outside & {":??#"}), model
+            outside & {":??#"}
+        ), model
 
 
 @pytest.mark.parametrize(("model", "mount"), [(model, None) for model in MEADE] + [("lx200gps", hard) for hard in HARD])
@@ -93,8 +100,9 @@ def _demanded(request: bytes, since: str, shape: str, model: list[str]) -> str |
 def test_every_celestron_command(model: list[str]) -> None:
     async def program() -> list[object]:
         wrong: list[object] = []
-        async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface=model[0], surface_version=model[4],
-                          latency=0.01) as bridge:
+        async with Bridge(
+            "lx200gps", driven="lx200", presented="nexstar", surface=model[0], surface_version=model[4], latency=0.01
+        ) as bridge:
             client = bridge.client()
             for name, said, since, shape in rows("nexstar_replies.txt"):
                 shape_here = _demanded(raw(said), since, shape, model)

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from gateway.truth import truth_of
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -34,17 +34,36 @@ WEST = [
 ]
 MODELS = ["lx200gps", "autostar", "lx200"]
 #: Of the declination motor, which rests.
-NORTH = [(7.5, 7.5, SIDEREAL, SIDEREAL), (-1.0, -1.0, -SIDEREAL, -SIDEREAL), (15.0, 15.0, SIDEREAL, SIDEREAL),
-         (300.0, 360.0, 240.66, 240.66), (1800.0, 1800.0, 7200.0, 7200.0), (10800.0, 10800.0, 10800.0, 10800.0)]
+NORTH = [
+    (7.5, 7.5, SIDEREAL, SIDEREAL),
+    (-1.0, -1.0, -SIDEREAL, -SIDEREAL),
+    (15.0, 15.0, SIDEREAL, SIDEREAL),
+    (300.0, 360.0, 240.66, 240.66),
+    (1800.0, 1800.0, 7200.0, 7200.0),
+    (10800.0, 10800.0, 10800.0, 10800.0),
+]
 #: Keys 1 to 9 of a CGE: 0.5, 1, 4, 8, 16 and 64 times sidereal, then 1, 3 and 5 degrees.
-KEYS = [(1, 7.5, SIDEREAL, SIDEREAL), (2, 15.0, SIDEREAL, SIDEREAL), (4, 240.66, 240.66, 240.66),
-        (5, 240.66, 240.66, 240.66), (6, 1080.0, 240.66, 240.66), (7, 3600.0, 7200.0, 7200.0),
-        (8, 10800.0, 10800.0, 10800.0), (9, 18000.0, 18000.0, 18000.0)]
+KEYS = [
+    (1, 7.5, SIDEREAL, SIDEREAL),
+    (2, 15.0, SIDEREAL, SIDEREAL),
+    (4, 240.66, 240.66, 240.66),
+    (5, 240.66, 240.66, 240.66),
+    (6, 1080.0, 240.66, 240.66),
+    (7, 3600.0, 7200.0, 7200.0),
+    (8, 10800.0, 10800.0, 10800.0),
+    (9, 18000.0, 18000.0, 18000.0),
+]
 
 
 def meade(model: str, polar: bool = True, **config: Any) -> Bridge:
-    bridge = Bridge(model, driven="lx200", presented="nexstar", surface="cge", latency=0.02,
-                    config={"sun": 0.0, "lowest": -90.0, **config})
+    bridge = Bridge(
+        model,
+        driven="lx200",
+        presented="nexstar",
+        surface="cge",
+        latency=0.02,
+        config={"sun": 0.0, "lowest": -90.0, **config},
+    )
     if polar:
         bridge.sim.feed(b":AP#:CM#")
     return bridge
@@ -112,7 +131,7 @@ def test_a_stop_puts_the_drive_back(model: str) -> None:
             client = bridge.client()
             await client.ask(variable(16, 14.5))
             await asyncio.sleep(2.0)
-            await bridge.hub.stop()
+            await bridge.controller.stop()
             await asyncio.sleep(3.0)
             assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(SIDEREAL, abs=0.001)
 
@@ -172,8 +191,14 @@ def test_the_guide_rate_of_the_settings_holds_over_a_meade_too(model: str) -> No
     """``:Mg`` of an LX200 program: half of sidereal for 2 s, whatever the telescope guides at."""
 
     async def program() -> None:
-        bridge = Bridge(model, driven="lx200", presented="lx200", surface="lx200gps", latency=0.02,
-                        config={"sun": 0.0, "lowest": -90.0, "guide_rate": 0.5})
+        bridge = Bridge(
+            model,
+            driven="lx200",
+            presented="lx200",
+            surface="lx200gps",
+            latency=0.02,
+            config={"sun": 0.0, "lowest": -90.0, "guide_rate": 0.5},
+        )
         bridge.sim.feed(b":AP#:CM#")
         async with bridge:
             before = truth_of(bridge.sim).axis2
@@ -188,8 +213,14 @@ def test_long_pulses_are_as_long_in_all_their_pieces() -> None:
     """A pulse of 50 s at 0.5: three pieces of 9.999 s and less at the telescope's one rate."""
 
     async def program() -> None:
-        bridge = Bridge("autostar", driven="lx200", presented="lx200", surface="lx200gps", latency=0.02,
-                        config={"sun": 0.0, "lowest": -90.0, "guide_rate": 0.5})
+        bridge = Bridge(
+            "autostar",
+            driven="lx200",
+            presented="lx200",
+            surface="lx200gps",
+            latency=0.02,
+            config={"sun": 0.0, "lowest": -90.0, "guide_rate": 0.5},
+        )
         bridge.sim.feed(b":AP#:CM#")
         async with bridge:
             before = truth_of(bridge.sim).axis2
@@ -208,8 +239,9 @@ def test_a_goto_of_a_meade_goes_at_the_fastest_rate_that_its_program_has_chosen(
     """Meade: ``:SwN#``, set maximum slew rate to N degrees per second. Other programs' gotos go as before."""
 
     async def program() -> None:
-        async with Bridge("lx200gps", driven="lx200", presented="lx200",
-                          config={"sun": 0.0, "lowest": -90.0}) as bridge:
+        async with Bridge(
+            "lx200gps", driven="lx200", presented="lx200", config={"sun": 0.0, "lowest": -90.0}
+        ) as bridge:
             client = bridge.client()
             if asked:
                 assert await client.ask(asked, until=b"1") == b"1"

@@ -11,15 +11,15 @@ from pathlib import Path
 
 import pytest
 
+from gateway.app.config import called, parse_device, parse_endpoint, parse_site
+from gateway.app.config.called import PROTOCOLS
+from gateway.app.config.places import right
+from gateway.app.stop_command import Report
 from gateway.cli import main
-from gateway.cli.meant import plainly
-from gateway.config import called, parse_device, parse_endpoint, parse_site
-from gateway.config.called import PROTOCOLS
-from gateway.config.places import right
-from gateway.detect.ports import named, whole
-from gateway.errors import UserError
-from gateway.rescue import Report
-from gateway.tables import load
+from gateway.cli.suggestions import plainly
+from gateway.core.errors import UserError
+from gateway.diagnostics.detect.ports import named, whole
+from gateway.protocols.wireformat.command_set import load
 from tests.running import Running, ask
 from tests.test_cli import refused
 
@@ -57,15 +57,33 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["sim", "nexstar", "--latency", "slow"], "--latency 'slow': write a number"),
         (["run", "--mount"], "--mount: what it is set to is missing behind it"),
         (["stop", "--hold", "--release"], "--release and --hold cannot be had together"),
-        (["run", *PLAIN, "--surface", "nexstar@tcp://:0", "--allow", "10.0.0.1"],
-         "--allow: there are 2 surfaces; write allow in gateway.toml, under the [[surface]]"),
-        (["run", *PLAIN, "--surface", "lx200@pty:/tmp/x", "--read-only"],
-         "--read-only: there are 2 surfaces; write read-only in gateway.toml"),
-        (["run", "--mount", "nexstar@sim", "--surface", "lx200@pty:/tmp/x", "--surface", "lx200@pty:/tmp/y", "--allow",
-          "10.0.0.1"], "--allow: none of these surfaces is on a network"),
+        (
+            ["run", *PLAIN, "--surface", "nexstar@tcp://:0", "--allow", "10.0.0.1"],
+            "--allow: there are 2 surfaces; write allow in gateway.toml, under the [[surface]]",
+        ),
+        (
+            ["run", *PLAIN, "--surface", "lx200@pty:/tmp/x", "--read-only"],
+            "--read-only: there are 2 surfaces; write read-only in gateway.toml",
+        ),
+        (
+            [
+                "run",
+                "--mount",
+                "nexstar@sim",
+                "--surface",
+                "lx200@pty:/tmp/x",
+                "--surface",
+                "lx200@pty:/tmp/y",
+                "--allow",
+                "10.0.0.1",
+            ],
+            "--allow: none of these surfaces is on a network",
+        ),
         (["run", "--mount", "nexstar@sim", "--allow", "10.0.0.1"], "at least one surface is needed"),
-        (["run", "--mount", "nexstar@sim", "--surface", "lx200@pty:/tmp/x", "--allow", "10.0.0.1"],
-         "--allow: nobody comes from a network here; write it on a surface at tcp://"),
+        (
+            ["run", "--mount", "nexstar@sim", "--surface", "lx200@pty:/tmp/x", "--allow", "10.0.0.1"],
+            "--allow: nobody comes from a network here; write it on a surface at tcp://",
+        ),
         (["run", *PLAIN, "--allow", "10.0.0.1/8"], "--allow '10.0.0.1/8': write 10.0.0.0/8"),
     ],
 )
@@ -107,9 +125,13 @@ def test_a_surface_takes_its_keys_from_flags(capsys: pytest.CaptureFixture[str])
     words = ["--client", "stellarium", "--allow", "10.0.0.0/8,127.0.0.1", "--max-clients", "3", "--precision=low"]
     assert main(["config", *PLAIN, *words, "--read-only"]) == 0
     told = capsys.readouterr().out
-    for line in ('client = "stellarium"  # --client', 'allow = ["10.0.0.0/8", "127.0.0.1"]  # --allow',
-                 "max-clients = 3  # --max-clients", 'precision = "low"  # --precision',
-                 "read-only = true  # --read-only"):
+    for line in (
+        'client = "stellarium"  # --client',
+        'allow = ["10.0.0.0/8", "127.0.0.1"]  # --allow',
+        "max-clients = 3  # --max-clients",
+        'precision = "low"  # --precision',
+        "read-only = true  # --read-only",
+    ):
         assert f"{line}\n" in told
     assert main(["config", *PLAIN, "--read-only=10.0.0.0/8"]) == 0
     assert 'read-only = ["10.0.0.0/8"]  # --read-only\n' in capsys.readouterr().out
@@ -135,12 +157,26 @@ def test_a_flag_changes_the_one_surface_of_a_file(here: Path, capsys: pytest.Cap
 @pytest.mark.parametrize(
     ("word", "device"),
     [
-        ("6se", "nexstar:6-8se"), ("8se", "nexstar:6-8se"), ("5se", "nexstar:4-5se"), ("cpc800", "nexstar:cpc"),
-        ("CPC 1100", "nexstar:cpc"), ("lx90", "lx200:autostar"), ("etx", "lx200:autostar"), ("etx90", "lx200:autostar"),
-        ("ETX-125", "lx200:autostar"), ("avx", "nexstar:avx"), ("celestron", "nexstar"), ("Meade", "lx200"),
-        ("Celestron NexStar 8 SE", "nexstar:6-8se"), ("celestron:6se/4.10", "nexstar:6-8se/4.10"),
-        ("nexstar:6se", "nexstar:6-8se"), ("lx200:etx", "lx200:autostar"), ("Meade LX200-ACF", "lx200:lx200gps"),
-        ("NexStar", "nexstar"), ("lx200", "lx200"), ("nexstar:cge/3.02", "nexstar:cge/3.02"),
+        ("6se", "nexstar:6-8se"),
+        ("8se", "nexstar:6-8se"),
+        ("5se", "nexstar:4-5se"),
+        ("cpc800", "nexstar:cpc"),
+        ("CPC 1100", "nexstar:cpc"),
+        ("lx90", "lx200:autostar"),
+        ("etx", "lx200:autostar"),
+        ("etx90", "lx200:autostar"),
+        ("ETX-125", "lx200:autostar"),
+        ("avx", "nexstar:avx"),
+        ("celestron", "nexstar"),
+        ("Meade", "lx200"),
+        ("Celestron NexStar 8 SE", "nexstar:6-8se"),
+        ("celestron:6se/4.10", "nexstar:6-8se/4.10"),
+        ("nexstar:6se", "nexstar:6-8se"),
+        ("lx200:etx", "lx200:autostar"),
+        ("Meade LX200-ACF", "lx200:lx200gps"),
+        ("NexStar", "nexstar"),
+        ("lx200", "lx200"),
+        ("nexstar:cge/3.02", "nexstar:cge/3.02"),
         ("starsense/1.19", "nexstar:starsense/1.19"),
     ],
 )
@@ -152,7 +188,9 @@ def test_a_mount_is_known_by_what_owners_call_it(word: str, device: str) -> None
 @pytest.mark.parametrize(
     ("word", "says"),
     [
-        ("celestrn", "did you mean 'celestron'?"), ("cpc1200", "did you mean 'cpc1100'?"), ("nexstr", "'nexstar'?"),
+        ("celestrn", "did you mean 'celestron'?"),
+        ("cpc1200", "did you mean 'cpc1100'?"),
+        ("nexstr", "'nexstar'?"),
         ("nexstar:lx90", "nexstar has no model 'lx90'; write lx200:autostar"),
         ("telescope", "write nexstar for a Celestron, lx200 for a Meade, or the name of the mount"),
     ],
@@ -175,10 +213,14 @@ def test_every_word_stands_for_one_mount_that_there_is(protocol: str) -> None:
             assert parse_device(word).protocol == protocol and (model == called.ANY or parse_device(word).where == "")
 
 
-@pytest.mark.parametrize("subcommand", [
-    ("config", "--surface", "lx200@tcp://:0", "--mount", "6se@sim"), ("explain", "etx", "6se", ":GR#"),
-    ("tables", "--model", "6se"),
-])
+@pytest.mark.parametrize(
+    "subcommand",
+    [
+        ("config", "--surface", "lx200@tcp://:0", "--mount", "6se@sim"),
+        ("explain", "etx", "6se", ":GR#"),
+        ("tables", "--model", "6se"),
+    ],
+)
 def test_they_are_known_in_every_subcommand(subcommand: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(list(subcommand)) == 0
     assert capsys.readouterr().out
@@ -193,8 +235,11 @@ def test_a_simulated_mount_has_its_owners_name(started: list[Running]) -> None:
 
 @pytest.mark.parametrize(
     ("half", "says"),
-    [("/dev/ttyACM0", "nexstar@/dev/ttyACM0 (Celestron) or lx200@/dev/ttyACM0 (Meade)"), ("6se", "6se@/dev/ttyUSB0"),
-     ("nexstar@", "nexstar@/dev/ttyUSB0")],
+    [
+        ("/dev/ttyACM0", "nexstar@/dev/ttyACM0 (Celestron) or lx200@/dev/ttyACM0 (Meade)"),
+        ("6se", "6se@/dev/ttyUSB0"),
+        ("nexstar@", "nexstar@/dev/ttyUSB0"),
+    ],
 )
 def test_half_an_endpoint_is_made_whole_in_the_example(half: str, says: str) -> None:
     with pytest.raises(UserError) as refusal:
@@ -232,8 +277,11 @@ def test_an_address_is_one_of_the_network() -> None:
         ("6se@192.168.1.5:4030", "lx200@tcp://:0", "--mount 6se@192.168.1.5:4030: write 6se@socket://192.168.1.5:4030"),
         ("lx200@tcp://10.0.0.1:4030", "lx200@tcp://:0", "write lx200@socket://10.0.0.1:4030"),
         ("lx200@pty:/tmp/meade", "lx200@tcp://:0", "write lx200@/tmp/meade"),
-        ("nexstar@sim", "lx200@tcp://no-computer.invalid:4030",
-         "no address is known for the name no-computer.invalid; write 0.0.0.0 for everybody"),
+        (
+            "nexstar@sim",
+            "lx200@tcp://no-computer.invalid:4030",
+            "no address is known for the name no-computer.invalid; write 0.0.0.0 for everybody",
+        ),
     ],
 )
 def test_a_place_is_told_as_it_should_be_written(mount: str, surface: str, says: str) -> None:
@@ -243,9 +291,16 @@ def test_a_place_is_told_as_it_should_be_written(mount: str, surface: str, says:
 def test_a_device_may_lack_its_folder(tmp_path: Path) -> None:
     (tmp_path / "ttyUSB7").touch()
     assert right("ttyUSB7", False, tmp_path) == str(tmp_path / "ttyUSB7")
-    for where, listening in [("COM3", False), ("/dev/ttyS0", False), ("sim", False), ("pty:/tmp/x", True),
-                             ("tcp://:4030", True), ("socket://a:1", False), ("rfc2217://a:1", True),
-                             ("hwgrep://x", False)]:
+    for where, listening in [
+        ("COM3", False),
+        ("/dev/ttyS0", False),
+        ("sim", False),
+        ("pty:/tmp/x", True),
+        ("tcp://:4030", True),
+        ("socket://a:1", False),
+        ("rfc2217://a:1", True),
+        ("hwgrep://x", False),
+    ]:
         assert right(where, listening, tmp_path) == "", where
     assert right("rfc2217:a:1", False, tmp_path) == "rfc2217://a:1"
 
@@ -261,18 +316,21 @@ def test_a_port_of_the_system_is_not_to_be_had(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(asyncio.base_events.BaseEventLoop, "create_server", refuse)
     monkeypatch.setitem(sys.modules, "uvloop", None)
     assert "ports below 1024 are for the system's own services; take a higher one, such as 4030" in refused(
-        "run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:80")
+        "run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:80"
+    )
 
 
 @pytest.mark.parametrize("quotes", ["“”", "„“", "‘’", "«»"])
 def test_quotes_of_a_word_processor_are_named(quotes: str, here: Path) -> None:
     (here / "gateway.toml").write_text(f"[mount]\nat = {quotes[0]}nexstar@sim{quotes[1]}\n", "utf-8")
-    assert 'gateway.toml:2: column 6: ' in (line := refused("run"))
+    assert "gateway.toml:2: column 6: " in (line := refused("run"))
     assert 'the quotes here are typographic ones: write plain ones, as in "nexstar@/dev/ttyUSB0"' in line
 
 
 def test_the_same_place_twice_by_flags_speaks_of_no_file() -> None:
-    line = refused("run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:4055", "--surface", "nexstar@tcp://:4055")
+    line = refused(
+        "run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:4055", "--surface", "nexstar@tcp://:4055"
+    )
     assert "tcp://:4055 is taken by another one already" in line and "file" not in line
 
 
@@ -295,9 +353,13 @@ def test_explain_knows_what_was_meant(words: list[str], says: str) -> None:
 @pytest.mark.parametrize(
     ("text", "place"),
     [
-        ("48.1,11.6", (48.1, 11.6)), ("-33.9,151.2", (-33.9, 151.2)), ("48°08'N,11°36'E", (48.1333333, 11.6)),
-        ("45.5N, 122.7W", (45.5, -122.7)), ("33 51 31 S,151d12m32sE", (-33.8586111, 151.2088889)),
-        ("11°36'E,48°08'N", (48.1333333, 11.6)), ("48:08:00,-11:36:00", (48.1333333, -11.6)),
+        ("48.1,11.6", (48.1, 11.6)),
+        ("-33.9,151.2", (-33.9, 151.2)),
+        ("48°08'N,11°36'E", (48.1333333, 11.6)),
+        ("45.5N, 122.7W", (45.5, -122.7)),
+        ("33 51 31 S,151d12m32sE", (-33.8586111, 151.2088889)),
+        ("11°36'E,48°08'N", (48.1333333, 11.6)),
+        ("48:08:00,-11:36:00", (48.1333333, -11.6)),
         ("45.5,240.5", (45.5, 240.5)),
     ],
 )
@@ -305,8 +367,9 @@ def test_a_site_may_be_written_as_on_a_map(text: str, place: tuple[float, float]
     assert parse_site(text) == pytest.approx(place, abs=1e-6)
 
 
-@pytest.mark.parametrize("text", [
-    "north", "48.1", "48.1,11.6,5", "48h,11h", "48°08'N,x", "95°N,11°E", "48°08'W,11°36'W"])
+@pytest.mark.parametrize(
+    "text", ["north", "48.1", "48.1,11.6,5", "48h,11h", "48°08'N,x", "95°N,11°E", "48°08'W,11°36'W"]
+)
 def test_what_is_no_site_is_refused(text: str) -> None:
     with pytest.raises(UserError, match="write LAT,LON, north and east positive: 45"):
         parse_site(text)
@@ -319,7 +382,7 @@ def test_stop_knows_a_mount_by_its_owners_name(monkeypatch: pytest.MonkeyPatch, 
         asked.append(mount)
         return Report([], [])
 
-    monkeypatch.setattr("gateway.rescue.order_all", order_all)
+    monkeypatch.setattr("gateway.app.stop_command.order_all", order_all)
     for name in ("6se@/dev/ttyUSB0", "/dev/ttyUSB0", "x@y"):
         assert main(["stop", "--state", str(tmp_path), "--mount", name]) == 0
     assert asked == ["nexstar:6-8se@/dev/ttyUSB0", "/dev/ttyUSB0", "x@y"]

@@ -7,22 +7,38 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from gateway import operations as op
-from gateway.errors import Refused
-from gateway.motion_kinds import GOTOS
+from gateway.core import operations as op
+from gateway.core.errors import Refused
+from gateway.core.motion_kinds import GOTOS
 from gateway.mount.motion import outcomes
 from gateway.mount.motion.apply import apply, does_for, stopped, take_back
 from gateway.mount.motion.next_operation import next_moment, next_operation
 from gateway.mount.motion.wanted import ByHand, Order, Slew, Theirs, Wanted
-from gateway.mount.safety.dead_man import HostActivity
+from gateway.mount.safety.rules.dead_man import HostActivity
 
 FAST = op.Rate(name="max")
 NORTH, EAST = op.Move(op.Direction.NORTH, FAST), op.Move(op.Direction.EAST, FAST)
 GOTO, OTHER = op.Goto(10.0, 20.0), op.Goto(200.0, -5.0)
 PULSE = op.PulseAxis(1, 1, 500)
-KINDS = [NORTH, EAST, op.MoveAxis(2, -1, FAST), GOTO, OTHER, op.Park(), PULSE, op.Pulse(op.Direction.SOUTH, 200),
-         op.Halt(1), op.Halt(2), op.CancelGoto(), op.SetTracking(on=False), op.TrackRate(name="lunar"), op.Sleep(),
-         op.Wake(), op.Focus(1), op.Sync(1.0, 2.0)]
+KINDS = [
+    NORTH,
+    EAST,
+    op.MoveAxis(2, -1, FAST),
+    GOTO,
+    OTHER,
+    op.Park(),
+    PULSE,
+    op.Pulse(op.Direction.SOUTH, 200),
+    op.Halt(1),
+    op.Halt(2),
+    op.CancelGoto(),
+    op.SetTracking(on=False),
+    op.TrackRate(name="lunar"),
+    op.Sleep(),
+    op.Wake(),
+    op.Focus(1),
+    op.Sync(1.0, 2.0),
+]
 
 
 class Desk:
@@ -126,7 +142,7 @@ def test_an_arrow_is_released_after_all_when_the_goto_was_refused() -> None:
     hand = HostActivity("10.0.0.1", 0.0)
     desk = Desk().ask(NORTH, by=hand)
     desk.do()
-    goto = (desk.ask(GOTO, by=hand).begin())
+    goto = desk.ask(GOTO, by=hand).begin()
     desk.ask(op.Halt(2), by=hand)
     assert goto is not None and not desk.wanted.owed
     desk.finish(goto, failed=True)
@@ -232,12 +248,16 @@ def test_what_is_taken_back_is_what_the_halt_would_end(asked: list[op.Operation]
     wanted = Wanted(pending=tuple(Order(number, one) for number, one in enumerate(asked, 1)))
     left = [order.operation for order in take_back(wanted, halt).pending]
     if isinstance(halt, op.Halt):
-        assert not [one for one in left if getattr(one, "axis", None) == halt.axis and isinstance(
-            one, op.Move | op.MoveAxis | op.PulseAxis)]
+        assert not [
+            one
+            for one in left
+            if getattr(one, "axis", None) == halt.axis and isinstance(one, op.Move | op.MoveAxis | op.PulseAxis)
+        ]
     else:
         assert not [one for one in left if isinstance(one, GOTOS)]
     assert [one for one in asked if isinstance(one, op.SetTracking)] == [
-        one for one in left if isinstance(one, op.SetTracking)]
+        one for one in left if isinstance(one, op.SetTracking)
+    ]
 
 
 def test_motion_by_hand_is_one_value_of_two_axes() -> None:

@@ -6,9 +6,9 @@ import asyncio
 
 import pytest
 
-from gateway import operations as op
-from gateway.errors import Unsupported
-from gateway.protocols.nexstar.sim_devices import FocuserMotor
+from gateway.core import operations as op
+from gateway.core.errors import Unsupported
+from gateway.protocols.nexstar.simulator.devices import FocuserMotor
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -16,7 +16,7 @@ INDEX = 90.0
 
 
 async def _away(bridge: Bridge) -> None:
-    await bridge.hub.perform(op.Goto(bridge.sim.mechanics.sky.sidereal(bridge.clock()) + 40.0, 20.0))
+    await bridge.controller.perform(op.Goto(bridge.sim.mechanics.sky.sidereal(bridge.clock()) + 40.0, 20.0))
     await asyncio.sleep(60.0)
 
 
@@ -39,7 +39,7 @@ def test_home_switches_are_sought_only_where_the_settings_say_so() -> None:
             assert not [request for request in bridge.sent() if request[:1] == b"P" and request[3] == 0x19]
         async with Bridge("cgx") as bridge:
             with pytest.raises(Unsupported):
-                await bridge.hub.perform(op.Home())
+                await bridge.controller.perform(op.Home())
             assert not [request for request in bridge.sent() if request[:1] == b"P" and request[3] == 0x0B]
 
     run(program())
@@ -70,6 +70,7 @@ def test_a_search_for_the_switches_ends_at_a_stop_and_at_a_goto(ends: bytes) -> 
 @pytest.mark.parametrize(("config", "percent"), [({}, 50), ({"guide_rate": 0.8}, 80)])
 def test_a_guide_pulse_goes_by_the_guide_rate_of_the_settings(config: dict[str, float], percent: int) -> None:
     """Until a program sets one."""
+
     async def program() -> None:
         async with Bridge("avx", config=config) as bridge:
             client, before = bridge.client(), len(bridge.sent())

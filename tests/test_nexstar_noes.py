@@ -10,7 +10,7 @@ import asyncio
 
 import pytest
 
-from gateway.operations import Direction, Move, Rate
+from gateway.core.operations import Direction, Move, Rate
 from tests.bridge import Bridge
 from tests.cable import Cable
 from tests.test_settings_kept import notes
@@ -22,13 +22,18 @@ GUIDE_RATE = b"P\x02\x10\x46\x40\0\0\0"
 BACKLASH = b"P\x02\x11\x10\x1e\0\0\0"
 PLAYBACK = b"P\x02\x10\x0d\x01\0\0\0"
 #: What each Meade lacks by its manual.
-LACKS = {"lx200": {GUIDE_RATE, BACKLASH}, "lx200-16": {GUIDE_RATE, BACKLASH},
-         "autostar": {GUIDE_RATE, BACKLASH, PLAYBACK}, "lx200gps": set()}
+LACKS = {
+    "lx200": {GUIDE_RATE, BACKLASH},
+    "lx200-16": {GUIDE_RATE, BACKLASH},
+    "autostar": {GUIDE_RATE, BACKLASH, PLAYBACK},
+    "lx200gps": set(),
+}
 
 
 def over(mount: str, surface: str = "cge", **settings: object) -> Bridge:
-    return Bridge(mount, driven="lx200", presented="nexstar", surface=surface,
-                  config={"lowest": -90.0, "sun": 0.0}, **settings)  # type: ignore[arg-type]
+    return Bridge(
+        mount, driven="lx200", presented="nexstar", surface=surface, config={"lowest": -90.0, "sun": 0.0}, **settings
+    )  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("mount", MEADES)
@@ -69,16 +74,31 @@ def test_on_a_line_that_is_down_nothing_is_acknowledged_but_a_stop(mount: str) -
 
     async def program() -> None:
         driven = "nexstar" if mount == "6-8se" else "lx200"
-        async with Bridge(mount, driven=driven, presented="nexstar", surface="cpc" if driven == "lx200" else "6-8se",
-                          config={"lowest": -90.0, "sun": 0.0}) as bridge:
+        async with Bridge(
+            mount,
+            driven=driven,
+            presented="nexstar",
+            surface="cpc" if driven == "lx200" else "6-8se",
+            config={"lowest": -90.0, "sun": 0.0},
+        ) as bridge:
             client, cable = bridge.client(), Cable(bridge)
             cable.pull()
             await asyncio.sleep(5.0)
-            for order in (b"P\x02\x10\x24\x09\0\0\0", b"P\x02\x11\x25\x05\0\0\0", b"P\x03\x10\x06\x02\x58\0\0",
-                          b"P\x03\x11\x26\x32\x64\0\0"):
+            for order in (
+                b"P\x02\x10\x24\x09\0\0\0",
+                b"P\x02\x11\x25\x05\0\0\0",
+                b"P\x03\x10\x06\x02\x58\0\0",
+                b"P\x03\x11\x26\x32\x64\0\0",
+            ):
                 assert await client.ask(order, 1.0) == NO
-            for order in (b"r35555555,20000000", b"B12AB,4000", b"s35555555,20000000", b"T\x02",
-                          b"W\x21\x33\x1e\x01\x97\x0c\x24\x00", b"H\x14\x1e\x28\x03\x0e\x1b\x0a\x00"):
+            for order in (
+                b"r35555555,20000000",
+                b"B12AB,4000",
+                b"s35555555,20000000",
+                b"T\x02",
+                b"W\x21\x33\x1e\x01\x97\x0c\x24\x00",
+                b"H\x14\x1e\x28\x03\x0e\x1b\x0a\x00",
+            ):
                 assert await client.ask(order, 4.0) == b"", order
             for stop in (b"M", b"P\x02\x10\x24\0\0\0\0", b"P\x02\x11\x25\0\0\0\0"):
                 assert await client.ask(stop, 1.0) == b"#"
@@ -87,8 +107,11 @@ def test_on_a_line_that_is_down_nothing_is_acknowledged_but_a_stop(mount: str) -
             before = len(bridge.sent())
             cable.plug()
             await asyncio.sleep(30.0)
-            assert not [one for one in bridge.sent()[before:]
-                        if one.startswith((b":M", b":CM", b":S", b"r", b"R", b"b", b"B", b"W", b"H"))]
+            assert not [
+                one
+                for one in bridge.sent()[before:]
+                if one.startswith((b":M", b":CM", b":S", b"r", b"R", b"b", b"B", b"W", b"H"))
+            ]
             assert (await client.ask(b"w"))[:1] == b"\x2d"
 
     run(program())
@@ -206,8 +229,11 @@ def test_the_clock_of_a_version_that_cannot_be_set_is_not(mount: str) -> None:
     async def program() -> None:
         async with over(mount, surface_version="2.3") as bridge:
             client = bridge.client()
-            for setting in (b"P\x03\xb2\x83\x03\x0e\x00\x00", b"P\x03\xb2\x84\x07\xeb\x00\x00",
-                            b"P\x04\xb2\xb3\x14\x1e\x28\x00"):
+            for setting in (
+                b"P\x03\xb2\x83\x03\x0e\x00\x00",
+                b"P\x03\xb2\x84\x07\xeb\x00\x00",
+                b"P\x04\xb2\xb3\x14\x1e\x28\x00",
+            ):
                 assert await client.ask(setting) == NO
             await asyncio.sleep(5.0)
             assert not [one for one in bridge.sent() if one.startswith((b":SC", b":SL", b":SG"))]
@@ -221,8 +247,9 @@ def test_what_is_set_at_rest_stops_nothing(mount: str, lowest: float) -> None:
     """Half way round the world the place that it shows is below the limit: it stands there, and nobody moves it."""
 
     async def program() -> None:
-        async with Bridge(mount, driven="lx200", presented="nexstar", surface="cge",
-                          config={"lowest": lowest, "sun": 0.0}) as bridge:
+        async with Bridge(
+            mount, driven="lx200", presented="nexstar", surface="cge", config={"lowest": lowest, "sun": 0.0}
+        ) as bridge:
             client = bridge.client()
             for order in (b"W\x21\x33\x1e\x01\x97\x0c\x24\x00", b"H\x0a\x1e\x28\x08\x0e\x1b\x0a\x00"):
                 assert await client.ask(order) == b"#"
@@ -247,14 +274,18 @@ def test_a_motion_is_begun_again_after_the_line_is_back() -> None:
             await asyncio.sleep(20.0)
             assert await client.ask(b"P\x02\x11\x24\x05\0\0\0") == b"#"
             await asyncio.sleep(1.0)
-            assert bridge.hub.motions.axes == {2}
-            await bridge.hub.perform(Move(Direction.NORTH, Rate(name="guide")))
+            assert bridge.controller.motions.axes == {2}
+            await bridge.controller.perform(Move(Direction.NORTH, Rate(name="guide")))
 
     run(program())
 
 
-MOTIONS = (b"P\x02\x10\x24\x05\0\0\0", b"P\x03\x11\x06\x0e\x10\0\0",
-           b"P\x03\x10\x26\x32\x1e\0\0", b"P\x04\x10\x06\0\x3c\0\0")
+MOTIONS = (
+    b"P\x02\x10\x24\x05\0\0\0",
+    b"P\x03\x11\x06\x0e\x10\0\0",
+    b"P\x03\x10\x26\x32\x1e\0\0",
+    b"P\x04\x10\x06\0\x3c\0\0",
+)
 STOPS = (b"M", b"P\x02\x10\x24\0\0\0\0", b"P\x03\x11\x06\0\0\0\0")
 
 
@@ -263,11 +294,17 @@ STOPS = (b"M", b"P\x02\x10\x24\0\0\0\0", b"P\x03\x11\x06\0\0\0\0")
 def test_a_mount_that_is_held_or_asleep_says_no_to_a_motion(mount: str, why: str) -> None:
     async def program() -> None:
         driven = "nexstar" if mount == "cge" else "lx200"
-        async with Bridge(mount, driven=driven, presented="nexstar", surface="cge", surface_version="4.22",
-                          config={"lowest": -90.0, "sun": 0.0}) as bridge:
+        async with Bridge(
+            mount,
+            driven=driven,
+            presented="nexstar",
+            surface="cge",
+            surface_version="4.22",
+            config={"lowest": -90.0, "sun": 0.0},
+        ) as bridge:
             client = bridge.client()
             if why == "held":
-                bridge.hub.hold.on = True
+                bridge.controller.hold.on = True
             else:
                 client.tell(b"x")
                 await asyncio.sleep(3.0)
@@ -287,18 +324,20 @@ def test_a_mount_that_is_held_or_asleep_says_no_to_a_motion(mount: str, why: str
 @pytest.mark.parametrize("mount", ["lx200gps", "cge"])
 def test_no_is_said_as_soon_as_an_answer_of_the_mount_is_overdue(mount: str) -> None:
     """Not only once the line counts as down, which takes up to ten seconds."""
+
     async def program() -> None:
         driven = "nexstar" if mount == "cge" else "lx200"
-        async with Bridge(mount, driven=driven, presented="nexstar", surface="cge",
-                          config={"lowest": -90.0, "sun": 0.0}) as bridge:
+        async with Bridge(
+            mount, driven=driven, presented="nexstar", surface="cge", config={"lowest": -90.0, "sun": 0.0}
+        ) as bridge:
             client = bridge.client()
             await client.ask(b"e")
-            bridge.hub.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+            bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
             polling = bridge.client("10.0.0.9")
             for _ in range(15):
                 polling.tell(b"e")
                 await asyncio.sleep(0.2)
-            assert bridge.hub.line.state == "up"
+            assert bridge.controller.line.state == "up"
             assert await client.ask(b"r40000000,10000000", 3.5) == b""
             assert await client.ask(MOTIONS[0], 3.5) == NO
             assert await client.ask(b"M", 3.5) == b"#"
@@ -306,10 +345,19 @@ def test_no_is_said_as_soon_as_an_answer_of_the_mount_is_overdue(mount: str) -> 
     run(program())
 
 
-@pytest.mark.parametrize("data", [b"P\x03\x10\x26\x65\x1e\0\0", b"P\x03\x11\x26\x9b\x1e\0\0",
-                                  b"P\x02\x10\x0d\x02\0\0\0", b"P\x02\x11\x24\x0a\0\0\0", b"P\x02\x10\x10\x64\0\0\0"])
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"P\x03\x10\x26\x65\x1e\0\0",
+        b"P\x03\x11\x26\x9b\x1e\0\0",
+        b"P\x02\x10\x0d\x02\0\0\0",
+        b"P\x02\x11\x24\x0a\0\0\0",
+        b"P\x02\x10\x10\x64\0\0\0",
+    ],
+)
 def test_data_that_are_out_of_range_are_refused(data: bytes) -> None:
     """101 % of the guide rate either way, PEC 2, key 10, backlash 100."""
+
     async def program() -> None:
         async with over("lx200gps") as bridge:
             client, before = bridge.client(), len(bridge.sent())

@@ -8,10 +8,10 @@ from collections.abc import Callable
 
 import pytest
 
-from gateway import operations as op
+from gateway.core import operations as op
 from gateway.protocols.nexstar.framing import Framer
-from gateway.protocols.nexstar.simulator import HandControl
-from gateway.tables import load
+from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
+from gateway.protocols.wireformat.command_set import load
 from tests.fixture import Talk
 
 #: Typed by hand from the manual and from what programs send: opcode -> length, and the version it came with.
@@ -33,8 +33,13 @@ REQUESTS = {
     **{letter: letter.encode() + b"34AB0500,12CE0500" for letter in "rbsg"},
 }  # fmt: skip
 STRAY = b"#? \r\n\0"
-VERSIONS = {"nexstar-gps": ["1.2", "1.6", "2.2"], "cge": ["2.3", "3.01", "4.10"], "cpc": ["4.03", "4.21"],
-            "cgx": ["5.31"], "gt": ["101.0", "104.0"]}
+VERSIONS = {
+    "nexstar-gps": ["1.2", "1.6", "2.2"],
+    "cge": ["2.3", "3.01", "4.10"],
+    "cpc": ["4.03", "4.21"],
+    "cgx": ["5.31"],
+    "gt": ["101.0", "104.0"],
+}
 CASES = [(model, version) for model, versions in VERSIONS.items() for version in versions]
 GOTO = b"R34AB,12CE"
 #: Seconds between two bytes at 9600 baud, and a quiet after which a byte may begin a command again.
@@ -125,13 +130,24 @@ def test_strangers_take_what_came_with_them_along_until_it_is_quiet(way: str) ->
 
 @pytest.mark.parametrize("way", WAYS)
 def test_what_programs_send_besides_is_dropped_alone(way: str) -> None:
-    sent = b"?E#e\r\n\0 Ky" b"y1#x" b"t\x02L" b"B7FFF,FFFFF1C7Z" b"P\x02\x10\x24\x00\x00\x00\x00\x00e"
+    sent = b"?E#e\r\n\0 Kyy1#xt\x02LB7FFF,FFFFF1C7ZP\x02\x10\x24\x00\x00\x00\x00\x00e"
     framer, frames, at = Framer(), list[bytes](), 0.0
     for piece in WAYS[way](sent):
         frames += framer.feed(piece, at)
         at += BYTE
-    assert frames == [b"E", b"e", b"Ky", b"y", b"x", b"t", b"L", b"B7FFF,FFFF", b"Z",
-                      b"P\x02\x10\x24\x00\x00\x00\x00", b"e"]
+    assert frames == [
+        b"E",
+        b"e",
+        b"Ky",
+        b"y",
+        b"x",
+        b"t",
+        b"L",
+        b"B7FFF,FFFF",
+        b"Z",
+        b"P\x02\x10\x24\x00\x00\x00\x00",
+        b"e",
+    ]
     assert Framer().feed(b"y1", 0.0) == [b"y"] and Framer().feed(b"1E", 0.0) == []
 
 
@@ -158,8 +174,11 @@ def test_every_command_on_every_version(model: str, version: str, way: str) -> N
     for letter, request in REQUESTS.items():
         talk = Talk(protocol="nexstar", model=model, version=version)
         kept, shared = dict(talk.session.kept), dict(talk.session.shared)
-        answer = say(talk, request, "byte by byte" if way == "byte by byte" else "whole") if way in WAYS else (
-            say(talk, request + b"Kz", "whole").removesuffix(b"z#"))
+        answer = (
+            say(talk, request, "byte by byte" if way == "byte by byte" else "whole")
+            if way in WAYS
+            else (say(talk, request + b"Kz", "whole").removesuffix(b"z#"))
+        )
         if knows(version, letter):
             assert answer.endswith(b"#"), letter
         else:
@@ -203,7 +222,7 @@ def test_the_log_says_why_there_is_no_answer() -> None:
 def test_a_simulated_hand_control_passes_over_what_it_lacks(model: str, version: str, way: str) -> None:
     for letter, request in REQUESTS.items():
         now = [1768514400.0]
-        sim = HandControl(model, version, clock=lambda now=now: now[0])  # type: ignore[misc]
+        sim = SimulatedHandControl(model, version, clock=lambda now=now: now[0])  # type: ignore[misc]
         if knows(version, letter) and (letter != "v" or knows(version, "m")):
             continue
         before = sim.mechanics.axes(now[0]), sim.tracking, sim.asleep, sim.mechanics.sky
@@ -215,7 +234,7 @@ def test_a_simulated_hand_control_passes_over_what_it_lacks(model: str, version:
 
 def test_a_simulated_hand_control_waits_for_quiet_too() -> None:
     now = [1768514400.0]
-    sim = HandControl("6-8se", "4.21", clock=lambda: now[0])
+    sim = SimulatedHandControl("6-8se", "4.21", clock=lambda: now[0])
     assert sim.feed(b"\xffR34AB,12CEKz") == b"" and not sim.slewing
     now[0] += QUIET
     assert sim.feed(b"?Kz") == b"z#"

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.errors import UserError
-from gateway.protocols.nexstar.simulator import HANDLERS, HandControl
-from gateway.spherical import separation, sidereal_time, wrap180
-from gateway.tables import load
+from gateway.astro.spherical import separation, sidereal_time, wrap180
+from gateway.core.errors import UserError
+from gateway.protocols.nexstar.simulator.hand_control import HANDLERS, SimulatedHandControl
+from gateway.protocols.wireformat.command_set import load
 
 #: 19:26:00 UT, 6 April 2005: the manual's example, 3:26 PM in New York in summer.
 APRIL = 1112815560.0
@@ -23,12 +23,10 @@ ABSENT = b"\0\0\0#"  # two bytes were asked for
 class Bench:
     """A hand control and a clock that a test moves."""
 
-    def __init__(
-        self, model: str = "6-8se", version: str | None = "4.21", now: float = APRIL, **more: object
-    ) -> None:
+    def __init__(self, model: str = "6-8se", version: str | None = "4.21", now: float = APRIL, **more: object) -> None:
         self.now = now
         more.setdefault("site", MANUAL_SITE)
-        self.sim = HandControl(model, version, clock=lambda: self.now, **more)  # type: ignore[arg-type]
+        self.sim = SimulatedHandControl(model, version, clock=lambda: self.now, **more)  # type: ignore[arg-type]
 
     def __call__(self, request: bytes | str) -> bytes:
         """Send bytes, or hexadecimal digits with blanks."""
@@ -475,12 +473,25 @@ def test_suspended_tracking_comes_back() -> None:
 def test_malformed_requests_are_acknowledged_and_nothing_happens() -> None:
     bench = Bench("cge")
     before = bench(b"zwht")
-    for request in (b"R34XX,12CE", b"r34ABXX00,12CE0500", b"B12AB;4000", b"b12AB0500;40000500", b"S34AB,12GG",
-                    b"s34AB0500,GGCE0500", b"T\x04", b"T1", b"T\x01", b"H\x18\x1a\x00\x04\x06\x05\xfb\x01",
-                    b"H\x0f\x3c\x00\x04\x06\x05\xfb\x01", b"H\x0f\x1a\x00\x0d\x06\x05\xfb\x01",
-                    b"H\x0f\x1a\x00\x04\x1f\x05\xfb\x01", b"H\x0f\x1a\x00\x04\x06\x05\x80\x01",
-                    b"W\x5b\x00\x00\x00\x0a\x00\x00\x00", b"W\x2d\x3c\x00\x00\x0a\x00\x00\x00",
-                    b"W\x2d\x00\x00\x00\xb5\x00\x00\x00"):
+    for request in (
+        b"R34XX,12CE",
+        b"r34ABXX00,12CE0500",
+        b"B12AB;4000",
+        b"b12AB0500;40000500",
+        b"S34AB,12GG",
+        b"s34AB0500,GGCE0500",
+        b"T\x04",
+        b"T1",
+        b"T\x01",
+        b"H\x18\x1a\x00\x04\x06\x05\xfb\x01",
+        b"H\x0f\x3c\x00\x04\x06\x05\xfb\x01",
+        b"H\x0f\x1a\x00\x0d\x06\x05\xfb\x01",
+        b"H\x0f\x1a\x00\x04\x1f\x05\xfb\x01",
+        b"H\x0f\x1a\x00\x04\x06\x05\x80\x01",
+        b"W\x5b\x00\x00\x00\x0a\x00\x00\x00",
+        b"W\x2d\x3c\x00\x00\x0a\x00\x00\x00",
+        b"W\x2d\x00\x00\x00\xb5\x00\x00\x00",
+    ):
         assert bench(request) == b"#"
         assert bench(b"L") == b"0#"
     bench(b"T\x02")
@@ -535,9 +546,9 @@ def test_a_tracking_code_does_not_run_away_with_a_fork() -> None:
 _BYTES = st.one_of(
     st.binary(max_size=30),
     st.binary(min_size=4, max_size=4).map(lambda data: b"P\x02\x10\x24" + data),
-    st.tuples(
-        st.integers(0, 5), st.sampled_from([16, 17, 18, 176, 178]), st.binary(min_size=5, max_size=5)
-    ).map(lambda parts: bytes((80, parts[0], parts[1])) + parts[2]),
+    st.tuples(st.integers(0, 5), st.sampled_from([16, 17, 18, 176, 178]), st.binary(min_size=5, max_size=5)).map(
+        lambda parts: bytes((80, parts[0], parts[1])) + parts[2]
+    ),
     st.binary(min_size=8, max_size=8).map(lambda data: b"W" + data),
     st.binary(min_size=8, max_size=8).map(lambda data: b"H" + data),
     st.tuples(st.sampled_from("rbs"), st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1)).map(
@@ -553,9 +564,7 @@ _BYTES = st.one_of(
     st.booleans(),
     st.lists(st.tuples(_BYTES, st.floats(0, 1e5)), max_size=30),
 )
-def test_no_bytes_upset_it(
-    model: str, latitude: float, aligned: bool, story: list[tuple[bytes, float]]
-) -> None:
+def test_no_bytes_upset_it(model: str, latitude: float, aligned: bool, story: list[tuple[bytes, float]]) -> None:
     bench = Bench(model, site=(latitude, 10.0), aligned=aligned, focuser=True)
     for data, wait in story:
         bench(data)

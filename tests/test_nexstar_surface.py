@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway import operations as op
-from gateway.tables import load
+from gateway.core import operations as op
+from gateway.protocols.wireformat.command_set import load
 from tests.fixture import Mount, Talk
 
 LETTERS = [letter.encode() for letter in "EeZzRrBbSsTtPWwHhVvmKJLMplxyiIu"]

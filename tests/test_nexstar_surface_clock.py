@@ -9,13 +9,53 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway import operations as op
-from gateway.tables import load
+from gateway.core import operations as op
+from gateway.protocols.wireformat.command_set import load
 from tests.fixture import Mount, Talk, unix
 
 #: Hours east: every offset that is law somewhere.
-OFFSETS = [-12, -11, -10, -9.5, -9, -8, -7, -6, -5, -4, -3.5, -3, -2.5, -2, -1, 0, 1, 2, 3, 3.5, 4, 4.5, 5, 5.5, 5.75,
-           6, 6.5, 7, 8, 8.75, 9, 9.5, 10, 10.5, 11, 12, 12.75, 13, 13.75, 14]
+OFFSETS = [
+    -12,
+    -11,
+    -10,
+    -9.5,
+    -9,
+    -8,
+    -7,
+    -6,
+    -5,
+    -4,
+    -3.5,
+    -3,
+    -2.5,
+    -2,
+    -1,
+    0,
+    1,
+    2,
+    3,
+    3.5,
+    4,
+    4.5,
+    5,
+    5.5,
+    5.75,
+    6,
+    6.5,
+    7,
+    8,
+    8.75,
+    9,
+    9.5,
+    10,
+    10.5,
+    11,
+    12,
+    12.75,
+    13,
+    13.75,
+    14,
+]
 MODELS = sorted(load("nexstar").models)
 WITH_GPS = ["nexstar-gps", "nexstar-gps-sa", "cpc", "cpc-deluxe"]
 WITH_RTC = ["cge", "cge-pro", "avx", "cgx", "cgx-l"]
@@ -43,8 +83,9 @@ def local(utc: str, hours: float) -> bytes:
 
 
 @pytest.mark.parametrize("offset", OFFSETS)
-@pytest.mark.parametrize("utc", ["2026-01-01 00:00:35", "2026-12-31 23:59:59", "2028-02-29 12:35:35",
-                                 "2000-01-02 03:04:05"])
+@pytest.mark.parametrize(
+    "utc", ["2026-01-01 00:00:35", "2026-12-31 23:59:59", "2028-02-29 12:35:35", "2000-01-02 03:04:05"]
+)
 def test_told_time_is_utc_in_every_zone(offset: float, utc: str) -> None:
     talk = talk_to(version="5.31")
     talk.mount.clock = op.Moment(unix(utc), offset)
@@ -155,10 +196,19 @@ def test_models() -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize(("command", "count", "reply"), [
-    (55, 1, b"\1"), (54, 1, b"\1"), (1, 3, b"\x18\x11\x3e"), (2, 3, b"\xab\xd9\x37"), (3, 2, b"\4\6"),
-    (4, 2, b"\x07\xd5"), (51, 3, b"\x13\x1a\x23"), (254, 2, b"\1\6"),
-])
+@pytest.mark.parametrize(
+    ("command", "count", "reply"),
+    [
+        (55, 1, b"\1"),
+        (54, 1, b"\1"),
+        (1, 3, b"\x18\x11\x3e"),
+        (2, 3, b"\xab\xd9\x37"),
+        (3, 2, b"\4\6"),
+        (4, 2, b"\x07\xd5"),
+        (51, 3, b"\x13\x1a\x23"),
+        (254, 2, b"\1\6"),
+    ],
+)
 def test_gps_unit(model: str, command: int, count: int, reply: bytes) -> None:
     mount = Mount()
     mount.site = op.Place(33 + 50 / 60 + 41 / 3600, -(118 + 20 / 60 + 17 / 3600))
@@ -191,10 +241,19 @@ def test_real_time_clock(model: str) -> None:
         assert talk.mount.of(op.SetClock) == []
 
 
-@pytest.mark.parametrize("setting", [
-    b"P\3\xb2\x83\x02\x1e\0\0", b"P\3\xb2\x83\0\1\0\0", b"P\3\xb2\x83\x0d\1\0\0", b"P\3\xb2\x84\0\0\0\0",
-    b"P\3\xb2\x84\0\x1a\0\0", b"P\3\xb2\x84\xff\xff\0\0", b"P\4\xb2\xb3\x18\0\0\0", b"P\4\xb2\xb3\0\x3c\0\0",
-])
+@pytest.mark.parametrize(
+    "setting",
+    [
+        b"P\3\xb2\x83\x02\x1e\0\0",
+        b"P\3\xb2\x83\0\1\0\0",
+        b"P\3\xb2\x83\x0d\1\0\0",
+        b"P\3\xb2\x84\0\0\0\0",
+        b"P\3\xb2\x84\0\x1a\0\0",
+        b"P\3\xb2\x84\xff\xff\0\0",
+        b"P\4\xb2\xb3\x18\0\0\0",
+        b"P\4\xb2\xb3\0\x3c\0\0",
+    ],
+)
 def test_an_impossible_part_of_the_clock_changes_nothing(setting: bytes) -> None:
     talk = talk_to("cge")
     assert talk.send(setting) == b"\0#", "the form for no: no byte was asked for, and one comes"

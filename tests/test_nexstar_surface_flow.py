@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway.spherical import separation
+from gateway.astro.spherical import separation
 from tests.bridge import Bridge
 from tests.nexstar_flows import ARCSECOND, HALT, NORTH, off, on_a_bridge, place, polled, precise, settled, up
 
@@ -25,8 +25,11 @@ def test_a_goto_arrives(mount: str, surface: str, site: tuple[float, float]) -> 
         for letter, east in ((b"r", 20.0), (b"R", -25.0)):
             ra, dec = up(bridge, east)
             began = asyncio.get_running_loop().time()
-            frame = precise(letter, ra, dec) if letter == b"r" else b"R%04X,%04X" % (
-                round(ra / 360 * 65536) % 65536, round(dec / 360 * 65536) % 65536)
+            frame = (
+                precise(letter, ra, dec)
+                if letter == b"r"
+                else b"R%04X,%04X" % (round(ra / 360 * 65536) % 65536, round(dec / 360 * 65536) % 65536)
+            )
             assert await client.ask(frame) == b"#"
             assert asyncio.get_running_loop().time() - began < 0.02, "acknowledged at once"
             assert await client.ask(b"L") == b"1#"

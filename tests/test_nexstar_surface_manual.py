@@ -6,11 +6,11 @@ import re
 
 import pytest
 
-from gateway import operations as op
-from gateway.errors import BelowHorizon, NoAnswer, SyncTooFar
+from gateway.core import operations as op
+from gateway.core.errors import BelowHorizon, NoAnswer, SyncTooFar
 from gateway.protocols.nexstar.surface import lacks
 from gateway.protocols.nexstar.versions import made_with, numbered
-from gateway.tables import load, parse_version
+from gateway.protocols.wireformat.command_set import load, parse_version
 from tests.fixture import Mount, Talk, unix
 from tests.manual_files import raw, rows
 
@@ -61,8 +61,10 @@ def test_form(name: str, request_: str, since: str, reply: str) -> None:
         assert answer == raw(reply)
 
 
-@pytest.mark.parametrize(("name", "request_", "since", "reply"),
-                         [row for row in rows("nexstar_forms.txt") if not row[0].startswith(("no_", "gps", "rtc"))])
+@pytest.mark.parametrize(
+    ("name", "request_", "since", "reply"),
+    [row for row in rows("nexstar_forms.txt") if not row[0].startswith(("no_", "gps", "rtc"))],
+)
 @pytest.mark.parametrize("version", ["1.2", "1.6", "2.2", "2.3", "3.01", "4.10", "4.21"])
 def test_a_command_that_is_newer_than_the_version_is_passed_over_as_a_whole(
     name: str, request_: str, since: str, reply: str, version: str
@@ -77,14 +79,37 @@ def test_a_command_that_is_newer_than_the_version_is_passed_over_as_a_whole(
 
 #: The cases of the hand-typed list: what is sent, on what model, and what the mount says to it.
 SENT: dict[tuple[str, str], list[bytes]] = {
-    ("R", "ten"): [b"R34XX,12CE"], ("r", "eighteen"): [b"r34ABXX00,12CE0500"], ("B", "ten"): [b"B12AB;4000"],
-    ("b", "eighteen"): [b"b12AB0500;40000500"], ("S", "ten"): [b"S34AB,12GG"],
-    ("s", "eighteen"): [b"s34AB0500,GGCE0500"], ("T", "a"): [b"T\4", b"T#", b"T1", b"T\xff"],
-    ("H", "no"): [b"H\x18\0\0\4\6\5\0\0", b"H\0\x3c\0\4\6\5\0\0", b"H\0\0\x3c\4\6\5\0\0", b"H\0\0\0\x0d\6\5\0\0",
-                  b"H\0\0\0\0\6\5\0\0", b"H\0\0\0\4\x1f\5\0\0", b"H\0\0\0\2\x1d\5\0\0", b"H\0\0\0\4\6\5\x0f\0",
-                  b"H\0\0\0\4\6\5\xf1\0", b"H\0\0\0\4\6\5\0\2", b"H\0\0\0\4\6\x64\0\0", b"H" + b"\xff" * 8],
-    ("W", "no"): [b"W\x5b\0\0\0\0\0\0\0", b"W\0\0\0\0\xb5\0\0\0", b"W\0\x3c\0\0\0\0\0\0", b"W\0\0\x3c\0\0\0\0\0",
-                  b"W\x5a\0\1\0\0\0\0\0", b"W\0\0\0\2\0\0\0\0", b"W\0\0\0\0\0\0\0\2", b"W" + b"\xff" * 8],
+    ("R", "ten"): [b"R34XX,12CE"],
+    ("r", "eighteen"): [b"r34ABXX00,12CE0500"],
+    ("B", "ten"): [b"B12AB;4000"],
+    ("b", "eighteen"): [b"b12AB0500;40000500"],
+    ("S", "ten"): [b"S34AB,12GG"],
+    ("s", "eighteen"): [b"s34AB0500,GGCE0500"],
+    ("T", "a"): [b"T\4", b"T#", b"T1", b"T\xff"],
+    ("H", "no"): [
+        b"H\x18\0\0\4\6\5\0\0",
+        b"H\0\x3c\0\4\6\5\0\0",
+        b"H\0\0\x3c\4\6\5\0\0",
+        b"H\0\0\0\x0d\6\5\0\0",
+        b"H\0\0\0\0\6\5\0\0",
+        b"H\0\0\0\4\x1f\5\0\0",
+        b"H\0\0\0\2\x1d\5\0\0",
+        b"H\0\0\0\4\6\5\x0f\0",
+        b"H\0\0\0\4\6\5\xf1\0",
+        b"H\0\0\0\4\6\5\0\2",
+        b"H\0\0\0\4\6\x64\0\0",
+        b"H" + b"\xff" * 8,
+    ],
+    ("W", "no"): [
+        b"W\x5b\0\0\0\0\0\0\0",
+        b"W\0\0\0\0\xb5\0\0\0",
+        b"W\0\x3c\0\0\0\0\0\0",
+        b"W\0\0\x3c\0\0\0\0\0",
+        b"W\x5a\0\1\0\0\0\0\0",
+        b"W\0\0\0\2\0\0\0\0",
+        b"W\0\0\0\0\0\0\0\2",
+        b"W" + b"\xff" * 8,
+    ],
 }
 
 

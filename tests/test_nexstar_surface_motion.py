@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from gateway import operations as op
-from gateway.errors import NoAnswer, Unsupported
+from gateway.core import operations as op
+from gateway.core.errors import NoAnswer, Unsupported
 from tests.fixture import Mount, Talk
 
 
@@ -28,8 +28,9 @@ KEYS = [0.002089, 0.004178, 0.016712, 0.033425, 0.066849, 0.267397, 1.0, 3.0, 5.
 
 @pytest.mark.parametrize("model", ["6-8se", "cge"])
 @pytest.mark.parametrize("latitude", [45.0, -45.0])
-@pytest.mark.parametrize(("device", "command", "axis", "sense"), [(16, 36, 1, 1), (16, 37, 1, -1), (17, 36, 2, 1),
-                                                                  (17, 37, 2, -1)])
+@pytest.mark.parametrize(
+    ("device", "command", "axis", "sense"), [(16, 36, 1, 1), (16, 37, 1, -1), (17, 36, 2, 1), (17, 37, 2, -1)]
+)
 def test_motor_sense_is_kept(model: str, latitude: float, device: int, command: int, axis: int, sense: int) -> None:
     """Whatever hemisphere and side of the pier: programs make their own north of it, each in its way."""
     mount = Mount()
@@ -62,8 +63,9 @@ def test_hand_motion_is_no_goto() -> None:
 
 @pytest.mark.parametrize(("device", "axis"), [(16, 1), (17, 2)])
 @pytest.mark.parametrize(("command", "sense"), [(6, 1), (7, -1)])
-@pytest.mark.parametrize(("code", "arcseconds"), [(1, 0.25), (60, 15.0), (600, 150.0), (0x2323, 2248.75),
-                                                  (0xFFFC, 16383.0)])
+@pytest.mark.parametrize(
+    ("code", "arcseconds"), [(1, 0.25), (60, 15.0), (600, 150.0), (0x2323, 2248.75), (0xFFFC, 16383.0)]
+)
 def test_quarter_arcseconds(device: int, axis: int, command: int, sense: int, code: int, arcseconds: float) -> None:
     (move,) = asked(bytes((80, 3, device, command, code >> 8, code & 255, 0, 0)))
     assert isinstance(move, op.MoveAxis)
@@ -73,8 +75,10 @@ def test_quarter_arcseconds(device: int, axis: int, command: int, sense: int, co
 
 @pytest.mark.parametrize(("device", "axis"), [(16, 1), (17, 2)])
 @pytest.mark.parametrize(("command", "sense"), [(6, 1), (7, -1)])
-@pytest.mark.parametrize(("code", "arcseconds"), [(1, 1 / 1024), (0x025800, 150.0), (0x232323, 2248.7841796875),
-                                                  (0xFFFFFF, 16383.9990234375)])
+@pytest.mark.parametrize(
+    ("code", "arcseconds"),
+    [(1, 1 / 1024), (0x025800, 150.0), (0x232323, 2248.7841796875), (0xFFFFFF, 16383.9990234375)],
+)
 def test_24_bits(device: int, axis: int, command: int, sense: int, code: int, arcseconds: float) -> None:
     (move,) = asked(bytes((80, 4, device, command)) + code.to_bytes(3, "big") + b"\0")
     assert isinstance(move, op.MoveAxis)
@@ -149,9 +153,10 @@ def test_guide_rate_and_backlash_tell_what_was_set() -> None:
 # --- tracking modes -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("tracking", "code"), [
-    (op.Tracking.OFF, 0), (op.Tracking.ALTAZ, 1), (op.Tracking.EQ_NORTH, 2), (op.Tracking.EQ_SOUTH, 3),
-])
+@pytest.mark.parametrize(
+    ("tracking", "code"),
+    [(op.Tracking.OFF, 0), (op.Tracking.ALTAZ, 1), (op.Tracking.EQ_NORTH, 2), (op.Tracking.EQ_SOUTH, 3)],
+)
 def test_mode_is_a_number_and_told_as_it_was_set(tracking: op.Tracking, code: int) -> None:
     talk = talk_to()
     assert talk.send(b"T" + bytes((code,)) + b"t") == b"#" + bytes((code,)) + b"#"
@@ -270,5 +275,7 @@ def test_pier_side_of_a_mount_that_cannot_tell_it() -> None:
 def test_hibernation_and_the_rest() -> None:
     assert asked(b"x", b"y") == [op.Sleep(), op.Wake()]
     assert asked(b"P\2\x10\x0d\1\0\0\0", b"P\2\x10\x0d\0\0\0\0", model="cge") == [
-        op.PeriodicError(1, True), op.PeriodicError(1, False)]
+        op.PeriodicError(1, True),
+        op.PeriodicError(1, False),
+    ]
     assert talk_to(version="5.31").send(b"u") == b"#"

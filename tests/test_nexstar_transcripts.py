@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway import operations as op
+from gateway.core import operations as op
 from tests.fixture import Mount, Talk
 from tests.transcript_files import files, read
 from tests.virtual import run
@@ -89,14 +89,25 @@ async def _received(path: Path, pace: str) -> None:
             await asyncio.sleep(float(line.text))
         else:
             _set_up(house.mount, line.text)
-            house.hub.changed()
+            house.controller.changed()
     assert heard == b""
 
 
 def test_there_is_a_conversation_for_every_program() -> None:
     names = {path.stem.removeprefix("nexstar-") for path in FILES}
-    assert names >= {"indi-altaz", "indi-german", "indi-guide", "indigo", "indigo-starsense", "stellarium",
-                     "stellarium-mobile", "skysafari", "ascom", "hamlib", "robustness"}
+    assert names >= {
+        "indi-altaz",
+        "indi-german",
+        "indi-guide",
+        "indigo",
+        "indigo-starsense",
+        "stellarium",
+        "stellarium-mobile",
+        "skysafari",
+        "ascom",
+        "hamlib",
+        "robustness",
+    }
     for path in FILES:
         lines = read(path).lines
         assert [line.mark for line in lines].count("<") > 4

@@ -12,29 +12,45 @@ from typing import Any
 
 import pytest
 
-from gateway import operations as op
+from gateway.core import operations as op
 from tests.bridge import Bridge
 from tests.virtual import run
 
 NAK = b"\x15"
 STATES = [b"LN1#", b"PT4#", b"18:00:00#", NAK, b"", b"#", b"AT", b"XT1#", b"GT2", b"0", b"1#", b"AN0#", b"PTH#"]
 LETTERS = [b"G", b"D", b"1", b"A#", b"", b"P#", NAK, b"#", b"?", b"AP", b"L", b"0#"]
-NAMES = [b"", b"#", b"LX200 Classic#", b"LX200GPS#", b"LX2001#", b"Autostar", NAK, b"On-Step#", b"1", b"0#",
-         b"\xff\xfe#", b"a name that is far longer than any name of a telescope ever was, with a lot in it#"]
+NAMES = [
+    b"",
+    b"#",
+    b"LX200 Classic#",
+    b"LX200GPS#",
+    b"LX2001#",
+    b"Autostar",
+    NAK,
+    b"On-Step#",
+    b"1",
+    b"0#",
+    b"\xff\xfe#",
+    b"a name that is far longer than any name of a telescope ever was, with a lot in it#",
+]
 FIRMWARE = [b"", b"#", b"4.2g#", NAK, b"1", b"0#"]
 HOME = [b"", b"#", b"9", b"0", NAK, b"1#"]
 VARIANTS = [
-    *(("autostar", "GW", b":GW#", answer) for answer in STATES), *(("autostar", "ACK", b"\x06", a) for a in LETTERS),
-    *(("lx200", "ACK", b"\x06", answer) for answer in LETTERS), *(("autostar", "GVP", b":GVP#", a) for a in NAMES),
-    *(("lx200", "GVP", b":GVP#", answer) for answer in NAMES), *(("autostar", "GVN", b":GVN#", a) for a in FIRMWARE),
-    *(("lx200", "h?", b":h?#", answer) for answer in HOME), ("lx200gps", "GW", b":GW#", NAK),
+    *(("autostar", "GW", b":GW#", answer) for answer in STATES),
+    *(("autostar", "ACK", b"\x06", a) for a in LETTERS),
+    *(("lx200", "ACK", b"\x06", answer) for answer in LETTERS),
+    *(("autostar", "GVP", b":GVP#", a) for a in NAMES),
+    *(("lx200", "GVP", b":GVP#", answer) for answer in NAMES),
+    *(("autostar", "GVN", b":GVN#", a) for a in FIRMWARE),
+    *(("lx200", "h?", b":h?#", answer) for answer in HOME),
+    ("lx200gps", "GW", b":GW#", NAK),
     ("lx200-16", "h?", b":h?#", b""),
 ]
 
 
 def oddly(bridge: Bridge, question: bytes, answer: bytes) -> None:
     """Have the simulated mount answer this to that question."""
-    wire: Any = bridge.hub.line.wire
+    wire: Any = bridge.controller.line.wire
     feed: Callable[[bytes], bytes] = wire._feed
     wire._feed = lambda data: answer if data == question else feed(data)
 
@@ -46,15 +62,16 @@ def hours(told: bytes) -> float:
 
 
 async def found(bridge: Bridge, seconds: float = 20.0) -> None:
-    bridge.hub.start()
+    bridge.controller.start()
     async with asyncio.timeout(seconds):
-        await bridge.hub.settled.wait()
+        await bridge.controller.settled.wait()
 
 
 @pytest.mark.parametrize("named", [False, True])
 @pytest.mark.parametrize(("model", "name", "question", "answer"), VARIANTS)
-def test_a_mount_that_tells_where_it_points_is_a_mount(model: str, name: str, question: bytes, answer: bytes,
-                                                       named: bool) -> None:
+def test_a_mount_that_tells_where_it_points_is_a_mount(
+    model: str, name: str, question: bytes, answer: bytes, named: bool
+) -> None:
     async def program() -> None:
         bridge = Bridge(model, driven="lx200", surface="autostar", named=named, config={"sun": 0.0})
         oddly(bridge, question, answer)
@@ -68,49 +85,61 @@ def test_a_mount_that_tells_where_it_points_is_a_mount(model: str, name: str, qu
         await asyncio.sleep(30.0)
         assert (await client.ask(b":GR#", 3.5)).startswith(b"07:00:00")
         assert bridge.sim.position()[1] == pytest.approx(30.0, abs=0.01)
-        assert bridge.hub.line.state == "up"
-        await bridge.hub.close()
+        assert bridge.controller.line.state == "up"
+        await bridge.controller.close()
 
     run(program())
 
 
-@pytest.mark.parametrize(("model", "question", "answer", "expected"), [
-    ("autostar", b":GW#", b"LN1#", (op.Tracking.OFF, True, False)),
-    ("autostar", b":GW#", b"PT4#", (op.Tracking.EQ_NORTH, True, True)),
-    ("autostar", b":GW#", b"GT1", (op.Tracking.EQ_NORTH, True, True)),
-    ("autostar", b":GW#", b"AN0#", (op.Tracking.OFF, False, False)),
-    ("autostar", b":GW#", b"18:00:00#", (op.Tracking.ALTAZ, True, False)),
-    ("lx200gps", b":GW#", b"\x15", (op.Tracking.ALTAZ, True, False)),
-    ("lx200", b"\x06", b"G", (op.Tracking.EQ_NORTH, True, True)),
-    ("lx200", b"\x06", b"L", (op.Tracking.OFF, True, False)),
-    ("lx200", b"\x06", b"A#", (op.Tracking.ALTAZ, True, False)),
-    ("lx200", b"\x06", b"D", (op.Tracking.ALTAZ, True, False)),
-])
-def test_it_has_the_abilities_that_its_answers_show(model: str, question: bytes, answer: bytes,
-                                                    expected: tuple[op.Tracking, bool, bool]) -> None:
+@pytest.mark.parametrize(
+    ("model", "question", "answer", "expected"),
+    [
+        ("autostar", b":GW#", b"LN1#", (op.Tracking.OFF, True, False)),
+        ("autostar", b":GW#", b"PT4#", (op.Tracking.EQ_NORTH, True, True)),
+        ("autostar", b":GW#", b"GT1", (op.Tracking.EQ_NORTH, True, True)),
+        ("autostar", b":GW#", b"AN0#", (op.Tracking.OFF, False, False)),
+        ("autostar", b":GW#", b"18:00:00#", (op.Tracking.ALTAZ, True, False)),
+        ("lx200gps", b":GW#", b"\x15", (op.Tracking.ALTAZ, True, False)),
+        ("lx200", b"\x06", b"G", (op.Tracking.EQ_NORTH, True, True)),
+        ("lx200", b"\x06", b"L", (op.Tracking.OFF, True, False)),
+        ("lx200", b"\x06", b"A#", (op.Tracking.ALTAZ, True, False)),
+        ("lx200", b"\x06", b"D", (op.Tracking.ALTAZ, True, False)),
+    ],
+)
+def test_it_has_the_abilities_that_its_answers_show(
+    model: str, question: bytes, answer: bytes, expected: tuple[op.Tracking, bool, bool]
+) -> None:
     async def program() -> None:
         bridge = Bridge(model, driven="lx200", surface="autostar")
         oddly(bridge, question, answer)
         await found(bridge)
-        status = await bridge.hub.read(op.GetStatus())
+        status = await bridge.controller.read(op.GetStatus())
         assert (status.tracking, status.aligned, status.equatorial) == expected
         assert bridge.driver.model == model
-        await bridge.hub.close()
+        await bridge.controller.close()
 
     run(program())
 
 
-@pytest.mark.parametrize(("answer", "model"), [
-    (b"LX200 Classic#", "lx200"), (b"LX200GPS#", "lx200gps"), (b"LX2001#", "lx200gps"), (b"", "lx200"), (b"#", "lx200"),
-    (b"LX200 16#", "lx200-16"), (b"Autostar#", "autostar"),
-])
+@pytest.mark.parametrize(
+    ("answer", "model"),
+    [
+        (b"LX200 Classic#", "lx200"),
+        (b"LX200GPS#", "lx200gps"),
+        (b"LX2001#", "lx200gps"),
+        (b"", "lx200"),
+        (b"#", "lx200"),
+        (b"LX200 16#", "lx200-16"),
+        (b"Autostar#", "autostar"),
+    ],
+)
 def test_the_model_follows_from_the_name(answer: bytes, model: str) -> None:
     async def program() -> None:
         bridge = Bridge("lx200", driven="lx200", surface="autostar")
         oddly(bridge, b":GVP#", answer)
         await found(bridge)
         assert bridge.driver.model == model
-        await bridge.hub.close()
+        await bridge.controller.close()
 
     run(program())
 
@@ -120,7 +149,7 @@ def test_who_reads_whole_commands_is_not_deaf_after_ack() -> None:
 
     async def program() -> None:
         bridge = Bridge("lx200", driven="lx200", surface="autostar")
-        wire: Any = bridge.hub.line.wire
+        wire: Any = bridge.controller.line.wire
         feed, half = wire._feed, b""
 
         def whole(data: bytes) -> bytes:
@@ -135,7 +164,7 @@ def test_who_reads_whole_commands_is_not_deaf_after_ack() -> None:
         assert b"\x06" in bridge.sent()
         assert bridge.sent().count(b"\x06") == 1  # its silence is remembered
         assert bridge.clock() - began < 6.0
-        await bridge.hub.close()
+        await bridge.controller.close()
 
     run(program())
 
@@ -147,7 +176,7 @@ def test_the_gateways_own_surface_is_a_mount(presented: str) -> None:
         async with inner:
             outer = Bridge("lx200", driven="lx200", surface="autostar")
             guest = inner.reception.arrive("10.0.0.3", "10.0.0.3", lambda data: wire._deliver(data))
-            wire: Any = outer.hub.line.wire
+            wire: Any = outer.controller.line.wire
 
             def feed(data: bytes) -> bytes:
                 asyncio.get_running_loop().call_later(0.01, guest.feed, data)
@@ -159,6 +188,6 @@ def test_the_gateways_own_surface_is_a_mount(presented: str) -> None:
             client = outer.client()
             heard = await client.ask(b":GR#", 3.5)
             assert heard == await inner.client().ask(b":GR#", 3.5)
-            await outer.hub.close()
+            await outer.controller.close()
 
     run(program())

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway import operations as op
+from gateway.core import operations as op
 from tests.bridge import Bridge, Visitor
 from tests.fixture import Talk
 from tests.virtual import run
@@ -151,8 +151,9 @@ def test_a_mount_that_tells_no_site(config: dict[str, object]) -> None:
     run(program())
 
 
-@pytest.mark.parametrize(("half", "question", "reply"), [(b":St-45*00#", b":Gt#", b"-45*00#"),
-                                                         (b":Sg010*30#", b":Gg#", b"+010*30#")])
+@pytest.mark.parametrize(
+    ("half", "question", "reply"), [(b":St-45*00#", b":Gt#", b"-45*00#"), (b":Sg010*30#", b":Gg#", b"+010*30#")]
+)
 def test_half_a_site_that_is_kept_is_told(half: bytes, question: bytes, reply: bytes) -> None:
     """Where nobody knows the other half there is no site, and still no silence about what was said yes to."""
 
@@ -170,9 +171,9 @@ def test_half_a_site_that_is_kept_is_told(half: bytes, question: bytes, reply: b
 # --- how they are counted -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("model", "from_one"), [
-    ("autostar", False), ("lx200-16", False), ("lx200", True), ("lx200gps", True),
-])
+@pytest.mark.parametrize(
+    ("model", "from_one"), [("autostar", False), ("lx200-16", False), ("lx200", True), ("lx200gps", True)]
+)
 def test_0_to_4_are_sites_on_every_model(model: str, from_one: bool) -> None:
     """From 0 by the manual, from 1 by handbooks and programs: the one that is left over is the nearest."""
     talk = Talk(model=model)
@@ -182,7 +183,8 @@ def test_0_to_4_are_sites_on_every_model(model: str, from_one: bool) -> None:
     shared = talk.session.shared["sites"]
     assert sorted(shared) == ["0", "1", "2", "3"]
     assert [round(shared[index]["latitude"], 1) for index in "0123"] == (
-        [41.5, 42.5, 43.5, 44.5] if from_one else [40.5, 41.5, 42.5, 44.5])
+        [41.5, 42.5, 43.5, 44.5] if from_one else [40.5, 41.5, 42.5, 44.5]
+    )
 
 
 @pytest.mark.parametrize("impossible", [b":W5#", b":W9#", b":W#", b":Wx#"])

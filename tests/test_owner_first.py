@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from gateway.truth import truth_of
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge, Visitor
 from tests.owner import Owner
 from tests.virtual import run
@@ -21,8 +21,12 @@ MOUNTS = {"cpc": "nexstar", "cge": "nexstar", "lx200gps": "lx200", "lx200": "lx2
 MOTIONS = {"arrow": b":RM#:Me#", "goto": b":Sr08:00:00#:Sd+30*00:00#:MS#", "pulse": b":Mge9000#", "park": b":hP#",
            "tracking": b""}  # fmt: skip
 #: A German mount begins at the pole, where it parks; a classic cannot park; pulses move no fork of Celestron's.
-CASES = [(mount, motion) for mount in MOUNTS for motion in MOTIONS if (mount, motion) not in (
-    ("cge", "park"), ("lx200", "park"), ("cpc", "pulse"))]
+CASES = [
+    (mount, motion)
+    for mount in MOUNTS
+    for motion in MOTIONS
+    if (mount, motion) not in (("cge", "park"), ("lx200", "park"), ("cpc", "pulse"))
+]
 
 
 @asynccontextmanager
@@ -89,9 +93,19 @@ def test_a_motion_of_the_keypad_is_left_alone(mount: str) -> None:
     run(program())
 
 
-@pytest.mark.parametrize("mount", [
-    *(pytest.param(mount, marks=pytest.mark.xfail(reason="the mode that puts tracking back ends what the keypad does"))
-      for mount in ("cpc", "cge")), "lx200gps", "lx200"])
+@pytest.mark.parametrize(
+    "mount",
+    [
+        *(
+            pytest.param(
+                mount, marks=pytest.mark.xfail(reason="the mode that puts tracking back ends what the keypad does")
+            )
+            for mount in ("cpc", "cge")
+        ),
+        "lx200gps",
+        "lx200",
+    ],
+)
 def test_the_release_of_an_arrow_leaves_the_motion_of_the_keypad_alone(mount: str) -> None:
     async def program() -> None:
         async with at_the_mount(mount, "arrow") as (bridge, owner, client):
@@ -109,6 +123,7 @@ def test_the_release_of_an_arrow_leaves_the_motion_of_the_keypad_alone(mount: st
 @pytest.mark.parametrize("mount", ["cpc", "cge", "lx200gps"])
 def test_tracking_that_was_put_off_at_the_keypad_stays_off(mount: str) -> None:
     """Also over an arrow and a pulse of a program, which suspend tracking for as long as they last."""
+
     async def program() -> None:
         async with at_the_mount(mount, "tracking") as (bridge, owner, client):
             owner.keys("tracking off")
@@ -140,10 +155,12 @@ def test_a_site_of_the_keypad_is_not_written_over(mount: str, motion: str) -> No
     run(program())
 
 
-@pytest.mark.parametrize(("mount", "motion"), [
-    case for case in CASES if case[0] != "lx200" and case[1] in ("arrow", "goto", "tracking")])
+@pytest.mark.parametrize(
+    ("mount", "motion"), [case for case in CASES if case[0] != "lx200" and case[1] in ("arrow", "goto", "tracking")]
+)
 def test_an_alignment_during_a_session_is_not_interfered_with(mount: str, motion: str) -> None:
     """Its owner ends what goes on, aligns anew and moves the mount meanwhile."""
+
     async def program() -> None:
         async with at_the_mount(mount, motion) as (bridge, owner, client):
             client.tell(b":Q#")

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.pacing import LONGEST, Pace
-from gateway.protocols.nexstar.simulator import HandControl
-from gateway.simulators import _Caller, serve_simulator
+from gateway.app.simulated import _Caller, serve_simulator
+from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
+from gateway.transport.serial_pace import LONGEST, Pace
 from tests.simulated_meade import Clock
 from tests.virtual import run
 
@@ -50,8 +50,9 @@ def test_what_nobody_could_take_in_time_is_lost_and_the_end_forgets_the_rest() -
     run(program())
 
 
-@pytest.mark.parametrize(("baud", "latency", "seconds"), [(9600, 0.0, 19 * BYTE), (9600, 0.2, 0.2 + 19 * BYTE),
-                                                          (None, 0.0, 0.0)])
+@pytest.mark.parametrize(
+    ("baud", "latency", "seconds"), [(9600, 0.0, 19 * BYTE), (9600, 0.2, 0.2 + 19 * BYTE), (None, 0.0, 0.0)]
+)
 def test_a_question_and_its_answer_take_their_time(baud: int | None, latency: float, seconds: float) -> None:
     """``e`` is one byte, its answer eighteen."""
 
@@ -63,7 +64,7 @@ def test_a_question_and_its_answer_take_their_time(baud: int | None, latency: fl
             nonlocal heard
             heard += data
 
-        caller = _Caller(HandControl("cpc", clock=Clock()), latency, baud, hear)
+        caller = _Caller(SimulatedHandControl("cpc", clock=Clock()), latency, baud, hear)
         began = loop.time()
         caller.feed(b"e")
         while len(heard) < 18:
@@ -80,14 +81,15 @@ def test_a_question_and_its_answer_take_their_time(baud: int | None, latency: fl
 @pytest.mark.parametrize(("place", "baud", "least"), [
     ("tcp://127.0.0.1:0", None, 0.0), ("tcp://127.0.0.1:0", 1200, 0.15), ("pty", None, 0.019), ("pty", 1200, 0.15),
 ])  # fmt: skip
-def test_pseudo_terminals_have_the_pace_of_a_line_and_tcp_by_option(place: str, baud: int | None, least: float,
-                                                                    tmp_path: Path) -> None:
+def test_pseudo_terminals_have_the_pace_of_a_line_and_tcp_by_option(
+    place: str, baud: int | None, least: float, tmp_path: Path
+) -> None:
     """Nineteen bytes: 0.02 s at 9600 baud, 0.16 s at 1200."""
     serial = pytest.importorskip("serial")
 
     async def program() -> float:
         where = f"pty:{tmp_path / 'mount'}" if place == "pty" else place
-        [port] = await serve_simulator(HandControl("cpc", clock=time.time), [where], 0.0, baud)
+        [port] = await serve_simulator(SimulatedHandControl("cpc", clock=time.time), [where], 0.0, baud)
         try:
             return await asyncio.to_thread(ask, port.where)
         finally:

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from gateway.spherical import separation
-from gateway.truth import truth_of
+from gateway.astro.spherical import separation
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -55,6 +55,7 @@ def test_a_goto_waits_for_a_classic_to_calculate_its_planets(mount: str, gap: fl
 @pytest.mark.parametrize("gap", [0.3, 1.0, 2.0])
 def test_no_is_said_of_a_goto_while_whoever_asked_still_listens(mount: str, gap: float) -> None:
     """Programs wait for three to five seconds; what is begun after that would be begun without their knowing."""
+
     async def program() -> None:
         async with bridge_to(mount) as bridge:
             await calculates(bridge, gap)

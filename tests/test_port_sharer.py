@@ -40,8 +40,12 @@ def test_nexstar_on_nexstar() -> None:
             level = b"P\x01\x10\x12\x00\x00\x00\x01"  # means nothing here, and something to the mount
             assert await client.ask(level) == bridge.sim.feed(level)
             assert level in bridge.sent()
-            for forbidden in (b"P\x04\x10\x04\x00\x00\x00\x00", b"P\x02\x10\x81\x00\x00\x00\x01",
-                              b"P\x02\x10\x31\x00\x00\x00\x01", b"P\x02\x10\x84\x00\x00\x00\x01"):
+            for forbidden in (
+                b"P\x04\x10\x04\x00\x00\x00\x00",
+                b"P\x02\x10\x81\x00\x00\x00\x01",
+                b"P\x02\x10\x31\x00\x00\x00\x01",
+                b"P\x02\x10\x84\x00\x00\x00\x01",
+            ):
                 await client.ask(forbidden, 2)
                 assert forbidden not in bridge.sent()
 

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.assembly import Gateway
-from gateway.config import MountConfig, SurfaceConfig
-from gateway.errors import UserError
+from gateway.app.config import MountConfig, SurfaceConfig
+from gateway.app.gateway import Gateway
+from gateway.core.errors import UserError
 
 PATIENCE = 10.0
 

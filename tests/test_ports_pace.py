@@ -8,9 +8,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from gateway.assembly import Gateway
-from gateway.ports.pace import APART, BREATH, OTHERS, SHARE, SKIM, Pace, period, unrepeated
+from gateway.app.gateway import Gateway
 from gateway.protocols.lx200.framing import Framer
+from gateway.transport.intake import APART, BREATH, OTHERS, SHARE, SKIM, Pace, period, unrepeated
 from tests.test_ports import address, ask, serve
 
 
@@ -25,13 +25,16 @@ def test_whose_share_takes_long_costs_the_others_no_more() -> None:
     assert [pace.pause(10.0, 0.01) for _ in range(4)] == pytest.approx([BREATH + OTHERS * 0.01 * n for n in range(4)])
 
 
-@given(st.lists(st.sampled_from([b":Qn#", b":Qs#", b":Qe#", b":Qw#", b":Q#"]), min_size=1, max_size=9),
-       st.integers(0, 40), st.integers(1, 2000))
+@given(
+    st.lists(st.sampled_from([b":Qn#", b":Qs#", b":Qe#", b":Qw#", b":Q#"]), min_size=1, max_size=9),
+    st.integers(0, 40),
+    st.integers(1, 2000),
+)
 @example([b":Qs#", b":Qs#", b":Qn#", b":Qs#", b":Qs#", b":Qs#"], 0, 513)
 def test_what_is_left_of_a_repetition_ends_as_all_of_it_does(cycle: list[bytes], begin: int, length: int) -> None:
     """A whole number of cycles is left out: what is framed begins where it would have, and at least one is kept."""
     stream = b"".join(cycle) * 800
-    share, more = stream[begin:begin + SHARE], stream[begin + SHARE:begin + SHARE + length]
+    share, more = stream[begin : begin + SHARE], stream[begin + SHARE : begin + SHARE + length]
     kept = unrepeated(share, more)
     assert len(kept) <= SHARE
     assert more.endswith(kept)
@@ -66,12 +69,12 @@ def test_what_follows_a_flood_of_halts_is_heard(last: bytes) -> None:
     """Also what was read together with the last of it."""
 
     async def program(gateway: Gateway) -> None:
-        assert gateway.hub is not None
+        assert gateway.controller is not None
         reader, writer = await asyncio.open_connection(*address(gateway))
         writer.write(b":Qn#" * (SKIM // 2) + last + b":GVP#")
         async with asyncio.timeout(10):
             assert await reader.readuntil(b"#") == b"Autostar#"
-            while gateway.hub.motions.axes != {2}:
+            while gateway.controller.motions.axes != {2}:
                 await asyncio.sleep(0.01)
         writer.close()
 

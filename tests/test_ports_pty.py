@@ -20,9 +20,9 @@ from typing import Any
 import pytest
 import serial
 
-from gateway.cli.serving import with_loop
-from gateway.errors import UserError
-from gateway.ports.pty import PtyPort
+from gateway.cli.serve.serving import with_loop
+from gateway.core.errors import UserError
+from gateway.transport.pty import PtyPort
 
 PATIENCE = 5.0
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="the end of a connection is told on Linux only")
@@ -148,7 +148,7 @@ def test_exclusive_use_ends_with_the_program(tmp_path: Path, monkeypatch: pytest
     folder = Path(tempfile.mkdtemp(dir="/tmp"))
     folder.chmod(0o755)
     path = folder / "lx200"
-    monkeypatch.setattr("gateway.ports.pty.like_a_serial_port", lambda device: os.chmod(device, 0o666))
+    monkeypatch.setattr("gateway.transport.pty.like_a_serial_port", lambda device: os.chmod(device, 0o666))
     real = os.open
 
     def refused(name: Any, flags: int, *more: Any) -> int:
@@ -156,7 +156,7 @@ def test_exclusive_use_ends_with_the_program(tmp_path: Path, monkeypatch: pytest
             raise OSError(16, "Device or resource busy")
         return real(name, flags, *more)
 
-    monkeypatch.setattr("gateway.ports.pty.os.open", refused)
+    monkeypatch.setattr("gateway.transport.pty.os.open", refused)
 
     async def program(port: PtyPort, book: list[str]) -> None:
         visitor = await asyncio.create_subprocess_exec(sys.executable, "-c", EXCLUSIVE, str(path))
@@ -214,8 +214,9 @@ def test_it_has_the_mode_and_group_of_a_serial_port(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("what", ["no directory", "a file", "a directory", "a link to"])
-def test_a_name_that_cannot_be_had_is_said_and_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-                                                          what: str) -> None:
+def test_a_name_that_cannot_be_had_is_said_and_left_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
+) -> None:
     locks = tmp_path / "locks"
     locks.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(locks))
@@ -255,6 +256,7 @@ def test_a_crash_leaves_a_link_that_is_replaced_and_two_cannot_have_one(tmp_path
 
 def test_a_program_that_writes_without_end_leaves_others_their_turn(tmp_path: Path) -> None:
     path = tmp_path / "lx200"
+
     async def program(port: PtyPort, book: list[str]) -> None:
         flood = await asyncio.create_subprocess_exec("sh", "-c", f"exec cat /dev/zero > {path}")
         try:
@@ -272,12 +274,14 @@ def test_a_program_that_writes_without_end_leaves_others_their_turn(tmp_path: Pa
 
 def test_windows_has_none_and_imports_all() -> None:
     """No module of ports and wires needs what only Unix has before it is used."""
-    code = ("import sys\nfor name in ('fcntl', 'pty', 'tty', 'termios', 'grp', 'pwd', 'resource'):\n"
-            "    sys.modules[name] = None\n"
-            "import gateway.assembly, gateway.detect, gateway.simulators, gateway.cli, gateway.ports as ports\n"
-            "import asyncio\n"
-            "try:\n    asyncio.run(ports.open_port('pty:/tmp/x', None))\n"
-            "except Exception as error:\n    print(error)\n")
+    code = (
+        "import sys\nfor name in ('fcntl', 'pty', 'tty', 'termios', 'grp', 'pwd', 'resource'):\n"
+        "    sys.modules[name] = None\n"
+        "import gateway.assembly, gateway.detect, gateway.simulators, gateway.cli, gateway.ports as ports\n"
+        "import asyncio\n"
+        "try:\n    asyncio.run(ports.open_port('pty:/tmp/x', None))\n"
+        "except Exception as error:\n    print(error)\n"
+    )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=False)
     assert said.stderr == ""
     assert "no pseudo-terminals on this system" in said.stdout
@@ -286,6 +290,7 @@ def test_windows_has_none_and_imports_all() -> None:
 @pytest.mark.skipif(not hasattr(select, "epoll"), reason="nothing tells that it is closed")
 def test_who_opens_it_after_a_flood_reads_none_of_its_answers(tmp_path: Path) -> None:
     """What the flood has left on either side of the terminal is gone: answers nobody read, and those still to come."""
+
     async def program() -> None:
         book: list[str] = []
         port = PtyPort(str(tmp_path / "p"), lambda name, host, write: Visitor(book, write))

@@ -13,10 +13,10 @@ import serial
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.assembly import Gateway
-from gateway.ports import open_port
-from gateway.ports.guest import Port
-from gateway.ports.rfc2217 import over_telnet
+from gateway.app.gateway import Gateway
+from gateway.transport import open_port
+from gateway.transport.handler import Listener
+from gateway.transport.rfc2217 import over_telnet
 from tests.test_ports import ask, serve
 
 EVERY_BYTE = bytes(range(256)) + b"\xff\xff\xf0\xff\xfa"
@@ -101,7 +101,7 @@ def _brisk(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("_brisk")
 def test_pyserials_own_client_sets_what_it_likes_and_hears_every_byte() -> None:
     async def main() -> None:
-        port: Port = await open_port("rfc2217://127.0.0.1:0", lambda name, host, write: Echo(write))
+        port: Listener = await open_port("rfc2217://127.0.0.1:0", lambda name, host, write: Echo(write))
         try:
             assert port.where.startswith("rfc2217://127.0.0.1:") and not port.where.endswith(":0")
             async with asyncio.timeout(20):
@@ -187,7 +187,7 @@ def test_bytes_arrive_however_they_are_cut(pieces: list[bytes]) -> None:
     telnet, whole = Telnet(), b"".join(pieces)
     for piece in [HELLO, *pieces]:
         for at in range(0, len(escaped := piece.replace(b"\xff", b"\xff\xff") if piece != HELLO else piece), 5):
-            telnet.guest.feed(escaped[at:at + 5])
+            telnet.guest.feed(escaped[at : at + 5])
     assert telnet.echo.heard == whole
     wild = Telnet()
     for piece in pieces:

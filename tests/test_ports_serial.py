@@ -10,13 +10,12 @@ import tty
 
 import pytest
 
-from gateway.assembly import Gateway
-from gateway.config import MountConfig, SurfaceConfig
-from gateway.errors import UserError
-from gateway.ports import open_port
-from gateway.ports import serial as serial_port
-from gateway.ports.pty import speed
-from gateway.wires import SerialWire
+from gateway.app.config import MountConfig, SurfaceConfig
+from gateway.app.gateway import Gateway
+from gateway.core.errors import UserError
+from gateway.transport import open_port, serial_port
+from gateway.transport.pty import speed
+from gateway.transport.wires import SerialTransport
 from tests.test_ports import PATIENCE, serve
 from tests.test_ports_rfc2217 import Echo
 
@@ -138,7 +137,7 @@ def test_a_reply_over_a_socket_is_handed_over_in_one_piece() -> None:
     async def main() -> tuple[list[bytes], list[str]]:
         heard: list[bytes] = []
         lost: list[str] = []
-        wire = SerialWire(f"socket://127.0.0.1:{server.getsockname()[1]}")
+        wire = SerialTransport(f"socket://127.0.0.1:{server.getsockname()[1]}")
         await wire.open(heard.append, lost.append)
         link, _ = server.accept()
         async with asyncio.timeout(PATIENCE):
@@ -155,5 +154,3 @@ def test_a_reply_over_a_socket_is_handed_over_in_one_piece() -> None:
     with server:
         heard, _ = asyncio.run(main())
     assert heard == [b"34AB0000,12CE0000#", b"1"]
-
-

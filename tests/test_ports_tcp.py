@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.errors import UserError
-from gateway.ports import open_port
-from gateway.ports.tcp import TcpPort, split_address
+from gateway.core.errors import UserError
+from gateway.transport import open_port
+from gateway.transport.tcp import TcpPort, split_address
 from tests.test_ports_rfc2217 import Echo
 
 
@@ -88,8 +88,9 @@ def test_a_connection_is_asked_whether_it_lives() -> None:
         tcp = socket.IPPROTO_TCP
         assert stream.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
         assert stream.getsockopt(tcp, socket.TCP_NODELAY) == 1
-        silent = (stream.getsockopt(tcp, socket.TCP_KEEPIDLE)
-                  + stream.getsockopt(tcp, socket.TCP_KEEPINTVL) * stream.getsockopt(tcp, socket.TCP_KEEPCNT))
+        silent = stream.getsockopt(tcp, socket.TCP_KEEPIDLE) + stream.getsockopt(
+            tcp, socket.TCP_KEEPINTVL
+        ) * stream.getsockopt(tcp, socket.TCP_KEEPCNT)
         assert silent <= 60 and stream.getsockopt(tcp, socket.TCP_USER_TIMEOUT) <= 60_000
         writer.close()
         await port.close()

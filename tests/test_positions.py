@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from gateway import operations as op
-from gateway.hub import MISSING
-from gateway.spherical import horizon_to_hour_angle, separation, sidereal_time, wrap180
-from gateway.truth import truth_of
+from gateway.astro.spherical import horizon_to_hour_angle, separation, sidereal_time, wrap180
+from gateway.core import operations as op
+from gateway.mount.readings.cache import MISSING
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge, Visitor
 from tests.nexstar_flows import place
 from tests.told import FREE, MEADES, MOUNTS, bridge_to, degrees, set_out, told, tracked
@@ -129,8 +129,8 @@ def test_the_first_position_after_a_stop_is_younger_than_the_stop(
                 await asyncio.sleep(0.3)
             await asyncio.sleep(phase)
             polls.heard = b""
-            await bridge.hub.stop()
-            since, late = bridge.hub.now() - 0.16, bridge.client("10.0.0.3")
+            await bridge.controller.stop()
+            since, late = bridge.controller.now() - 0.16, bridge.client("10.0.0.3")
             for _ in range(4):
                 seen = await told(late, presented)
                 assert track.off(seen, since) < 0.05
@@ -148,7 +148,7 @@ def test_a_reading_older_than_an_order_is_not_told_after_it(mount: str, presente
             before = await told(other, presented)
             await set_out(client, presented, by_hand)
             await asyncio.sleep(0.3)
-            while not (bridge.hub.slewing or bridge.hub.motions.axes):
+            while not (bridge.controller.slewing or bridge.controller.motions.axes):
                 await asyncio.sleep(0.01)
             where = bridge.sim.truth()
             seen = await told(other, presented)
@@ -180,17 +180,17 @@ def test_nobody_is_told_that_a_goto_has_gone_past_its_goal(mount: str) -> None:
 def test_nobody_is_told_of_a_place_beyond_a_limit_that_was_not_seen_there(mount: str) -> None:
     async def program() -> None:
         async with bridge_to(mount, "lx200", config={"lowest": 20.0, "sun": 0.0}) as bridge:
-            hub, client = bridge.hub, bridge.client()
+            controller, client = bridge.controller, bridge.client()
             for deaf in ("look", "began"):  # nobody stops it there
-                setattr(hub.guard, deaf, lambda _: None)
+                setattr(controller.guard, deaf, lambda _: None)
             client.tell(b":RS#:Ms#")
             lowest = 90.0
             for _ in range(1000):
                 seen = await told(client, "lx200")
-                lowest = min(lowest, hub.derived.altitude(*seen) or 0.0)
-                said = hub.snapshot.value(op.Position)
-                if said is not None and (hub.derived.altitude(said.ra, said.dec) or 0.0) >= 20.0:
-                    assert (hub.derived.altitude(*seen) or 0.0) >= 19.98
+                lowest = min(lowest, controller.derived.altitude(*seen) or 0.0)
+                said = controller.snapshot.value(op.Position)
+                if said is not None and (controller.derived.altitude(said.ra, said.dec) or 0.0) >= 20.0:
+                    assert (controller.derived.altitude(*seen) or 0.0) >= 19.98
                 await asyncio.sleep(0.02)
             assert lowest < 15.0
 
@@ -200,18 +200,18 @@ def test_nobody_is_told_of_a_place_beyond_a_limit_that_was_not_seen_there(mount:
 def test_rules_go_by_what_the_mount_has_said() -> None:
     async def program() -> None:
         async with bridge_to("cge", "nexstar") as bridge:
-            hub, looks = bridge.hub, []
-            look = hub.guard.look
-            hub.guard.look = lambda seen: (looks.append(seen), look(seen))  # type: ignore[method-assign, assignment]
+            controller, looks = bridge.controller, []
+            look = controller.guard.look
+            controller.guard.look = lambda seen: (looks.append(seen), look(seen))  # type: ignore[method-assign, assignment]
             client = bridge.client()
             await set_out(client, "nexstar", True)
             await asyncio.sleep(2.5)
             reckoned = 0
             for _ in range(30):
                 await client.ask(b"e", until=b"#")
-                said = hub.snapshot.value(op.Position)
-                assert await hub.read(op.Position()) is said
-                reckoned += hub.peek(op.Position()) not in (MISSING, said)
+                said = controller.snapshot.value(op.Position)
+                assert await controller.read(op.Position()) is said
+                reckoned += controller.peek(op.Position()) not in (MISSING, said)
                 await asyncio.sleep(0.07)
             assert reckoned > 10
             assert len(looks) > 8
@@ -246,7 +246,7 @@ def test_slewing_is_not_told_any_more_after_a_stop(mount: str, presented: str, p
                 await client.ask(question, until=b"#")
                 await asyncio.sleep(0.3)
             await asyncio.sleep(phase)
-            await bridge.hub.stop()
+            await bridge.controller.stop()
             for _ in range(60):
                 assert (await client.ask(question, until=b"#")).replace(b" ", b"") == idle
                 await asyncio.sleep(0.02)
@@ -293,8 +293,10 @@ async def polled(client: Visitor, question: bytes, seconds: float) -> None:
 
 
 @pytest.mark.parametrize("mount", ["cge", "6-8se", "autostar"])
-@pytest.mark.parametrize(("presented", "question"), [
-    *(("lx200", question) for question in (b":GR#", b":GD#", b":GZ#", b":D#")), ("nexstar", b"e"), ("nexstar", b"z")])
+@pytest.mark.parametrize(
+    ("presented", "question"),
+    [*(("lx200", question) for question in (b":GR#", b":GD#", b":GZ#", b":D#")), ("nexstar", b"e"), ("nexstar", b"z")],
+)
 def test_at_rest_a_poll_costs_the_surface_no_work(mount: str, presented: str, question: bytes) -> None:
     """A hundred polls a second, and only those have to be worked out that come after a new reading."""
 
@@ -323,8 +325,8 @@ def test_in_motion_a_reply_is_told_again_for_fifty_milliseconds(mount: str, pres
             for _ in range(100):
                 answer = await client.ask(question, until=b"#")
                 if answer != last:
-                    last, since = answer, bridge.hub.now()
-                assert bridge.hub.now() - since <= 0.06
+                    last, since = answer, bridge.controller.now()
+                assert bridge.controller.now() - since <= 0.06
                 await asyncio.sleep(0.01)
             assert len(frames) < 60
 

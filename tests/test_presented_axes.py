@@ -10,8 +10,8 @@ import asyncio
 
 import pytest
 
-from gateway import operations as op
-from gateway.spherical import separation, wrap180
+from gateway.astro.spherical import separation, wrap180
+from gateway.core import operations as op
 from tests.bridge import Bridge, Visitor
 from tests.nexstar_flows import place, precise, settled
 from tests.virtual import run
@@ -21,8 +21,8 @@ MOUNTS = [("lx200", "lx200"), ("lx200", "lx200-16"), ("nexstar", "cpc")]
 
 
 async def arrived(bridge: Bridge, client: Visitor, hour_angle: float, dec: float) -> None:
-    sidereal = await bridge.hub.perform(op.SiderealTime())
-    await bridge.hub.perform(op.Goto((sidereal - hour_angle) % 360.0, dec))
+    sidereal = await bridge.controller.perform(op.SiderealTime())
+    await bridge.controller.perform(op.Goto((sidereal - hour_angle) % 360.0, dec))
     await asyncio.sleep(1.0)
     await settled(client, 300.0)
     await asyncio.sleep(3.0)
@@ -36,8 +36,9 @@ def test_on_an_equatorial_fork(model: str, driven: str, mount: str, site: tuple[
     zero = 180.0 if site is NORTH and model == "cpc" else 0.0
 
     async def program() -> None:
-        async with Bridge(mount, driven=driven, presented="nexstar", surface=model, site=site,
-                          config={"lowest": -90.0, "sun": 0.0}) as bridge:
+        async with Bridge(
+            mount, driven=driven, presented="nexstar", surface=model, site=site, config={"lowest": -90.0, "sun": 0.0}
+        ) as bridge:
             if driven == "nexstar":
                 bridge.sim.feed(b"T\x02" if site is NORTH else b"T\x03")
                 await asyncio.sleep(10.0)

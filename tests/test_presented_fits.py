@@ -6,9 +6,9 @@ import asyncio
 
 import pytest
 
-from gateway import operations as op
-from gateway.errors import Unsupported
-from gateway.mount_geometry import Build
+from gateway.astro.axes import Build
+from gateway.core import operations as op
+from gateway.core.errors import Unsupported
 from gateway.protocols.nexstar.surface import fitting
 from tests.bridge import Bridge
 from tests.virtual import run
@@ -19,18 +19,22 @@ ABSENT = b"\0\0\0#"
 
 def german(site: tuple[float, float]) -> Bridge:
     """An Autostar on a German mount (LXD75): ACK answers P, :GW# begins with G."""
-    bridge = Bridge("autostar", driven="lx200", presented="nexstar", surface="cge", site=site,
-                    config={"lowest": -90.0, "sun": 0.0})
+    bridge = Bridge(
+        "autostar", driven="lx200", presented="nexstar", surface="cge", site=site, config={"lowest": -90.0, "sun": 0.0}
+    )
     bridge.sim.letter = "P"
     bridge.sim.mechanics.rebuild(bridge.sim.now, Build.GERMAN)
     return bridge
 
 
-@pytest.mark.parametrize(("equatorial", "is_german", "name", "number"), [
-    (False, False, "6-8se", 12), (True, None, "cpc", 9), (True, False, "cpc", 9), (True, True, "cge", 5)])
+@pytest.mark.parametrize(
+    ("equatorial", "is_german", "name", "number"),
+    [(False, False, "6-8se", 12), (True, None, "cpc", 9), (True, False, "cpc", 9), (True, True, "cge", 5)],
+)
 @pytest.mark.parametrize("gps", [False, True])
-def test_the_model_is_as_the_mount_is_built(equatorial: bool, is_german: bool | None, name: str, number: int,
-                                            gps: bool) -> None:
+def test_the_model_is_as_the_mount_is_built(
+    equatorial: bool, is_german: bool | None, name: str, number: int, gps: bool
+) -> None:
     model = fitting(equatorial, is_german, gps, None)
     assert (model["name"], model["id"], model["version"]) == (name, number, (4, 21))
     assert ("gps" in model["has"]) is gps, "a unit that is not there is not presented"
@@ -44,7 +48,7 @@ def test_a_classic_on_its_wedge_tracks_equatorially_and_has_no_sides(site: tuple
             assert await client.ask(b"m") == b"\x09#"
             assert await client.ask(b"t") == (b"\x02#" if site is NORTH else b"\x03#")
             with pytest.raises(Unsupported):
-                await bridge.hub.perform(op.PierSide())
+                await bridge.controller.perform(op.PierSide())
 
     run(program())
 
@@ -57,8 +61,8 @@ def test_a_german_meade_is_on_the_side_of_its_last_goto(site: tuple[float, float
     async def program() -> None:
         async with german(site) as bridge:
             client = bridge.client()
-            sidereal = await bridge.hub.perform(op.SiderealTime())
-            await bridge.hub.perform(op.Goto((sidereal - 15.0 * hours) % 360.0, 0.0))
+            sidereal = await bridge.controller.perform(op.SiderealTime())
+            await bridge.controller.perform(op.Goto((sidereal - 15.0 * hours) % 360.0, 0.0))
             for _ in range(120):
                 await asyncio.sleep(1.0)
                 if await client.ask(b"L") == b"0#":
@@ -81,8 +85,8 @@ def test_a_german_meade_is_on_the_side_of_its_last_goto(site: tuple[float, float
 def test_before_its_first_goto_a_german_meade_is_where_it_points() -> None:
     async def program() -> None:
         async with german(NORTH) as bridge:
-            ra = (await bridge.hub.perform(op.Position())).ra
-            hour_angle = ((await bridge.hub.perform(op.SiderealTime())) - ra + 180.0) % 360.0 - 180.0
-            assert await bridge.hub.perform(op.PierSide()) == ("W" if hour_angle < 0.0 else "E")
+            ra = (await bridge.controller.perform(op.Position())).ra
+            hour_angle = ((await bridge.controller.perform(op.SiderealTime())) - ra + 180.0) % 360.0 - 180.0
+            assert await bridge.controller.perform(op.PierSide()) == ("W" if hour_angle < 0.0 else "E")
 
     run(program())

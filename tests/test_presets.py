@@ -8,16 +8,20 @@ import socket
 
 import pytest
 
-from gateway.presets import advice
+from gateway.clients.wrong_preset import advice
 from tests.bridge import Bridge
 from tests.callers import Caller
 from tests.running import Running
 from tests.virtual import run
 
-NEXSTAR_ON_LX200 = ('127.0.0.1:50000 sends `{}`: this looks like a NexStar program on an LX200 surface. Choose '
-                    '"Meade LX200" in the program, or add --surface nexstar@tcp://127.0.0.1:4031')
-LX200_ON_NEXSTAR = ('127.0.0.1:50000 sends `{}`: this looks like an LX200 program on a NexStar surface. Choose '
-                    '"Celestron NexStar" in the program, or add --surface lx200@tcp://127.0.0.1:4031')
+NEXSTAR_ON_LX200 = (
+    "127.0.0.1:50000 sends `{}`: this looks like a NexStar program on an LX200 surface. Choose "
+    '"Meade LX200" in the program, or add --surface nexstar@tcp://127.0.0.1:4031'
+)
+LX200_ON_NEXSTAR = (
+    "127.0.0.1:50000 sends `{}`: this looks like an LX200 program on a NexStar surface. Choose "
+    '"Celestron NexStar" in the program, or add --surface lx200@tcp://127.0.0.1:4031'
+)
 
 
 def _listening(bridge: Bridge) -> list[str]:
@@ -28,10 +32,19 @@ def _listening(bridge: Bridge) -> list[str]:
     return told
 
 
-@pytest.mark.parametrize(("said", "shown"), [
-    (b"Ka", "Ka"), (b"V", "V"), (b"e", "e"), (b"J", "J"), (b"h", "h"), (b"Kx#Kx", "Kx"), (b"T\2", "T\\x02"),
-    (b"P\1\x10\xfe\0\0\0\2", "P\\x01\\x10\\xfe\\x00\\x00\\x00\\x02"),
-])
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        (b"Ka", "Ka"),
+        (b"V", "V"),
+        (b"e", "e"),
+        (b"J", "J"),
+        (b"h", "h"),
+        (b"Kx#Kx", "Kx"),
+        (b"T\2", "T\\x02"),
+        (b"P\1\x10\xfe\0\0\0\2", "P\\x01\\x10\\xfe\\x00\\x00\\x00\\x02"),
+    ],
+)
 @pytest.mark.parametrize("trusted", [False, True])
 def test_nexstar_on_an_lx200_surface(said: bytes, shown: str, trusted: bool) -> None:
     async def play() -> None:
@@ -49,8 +62,16 @@ def test_nexstar_on_an_lx200_surface(said: bytes, shown: str, trusted: bool) -> 
     run(play())
 
 
-@pytest.mark.parametrize(("said", "shown"), [(b":GR#", ":GR#"), (b"#:GR#", ":GR#"), (b"\x06", "\\x06"),
-                                             (b":Sr05:34:32#", ":Sr05:34:32#"), (b":GVP#:GR#", ":GVP#")])
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        (b":GR#", ":GR#"),
+        (b"#:GR#", ":GR#"),
+        (b"\x06", "\\x06"),
+        (b":Sr05:34:32#", ":Sr05:34:32#"),
+        (b":GVP#:GR#", ":GVP#"),
+    ],
+)
 def test_lx200_on_a_nexstar_surface(said: bytes, shown: str) -> None:
     async def play() -> None:
         async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
@@ -63,8 +84,21 @@ def test_lx200_on_a_nexstar_surface(said: bytes, shown: str) -> None:
     run(play())
 
 
-@pytest.mark.parametrize("said", [b"Ka:GR#", b"#:GR#", b"", b"hello\n", b"\xff\xfe\xfd", b"GR#", b"9600,8n1\r\n",
-                                  b"GET / HTTP/1.0\r\n\r\n", b":XX#", b"\r\n"])
+@pytest.mark.parametrize(
+    "said",
+    [
+        b"Ka:GR#",
+        b"#:GR#",
+        b"",
+        b"hello\n",
+        b"\xff\xfe\xfd",
+        b"GR#",
+        b"9600,8n1\r\n",
+        b"GET / HTTP/1.0\r\n\r\n",
+        b":XX#",
+        b"\r\n",
+    ],
+)
 def test_whoever_sends_nothing_of_the_kind_is_left_alone(said: bytes) -> None:
     async def play() -> None:
         async with Bridge() as bridge:
@@ -78,6 +112,7 @@ def test_whoever_sends_nothing_of_the_kind_is_left_alone(said: bytes) -> None:
 
 def test_a_program_that_asks_in_the_other_protocol_first_is_none() -> None:
     """Stellarium Mobile opens every LX200 connection so."""
+
     async def play() -> None:
         async with Bridge() as bridge:
             told = _listening(bridge)

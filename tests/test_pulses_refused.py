@@ -67,8 +67,9 @@ async def _set_out(bridge: Bridge, client: Visitor) -> None:
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "avx"), ("lx200", "lx200gps"), ("lx200", "lx200")])
 def test_during_a_goto_there_are_none_and_after_a_stop_there_are(driven: str, mount: str) -> None:
     async def program() -> None:
-        async with Bridge(mount, driven=driven, presented="nexstar", surface="avx",
-                          config={"lowest": -90.0, "sun": 0.0}) as bridge:
+        async with Bridge(
+            mount, driven=driven, presented="nexstar", surface="avx", config={"lowest": -90.0, "sun": 0.0}
+        ) as bridge:
             client = bridge.client()
             await _set_out(bridge, client)
             assert await client.ask(b"L") == b"1#"
@@ -86,8 +87,9 @@ def test_during_a_goto_there_are_none_and_after_a_stop_there_are(driven: str, mo
 @pytest.mark.parametrize(("driven", "mount"), [("nexstar", "avx"), ("lx200", "lx200gps")])
 def test_right_behind_the_end_of_a_goto_it_is_done(driven: str, mount: str) -> None:
     async def program() -> None:
-        async with Bridge(mount, driven=driven, presented="nexstar", surface="avx",
-                          config={"lowest": -90.0, "sun": 0.0}) as bridge:
+        async with Bridge(
+            mount, driven=driven, presented="nexstar", surface="avx", config={"lowest": -90.0, "sun": 0.0}
+        ) as bridge:
             client = bridge.client()
             await _set_out(bridge, client)
             before = len(bridge.sent())

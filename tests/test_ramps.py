@@ -7,9 +7,9 @@ from random import Random
 
 import pytest
 
-from gateway.kinematics import Mechanics
-from gateway.mount_geometry import Build, Sky
-from gateway.spherical import SIDEREAL_RATE, wrap180
+from gateway.astro.axes import Build, Sky
+from gateway.astro.spherical import SIDEREAL_RATE, wrap180
+from gateway.protocols.mechanics.mount import Mechanics
 
 #: A power of two, so that a quarter of a second is exact.
 START = 2.0**30

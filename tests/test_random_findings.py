@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gateway import operations as op
+from gateway.core import operations as op
 from tests.bridge import Bridge
 from tests.test_safety_altitude import altitude
 from tests.virtual import run
@@ -43,7 +43,7 @@ def test_small_gotos_need_an_alignment_too(arrow: bytes) -> None:
             await asyncio.sleep(5)
             assert not [sent for sent in bridge.sent() if sent.startswith(b"R")]
             assert any(entry.note == "Move: Mount not aligned." for entry in bridge.entries)
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
 
     run(program())
 
@@ -117,7 +117,7 @@ def test_a_telescope_that_seeks_home_while_it_is_moved_is_stopped() -> None:
             client.tell(b":hS#")
             await asyncio.sleep(3)
             assert b":Q#" in bridge.sent()
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
 
     run(program())
 
@@ -128,14 +128,15 @@ def test_a_hand_that_takes_over_from_a_goto_is_stopped_in_time(model: str) -> No
 
     async def program() -> float:
         limits = {"lowest": 30.0}
-        async with Bridge(model, driven="lx200", presented="nexstar", surface="6-8se", config=limits,
-                          latency=0.2) as bridge:
+        async with Bridge(
+            model, driven="lx200", presented="nexstar", surface="6-8se", config=limits, latency=0.2
+        ) as bridge:
             client = bridge.client()
             await client.ask(b"e")
             await client.ask(b"P\x02\x11\x25\x09\x00\x00\x00")
             low = 90.0
             for _ in range(60):
-                bridge.hub.snapshot.put(op.Slewing, True, bridge.hub.now())
+                bridge.controller.snapshot.put(op.Slewing, True, bridge.controller.now())
                 await asyncio.sleep(0.1)
                 low = min(low, altitude(bridge))
             return low
@@ -148,8 +149,9 @@ def test_a_mount_in_motion_is_not_told_that_it_stands_otherwise(motion: bytes) -
     """Alt-az and equatorial are two frames: axes that were checked in one must not be sent to in the other."""
 
     async def program() -> None:
-        async with Bridge("gt", "104.0", presented="nexstar", surface="advanced-gt",
-                          config={"lowest": -90.0}) as bridge:
+        async with Bridge(
+            "gt", "104.0", presented="nexstar", surface="advanced-gt", config={"lowest": -90.0}
+        ) as bridge:
             client = bridge.client()
             client.tell(b"T\x02")
             await asyncio.sleep(5)
@@ -193,11 +195,11 @@ def test_a_telescope_without_a_way_home_says_that_it_never_found_it() -> None:
 def test_of_two_motors_the_one_that_turns_faster_is_stopped_first(axis: int, first: bytes, other: int) -> None:
     async def program() -> None:
         async with Bridge() as bridge:
-            await bridge.hub.perform(op.MoveAxis(axis - 15, 1, op.Rate(key=5)))
+            await bridge.controller.perform(op.MoveAxis(axis - 15, 1, op.Rate(key=5)))
             if other:
-                await bridge.hub.perform(op.MoveAxis(3 - (axis - 15), 1, op.Rate(key=other)))
+                await bridge.controller.perform(op.MoveAxis(3 - (axis - 15), 1, op.Rate(key=other)))
             before = len(bridge.sent())
-            await bridge.hub.perform(op.Stop())
+            await bridge.controller.perform(op.Stop())
             stops = [sent for sent in bridge.sent()[before:] if sent.startswith(b"P\x02") and sent[4] == 0]
             assert stops[0] == first
             assert len(stops) == 2
@@ -236,7 +238,7 @@ def test_where_the_axes_are_is_told_though_a_goto_begins_while_it_is_asked() -> 
             first.tell(goal.encode())
             await asyncio.sleep(0.3)
             assert await second.ask(b"z", 3.0)
-            while not bridge.hub.slewing:
+            while not bridge.controller.slewing:
                 await asyncio.sleep(0.1)
             assert await second.ask(b"z", 3.0)
 

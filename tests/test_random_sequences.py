@@ -22,8 +22,10 @@ STEPS = 12
 def seeds() -> list[int]:
     """One for every third mount: two thirds of them under the other protocol."""
     first = random.randrange(10**6) if os.environ.get("RANDOM_SEQUENCES") else FIRST
-    return [first - first % len(MOUNTS) + number * (3 * len(MOUNTS) + 1) + (number % 3) * len(MOUNTS)
-            for number in range(0, len(MOUNTS), 3)]
+    return [
+        first - first % len(MOUNTS) + number * (3 * len(MOUNTS) + 1) + (number % 3) * len(MOUNTS)
+        for number in range(0, len(MOUNTS), 3)
+    ]
 
 
 @pytest.mark.parametrize("seed", seeds())

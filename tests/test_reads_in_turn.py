@@ -13,13 +13,14 @@ from tests.virtual import run
 
 def stray(bridge: Any, data: bytes) -> None:
     """Bytes come that nobody asked for: from now on some quiet is wanted before a question like the last one."""
-    bridge.hub.line.wire._deliver(data)
+    bridge.controller.line.wire._deliver(data)
 
 
 @pytest.mark.parametrize("mount", ["lx200gps", "autostar", "lx200-16"])
 @pytest.mark.parametrize("latency", [0.1, 0.15, 0.2])
 def test_the_end_of_a_goto_is_told_after_a_stray_byte(mount: str, latency: float) -> None:
     """Two halves of a position fill a slow line nearly, and the bars of :D# come in the pauses between."""
+
     async def program() -> None:
         async with Bridge(mount, driven="lx200", presented="nexstar", surface="6-8se", latency=latency) as bridge:
             client = bridge.client()
@@ -31,6 +32,6 @@ def test_the_end_of_a_goto_is_told_after_a_stray_byte(mount: str, latency: float
                 await asyncio.sleep(0.5)
             await asyncio.sleep(5.0)
             assert await client.ask(b"L", 5.0, until=b"#") == b"0#"
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
 
     run(program())

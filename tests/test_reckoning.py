@@ -6,8 +6,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from gateway.astro.spherical import wrap180
 from gateway.mount.readings.reckoning import Reading, course, place
-from gateway.spherical import wrap180
 
 FAST = 8.0 * 2.0**0.5
 
@@ -43,15 +43,18 @@ def test_two_halves_that_came_one_after_the_other_are_told_of_one_instant() -> N
     assert place(course(before, last, fastest=FAST * 2), 100.0) == pytest.approx((105.6, 14.0))
 
 
-@pytest.mark.parametrize(("before", "last", "why"), [
-    (None, at(120.0, 30.0, 100.0), "one reading"),
-    (at(119.9, 30.0, 99.95), at(120.0, 30.0, 100.0), "readings too near to each other"),
-    (at(110.0, 30.0, 90.0), at(120.0, 30.0, 100.0), "readings too far from each other"),
-    (at(120.0, 10.0, 99.5), at(120.0, 30.0, 100.0), "faster than any motor"),
-    (at(120.0, 84.0, 99.5), at(120.0, 86.0, 100.0), "near the pole"),
-    (at(120.0, -86.0, 99.5), at(120.0, -84.0, 100.0), "away from the other pole"),
-    (at(100.0, 84.0, 99.5), at(140.0, 84.0, 100.0), "round the pole"),
-])
+@pytest.mark.parametrize(
+    ("before", "last", "why"),
+    [
+        (None, at(120.0, 30.0, 100.0), "one reading"),
+        (at(119.9, 30.0, 99.95), at(120.0, 30.0, 100.0), "readings too near to each other"),
+        (at(110.0, 30.0, 90.0), at(120.0, 30.0, 100.0), "readings too far from each other"),
+        (at(120.0, 10.0, 99.5), at(120.0, 30.0, 100.0), "faster than any motor"),
+        (at(120.0, 84.0, 99.5), at(120.0, 86.0, 100.0), "near the pole"),
+        (at(120.0, -86.0, 99.5), at(120.0, -84.0, 100.0), "away from the other pole"),
+        (at(100.0, 84.0, 99.5), at(140.0, 84.0, 100.0), "round the pole"),
+    ],
+)
 def test_where_nothing_can_be_reckoned_the_last_place_stands(before: Reading | None, last: Reading, why: str) -> None:
     going = course(before, last, fastest=FAST)
     assert {place(going, 100.0 + n / 10.0) for n in range(20)} == {last.place}, why
@@ -92,15 +95,30 @@ RATE = st.floats(-8.0, 8.0)
 RA, DEC = st.floats(0.0, 359.999), st.floats(-80.0, 80.0)
 
 
-@given(rates=st.tuples(RATE, RATE), last=st.tuples(RA, DEC), apart=st.floats(0.1, 2.0), late=st.floats(0.0, 0.5),
-       goal=st.none() | st.tuples(RA, DEC), lowest=st.none() | DEC, now=st.floats(-1.0, 5.0))
-def test_always(rates: tuple[float, float], last: tuple[float, float], apart: float, late: float,
-                goal: tuple[float, float] | None, lowest: float | None, now: float) -> None:
+@given(
+    rates=st.tuples(RATE, RATE),
+    last=st.tuples(RA, DEC),
+    apart=st.floats(0.1, 2.0),
+    late=st.floats(0.0, 0.5),
+    goal=st.none() | st.tuples(RA, DEC),
+    lowest=st.none() | DEC,
+    now=st.floats(-1.0, 5.0),
+)
+def test_always(
+    rates: tuple[float, float],
+    last: tuple[float, float],
+    apart: float,
+    late: float,
+    goal: tuple[float, float] | None,
+    lowest: float | None,
+    now: float,
+) -> None:
     assume(abs(last[1] - rates[1] * apart) <= 84.0)
     before = at((last[0] - rates[0] * apart) % 360.0, last[1] - rates[1] * apart, 100.0 - apart, late)
     here = at(*last, 100.0, late)
-    going = course(before, here, fastest=20.0, goal=goal,
-                   inside=None if lowest is None else lambda _, second: second >= lowest)
+    going = course(
+        before, here, fastest=20.0, goal=goal, inside=None if lowest is None else lambda _, second: second >= lowest
+    )
     told = place(going, 100.0 + now)
     assert 0.0 <= told[0] < 360.0 and -85.5 <= told[1] <= 85.5
     turned = wrap180(told[0] - last[0]), told[1] - last[1]

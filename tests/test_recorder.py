@@ -9,14 +9,17 @@ from typing import Any
 
 import pytest
 
+from gateway.app.recording.format import read
+from gateway.app.recording.recorder import Recorder
 from gateway.cli import main
-from gateway.errors import UserError
-from gateway.recorder import Recorder
-from gateway.recording import read
-from gateway.transcript import Entry
+from gateway.core.errors import UserError
+from gateway.core.wire_log import Entry
 
-SETTINGS: dict[str, Any] = {"began": 1768514400.0, "config": {"mount": {"at": "lx200@sim"},
-                                                              "surface": [{"at": "lx200@tcp://:0"}]}, "past": {}}
+SETTINGS: dict[str, Any] = {
+    "began": 1768514400.0,
+    "config": {"mount": {"at": "lx200@sim"}, "surface": [{"at": "lx200@tcp://:0"}]},
+    "past": {},
+}
 
 
 def _mode(path: Path) -> int:

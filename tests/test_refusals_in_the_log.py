@@ -10,8 +10,21 @@ from tests.bridge import Bridge
 from tests.virtual import run
 
 
-@pytest.mark.parametrize("said", [b":$BZ100#", b":$BAxx#", b":Rg-1.0#", b":F0#", b":F9#", b":RA-1.0#", b":T000.000#",
-                                  b":Mgn-5#", b":BD100#", b":hI990231000000#"])
+@pytest.mark.parametrize(
+    "said",
+    [
+        b":$BZ100#",
+        b":$BAxx#",
+        b":Rg-1.0#",
+        b":F0#",
+        b":F9#",
+        b":RA-1.0#",
+        b":T000.000#",
+        b":Mgn-5#",
+        b":BD100#",
+        b":hI990231000000#",
+    ],
+)
 def test_an_lx200_command_without_a_reply(said: bytes) -> None:
     async def play() -> None:
         async with Bridge("cge", surface="lx200gps") as bridge:
@@ -26,9 +39,18 @@ def test_an_lx200_command_without_a_reply(said: bytes) -> None:
     run(play())
 
 
-@pytest.mark.parametrize("said", [b"T\x05", b"W\x5b\0\0\0\x0a\0\0\0", b"W\x2d\x3c\0\0\x0a\0\0\0",
-                                  b"H\x18\0\0\1\1\x1a\0\0", b"H\x16\0\0\2\x1e\x1a\0\0", b"RZZZZ,1234",
-                                  b"r1234ZZ00,12340000"])
+@pytest.mark.parametrize(
+    "said",
+    [
+        b"T\x05",
+        b"W\x5b\0\0\0\x0a\0\0\0",
+        b"W\x2d\x3c\0\0\x0a\0\0\0",
+        b"H\x18\0\0\1\1\x1a\0\0",
+        b"H\x16\0\0\2\x1e\x1a\0\0",
+        b"RZZZZ,1234",
+        b"r1234ZZ00,12340000",
+    ],
+)
 def test_a_nexstar_command_whose_answer_is_always_the_same(said: bytes) -> None:
     async def play() -> None:
         async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:

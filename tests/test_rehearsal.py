@@ -5,16 +5,16 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
-from gateway.config import Endpoint, parse_device
-from gateway.errors import UserError
-from gateway.pairs import PAIRS
-from gateway.rehearsal import wire
-from gateway.rehearsal.explain import explain
-from gateway.rehearsal.judge import Case, differences
-from gateway.rehearsal.play import Event, Play
-from gateway.rehearsal.samples import example
-from gateway.surface import Surface
-from gateway.tables import SurfaceRow, Way, load
+from gateway.app.config import Endpoint, parse_device
+from gateway.core.errors import UserError
+from gateway.diagnostics.command_tables import PAIRS
+from gateway.diagnostics.rehearsal import wire
+from gateway.diagnostics.rehearsal.explain import explain
+from gateway.diagnostics.rehearsal.judge import Case, differences
+from gateway.diagnostics.rehearsal.play import Event, Play
+from gateway.diagnostics.rehearsal.samples import example
+from gateway.protocols.base.surface import Surface
+from gateway.protocols.wireformat.command_set import SurfaceRow, Way, load
 
 
 @pytest.mark.parametrize(("client", "mount"), PAIRS)
@@ -111,7 +111,8 @@ def test_the_check_counts_what_it_has_played(capsys: pytest.CaptureFixture[str])
 def test_a_difference_is_told_once_with_the_pairs_that_show_it() -> None:
     found = [wire.Difference("lx200", "GR", "kept, and yet", f"autostar on cpc/{text}") for text in ("4.10", "4.21")]
     assert list(wire.report(found)) == [
-        "mappings/lx200/surface.toml: [GR]: kept, and yet (autostar on cpc/4.10 and 1 more)"]
+        "mappings/lx200/surface.toml: [GR]: kept, and yet (autostar on cpc/4.10 and 1 more)"
+    ]
 
 
 def test_what_is_explained_is_what_the_mount_was_sent() -> None:
@@ -135,10 +136,17 @@ def test_a_read_is_explained_with_what_the_mount_is_asked() -> None:
 @pytest.mark.parametrize(
     ("words", "device"),
     [
-        ("6se", "nexstar:6-8se"), ("NexStar 8SE", "nexstar:6-8se"), ("cpc", "nexstar:cpc"),
-        ("CPC/4.10", "nexstar:cpc/4.10"), ("lx200gps", "lx200:lx200gps"), ("lx200", "lx200"),
-        ("Celestron AVX", "nexstar:avx"), ("nexstar:cge/3.02", "nexstar:cge/3.02"), ("LX200 Classic", "lx200:lx200"),
-        ("nexstar-gps", "nexstar:nexstar-gps"), ("evo", "nexstar:evolution"),
+        ("6se", "nexstar:6-8se"),
+        ("NexStar 8SE", "nexstar:6-8se"),
+        ("cpc", "nexstar:cpc"),
+        ("CPC/4.10", "nexstar:cpc/4.10"),
+        ("lx200gps", "lx200:lx200gps"),
+        ("lx200", "lx200"),
+        ("Celestron AVX", "nexstar:avx"),
+        ("nexstar:cge/3.02", "nexstar:cge/3.02"),
+        ("LX200 Classic", "lx200:lx200"),
+        ("nexstar-gps", "nexstar:nexstar-gps"),
+        ("evo", "nexstar:evolution"),
     ],
 )
 def test_a_mount_is_known_by_the_word_on_it(words: str, device: str) -> None:

@@ -10,16 +10,16 @@ from typing import Any
 import msgspec
 import pytest
 
-from gateway.assembly import Gateway
-from gateway.config import MountConfig, SurfaceConfig
-from gateway.line import Line
-from gateway.recorder import Recorder
-from gateway.recording import read
-from gateway.replaying import Outcome, replay
-from gateway.simulators import make_simulator
-from gateway.transcript import Transcript
-from gateway.virtual import run
-from gateway.wires import SimulatorWire
+from gateway.app.config import MountConfig, SurfaceConfig
+from gateway.app.gateway import Gateway
+from gateway.app.recording.format import read
+from gateway.app.recording.recorder import Recorder
+from gateway.app.simulated import make_simulator
+from gateway.core.wire_log import Transcript
+from gateway.diagnostics.replay.replaying import Outcome, replay
+from gateway.diagnostics.virtual_time import run
+from gateway.mount.link.queue import MountLink
+from gateway.transport.wires import SimulatedTransport
 
 EVENING = 1768514400.0
 PAIRS = {
@@ -27,13 +27,42 @@ PAIRS = {
     "nexstar on lx200": ("lx200:lx200gps", "nexstar"),
     "lx200 on lx200": ("lx200:autostar", "lx200"),
 }
-LX200 = (b":GR#", b":GD#", b":GA#:GZ#", b":D#", b":GS#", b":Sr05:34:32#", b":Sd+22*00:52#", b":MS#", b":GL#",
-         b":RM#:Mn#", b":Qn#", b":junk#", b":Q#", b":GVP#", b"\x06")
-NEXSTAR = (b"e", b"z", b"L", b"J", b"r34AB0500,12CE0500", b"h", b"w", b"t", b"M", b"V", b"Kx",
-           bytes((80, 2, 16, 36, 5, 0, 0, 0)), bytes((80, 2, 16, 36, 0, 0, 0, 0)), b"m")
+LX200 = (
+    b":GR#",
+    b":GD#",
+    b":GA#:GZ#",
+    b":D#",
+    b":GS#",
+    b":Sr05:34:32#",
+    b":Sd+22*00:52#",
+    b":MS#",
+    b":GL#",
+    b":RM#:Mn#",
+    b":Qn#",
+    b":junk#",
+    b":Q#",
+    b":GVP#",
+    b"\x06",
+)
+NEXSTAR = (
+    b"e",
+    b"z",
+    b"L",
+    b"J",
+    b"r34AB0500,12CE0500",
+    b"h",
+    b"w",
+    b"t",
+    b"M",
+    b"V",
+    b"Kx",
+    bytes((80, 2, 16, 36, 5, 0, 0, 0)),
+    bytes((80, 2, 16, 36, 0, 0, 0, 0)),
+    b"m",
+)
 
 
-class _Mute(SimulatorWire):
+class _Mute(SimulatedTransport):
     """A simulated mount whose cable comes off for a while."""
 
     async def open(self, on_data: Any, on_lost: Any) -> None:
@@ -59,7 +88,7 @@ def _live(path: Path, mount: str, presented: str) -> bytes:
         settings = {"began": clock(), "config": {"mount": config, "surface": surfaces}, "past": gateway.past}
         recorder = Recorder(path, loop.time, msgspec.to_builtins(settings), longest=200_000)
         transcript.sinks.append(recorder.put)
-        gateway.prepare(lambda dialogue, to: Line(wire, dialogue, to))
+        gateway.prepare(lambda dialogue, to: MountLink(wire, dialogue, to))
         gateway.begin()
         random = Random(path.name)
         words = LX200 if presented == "lx200" else NEXSTAR

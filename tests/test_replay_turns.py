@@ -12,19 +12,51 @@ from random import Random
 
 import pytest
 
-from gateway.access import TurnedAway
+from gateway.app.control.orders import stopped
+from gateway.app.recording.format import read
 from gateway.cli import main
-from gateway.control.orders import stopped
-from gateway.recording import read
-from gateway.replaying import Outcome, replay
-from gateway.transcript import SKY_READY
+from gateway.clients.access import ConnectionRefused
+from gateway.core.wire_log import SKY_READY
+from gateway.diagnostics.replay.replaying import Outcome, replay
 from tests.busy import Recorded, run_busy
 from tests.running import Running, ask
 
-LX200 = (b":GR#", b":GR#", b":GD#", b":GD#", b":GA#:GZ#", b":D#", b":GL#", b":GC#", b":Sr05:34:32#:Sd+22*00:52#",
-         b":MS#", b":Mn#", b":Qn#", b":Q#", b":GV", b"P#", b":junk#", b"\x06")
-NEXSTAR = (b"e", b"e", b"z", b"L", b"J", b"r34AB0500,12CE0500", b"h", b"w", b"t", b"M", b"V", b"K", b"x",
-           b"P\x02\x10\x24\x05\x00\x00\x00", b"P\x02\x10\x24\x00\x00\x00\x00")
+LX200 = (
+    b":GR#",
+    b":GR#",
+    b":GD#",
+    b":GD#",
+    b":GA#:GZ#",
+    b":D#",
+    b":GL#",
+    b":GC#",
+    b":Sr05:34:32#:Sd+22*00:52#",
+    b":MS#",
+    b":Mn#",
+    b":Qn#",
+    b":Q#",
+    b":GV",
+    b"P#",
+    b":junk#",
+    b"\x06",
+)
+NEXSTAR = (
+    b"e",
+    b"e",
+    b"z",
+    b"L",
+    b"J",
+    b"r34AB0500,12CE0500",
+    b"h",
+    b"w",
+    b"t",
+    b"M",
+    b"V",
+    b"K",
+    b"x",
+    b"P\x02\x10\x24\x05\x00\x00\x00",
+    b"P\x02\x10\x24\x00\x00\x00\x00",
+)
 PAIRS = {
     "lx200 on nexstar": ("nexstar:cpc/4.21", "lx200", LX200),
     "nexstar on lx200": ("lx200:lx200gps", "nexstar", NEXSTAR),
@@ -38,7 +70,7 @@ async def _program(recorded: Recorded, number: int, words: tuple[bytes, ...], un
     while loop.time() < until:
         try:
             guest = recorded.arrive(f"10.0.{number}.1:{random.randrange(10_000)}", told.extend)
-        except TurnedAway:
+        except ConnectionRefused:
             await asyncio.sleep(0.3)
             continue
         for _ in range(random.randrange(1, 60)):
@@ -63,11 +95,11 @@ def _live(path: Path, pair: str, *, seconds: float = 5.0, many: int = 30, longes
             recorded.gateway.sky.load()
             loop.enter(recorded.gateway.transcript.note, "mount", SKY_READY)
             await asyncio.sleep(seconds / 3)
-            assert recorded.gateway.hub is not None
+            assert recorded.gateway.controller is not None
             with contextlib.suppress(Exception):
-                await recorded.gateway.entrance.stop(recorded.gateway.hub.stop)
+                await recorded.gateway.entrance.stop(recorded.gateway.controller.stop)
             recorded.gateway.entrance.tell("d", recorded.gateway.was_stopped)
-            await recorded.gateway.entrance.order(lambda: stopped(recorded.gateway.hub))
+            await recorded.gateway.entrance.order(lambda: stopped(recorded.gateway.controller))
             await asyncio.gather(*crowd)
 
     run_busy(night(), path.name)
@@ -196,8 +228,23 @@ def test_one_of_another_version_is_guessed_and_says_so(tmp_path: Path, capsys: p
 def test_a_gateway_of_its_own_that_is_recorded_replays(tmp_path: Path, started: list[Running]) -> None:
     """Over real sockets, with threads that read the state, write it and load the almanac."""
     path = tmp_path / "night.rec"
-    gateway = Running("run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", "--record", str(path),
-                      "--state", str(tmp_path), "--latency", "0.01", "--lowest", "-90", "--sun", "0")
+    gateway = Running(
+        "run",
+        "--mount",
+        "nexstar@sim",
+        "--surface",
+        "lx200@tcp://127.0.0.1:0",
+        "--record",
+        str(path),
+        "--state",
+        str(tmp_path),
+        "--latency",
+        "0.01",
+        "--lowest",
+        "-90",
+        "--sun",
+        "0",
+    )
     started.append(gateway)
     where = gateway.ready()
     for words in (b":GR#:GD#", b":GVP#", b":Mn#:GR#", b":Qn#:GZ#"):
@@ -214,8 +261,17 @@ def test_a_gateway_of_its_own_that_is_recorded_replays(tmp_path: Path, started: 
 
 def test_a_recording_that_broke_off_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "night.rec"
-    gateway = Running("run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", "--record", str(path),
-                      "--state", str(tmp_path))
+    gateway = Running(
+        "run",
+        "--mount",
+        "nexstar@sim",
+        "--surface",
+        "lx200@tcp://127.0.0.1:0",
+        "--record",
+        str(path),
+        "--state",
+        str(tmp_path),
+    )
     where = gateway.ready()
     for _ in range(2):
         assert ask(where, b":GR#")

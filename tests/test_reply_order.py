@@ -104,8 +104,8 @@ def check(presented: str, packets: list[list[Sent]], replies: list[Reply]) -> No
         marked = packet[-1].command
         end = next((number for number, reply in enumerate(rest) if reply.data == own_reply(marked)), None)
         assert end is not None, f"{marked!r} is without a reply: {rest}"
-        assert matches(presented, packet, rest[:end + 1]), f"{rest[:end + 1]} are no replies to {packet}"
-        rest = rest[end + 1:]
+        assert matches(presented, packet, rest[: end + 1]), f"{rest[: end + 1]} are no replies to {packet}"
+        rest = rest[end + 1 :]
     assert not rest, f"belong to nobody: {rest}"
 
 
@@ -136,13 +136,19 @@ def suits(presented: str, one: Sent, reply: Reply) -> bool:
     return not of_reply(PROTOCOLS[presented], one.command, reply.data)
 
 
-async def play(driven: str, presented: str, ways: list[tuple[float | str, float]],
-               packets: list[tuple[float, list[bytes]]]) -> None:
+async def play(
+    driven: str, presented: str, ways: list[tuple[float | str, float]], packets: list[tuple[float, list[bytes]]]
+) -> None:
     loop = asyncio.get_running_loop()
-    bridge = Bridge("cge" if driven == "nexstar" else "lx200gps", driven=driven, presented=presented,
-                    surface=None if presented == "nexstar" else "lx200gps", config={"lowest": -90.0, "sun": 0.0})
+    bridge = Bridge(
+        "cge" if driven == "nexstar" else "lx200gps",
+        driven=driven,
+        presented=presented,
+        surface=None if presented == "nexstar" else "lx200gps",
+        config={"lowest": -90.0, "sun": 0.0},
+    )
     wire = Fickle(bridge)
-    bridge.hub.line.wire = wire  # type: ignore[assignment]
+    bridge.controller.line.wire = wire  # type: ignore[assignment]
     when = 0.0
     for way, seconds in ways:
         if when:
@@ -150,7 +156,7 @@ async def play(driven: str, presented: str, ways: list[tuple[float | str, float]
         else:
             wire.become(way)
         when += seconds
-    bridge.hub.start()
+    bridge.controller.start()
     client, sent = Listener(bridge), list[list[Sent]]()
     if presented == "lx200":
         names = b"".join(b":S" + site[2:3] + name for site, name in MARKED.items())
@@ -164,7 +170,7 @@ async def play(driven: str, presented: str, ways: list[tuple[float | str, float]
     await asyncio.sleep(5.0)
     check(presented, sent, client.replies)
     wire.become(WAYS[0])
-    await bridge.hub.close()
+    await bridge.controller.close()
 
 
 def packets_of(commands: tuple[bytes, ...]) -> Any:
@@ -199,25 +205,37 @@ def test_an_lx200_program_hears_every_answer_in_its_place(driven: str, ways: Any
 
 async def at_a_mount_that_comes_late(driven: str, commands: bytes, later: bytes = b"") -> tuple[Bridge, Listener]:
     """It answers after 8 s; half a minute after that the program asks something else."""
-    bridge = Bridge("cge" if driven == "nexstar" else "lx200gps", driven=driven, surface="lx200gps",
-                    config={"lowest": -90.0, "sun": 0.0})
+    bridge = Bridge(
+        "cge" if driven == "nexstar" else "lx200gps",
+        driven=driven,
+        surface="lx200gps",
+        config={"lowest": -90.0, "sun": 0.0},
+    )
     wire = Fickle(bridge)
-    bridge.hub.line.wire = wire  # type: ignore[assignment]
+    bridge.controller.line.wire = wire  # type: ignore[assignment]
     wire.become("mute")
     asyncio.get_running_loop().call_later(8.0, wire.become, WAYS[0])
-    bridge.hub.start()
+    bridge.controller.start()
     client = Listener(bridge)
     client.tell(commands)
     await asyncio.sleep(40.0)
     client.tell(later)
     await asyncio.sleep(1.0)
-    await bridge.hub.close()
+    await bridge.controller.close()
     return bridge, client
 
 
 @pytest.mark.parametrize("driven", ["nexstar", "lx200"])
-@pytest.mark.parametrize("commands", [b":Sr08:00:00#:Sd+30*00:00#:MS#", b":GR#:Sr08:00:00#:Sd+30*00:00#:MS#",
-                                      b":GR#:Sr08:00:00#:Sd+30*00:00#:CM#", b":GR#:RM#:Me#", b":hP#"])
+@pytest.mark.parametrize(
+    "commands",
+    [
+        b":Sr08:00:00#:Sd+30*00:00#:MS#",
+        b":GR#:Sr08:00:00#:Sd+30*00:00#:MS#",
+        b":GR#:Sr08:00:00#:Sd+30*00:00#:CM#",
+        b":GR#:RM#:Me#",
+        b":hP#",
+    ],
+)
 def test_nothing_moves_of_which_nobody_was_told_that_it_does(driven: str, commands: bytes) -> None:
     async def program() -> None:
         bridge, client = await at_a_mount_that_comes_late(driven, commands)
@@ -240,6 +258,7 @@ def test_what_is_set_is_set_though_its_reply_came_too_late(driven: str) -> None:
 
 def test_a_command_that_takes_minutes_by_its_manual_is_answered_until_the_next_one_comes() -> None:
     """``:gT#``: "The process can take several minutes to complete." (LX200 protocol, GPS)"""
+
     async def program() -> None:
         for behind, heard in ((b"", [b"1"]), (b":Gr#", [b"00:00:00#"])):
             async with Bridge("lx200gps", driven="lx200", surface="lx200gps") as bridge:

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from gateway import operations as op
-from gateway.control.orders import stopped
-from gateway.mount_geometry import Build
-from gateway.spherical import separation
+from gateway.app.control.orders import stopped
+from gateway.astro.axes import Build
+from gateway.astro.spherical import separation
+from gateway.core import operations as op
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -42,9 +42,9 @@ def test_a_mount_that_rests_is_seen_to_whether_it_tracks_or_not(
                 await client.ask(b"T\0", 3.0)
             client.tell(NORTH)
             await asyncio.sleep(3)
-            began = bridge.hub.now()
-            assert await stopped(bridge.hub) == "stopped"
-            assert bridge.hub.now() - began < 6.0
+            began = bridge.controller.now()
+            assert await stopped(bridge.controller) == "stopped"
+            assert bridge.controller.now() - began < 6.0
             before = bridge.sim.truth()
             await asyncio.sleep(1)
             assert separation(*before, *bridge.sim.truth()) < 0.006
@@ -54,12 +54,12 @@ def test_a_mount_that_rests_is_seen_to_whether_it_tracks_or_not(
 
 def _deaf(bridge: Bridge, *commands: bytes) -> None:
     """A mount that acknowledges these commands as always, and does not carry them out."""
-    hear = bridge.hub.line.wire._feed  # type: ignore[attr-defined]
+    hear = bridge.controller.line.wire._feed  # type: ignore[attr-defined]
 
     def feed(data: bytes) -> bytes:
         return b"#" * (bridge.driver.protocol.name == "nexstar") if data.startswith(commands) else bytes(hear(data))
 
-    bridge.hub.line.wire._feed = feed  # type: ignore[attr-defined]
+    bridge.controller.line.wire._feed = feed  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(("driven", "mount", "version", "config"), [
@@ -75,10 +75,10 @@ def test_a_stop_that_was_acknowledged_and_had_no_effect_is_no_stop(
             bridge.client().tell(NORTH.replace(b"\x09", bytes((rate,))))
             await asyncio.sleep(3)
             _deaf(bridge, b"P\2\x10\x24\0", b"P\2\x11\x24\0", b"M", b"T", b":Q")
-            began = bridge.hub.now()
-            answer = await stopped(bridge.hub)
+            began = bridge.controller.now()
+            answer = await stopped(bridge.controller)
             assert answer.startswith("failed it acknowledged the stop and still moves after 8 s, ")
-            assert bridge.hub.now() - began < 14.0
+            assert bridge.controller.now() - began < 14.0
 
     run(program())
 
@@ -93,13 +93,13 @@ def test_an_axis_that_turns_the_tube_about_where_it_points_is_seen(driven: str, 
         async with bridge_of(driven, mount, None, {"highest": 90.0}) as bridge:
             bridge.sim.truth()
             equatorial = bridge.sim.mechanics.build is not Build.ALTAZ
-            await bridge.hub.perform(op.Goto(30.0, 90.0) if equatorial else op.GotoHorizontal(0.0, 90.0))
+            await bridge.controller.perform(op.Goto(30.0, 90.0) if equatorial else op.GotoHorizontal(0.0, 90.0))
             await asyncio.sleep(90)
-            assert await stopped(bridge.hub) == "stopped"
+            assert await stopped(bridge.controller) == "stopped"
             bridge.client().tell(b"P\2\x10\x24\x09\0\0\0")
             await asyncio.sleep(3)
             _deaf(bridge, b"P\2\x10\x24\0", b"P\2\x11\x24\0", b"M", b"T", b":Q")
-            assert "still moves" in await stopped(bridge.hub)
+            assert "still moves" in await stopped(bridge.controller)
 
     run(program())
 
@@ -109,7 +109,7 @@ def test_a_mount_that_runs_on_is_waited_for() -> None:
         async with bridge_of("nexstar", "cge", None, {}) as bridge:
             bridge.client().tell(NORTH)
             await asyncio.sleep(3)
-            hear, later = bridge.hub.line.wire._feed, asyncio.get_running_loop().call_later  # type: ignore[attr-defined]
+            hear, later = bridge.controller.line.wire._feed, asyncio.get_running_loop().call_later  # type: ignore[attr-defined]
 
             def feed(data: bytes) -> bytes:
                 if data.startswith((b"P\2\x11\x24\0", b"T")):  # two seconds of it
@@ -117,10 +117,10 @@ def test_a_mount_that_runs_on_is_waited_for() -> None:
                     return b"#"
                 return bytes(hear(data))
 
-            bridge.hub.line.wire._feed = feed  # type: ignore[attr-defined]
-            began = bridge.hub.now()
-            assert await stopped(bridge.hub) == "stopped"
-            assert 2.0 < bridge.hub.now() - began < 6.0
+            bridge.controller.line.wire._feed = feed  # type: ignore[attr-defined]
+            began = bridge.controller.now()
+            assert await stopped(bridge.controller) == "stopped"
+            assert 2.0 < bridge.controller.now() - began < 6.0
 
     run(program())
 
@@ -131,9 +131,9 @@ def test_a_mount_that_nobody_can_see_is_not_stopped(question: bytes) -> None:
         async with bridge_of("nexstar", "cge", None, {}) as bridge:
             bridge.client().tell(NORTH)
             await asyncio.sleep(3)
-            hear = bridge.hub.line.wire._feed  # type: ignore[attr-defined]
-            bridge.hub.line.wire._feed = lambda data: b"" if data[:1] in b"eE" else hear(data)  # type: ignore[attr-defined]
-            answer = await stopped(bridge.hub)
+            hear = bridge.controller.line.wire._feed  # type: ignore[attr-defined]
+            bridge.controller.line.wire._feed = lambda data: b"" if data[:1] in b"eE" else hear(data)  # type: ignore[attr-defined]
+            answer = await stopped(bridge.controller)
             assert answer.startswith("failed the stop was sent, and nobody can see whether it rests: ")
 
     run(program())
@@ -144,19 +144,19 @@ def test_on_a_line_that_is_down_the_stop_is_owed_and_that_is_said() -> None:
         async with bridge_of("nexstar", "cge", None, {}) as bridge:
             bridge.client().tell(NORTH)
             await asyncio.sleep(3)
-            hear = bridge.hub.line.wire._feed  # type: ignore[attr-defined]
-            bridge.hub.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+            hear = bridge.controller.line.wire._feed  # type: ignore[attr-defined]
+            bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
             for _ in range(2):  # at first it is only silent, then known to be down
-                answer = await stopped(bridge.hub)
+                answer = await stopped(bridge.controller)
                 assert answer.startswith("failed ")
                 assert answer.endswith("; the stop is owed, and the first thing that it is sent when it answers again")
                 await asyncio.sleep(20)
             sent = len(bridge.sent())
-            bridge.hub.line.wire._feed = hear  # type: ignore[attr-defined]
+            bridge.controller.line.wire._feed = hear  # type: ignore[attr-defined]
             await asyncio.sleep(10)
             orders = [frame for frame in bridge.sent()[sent:] if frame[:1] != b"K"]
             assert list(dict.fromkeys(orders))[:3] == [b"P\2\x11$\0\0\0\0", b"P\2\x10$\0\0\0\0", b"M"]
-            assert await stopped(bridge.hub) == "stopped"
+            assert await stopped(bridge.controller) == "stopped"
 
     run(program())
 
@@ -173,7 +173,7 @@ def test_a_program_that_goes_on_pressing_is_named_with_the_remedy() -> None:
 
             pressing = asyncio.ensure_future(press())
             await asyncio.sleep(2)
-            answer = await stopped(bridge.hub)
+            answer = await stopped(bridge.controller)
             pressing.cancel()
             assert "a program has set it moving again" in answer and "stop --hold" in answer
 
@@ -186,6 +186,6 @@ def test_a_mount_that_hibernates_rests() -> None:
             bridge.client().tell(b"x")
             await asyncio.sleep(12)
             assert bridge.sim.asleep
-            assert await stopped(bridge.hub) == "stopped"
+            assert await stopped(bridge.controller) == "stopped"
 
     run(program())

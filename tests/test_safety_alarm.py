@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway import operations as op
+from gateway.core import operations as op
 from gateway.mount.safety.stop_deadline import StopDeadline
 from tests.bridge import Bridge
 from tests.test_safety_altitude import altitude, extremes, notes
@@ -19,10 +19,11 @@ def test_a_program_that_asks_for_gotos_and_takes_them_back_does_not_hide_where_t
     """They go to the line before positions do; on a slow one more than a second may pass without one."""
 
     async def program(height: float) -> None:
-        async with Bridge("cpc", "4.03", presented="nexstar", surface="cpc", config={"highest": 75.0},
-                          latency=0.2) as bridge:
+        async with Bridge(
+            "cpc", "4.03", presented="nexstar", surface="cpc", config={"highest": 75.0}, latency=0.2
+        ) as bridge:
             hand, other = bridge.client("127.0.0.1"), bridge.client("127.0.0.2")
-            await bridge.hub.perform(op.GotoHorizontal(180.0, height))
+            await bridge.controller.perform(op.GotoHorizontal(180.0, height))
             await ready(bridge, hand, b"e")
             hand.tell(UP)
             high = 0.0
@@ -45,11 +46,11 @@ def test_a_motion_that_is_not_seen_any_more_ends_before_the_limit(
     async def program() -> None:
         async with Bridge("6-8se", presented="nexstar", surface="cpc", config=limits) as bridge:
             client = bridge.client()
-            await bridge.hub.perform(op.GotoHorizontal(180.0, 50.0))
+            await bridge.controller.perform(op.GotoHorizontal(180.0, 50.0))
             await ready(bridge, client, b"e")
             client.tell(motor)
             await extremes(bridge, 0.1 if from_the_first else 2.0)
-            bridge.hub.guard.look = lambda seen: None  # type: ignore[method-assign]
+            bridge.controller.guard.look = lambda seen: None  # type: ignore[method-assign]
             low, high = await extremes(bridge, 10.0)
             assert 20.0 <= low <= high <= 80.0
             assert low < 28.0 or high > 72.0, "it is ended late, not at once"
@@ -64,12 +65,12 @@ def test_a_motion_that_was_ended_in_time_alarms_nobody() -> None:
             client = bridge.client()
             client.tell(UP)
             await asyncio.sleep(3.0)
-            bridge.hub.guard.look = lambda seen: None  # type: ignore[method-assign]
+            bridge.controller.guard.look = lambda seen: None  # type: ignore[method-assign]
             client.tell(b"P\x02\x11\x24\0\0\0\0")
             await asyncio.sleep(60.0)
             assert altitude(bridge) < 75.0
             assert not any("stopped" in note for note in notes(bridge))
-            assert not bridge.hub.stops
+            assert not bridge.controller.stops
 
     run(program())
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from gateway import operations as op
-from gateway.errors import BelowHorizon, TooHigh
-from gateway.truth import truth_of
+from gateway.core import operations as op
+from gateway.core.errors import BelowHorizon, TooHigh
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -48,7 +48,7 @@ def test_an_lx200_program_by_hand_never_crosses_a_limit(latency: float, arrow: b
                 client.tell(b":GR#")
                 low, high = await extremes(bridge, 0.5)
                 assert 20.0 - ARCSECOND <= low <= high <= 80.0
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
             near = low - 20.0 if arrow == b":Ms#" else 80.0 - high
             assert near < (6.0 if rate == b":RS#" else 2.0), near
 
@@ -69,8 +69,8 @@ def test_a_limit_that_is_reached_before_the_rate_could_be_measured(lowest: float
 def test_what_a_mount_does_while_it_coasts_is_not_held_against_it() -> None:
     async def program() -> None:
         async with Bridge("6-8se", config={"lowest": 44.0}) as bridge:
-            guard = bridge.hub.guard
-            here = await bridge.hub.perform(op.Position())
+            guard = bridge.controller.guard
+            here = await bridge.controller.perform(op.Position())
             await asyncio.sleep(4)  # nobody polls any more: the looks are this test's own
             guard.look(here)
             await asyncio.sleep(0.3)
@@ -89,13 +89,14 @@ def test_what_a_mount_does_while_it_coasts_is_not_held_against_it() -> None:
 @pytest.mark.parametrize(("latency", "opcode"), [(0.02, 37), (0.2, 37), (0.2, 36)])
 def test_a_nexstar_program_by_hand_never_crosses_a_limit(latency: float, opcode: int) -> None:
     async def program() -> None:
-        async with Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se", config=LIMITS,
-                          latency=latency) as bridge:
+        async with Bridge(
+            "autostar", driven="lx200", presented="nexstar", surface="6-8se", config=LIMITS, latency=latency
+        ) as bridge:
             client = bridge.client()
             assert await client.ask(bytes((80, 2, 17, opcode, 9, 0, 0, 0))) == b"#"
             low, high = await extremes(bridge, 25)
             assert 20.0 <= low <= high <= 80.0
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
 
     run(program())
 
@@ -105,13 +106,13 @@ def test_two_looks_a_second_while_it_moves_on_a_slow_line_with_a_busy_program() 
         async with Bridge(mount, driven=driven, latency=0.2 if driven == "nexstar" else 0.15) as bridge:
             client = bridge.client()
             looks: list[float] = []
-            look = bridge.hub.guard.look
+            look = bridge.controller.guard.look
 
             def noted(seen: op.Equatorial) -> None:
-                looks.append(bridge.hub.now())
+                looks.append(bridge.controller.now())
                 look(seen)
 
-            bridge.hub.guard.look = noted  # type: ignore[method-assign]
+            bridge.controller.guard.look = noted  # type: ignore[method-assign]
             client.tell(b":RC#:Mw#")
             for _ in range(80):
                 client.tell(b":GR#:GD#:GZ#:GA#:D#:GW#")
@@ -182,14 +183,14 @@ def test_a_mount_whose_tracking_cannot_be_switched_off_is_said_so_once() -> None
     async def program() -> None:
         async with Bridge("lx200", driven="lx200", config={"lowest": 40.0}) as bridge:
             client = bridge.client()
-            altitudes = bridge.hub.derived.altitude
+            altitudes = bridge.controller.derived.altitude
             sinking = [42.0]
 
             def lower(ra: float, dec: float) -> float | None:
                 sinking[0] -= 0.002
                 return sinking[0] if altitudes(ra, dec) is not None else None
 
-            bridge.hub.derived.altitude = lower  # type: ignore[method-assign]
+            bridge.controller.derived.altitude = lower  # type: ignore[method-assign]
             for _ in range(8000):
                 await asyncio.sleep(0.25)
                 client.tell(b":GR#")
@@ -212,7 +213,7 @@ def test_park_home_and_axis_gotos_are_checked() -> None:
             client.tell(b":hP#")
             low, _ = await extremes(bridge, 40)
             with pytest.raises(BelowHorizon):
-                await bridge.hub.perform(op.GotoAxes(100.0, 5.0))
+                await bridge.controller.perform(op.GotoAxes(100.0, 5.0))
             assert low == pytest.approx(4.0 if config else 10.5, abs=0.1)
             client.tell(b":hF#")
             await asyncio.sleep(30)
@@ -223,8 +224,7 @@ def test_park_home_and_axis_gotos_are_checked() -> None:
     assert said == []
     assert len(sent) == 2
     said, sent = run(program({"park": (90.0, 4.0)}))  # his own decision
-    assert said == [
-        "WARNING: its park position lies beyond lowest or highest, where it is parked all the same"]
+    assert said == ["WARNING: its park position lies beyond lowest or highest, where it is parked all the same"]
     assert len(sent) == 2
 
 
@@ -253,7 +253,7 @@ def test_a_goto_whose_way_leads_below_the_horizon_is_stopped() -> None:
             bridge.sim.mechanics.goto_axes(now, 90.0, -60.0)
             low, _ = await extremes(bridge, 40)
             assert -6.0 < low < 0.0
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
             assert any(note.startswith("stopped at the altitude limit") for note in notes(bridge))
 
     run(program())
@@ -285,8 +285,13 @@ def test_no_raw_motion_slips_past_between_two_nexstars() -> None:
             client = bridge.client()
             every_device = b"P\x02\x00\x24\x09\x00\x00\x00"  # 0 is for all on the bus
             level = b"P\x01\x10\x0b\x00\x00\x00\x00"  # runs until a switch is met
-            for raw in (every_device, level, b"P\x04\x00\x02\x10\x00\x00\x00", b"P\x04\x00\x17\x10\x00\x00\x00",
-                        b"P\x04\x00\x06\x10\x00\x00\x00"):
+            for raw in (
+                every_device,
+                level,
+                b"P\x04\x00\x02\x10\x00\x00\x00",
+                b"P\x04\x00\x17\x10\x00\x00\x00",
+                b"P\x04\x00\x06\x10\x00\x00\x00",
+            ):
                 await client.ask(raw, 2)
                 assert raw not in bridge.sent()
             focuser = b"P\x02\x12\x24\x03\x00\x00\x00"
@@ -302,7 +307,11 @@ def test_no_raw_motion_slips_past_between_two_nexstars() -> None:
     ("nexstar", "cge", (20.0, -10.0), (20.0, 85.0), {"highest": 60.0}),  # along the meridian
 ])  # fmt: skip
 def test_a_goto_whose_way_leads_beyond_a_limit_ends_before_it(
-    driven: str, model: str, first: tuple[float, float], second: tuple[float, float], limits: dict[str, float],
+    driven: str,
+    model: str,
+    first: tuple[float, float],
+    second: tuple[float, float],
+    limits: dict[str, float],
     latency: float,
 ) -> None:
     """It is begun, for a German mount seldom has another way; but nothing of it lies beyond."""
@@ -313,7 +322,7 @@ def test_a_goto_whose_way_leads_beyond_a_limit_ends_before_it(
             low, high = 90.0, 0.0
             for hour_angle, dec in (first, second, second):
                 with contextlib.suppress(TooHigh):  # once it stands before the limit
-                    await bridge.hub.perform(op.Goto((sidereal - hour_angle) % 360.0, dec))
+                    await bridge.controller.perform(op.Goto((sidereal - hour_angle) % 360.0, dec))
                 for _ in range(80):
                     bottom, top = await extremes(bridge, 0.5)
                     low, high = min(low, bottom), max(high, top)

@@ -31,13 +31,21 @@ def test_nothing_is_said_where_all_fits() -> None:
     assert said("lx200", "lx200", lowest=10.0) == [], "a classic cannot be parked"
 
 
-@pytest.mark.parametrize(("mount", "driven", "config", "words"), [
-    ("cpc", "nexstar", {"lowest": 10.0, "park": (90.0, 4.0)}, "where it is parked all the same"),
-    ("cge", "nexstar", {"lowest": 50.0}, "parking is refused"),
-    ("autostar", "lx200", {"lowest": 10.0}, "parking is refused"),
-    ("cpc", "nexstar", {"site": (48.0, 11.0)}, "the mount stands at 45.0 N 10.0 E, the configuration says 48.0 N 11.0"),
-    ("cge", "nexstar", {"host_ahead": 7200.0}, "the clocks of the mount and of this computer differ by 2.0 hours"),
-])
+@pytest.mark.parametrize(
+    ("mount", "driven", "config", "words"),
+    [
+        ("cpc", "nexstar", {"lowest": 10.0, "park": (90.0, 4.0)}, "where it is parked all the same"),
+        ("cge", "nexstar", {"lowest": 50.0}, "parking is refused"),
+        ("autostar", "lx200", {"lowest": 10.0}, "parking is refused"),
+        (
+            "cpc",
+            "nexstar",
+            {"site": (48.0, 11.0)},
+            "the mount stands at 45.0 N 10.0 E, the configuration says 48.0 N 11.0",
+        ),
+        ("cge", "nexstar", {"host_ahead": 7200.0}, "the clocks of the mount and of this computer differ by 2.0 hours"),
+    ],
+)
 def test_what_contradicts_is_one_line(mount: str, driven: str, config: dict[str, Any], words: str) -> None:
     lines = said(mount, driven, **config)
     assert len(lines) == 1

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from gateway import operations as op
-from gateway.errors import BelowHorizon
-from gateway.truth import truth_of
+from gateway.core import operations as op
+from gateway.core.errors import BelowHorizon
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge
 from tests.test_safety_altitude import notes
 from tests.virtual import run
@@ -55,9 +55,11 @@ def test_tracking_below_the_limit_goes_on_again_only_where_it_leads_out(azimuth:
 
 def test_a_nexstar_program_is_told_by_its_next_question() -> None:
     """``T`` has no way to say no; ``t`` tells."""
+
     async def program() -> None:
-        async with standing("cpc", SINKING, 30.0, config={"lowest": 35.0}, presented="nexstar",
-                            surface="cpc") as bridge:
+        async with standing(
+            "cpc", SINKING, 30.0, config={"lowest": 35.0}, presented="nexstar", surface="cpc"
+        ) as bridge:
             client = bridge.client()
             assert await client.ask(b"T\x01") == b"#"
             await asyncio.sleep(3.0)
@@ -69,14 +71,15 @@ def test_a_nexstar_program_is_told_by_its_next_question() -> None:
 
 def test_unparked_below_the_limit_it_does_not_sink_on() -> None:
     """Unparking puts tracking on; there it is switched off again."""
+
     async def program() -> None:
         async with Bridge("cpc", config={"lowest": 35.0, "park": (SINKING, 30.0)}) as bridge:
-            await bridge.hub.perform(op.Park())
+            await bridge.controller.perform(op.Park())
             await asyncio.sleep(40.0)
             assert not truth_of(bridge.sim).tracking
-            await bridge.hub.perform(op.Unpark())
+            await bridge.controller.perform(op.Unpark())
             for _ in range(60):
-                await bridge.hub.read(op.Position())
+                await bridge.controller.read(op.Position())
                 await asyncio.sleep(1.0)
             assert not truth_of(bridge.sim).tracking
             assert any("tracking is off: it came to the altitude limit" in note for note in notes(bridge))
@@ -86,33 +89,33 @@ def test_unparked_below_the_limit_it_does_not_sink_on() -> None:
 
 def test_woken_below_the_limit_it_does_not_sink_on() -> None:
     """A hand control that wakes tracks."""
+
     async def program() -> None:
         async with standing("cpc", SINKING, 30.0, "4.21", config={"lowest": 35.0}) as bridge:
-            await bridge.hub.perform(op.Sleep())
+            await bridge.controller.perform(op.Sleep())
             await asyncio.sleep(5.0)
-            await bridge.hub.perform(op.Wake())
+            await bridge.controller.perform(op.Wake())
             for _ in range(60):
-                await bridge.hub.read(op.Position())
+                await bridge.controller.read(op.Position())
                 await asyncio.sleep(1.0)
             assert not truth_of(bridge.sim).tracking
 
     run(program())
 
 
-@pytest.mark.parametrize("pulse", [
-    op.Pulse(op.Direction.SOUTH, 2500), op.PulseAxis(2, -1, 2500, 0.5),
-])
+@pytest.mark.parametrize("pulse", [op.Pulse(op.Direction.SOUTH, 2500), op.PulseAxis(2, -1, 2500, 0.5)])
 def test_a_guide_pulse_below_the_limit_leads_up_or_nowhere(pulse: op.Pulse | op.PulseAxis) -> None:
     """Tracking had been switched off at the limit, and pulses led on past it, a quarter of a degree a minute."""
+
     async def program() -> None:
         async with standing("evolution", SINKING, 30.0, "5.31", config={"lowest": 35.0}) as bridge:
             before = truth_of(bridge.sim).altitude
             with pytest.raises(BelowHorizon):
-                await bridge.hub.perform(pulse)
+                await bridge.controller.perform(pulse)
             await asyncio.sleep(5.0)
             assert truth_of(bridge.sim).altitude == pytest.approx(before, abs=1e-6)
             up = op.Pulse(op.Direction.NORTH, 2500) if isinstance(pulse, op.Pulse) else op.PulseAxis(2, 1, 2500, 0.5)
-            await bridge.hub.perform(up)
+            await bridge.controller.perform(up)
             await asyncio.sleep(5.0)
             assert truth_of(bridge.sim).altitude > before + 0.001
 
@@ -134,6 +137,7 @@ def test_an_lx200_guide_pulse_that_is_refused_is_in_the_log() -> None:
 @pytest.mark.parametrize("mount", ["cge", "cgx"])
 def test_an_arrow_past_the_hour_angle_limit_leads_back_or_nowhere(mount: str) -> None:
     """10 degrees past the meridian with a limit of 7.5; pressed again and again an arrow led on, step by step."""
+
     async def program() -> None:
         async with standing(mount, 190.0, 140.0, config={"hour_angle_limit": 0.5}) as bridge:
             client = bridge.client()
@@ -162,7 +166,7 @@ def test_tracking_past_the_hour_angle_limit_stays_off() -> None:
             assert past is not None and past > 9.0
             bridge.client().tell(b":AP#")
             for _ in range(30):
-                await bridge.hub.read(op.Position())
+                await bridge.controller.read(op.Position())
                 await asyncio.sleep(1.0)
             now = truth_of(bridge.sim)
             if now.tracking:

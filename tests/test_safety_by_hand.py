@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway import operations as op
+from gateway.core import operations as op
 from tests.bridge import Bridge
 from tests.test_safety_altitude import altitude, notes
 from tests.virtual import run
@@ -34,7 +34,7 @@ async def ready(bridge: Any, client: Any, goto: bytes) -> None:
     for _ in range(240):
         await asyncio.sleep(0.5)
         client.tell(b"e")
-        if not bridge.hub.slewing:
+        if not bridge.controller.slewing:
             break
     await asyncio.sleep(1.0)
 
@@ -47,14 +47,14 @@ def test_two_axes_together_lead_farther_than_each_of_them(driven: str, model: st
         async with Bridge(model, driven=driven, config={"lowest": lowest}, latency=0.2) as bridge:
             client = bridge.client()
             sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
-            await bridge.hub.perform(op.Goto((sidereal - 45.0) % 360.0, 20.0))
+            await bridge.controller.perform(op.Goto((sidereal - 45.0) % 360.0, 20.0))
             await ready(bridge, client, b":GR#")
             assert altitude(bridge) == pytest.approx(45.4, abs=0.3)
             client.tell(b":RS#:Mw#:Ms#")
             low, _ = await polled(bridge, client, b":GR#", 10.0)
             assert low >= lowest - 0.1, low
             assert any(note.startswith("Move: Object Below") for note in notes(bridge))
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
 
     run(program())
 
@@ -64,8 +64,9 @@ def test_beyond_the_zenith_up_is_down(driven: str, model: str) -> None:
     """A fork's motor that lifts the tube lowers it there: one hand control tells its axes, a Meade shows it."""
 
     async def program() -> None:
-        async with Bridge(model, driven=driven, presented="nexstar", surface="6-8se",
-                          config={"lowest": 60.0}) as bridge:
+        async with Bridge(
+            model, driven=driven, presented="nexstar", surface="6-8se", config={"lowest": 60.0}
+        ) as bridge:
             client = bridge.client()
             place = bytes(f"b{0x80000000:08X},{int(80 / 360 * 2**32):08X}", "ascii")
             await ready(bridge, client, place)
@@ -74,7 +75,7 @@ def test_beyond_the_zenith_up_is_down(driven: str, model: str) -> None:
             low, high = await polled(bridge, client, b"e", 12.0)
             assert high > 89.0
             assert low >= 59.9
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
             for _ in range(3):  # near the limit now: further down not at all, back up at once
                 client.tell(UP)
                 low, _ = await polled(bridge, client, b"e", 3.0)
@@ -95,11 +96,17 @@ def test_the_declination_motor_of_a_meade_in_the_south(arrow: bytes, dec: float,
 
     async def program() -> None:
         south = (-35.0, 150.0)
-        async with Bridge("lx200-16", driven="lx200", presented="nexstar", surface="i-series", site=south,
-                          config={"lowest": lowest, "site": south}) as bridge:
+        async with Bridge(
+            "lx200-16",
+            driven="lx200",
+            presented="nexstar",
+            surface="i-series",
+            site=south,
+            config={"lowest": lowest, "site": south},
+        ) as bridge:
             client = bridge.client()
             sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
-            await bridge.hub.perform(op.Goto((sidereal - 1.0) % 360.0, dec))
+            await bridge.controller.perform(op.Goto((sidereal - 1.0) % 360.0, dec))
             await ready(bridge, client, b"e")
             assert altitude(bridge) == pytest.approx(lowest + 0.5, abs=0.2)
             client.tell(arrow)
@@ -116,7 +123,7 @@ def test_north_is_north_beyond_the_pole() -> None:
         async with Bridge("cge", config={"lowest": -90.0}) as bridge:
             client = bridge.client()
             sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
-            await bridge.hub.perform(op.Goto((sidereal - 45.0) % 360.0, 85.0))
+            await bridge.controller.perform(op.Goto((sidereal - 45.0) % 360.0, 85.0))
             await ready(bridge, client, b":GR#")
             client.tell(b":RS#:Mn#")
             await asyncio.sleep(3.5)
@@ -151,7 +158,7 @@ def test_no_sync_while_the_mount_moves(moves: bytes) -> None:
             await asyncio.sleep(3.0)
             assert not any(sent.startswith(b"s") for sent in bridge.sent())
             ra, dec = bridge.sim.mechanics.truth(bridge.clock())
-            await bridge.hub.perform(op.Sync(ra, dec + 1.0))
+            await bridge.controller.perform(op.Sync(ra, dec + 1.0))
             assert any(sent.startswith(b"s") for sent in bridge.sent())
 
     run(program())
@@ -165,9 +172,9 @@ def test_north_is_north_also_when_it_ends_a_goto_to_the_other_side_of_the_pier(a
         async with Bridge("cgx", "5.31", config={"lowest": -30.0}) as bridge:
             client = bridge.client()
             sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
-            await bridge.hub.perform(op.Goto((sidereal - 40.0) % 360.0, 20.0))
+            await bridge.controller.perform(op.Goto((sidereal - 40.0) % 360.0, 20.0))
             await ready(bridge, client, b":GR#")
-            await bridge.hub.perform(op.Goto((sidereal + 40.0) % 360.0, 20.0))
+            await bridge.controller.perform(op.Goto((sidereal + 40.0) % 360.0, 20.0))
             await asyncio.sleep(3.0)
             client.tell(b":RS#" + arrow)
             await asyncio.sleep(2.5)  # from the full speed of the goto to that of the arrow
@@ -191,7 +198,7 @@ def test_north_is_north_on_both_sides_of_the_pier_whatever_the_version_tells_of_
         async with Bridge(mount, version, site=(latitude, 10.0), config={"lowest": -30.0}) as bridge:
             client = bridge.client()
             sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
-            await bridge.hub.perform(op.Goto((sidereal + side) % 360.0, 0.5 * latitude))
+            await bridge.controller.perform(op.Goto((sidereal + side) % 360.0, 0.5 * latitude))
             await ready(bridge, client, b":GR#")
             before = bridge.sim.mechanics.truth(bridge.clock())[1]
             client.tell(b":RS#:Mn#")
@@ -208,7 +215,7 @@ def test_a_fork_that_is_moved_by_small_gotos_moves_in_declination(arrow: bytes, 
     async def program() -> None:
         async with Bridge("nexstar-gps", "1.2", config={"highest": 75.0, "site": (45.0, 10.0)}) as bridge:
             client = bridge.client()
-            await bridge.hub.perform(op.GotoHorizontal(3.0, 74.0))
+            await bridge.controller.perform(op.GotoHorizontal(3.0, 74.0))
             await ready(bridge, client, b":GR#")
             began = altitude(bridge)
             client.tell(b":RS#" + arrow)

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from gateway.truth import truth_of
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -96,12 +96,14 @@ def test_a_side_that_was_not_told_is_none(version: str, latitude: float) -> None
 
 
 @pytest.mark.parametrize(("mount", "site"), [("cge", (45.0, 10.0)), ("cgx", (-35.0, 10.0))])
-@pytest.mark.parametrize("asked", [
-    b"b%08X,%08X" % (340 * 2**32 // 360, 40 * 2**32 // 360), b"BEAAB,238E", b"P\x04\x10\x02\xea\xaa\xab\x00"])
+@pytest.mark.parametrize(
+    "asked", [b"b%08X,%08X" % (340 * 2**32 // 360, 40 * 2**32 // 360), b"BEAAB,238E", b"P\x04\x10\x02\xea\xaa\xab\x00"]
+)
 def test_axis_gotos_come_no_farther_past_the_meridian_than_allowed(
     mount: str, site: tuple[float, float], asked: bytes
 ) -> None:
     """340 and 330 degrees of the first axis: the counterweight shaft 20 and 30 degrees above level. AUX 0x02, too."""
+
     async def program() -> None:
         config = {"hour_angle_limit": 0.5, "lowest": -90.0, "sun": 0.0}
         async with Bridge(mount, site=site, presented="nexstar", surface=mount, config=config) as bridge:

@@ -7,8 +7,8 @@ import asyncio
 import pytest
 from msgspec.structs import replace
 
-from gateway import operations as op
-from gateway.mount.safety import slew_paths
+from gateway.core import operations as op
+from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.limits import Limits
 from tests.bridge import Bridge
 from tests.test_safety_altitude import altitude, extremes, notes
@@ -33,14 +33,14 @@ def test_a_goto_from_over_the_pole_is_ended_before_its_way_leads_below_the_limit
                 bridge.sim.feed(b"T\x02")  # it stands on a wedge, says its hand control
                 await asyncio.sleep(10.0)
             sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
-            await bridge.hub.perform(op.Goto((sidereal - BESIDE_THE_POLE[0]) % 360.0, BESIDE_THE_POLE[1]))
+            await bridge.controller.perform(op.Goto((sidereal - BESIDE_THE_POLE[0]) % 360.0, BESIDE_THE_POLE[1]))
             await ready(bridge, client, b":GR#")
             client.tell(b":RS#:Mn#")
             await polled(bridge, client, b":GR#", 7.5)
             client.tell(b":Qn#")
             await asyncio.sleep(2.0)
             assert bridge.sim.mechanics.axes(bridge.clock())[1] > 110.0
-            await bridge.hub.perform(op.Goto((sidereal - hour_angle) % 360.0, declination))
+            await bridge.controller.perform(op.Goto((sidereal - hour_angle) % 360.0, declination))
             low, _ = await extremes(bridge, 30.0)
             assert low >= 10.0
             assert any(note.startswith("stopped at the altitude limit") for note in notes(bridge))
@@ -53,13 +53,13 @@ def test_a_goto_from_over_the_zenith_does_not_pass_it_where_a_limit_is_below() -
 
     async def program() -> None:
         async with Bridge("6-8se", presented="nexstar", surface="cpc") as bridge:
-            await bridge.hub.perform(op.GotoHorizontal(180.0, 60.0))
+            await bridge.controller.perform(op.GotoHorizontal(180.0, 60.0))
             await ready(bridge, bridge.client(), b"e")
             bridge.sim.mechanics.goto_axis(bridge.clock(), 2, 130.0)
             await asyncio.sleep(60.0)
             assert altitude(bridge) == pytest.approx(50.0, abs=0.5)
-            bridge.hub.policy = replace(bridge.hub.policy, limits=Limits(highest=75.0))
-            await bridge.hub.perform(op.GotoHorizontal(0.0, 40.0))
+            bridge.controller.policy = replace(bridge.controller.policy, limits=Limits(highest=75.0))
+            await bridge.controller.perform(op.GotoHorizontal(0.0, 40.0))
             _, high = await extremes(bridge, 30.0)
             assert high <= 75.0
             assert high > 65.0, "it goes as far as it may"
@@ -67,16 +67,20 @@ def test_a_goto_from_over_the_zenith_does_not_pass_it_where_a_limit_is_below() -
     run(program())
 
 
-@pytest.mark.parametrize(("azimuth", "turns"), [(20.0, [20.0]), (160.0, [160.0]), (170.0, [170.0, -190.0]),
-                                                (190.0, [-170.0, 190.0]), (200.0, [-160.0])])
+@pytest.mark.parametrize(
+    ("azimuth", "turns"),
+    [(20.0, [20.0]), (160.0, [160.0]), (170.0, [170.0, -190.0]), (190.0, [-170.0, 190.0]), (200.0, [-160.0])],
+)
 def test_a_fork_may_turn_half_round_either_way(azimuth: float, turns: list[float]) -> None:
     """A sync has displaced its axes from the sky: which way is the shorter one nobody can say."""
 
     async def program() -> None:
         async with Bridge("6-8se") as bridge:
-            here = await bridge.hub.read(op.Position())
-            there = bridge.hub.derived.horizon(here).az + azimuth, 40.0
-            found = slew_paths.possible(bridge.hub.derived, False, False, here, op.Equatorial(0.0, 0.0), there, {False})
+            here = await bridge.controller.read(op.Position())
+            there = bridge.controller.derived.horizon(here).az + azimuth, 40.0
+            found = slew_paths.possible(
+                bridge.controller.derived, False, False, here, op.Equatorial(0.0, 0.0), there, {False}
+            )
             assert [turn[0] for _, turn in found] == pytest.approx(turns)
 
     run(program())

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from gateway.errors import UserError
-from gateway.truth import truth_of
+from gateway.core.errors import UserError
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge
 from tests.test_config import flags
 from tests.test_safety_altitude import notes
@@ -46,6 +46,7 @@ def test_a_fork_is_parked_as_low_as_is_allowed(lowest: float, altitude: float) -
 @pytest.mark.parametrize(("mount", "version"), [("nexstar-gps", "2.2"), ("cpc", "4.21"), ("6-8se", "4.21")])
 def test_a_fork_that_is_unparked_tracks(mount: str, version: str) -> None:
     """It stood at the lowest altitude to the last digit, and tracking was put off again at once."""
+
     async def program() -> None:
         async with Bridge(mount, version) as bridge:
             client = bridge.client()
@@ -77,6 +78,7 @@ def test_a_pole_below_the_limit_is_refused_with_what_to_do() -> None:
 
 def test_a_park_that_is_refused_can_be_read_back() -> None:
     """``:hP#`` has no reply; ``:h?#`` is 1 at home or parked, 0 where that failed."""
+
     async def program() -> None:
         async with Bridge("cge", config={"lowest": 50.0}) as bridge:
             client = bridge.client()

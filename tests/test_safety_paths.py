@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.errors import PastMeridian
-from gateway.mount.safety.altitude import leaving
+from gateway.astro.axes import Pair
+from gateway.astro.spherical import separation, to_vector
+from gateway.core.errors import PastMeridian
+from gateway.mount.safety.admission.path_shapes import STEP, clear, one_rests, together
 from gateway.mount.safety.limits import Limits
-from gateway.mount.safety.meridian import check_hour_angle, past_meridian
-from gateway.mount.safety.way_shapes import STEP, clear, one_rests, together
-from gateway.mount_geometry import Pair
-from gateway.spherical import separation, to_vector
+from gateway.mount.safety.rules.altitude import leaving
+from gateway.mount.safety.rules.meridian import check_hour_angle, past_meridian
 
 angles = st.floats(-180.0, 180.0)
 readings = st.tuples(angles, st.floats(-180.0, 180.0))
@@ -33,9 +33,7 @@ def nearest(start: Pair, turn: Pair, sun: Pair, looks: int = 500) -> float:
 
 
 @given(readings, st.tuples(angles, angles), st.tuples(angles, st.floats(-90.0, 90.0)), st.floats(1.0, 60.0))
-def test_a_way_is_clear_exactly_when_it_keeps_its_distance(
-    start: Pair, turn: Pair, sun: Pair, limit: float
-) -> None:
+def test_a_way_is_clear_exactly_when_it_keeps_its_distance(start: Pair, turn: Pair, sun: Pair, limit: float) -> None:
     least = nearest(start, turn, sun)
     if least > limit + STEP:
         assert clear(start, turn, sun, limit)
@@ -62,9 +60,7 @@ def test_both_shapes_begin_and_end_at_the_same_places(start: Pair, turn: Pair) -
         ((-90.0, 0.0), (45.0, 15.0), True),
     ],
 )
-def test_ways_from_the_origin_past_a_circle_of_twenty_degrees(
-    turn: Pair, sun: Pair, free: bool
-) -> None:
+def test_ways_from_the_origin_past_a_circle_of_twenty_degrees(turn: Pair, sun: Pair, free: bool) -> None:
     assert clear((0.0, 0.0), turn, sun, 20.0) is free
 
 

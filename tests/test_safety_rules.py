@@ -5,17 +5,17 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
-from gateway import operations as op
+from gateway.core import operations as op
 from gateway.mount.motion.moving import Moving
 from gateway.mount.motion.seen import PositionSample, Seen, begin, first, see
-from gateway.mount.safety.aligned import needs_alignment
 from gateway.mount.safety.allow import allow, first_stretch
-from gateway.mount.safety.altitude import altitude
 from gateway.mount.safety.limits import Limits
-from gateway.mount.safety.meridian import meridian
+from gateway.mount.safety.rules.aligned import needs_alignment
+from gateway.mount.safety.rules.altitude import altitude
+from gateway.mount.safety.rules.meridian import meridian
+from gateway.mount.safety.rules.sun import farthest, near_sun
+from gateway.mount.safety.rules.unknown_position import blind
 from gateway.mount.safety.stop_timing import StopTiming
-from gateway.mount.safety.sun import farthest, near_sun
-from gateway.mount.safety.unknown_position import blind
 from gateway.mount.safety.view import View
 
 HERE = op.Equatorial(10.0, 20.0)
@@ -63,16 +63,18 @@ def test_a_sun_that_is_far_is_followed_and_one_that_is_near_is_remembered() -> N
     far = seen(PositionSample(0.0, HERE, suns=(60.0,)), PositionSample(1.0, HERE, suns=(59.0,)))
     assert not near_sun(view(far, Limits())).reason
     assert farthest(view(far, Limits())) == (59.0,)
-    near = replace(seen(PositionSample(0.0, HERE, suns=(19.0,)), PositionSample(1.0, HERE, suns=(18.96,))),
-                   farthest=(19.0,))
+    near = replace(
+        seen(PositionSample(0.0, HERE, suns=(19.0,)), PositionSample(1.0, HERE, suns=(18.96,))), farthest=(19.0,)
+    )
     assert not near_sun(view(near, Limits())).reason
     creeping = see(replace(near, farthest=farthest(view(near, Limits()))), PositionSample(2.0, HERE, suns=(18.92,)))
     assert near_sun(view(creeping, Limits())).reason == "the Sun (19 degrees from it)"
 
 
-@pytest.mark.parametrize(("german", "side", "reason"), [
-    (False, None, True), (True, "W", True), (True, "E", False), (True, None, False), (None, None, False),
-])
+@pytest.mark.parametrize(
+    ("german", "side", "reason"),
+    [(False, None, True), (True, "W", True), (True, "E", False), (True, None, False), (None, None, False)],
+)
 def test_past_the_meridian_it_counts_on_which_side_of_the_pier_the_tube_is(
     german: bool | None, side: str | None, reason: bool
 ) -> None:
@@ -101,10 +103,15 @@ def test_a_motion_from_rest_begins_where_it_was_seen_last_and_forgets_how_fast_t
     assert begin(before, 130.0, 4.0, at_rest=False).changes is None
 
 
-@pytest.mark.parametrize(("moving", "age", "since", "ends"), [
-    (Moving(False, {2: DOWN}), 1.5, 9.0, True), (Moving(False, {2: DOWN}), 0.5, 9.0, False),
-    (Moving(False, {2: DOWN}), 1.5, 0.5, False), (Moving(True, {}), 1.5, 9.0, False),
-])
+@pytest.mark.parametrize(
+    ("moving", "age", "since", "ends"),
+    [
+        (Moving(False, {2: DOWN}), 1.5, 9.0, True),
+        (Moving(False, {2: DOWN}), 0.5, 9.0, False),
+        (Moving(False, {2: DOWN}), 1.5, 0.5, False),
+        (Moving(True, {}), 1.5, 9.0, False),
+    ],
+)
 def test_only_what_moves_by_hand_ends_where_no_position_comes(
     moving: Moving, age: float, since: float, ends: bool
 ) -> None:

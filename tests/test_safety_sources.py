@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from gateway import operations as op
+from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation
+from gateway.core import operations as op
+from gateway.mount.site.site_clock import SiteClock
 from gateway.mount.site.sources import COMPUTER, CONFIGURED, GPS, MOUNT, PROGRAM, BestSources
-from gateway.observatory import Observatory
-from gateway.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation
 from tests.bridge import EVENING, Bridge
 from tests.test_safety_sun import JUNE, SKY
 from tests.virtual import run
@@ -47,8 +47,14 @@ def as_lx200(ra: float, dec: float) -> bytes:
     """The target and ``:MS#``."""
     hours, degrees = round(ra / 15.0 * 3600) % 86400, round(abs(dec) * 3600)
     return b":Sr%02d:%02d:%02d#:Sd%s%02d*%02d:%02d#:MS#" % (
-        hours // 3600, hours // 60 % 60, hours % 60, b"-" if dec < 0 else b"+",
-        degrees // 3600, degrees // 60 % 60, degrees % 60)
+        hours // 3600,
+        hours // 60 % 60,
+        hours % 60,
+        b"-" if dec < 0 else b"+",
+        degrees // 3600,
+        degrees // 60 % 60,
+        degrees % 60,
+    )
 
 
 def altitude(bridge: Any) -> float:
@@ -94,6 +100,7 @@ def test_no_nexstar_program_switches_a_limit_off(mount: str, wrong: str) -> None
 @pytest.mark.parametrize("wrong", ["Greenwich", "morning instead of evening", "another latitude"])
 def test_no_program_makes_the_sun_set(mount: str, wrong: str) -> None:
     """In June, when the Sun is 63 degrees high at 6h +23 26'."""
+
     async def program() -> None:
         async with Bridge(mount, start=JUNE) as bridge:
             client = bridge.client()
@@ -138,12 +145,16 @@ def test_the_altitude_that_is_told_is_the_true_one_and_the_site_that_was_set_is_
     run(program())
 
 
-@pytest.mark.parametrize(("told", "words"), [
-    (b":St+10*00#:Sg080*00#", b"The mount stands at 45.0 N 10.0 E, a program says 10.0 N 80.0 W."),
-    (b":SG+00#:SL16:00:00#:SC01/15/26#", b"The clocks of the mount and of a program differ by 6.0 hours."),
-])
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        (b":St+10*00#:Sg080*00#", b"The mount stands at 45.0 N 10.0 E, a program says 10.0 N 80.0 W."),
+        (b":SG+00#:SL16:00:00#:SC01/15/26#", b"The clocks of the mount and of a program differ by 6.0 hours."),
+    ],
+)
 def test_a_goto_that_one_of_two_sources_forbids_is_not_begun_and_both_are_named(told: bytes, words: bytes) -> None:
     """45 degrees high in the south-east by the mount, below the horizon by the program."""
+
     async def program() -> None:
         async with Bridge("cge") as bridge:
             client = bridge.client()
@@ -161,14 +172,18 @@ def test_a_goto_that_one_of_two_sources_forbids_is_not_begun_and_both_are_named(
     run(program())
 
 
-@pytest.mark.parametrize(("changed", "asked", "told"), [
-    (b"W" + bytes((30, 0, 0, 0, 20, 0, 0, 0)), b":Gt#:Gg#", b"+30*00#-020*00#"),
-    (b"H" + bytes((3, 0, 0, 1, 16, 26, 0, 0)), b":GC#", b"01/16/26#"),
-])
+@pytest.mark.parametrize(
+    ("changed", "asked", "told"),
+    [
+        (b"W" + bytes((30, 0, 0, 0, 20, 0, 0, 0)), b":Gt#:Gg#", b"+30*00#-020*00#"),
+        (b"H" + bytes((3, 0, 0, 1, 16, 26, 0, 0)), b":GC#", b"01/16/26#"),
+    ],
+)
 def test_what_is_changed_at_the_hand_control_is_noticed_within_a_minute(
     changed: bytes, asked: bytes, told: bytes
 ) -> None:
     """Also after a program has set something else."""
+
     async def program() -> None:
         async with Bridge("cpc") as bridge:
             client = bridge.client()
@@ -187,7 +202,7 @@ def test_what_is_changed_at_the_hand_control_is_noticed_within_a_minute(
 
 
 def test_the_best_source_is_the_mount_then_its_gps_the_configuration_or_this_computer_a_program_last() -> None:
-    observatory = Observatory(lambda: 0.0, lambda: EVENING, None)
+    observatory = SiteClock(lambda: 0.0, lambda: EVENING, None)
     best = BestSources(observatory)
     observatory.keep_site(op.SetSite(1.0, 1.0))
     observatory.keep_clock(op.SetClock(EVENING + 1e4, 0.0))
@@ -198,14 +213,22 @@ def test_the_best_source_is_the_mount_then_its_gps_the_configuration_or_this_com
     observatory.mount_says_site(op.Place(4.0, 4.0))
     observatory.mount_says_clock(op.Moment(EVENING + 3e4, 0.0))
     assert [(site.source, site.place.latitude) for site in best.sites()] == [
-        (MOUNT, 4.0), (GPS, 3.0), (CONFIGURED, 2.0), (PROGRAM, 1.0)]
+        (MOUNT, 4.0),
+        (GPS, 3.0),
+        (CONFIGURED, 2.0),
+        (PROGRAM, 1.0),
+    ]
     assert [(time.source, time.unix - EVENING) for time in best.times()] == [
-        (MOUNT, 3e4), (GPS, 2e4), (COMPUTER, 0.0), (PROGRAM, 1e4)]
+        (MOUNT, 3e4),
+        (GPS, 2e4),
+        (COMPUTER, 0.0),
+        (PROGRAM, 1e4),
+    ]
     assert len(list(best.contradictions())) == 6
 
 
 def test_a_computer_that_has_lost_its_clock_counts_less_than_a_program() -> None:
-    observatory = Observatory(lambda: 0.0, lambda: 3600.0, None)  # 1970
+    observatory = SiteClock(lambda: 0.0, lambda: 3600.0, None)  # 1970
     best = BestSources(observatory)
     assert best.unix() == 3600.0
     observatory.keep_clock(op.SetClock(EVENING, 1.0))
@@ -213,7 +236,7 @@ def test_a_computer_that_has_lost_its_clock_counts_less_than_a_program() -> None
 
 
 def test_a_receiver_without_a_fix_and_small_differences_say_nothing() -> None:
-    observatory = Observatory(lambda: 0.0, lambda: EVENING + 60.0, op.Place(45.1, 10.1))
+    observatory = SiteClock(lambda: 0.0, lambda: EVENING + 60.0, op.Place(45.1, 10.1))
     best = BestSources(observatory)
     observatory.gps_says(op.Gps(linked=False, place=op.Place(0.0, 0.0), unix=0.0))
     observatory.mount_says_site(op.Place(45.0, 10.0))
@@ -225,7 +248,7 @@ def test_a_receiver_without_a_fix_and_small_differences_say_nothing() -> None:
 @pytest.mark.parametrize(("ahead", "contradicts"), [(-7200.0, True), (43200.0, True), (-20 * 86400.0, False)])
 def test_a_computer_that_is_off_by_days_contradicts_nobody(ahead: float, contradicts: bool) -> None:
     """A Raspberry Pi without a clock of its own begins where it was switched off."""
-    observatory = Observatory(lambda: 0.0, lambda: EVENING + ahead, None)
+    observatory = SiteClock(lambda: 0.0, lambda: EVENING + ahead, None)
     observatory.mount_says_site(op.Place(45.0, 10.0))
     observatory.mount_says_clock(op.Moment(EVENING, 0.0))
     assert bool(list(BestSources(observatory).contradictions())) is contradicts

@@ -8,15 +8,15 @@ from typing import Any
 import pytest
 
 from gateway.mount.motion.ends import Sample
-from gateway.mount.safety.stalled import StallWatch
-from gateway.truth import truth_of
+from gateway.mount.safety.rules.stalled import StallWatch
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge
 from tests.virtual import run
 
 
 def freeze(bridge: Any) -> None:
     """From now on the mount tells where it is now, wherever it goes."""
-    wire, told = bridge.hub.line.wire, {}
+    wire, told = bridge.controller.line.wire, {}
     feed = wire._feed
 
     def hear(data: bytes) -> bytes:
@@ -28,8 +28,9 @@ def freeze(bridge: Any) -> None:
     wire._feed = hear
 
 
-@pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200"),
-                                               ("autostar", "lx200")])
+@pytest.mark.parametrize(
+    ("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200"), ("autostar", "lx200")]
+)
 @pytest.mark.parametrize("motion", [b":RM#:Ms#", b":RS#:Me#", b":RC#:Ms#"])
 def test_a_position_that_stands_still_under_an_arrow_ends_it(mount: str, driven: str, motion: bytes) -> None:
     async def program() -> None:
@@ -49,8 +50,10 @@ def test_a_position_that_stands_still_under_an_arrow_ends_it(mount: str, driven:
     run(program())
 
 
-@pytest.mark.parametrize(("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200", "lx200"),
-                                               ("lx200gps", "lx200"), ("autostar", "lx200")])
+@pytest.mark.parametrize(
+    ("mount", "driven"),
+    [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200", "lx200"), ("lx200gps", "lx200"), ("autostar", "lx200")],
+)
 @pytest.mark.parametrize("motion", [b":RM#:Mn#:Me#", b":RS#:Ms#", b":RS#:Mw#", b":RC#:Me#"])
 @pytest.mark.parametrize("latency", [0.05, 0.5])
 def test_a_motion_that_is_seen_goes_on(mount: str, driven: str, motion: bytes, latency: float) -> None:
@@ -62,7 +65,7 @@ def test_a_motion_that_is_seen_goes_on(mount: str, driven: str, motion: bytes, l
             for _ in range(40):
                 client.tell(b":GR#")
                 await asyncio.sleep(0.5)
-            assert bridge.hub.motions.axes
+            assert bridge.controller.motions.axes
             assert not [entry.note for entry in bridge.entries if "shows nothing" in entry.note]
 
     run(program())

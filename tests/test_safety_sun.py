@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
-from gateway import operations as op
-from gateway.errors import NearSun
-from gateway.sky import Sky
-from gateway.spherical import separation
+from gateway.astro.ephemeris import Sky
+from gateway.astro.spherical import separation
+from gateway.core import operations as op
+from gateway.core.errors import NearSun
 from tests.bridge import EVENING, Bridge
 from tests.virtual import run
 
@@ -126,7 +126,7 @@ def test_motion_by_hand_stops_before_the_circle_and_goes_back(latency: float, ra
             client.tell(rate + b":Me#")  # azimuth falls, towards the Sun
             least = await nearest(bridge, 60)
             assert 20.0 <= least < 20.0 + 2 * 5.0, least
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
             client.tell(b":Mw#")
             await asyncio.sleep(2)
             assert distance(bridge) > least + 0.3
@@ -143,7 +143,7 @@ def test_a_nexstar_program_by_hand_on_a_meade() -> None:
             least = await nearest(bridge, 30)
             assert 20.0 <= least < 31.0, least
             assert b":Q#" in bridge.sent() or "Too close to the Sun" in notes(bridge)
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
 
     run(program())
 
@@ -155,7 +155,7 @@ def test_a_hand_control_without_pass_through_takes_no_further_step() -> None:
             client = bridge.client()
             client.tell(b":RS#:Mn#:Me#")  # steps of right ascension and declination: east and north
             assert await nearest(bridge, 40) >= 18.0
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
             before = len([sent for sent in bridge.sent() if sent[:1] == b"R"])
             await asyncio.sleep(5)
             assert len([sent for sent in bridge.sent() if sent[:1] == b"R"]) == before
@@ -192,7 +192,7 @@ def test_who_is_inside_the_circle_can_get_out_and_not_nearer() -> None:
             assert 5.0 < out < 20.0
             client.tell(b":Mn#")
             assert await nearest(bridge, 10) > out - 2.0
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
             reply = await client.ask(b":Sr21:30:00#:Sd+00*00:00#:MS#", until=b"110")
             assert reply == b"110"
             while await client.ask(b":D#") == b"\x7f#":
@@ -212,7 +212,7 @@ def test_a_goto_that_takes_another_way_is_stopped_too() -> None:
             now = bridge.clock()
             bridge.sim.mechanics.goto_sky(now, *SKY.sun(now))  # as if the cable were wrapped round the other way
             assert await nearest(bridge, 60) > 14.0
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
             assert "stopped at the Sun" in notes(bridge)
 
     run(program())
@@ -267,14 +267,14 @@ def test_a_german_mount_on_its_way_to_the_other_side_does_not_count_as_being_the
     async def program() -> None:
         config = {"mode": "eq-north"}
         async with Bridge("avx", "4.21", start=JUNE, config=config, latency=0.2) as bridge:
-            hub = bridge.hub
-            await hub.perform(op.Goto(355.2, 64.0))
-            while hub.slewing:
+            controller = bridge.controller
+            await controller.perform(op.Goto(355.2, 64.0))
+            while controller.slewing:
                 await asyncio.sleep(0.5)
-            await hub.perform(op.Goto(143.9, 14.0))
+            await controller.perform(op.Goto(143.9, 14.0))
             await asyncio.sleep(5.0)
             with pytest.raises(NearSun):
-                await hub.perform(op.Goto(96.5, -41.3))
+                await controller.perform(op.Goto(96.5, -41.3))
 
     run(program())
 
@@ -285,11 +285,11 @@ def test_a_goto_whose_first_axis_was_ended_goes_no_nearer_to_the_sun(latency: fl
 
     async def program() -> None:
         async with Bridge("evolution", start=JUNE, latency=latency) as bridge:
-            hub, client = bridge.hub, bridge.client()
-            await hub.perform(op.GotoHorizontal(165.3, 35.6))
-            while hub.slewing:
+            controller, client = bridge.controller, bridge.client()
+            await controller.perform(op.GotoHorizontal(165.3, 35.6))
+            while controller.slewing:
                 await asyncio.sleep(0.5)
-            await hub.perform(op.GotoHorizontal(288.0, 60.0))
+            await controller.perform(op.GotoHorizontal(288.0, 60.0))
             await asyncio.sleep(0.5)
             client.tell(b":Qe#")
             assert await nearest(bridge, 12.0) >= 20.0

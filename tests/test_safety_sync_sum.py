@@ -8,18 +8,18 @@ from typing import Any
 
 import pytest
 
-from gateway import operations as op
-from gateway.errors import SyncTooFar
-from gateway.mount.safety.sync_sum import SyncSum, check_sum
+from gateway.core import operations as op
+from gateway.core.errors import SyncTooFar
+from gateway.mount.safety.rules.sync_sum import SyncSum, check_sum
 from tests.bridge import Bridge
 from tests.virtual import run
 
 
 async def sync_north(bridge: Any, degrees: float) -> Exception | None:
     """Sync that much farther north than the mount believes to point -> why not."""
-    here = await bridge.hub.perform(op.Position())
+    here = await bridge.controller.perform(op.Position())
     try:
-        await bridge.hub.perform(op.Sync(here.ra, here.dec + degrees))
+        await bridge.controller.perform(op.Sync(here.ra, here.dec + degrees))
     except SyncTooFar as fault:
         return fault
     await asyncio.sleep(1.0)
@@ -37,6 +37,7 @@ def test_the_sum_is_taken_on_the_sky() -> None:
 @pytest.mark.parametrize(("mount", "taken"), [("cge", False), ("cpc", True)])
 def test_near_the_pole_right_ascension_counts_in_full_on_an_equatorial_mount(mount: str, taken: bool) -> None:
     """56 degrees of right ascension at declination 75 are 14 on the sky, and turn a polar axis by 56."""
+
     async def program() -> None:
         async with Bridge(mount, config={"sun": 0.0}) as bridge:
             client = bridge.client()
@@ -44,9 +45,9 @@ def test_near_the_pole_right_ascension_counts_in_full_on_an_equatorial_mount(mou
             for _ in range(60):
                 client.tell(b":D#")
                 await asyncio.sleep(1.0)
-            here = await bridge.hub.perform(op.Position())
+            here = await bridge.controller.perform(op.Position())
             try:
-                await bridge.hub.perform(op.Sync(here.ra + 56.0, here.dec))
+                await bridge.controller.perform(op.Sync(here.ra + 56.0, here.dec))
                 assert taken
             except SyncTooFar:
                 assert not taken
@@ -71,14 +72,15 @@ def test_small_syncs_do_not_add_up_beyond_the_limit(mount: str, driven: str) -> 
 
 def test_a_new_alignment_begins_anew() -> None:
     """The hand control is switched off and on, and aligned again."""
+
     async def program() -> None:
         async with Bridge("cpc") as bridge:
             assert await sync_north(bridge, 14.0) is None
             assert await sync_north(bridge, 14.0) is not None
             bridge.sim.aligned = False
-            await bridge.hub.anew(op.GetStatus())
+            await bridge.controller.anew(op.GetStatus())
             bridge.sim.aligned = True
-            await bridge.hub.anew(op.GetStatus())
+            await bridge.controller.anew(op.GetStatus())
             assert await sync_north(bridge, 14.0) is None
 
     run(program())
@@ -97,7 +99,7 @@ def test_a_jump_that_no_motor_makes_is_a_new_alignment() -> None:
                     ra, dec = mechanics.believed(bridge.clock())
                     mechanics.sync(bridge.clock(), ra + 30.0, dec)
             assert now < bridge.clock()
-            assert bridge.hub.synced == SyncSum()
+            assert bridge.controller.synced == SyncSum()
 
     run(program())
 

@@ -8,9 +8,9 @@ from itertools import pairwise
 import pytest
 from msgspec.structs import replace
 
-from gateway import operations as op
-from gateway.hub.refresh import OWN_AGE
+from gateway.core import operations as op
 from gateway.mount.motion.seen import Seen
+from gateway.mount.readings.poller import OWN_AGE
 from gateway.mount.safety.limits import Limits
 from tests.bridge import Bridge
 from tests.test_safety_altitude import altitude, extremes, notes
@@ -27,12 +27,12 @@ def test_an_arrow_that_is_said_again_does_not_make_the_next_look_a_first_one() -
             await ready(bridge, client, b":GR#")
             client.tell(b":RS#:Ms#")
             await asyncio.sleep(1.0)
-            while bridge.hub.snapshot.age(op.Position, bridge.hub.now()) < 0.2:
+            while bridge.controller.snapshot.age(op.Position, bridge.controller.now()) < 0.2:
                 await asyncio.sleep(0.01)
-            bridge.hub.guard.began(bridge.hub.motions.by_hand[2])
+            bridge.controller.guard.began(bridge.controller.motions.by_hand[2])
             ra, dec = bridge.sim.mechanics.truth(bridge.clock())
             await asyncio.sleep(0.02)
-            bridge.hub.guard.look(op.Equatorial(ra, dec - 20.0))
+            bridge.controller.guard.look(op.Equatorial(ra, dec - 20.0))
             assert any("stopped at the altitude limit" in note for note in notes(bridge))
 
     run(program())
@@ -51,7 +51,7 @@ def test_the_first_look_comes_in_time_wherever_a_motion_begins(
         async with Bridge(model, driven="lx200", config={"lowest": lowest}, latency=latency) as bridge:
             client = bridge.client()
             sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
-            await bridge.hub.perform(op.Goto((sidereal - 45.0) % 360.0, 20.0))
+            await bridge.controller.perform(op.Goto((sidereal - 45.0) % 360.0, 20.0))
             await ready(bridge, client, b":GR#")
             client.tell(b":RS#" + arrows)
             low, _ = await extremes(bridge, 3.0)
@@ -71,24 +71,27 @@ def test_the_clock_is_not_read_while_the_mount_moves(early: float) -> None:
             client = bridge.client()
             said = bridge.observatory.mount_clock
             assert said is not None
-            while bridge.hub.now() < said[1] + OWN_AGE - early - 0.5:
+            while bridge.controller.now() < said[1] + OWN_AGE - early - 0.5:
                 client.tell(b":GR#")
                 await asyncio.sleep(0.5)
-            await asyncio.sleep(said[1] + OWN_AGE - early - bridge.hub.now())
+            await asyncio.sleep(said[1] + OWN_AGE - early - bridge.controller.now())
             began = bridge.clock()
             client.tell(b":RS#:Mn#")
             for _ in range(10):
                 client.tell(b":GR#")
                 await asyncio.sleep(0.5)
-            seen = [entry.time for entry in bridge.entries
-                    if entry.side == "mount" and entry.data.startswith(b":GD") and entry.time > began]
+            seen = [
+                entry.time
+                for entry in bridge.entries
+                if entry.side == "mount" and entry.data.startswith(b":GD") and entry.time > began
+            ]
             gaps = [second - first for first, second in pairwise([began, *seen])]
             assert max(gaps) < 1.1, gaps
             client.tell(b":Q#")
             for _ in range(16):  # one that is seen to run on is watched for three seconds more
                 client.tell(b":GR#")
                 await asyncio.sleep(0.5)
-            assert bridge.hub.now() - bridge.observatory.mount_clock[1] < 10.0  # but it is read when it rests
+            assert bridge.controller.now() - bridge.observatory.mount_clock[1] < 10.0  # but it is read when it rests
 
     run(program())
 
@@ -100,27 +103,29 @@ def test_a_goto_that_is_stopped_on_its_way_does_not_bring_the_tube_back_over_the
         async with Bridge("lx200", driven="lx200", config={"lowest": -90.0}) as bridge:
             client = bridge.client()
             sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
-            await bridge.hub.perform(op.Goto((sidereal - 45.0) % 360.0, 80.0))
+            await bridge.controller.perform(op.Goto((sidereal - 45.0) % 360.0, 80.0))
             await ready(bridge, client, b":GR#")
             client.tell(b":RS#:Mn#")
             await polled(bridge, client, b":GR#", 8.0)
             client.tell(b":Qn#")
             await asyncio.sleep(2.0)
-            assert not bridge.hub.guard.upright
-            await bridge.hub.perform(op.Goto((sidereal - 60.0) % 360.0, -20.0))
+            assert not bridge.controller.guard.upright
+            await bridge.controller.perform(op.Goto((sidereal - 60.0) % 360.0, -20.0))
             await asyncio.sleep(0.9)
-            while bridge.hub.reader._sharing:
+            while bridge.controller.reader._sharing:
                 await asyncio.sleep(0.001)
-            bridge.hub.begin_stop()
+            bridge.controller.begin_stop()
             while bridge.driver.goto is not None:
                 await asyncio.sleep(0.001)
-            assert bridge.hub.slewing
-            await bridge.hub.reader.shared(op.Slewing())  # the end of the goto is seen while the stop is on its way
+            assert bridge.controller.slewing
+            await bridge.controller.reader.shared(
+                op.Slewing()
+            )  # the end of the goto is seen while the stop is on its way
             await asyncio.sleep(2.0)
-            assert not bridge.hub.guard.upright
-            await bridge.hub.perform(op.Goto((sidereal - 60.0) % 360.0, 0.0))
+            assert not bridge.controller.guard.upright
+            await bridge.controller.perform(op.Goto((sidereal - 60.0) % 360.0, 0.0))
             await ready(bridge, client, b":GR#")
-            assert bridge.hub.guard.upright
+            assert bridge.controller.guard.upright
 
     run(program())
 
@@ -131,10 +136,10 @@ def test_commands_without_an_answer_do_not_make_a_slow_line_look_quick() -> None
     async def program() -> None:
         async with Bridge("lx200gps", driven="lx200", latency=0.2) as bridge:
             for _ in range(20):
-                await bridge.hub.reader.shared(op.Position())
+                await bridge.controller.reader.shared(op.Position())
             for _ in range(8):
-                await bridge.hub.perform(op.Halt(2))
-            assert bridge.hub.line.typical > 0.19
+                await bridge.controller.perform(op.Halt(2))
+            assert bridge.controller.line.typical > 0.19
 
     run(program())
 
@@ -144,10 +149,11 @@ def test_a_way_over_the_zenith_is_looked_at_all_along(driven: str, model: str) -
     """Where it would end, on the other side, it is low enough again."""
 
     async def program() -> None:
-        async with Bridge(model, driven=driven, presented="nexstar", surface="6-8se", config={"highest": 88.0},
-                          latency=0.2) as bridge:
+        async with Bridge(
+            model, driven=driven, presented="nexstar", surface="6-8se", config={"highest": 88.0}, latency=0.2
+        ) as bridge:
             client = bridge.client()
-            await bridge.hub.perform(op.GotoHorizontal(180.0, 87.0))
+            await bridge.controller.perform(op.GotoHorizontal(180.0, 87.0))
             await ready(bridge, client, b"e")
             assert altitude(bridge) == pytest.approx(87.0, abs=0.2)
             client.tell(UP)
@@ -165,7 +171,7 @@ def test_a_position_in_halves_is_watched_as_the_place_where_the_mount_is_when_th
     async def program() -> None:
         async with Bridge("autostar", driven="lx200", config={"lowest": 30.0}, latency=0.1) as bridge:
             client = bridge.client()
-            await bridge.hub.perform(op.GotoHorizontal(90.0, 30.6))
+            await bridge.controller.perform(op.GotoHorizontal(90.0, 30.6))
             await ready(bridge, client, b":GR#")
             client.tell(b":RC#:Ms#")
             await asyncio.sleep(0.3)
@@ -186,13 +192,13 @@ def test_of_two_axes_the_one_that_is_ended_last_must_not_lead_beyond_it_alone(he
 
     async def program() -> None:
         async with Bridge("cge", config={"lowest": 20.0}, latency=0.2) as bridge:
-            await bridge.hub.perform(op.MoveAxis(1, 1, op.Rate(key=9)))
-            await bridge.hub.perform(op.MoveAxis(2, 1, op.Rate(key=9)))
-            look = bridge.hub.guard.look
-            bridge.hub.guard.look = lambda seen: None  # only what is told here is looked at
-            bridge.hub.guard.seen = Seen()
+            await bridge.controller.perform(op.MoveAxis(1, 1, op.Rate(key=9)))
+            await bridge.controller.perform(op.MoveAxis(2, 1, op.Rate(key=9)))
+            look = bridge.controller.guard.look
+            bridge.controller.guard.look = lambda seen: None  # only what is told here is looked at
+            bridge.controller.guard.seen = Seen()
             for step in range(3):
-                seen = bridge.hub.derived.equatorial(op.GotoHorizontal(200.0 + 3.0 * step, height - 0.05 * step))
+                seen = bridge.controller.derived.equatorial(op.GotoHorizontal(200.0 + 3.0 * step, height - 0.05 * step))
                 look(op.Equatorial(seen.ra, seen.dec))
                 await asyncio.sleep(0.5)
             assert any("stopped at the altitude limit" in note for note in notes(bridge)) is stopped
@@ -205,25 +211,24 @@ def test_a_motion_that_was_begun_twice_and_refused_the_second_time_is_stopped() 
 
     async def program() -> None:
         south = (-35.0, 150.0)
-        async with Bridge("lx200-16", driven="lx200", site=south, latency=0.02,
-                          config={"site": south}) as bridge:
+        async with Bridge("lx200-16", driven="lx200", site=south, latency=0.02, config={"site": south}) as bridge:
             client = bridge.client()
             sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
-            await bridge.hub.perform(op.Goto((sidereal - 10.3) % 360.0, -23.6))
+            await bridge.controller.perform(op.Goto((sidereal - 10.3) % 360.0, -23.6))
             await ready(bridge, client, b":GR#")
             client.tell(b":RM#:Mn#")
             await asyncio.sleep(0.3)
             client.tell(b":Me#")
             while b":Me#" not in bridge.sent():
                 await asyncio.sleep(0.001)
-            bridge.hub.policy = replace(bridge.hub.policy, limits=Limits(highest=altitude(bridge) + 0.1))
+            bridge.controller.policy = replace(bridge.controller.policy, limits=Limits(highest=altitude(bridge) + 0.1))
             client.tell(b":Qn#")
             await asyncio.sleep(0.3)
             assert any("Object Above" in note for note in notes(bridge))
             before = bridge.sim.mechanics.axes(bridge.clock())
             await asyncio.sleep(1.0)
             assert bridge.sim.mechanics.axes(bridge.clock()) == pytest.approx(before, abs=0.01)
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
 
     run(program())
 
@@ -236,17 +241,17 @@ def test_when_one_axis_is_ended_the_other_one_may_lead_beyond_a_limit_alone(driv
         async with Bridge(model, driven=driven, config={"lowest": 20.0}, latency=0.05) as bridge:
             client = bridge.client()
             sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
-            await bridge.hub.perform(op.Goto((sidereal - 80.0) % 360.0, 20.0))
+            await bridge.controller.perform(op.Goto((sidereal - 80.0) % 360.0, 20.0))
             await ready(bridge, client, b":GR#")
             client.tell(b":RS#:Mn#:Mw#")
             lows = []
             for _ in range(8):
                 lows.append((await extremes(bridge, 0.05))[0])
-            bridge.hub.policy = replace(bridge.hub.policy, limits=Limits(lowest=lows[-1] - 0.4))
+            bridge.controller.policy = replace(bridge.controller.policy, limits=Limits(lowest=lows[-1] - 0.4))
             client.tell(b":Qn#")
             low, _ = await extremes(bridge, 3.0)
             assert low >= lows[-1] - 0.4
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
 
     run(program())
 
@@ -255,12 +260,13 @@ def test_a_motion_that_follows_a_stop_at_once_is_watched_from_the_first_position
     """The mount was seen to coast after the stop, as if somebody else moved it."""
 
     async def program(height: float) -> None:
-        async with Bridge("i-series", presented="nexstar", surface="cpc", config={"highest": 75.0},
-                          latency=0.2) as bridge:
+        async with Bridge(
+            "i-series", presented="nexstar", surface="cpc", config={"highest": 75.0}, latency=0.2
+        ) as bridge:
             client = bridge.client()
-            await bridge.hub.perform(op.GotoHorizontal(16.0, height))
+            await bridge.controller.perform(op.GotoHorizontal(16.0, height))
             await ready(bridge, client, b"e")
-            bridge.hub.guard._restless_until = bridge.hub.now() + 3.0
+            bridge.controller.guard._restless_until = bridge.controller.now() + 3.0
             client.tell(UP)
             high = 0.0
             for _ in range(20):
@@ -280,11 +286,13 @@ def test_an_arrow_right_after_a_stop_begins_where_the_mount_came_to_rest(late: f
         async with Bridge("lx200", driven="lx200", latency=0.02) as bridge:
             client = bridge.client()
             sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
-            await bridge.hub.perform(op.Goto((sidereal - 1.0) % 360.0, -40.0))
-            while altitude(bridge) > 30.0 or bridge.hub.snapshot.age(op.Position, bridge.hub.now()) < late:
+            await bridge.controller.perform(op.Goto((sidereal - 1.0) % 360.0, -40.0))
+            while (
+                altitude(bridge) > 30.0 or bridge.controller.snapshot.age(op.Position, bridge.controller.now()) < late
+            ):
                 await asyncio.sleep(0.01)
-            await bridge.hub.stop()
-            bridge.hub.policy = replace(bridge.hub.policy, limits=Limits(lowest=lowest))
+            await bridge.controller.stop()
+            bridge.controller.policy = replace(bridge.controller.policy, limits=Limits(lowest=lowest))
             client.tell(b":RS#:Ms#")
             low, _ = await extremes(bridge, 3.0)
             assert low >= lowest

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from gateway.operations import Equatorial
-from gateway.spherical import separation
+from gateway.astro.spherical import separation
+from gateway.core.operations import Equatorial
 from tests.bridge import Bridge, Visitor
 from tests.virtual import run
 
@@ -70,7 +70,7 @@ def truth(bridge: Bridge) -> Equatorial:
 
 def target_near(bridge: Bridge, site: tuple[float, float], hour_angle: float, dec: float) -> Equatorial:
     """A place at a small hour angle and a declination that is well up at that site."""
-    from gateway.spherical import sidereal_time, wrap360
+    from gateway.astro.spherical import sidereal_time, wrap360
 
     return Equatorial(wrap360(sidereal_time(bridge.clock(), site[1]) - hour_angle), dec if site[0] > 0 else -dec)
 

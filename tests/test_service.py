@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from gateway.app.config import Source, make_config
 from gateway.cli import main
-from gateway.cli.service import program, unit, word
-from gateway.config import Source, make_config
+from gateway.cli.serve.service import program, unit, word
 
 TABLES = {
     "mount": [{"at": "nexstar@/dev/ttyUSB0", "record": "/srv/nights/last.rec"}],

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from gateway.mount_geometry import Sky
+from gateway.astro.axes import Sky
 from tests.bridge import Bridge
 from tests.cable import Cable, deafen, mute
 from tests.virtual import run
@@ -37,8 +37,9 @@ def notes(bridge: Any) -> str:
 
 
 def nexstar_to(mount: str, **settings: Any) -> Bridge:
-    return Bridge(mount, driven="lx200", presented="nexstar", surface="cge", config={"lowest": -90.0, "sun": 0.0},
-                  **settings)
+    return Bridge(
+        mount, driven="lx200", presented="nexstar", surface="cge", config={"lowest": -90.0, "sun": 0.0}, **settings
+    )
 
 
 async def plugged_in(bridge: Any, cable: Cable) -> None:
@@ -81,8 +82,11 @@ def test_date_year_and_time_one_after_the_other_all_arrive(mount: str, gap: floa
     async def program() -> None:
         async with nexstar_to(mount) as bridge:
             client = bridge.client()
-            for command in (b"P\x03\xb2\x83\x03\x0e\x00\x00", b"P\x03\xb2\x84\x07\xeb\x00\x00",
-                            b"P\x04\xb2\xb3\x14\x1e\x28\x00"):
+            for command in (
+                b"P\x03\xb2\x83\x03\x0e\x00\x00",
+                b"P\x03\xb2\x84\x07\xeb\x00\x00",
+                b"P\x04\xb2\xb3\x14\x1e\x28\x00",
+            ):
                 assert await client.ask(command) == b"#"
                 set_at = bridge.clock()
                 await asyncio.sleep(gap)
@@ -111,8 +115,9 @@ def test_of_two_times_the_second_one_counts(mount: str) -> None:
 # --- the line is down ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("mount", "driven"), [
-    ("6-8se", "nexstar"), ("cge", "nexstar"), *((mount, "lx200") for mount in MEADES)])
+@pytest.mark.parametrize(
+    ("mount", "driven"), [("6-8se", "nexstar"), ("cge", "nexstar"), *((mount, "lx200") for mount in MEADES)]
+)
 def test_what_is_set_while_the_line_is_down_is_told_when_it_is_back(mount: str, driven: str) -> None:
     async def program() -> None:
         async with Bridge(mount, driven=driven, aligned=driven == "lx200", surface="autostar") as bridge:
@@ -295,9 +300,16 @@ def test_a_time_near_the_mounts_own_is_told_again_at_once_and_not_lost(ahead: fl
     run(program())
 
 
-@pytest.mark.parametrize(("mount", "driven", "aligned"), [
-    ("cge", "nexstar", False), ("avx", "nexstar", False), ("cge", "nexstar", True),
-    ("lx200gps", "lx200", True), ("lx200", "lx200", True)])
+@pytest.mark.parametrize(
+    ("mount", "driven", "aligned"),
+    [
+        ("cge", "nexstar", False),
+        ("avx", "nexstar", False),
+        ("cge", "nexstar", True),
+        ("lx200gps", "lx200", True),
+        ("lx200", "lx200", True),
+    ],
+)
 def test_site_and_time_are_told_again_as_they_were_set(mount: str, driven: str, aligned: bool) -> None:
     """Seconds, zone and daylight saving too: 20:30:40 in a zone one hour east, in summer."""
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from gateway.core.operations import Backlash, Moment, Place, SetClock, SetSite
 from gateway.mount.site.owed import (
     TRIES,
     Owed,
@@ -24,13 +25,15 @@ from gateway.mount.site.owed import (
     site_is_ours,
     without,
 )
-from gateway.operations import Backlash, Moment, Place, SetClock, SetSite
 from tests.bridge import Bridge
 from tests.cable import Cable, deafen, mute
 from tests.virtual import run
 
-SITES = [(b"+40*45", b"074*30", (40.75, -74.5)), (b"-33*52", b"208*48", (-33.867, 151.2)),
-         (b"+60*10", b"335*03", (60.167, 24.95))]
+SITES = [
+    (b"+40*45", b"074*30", (40.75, -74.5)),
+    (b"-33*52", b"208*48", (-33.867, 151.2)),
+    (b"+60*10", b"335*03", (60.167, 24.95)),
+]
 LOSABLE = {"lx200": (b":St", b":Sg", b":SG", b":SL", b":SC", b":Gt", b":GL"), "nexstar": (b"W", b"H", b"h", b"w")}
 SOON, LONG = 8.0, 90.0
 
@@ -75,7 +78,7 @@ class Night:
     def judge(self) -> None:
         sim, said = self.bridge.sim, [entry.note for entry in self.bridge.entries if "not in force" in entry.note]
         assert not said
-        assert not self.bridge.hub.settings.sync.owed
+        assert not self.bridge.controller.settings.sync.owed
         sim.truth()
         here = sim.site if self.driven == "lx200" else sim.mechanics.sky[:2]
         if self.site is not None:
@@ -87,8 +90,10 @@ class Night:
         assert told.clock().unix == pytest.approx(sim.utc(), abs=3.0)
 
 
-@pytest.mark.parametrize(("mount", "driven"), [("lx200", "lx200"), ("autostar", "lx200"), ("lx200gps", "lx200"),
-                                               ("6-8se", "nexstar"), ("avx", "nexstar")])
+@pytest.mark.parametrize(
+    ("mount", "driven"),
+    [("lx200", "lx200"), ("autostar", "lx200"), ("lx200gps", "lx200"), ("6-8se", "nexstar"), ("avx", "nexstar")],
+)
 @pytest.mark.parametrize("seed", range(12))
 def test_in_the_end_the_mount_has_what_was_set_last(mount: str, driven: str, seed: int) -> None:
     async def program() -> None:
@@ -150,8 +155,14 @@ def test_what_comes_of_the_end_of_an_older_one_leaves_the_newer_one_alone() -> N
 def test_a_half_of_a_site_that_was_heard_is_no_change_at_the_keys() -> None:
     sent = [Setting(SetSite(3.0, 179.9), since=0.0)]
     before = Place(1.0, 2.0)
-    for told, ours in ((Place(3.0, 2.0), True), (Place(1.0, -180.0 + 359.9), True), (Place(3.0, 179.9), True),
-                       (Place(1.0, 2.0), True), (Place(5.0, 2.0), False), (Place(3.0, 50.0), False)):
+    for told, ours in (
+        (Place(3.0, 2.0), True),
+        (Place(1.0, -180.0 + 359.9), True),
+        (Place(3.0, 179.9), True),
+        (Place(1.0, 2.0), True),
+        (Place(5.0, 2.0), False),
+        (Place(3.0, 50.0), False),
+    ):
         assert site_is_ours(sent, before, told) is ours
     assert not site_is_ours([], before, Place(1.0, 2.0))  # nothing was sent
     older = Setting(SetSite(7.0, 8.0), since=0.0)
@@ -161,6 +172,12 @@ def test_a_half_of_a_site_that_was_heard_is_no_change_at_the_keys() -> None:
 def test_zone_time_or_date_alone_is_no_change_at_the_keys() -> None:
     sent = [Setting(SetClock(1e6 + 125.0, 5.5), since=100.0)]
     before = Moment(2e6, 0.0)
-    for told, ours in ((2e6, True), (2e6 - 5.5 * 3600.0, True), (1e6 + 135.0, True), (1e6 + 135.0 + 86400.0, True),
-                       (2e6 + 300.0, False), (1e6 + 900.0, False)):
+    for told, ours in (
+        (2e6, True),
+        (2e6 - 5.5 * 3600.0, True),
+        (1e6 + 135.0, True),
+        (1e6 + 135.0 + 86400.0, True),
+        (2e6 + 300.0, False),
+        (1e6 + 900.0, False),
+    ):
         assert clock_is_ours(sent, before, Moment(told, 0.0), 110.0) is ours

@@ -16,8 +16,9 @@ WAITING = "west: nexstar@/dev/does-not-exist: cannot open /dev/does-not-exist: n
 
 
 def table(name: str, at: str, surface: str) -> str:
-    return (f'[[mount]]\nname = "{name}"\nat = "{at}"\n[[surface]]\nmount = "{name}"\n'
-            f'at = "{surface}@tcp://127.0.0.1:0"\n')
+    return (
+        f'[[mount]]\nname = "{name}"\nat = "{at}"\n[[surface]]\nmount = "{name}"\nat = "{surface}@tcp://127.0.0.1:0"\n'
+    )
 
 
 def ready(one: Running) -> tuple[str, str]:
@@ -32,7 +33,8 @@ def test_an_absent_mount_and_one_that_dies_leave_the_others_alone(tmp_path: Path
     address = simulator.ready().removeprefix("tcp://")
     path = tmp_path / "gateway.toml"
     path.write_text(
-        "log = true\n" + table("east", "nexstar:cge@sim", "lx200")
+        "log = true\n"
+        + table("east", "nexstar:cge@sim", "lx200")
         + table("west", "nexstar@/dev/does-not-exist", "lx200")
         + table("north", f"lx200@socket://{address}", "nexstar")
     )
@@ -67,8 +69,11 @@ def test_one_port_that_is_taken_ends_the_program_before_it_is_ready(
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         path = tmp_path / "gateway.toml"
-        path.write_text((table("a", "nexstar@sim", "lx200") + table("b", "nexstar@sim", "lx200")).replace(
-            "127.0.0.1:0", f"127.0.0.1:{port}", 2).replace(f":{port}", ":0", 1))
+        path.write_text(
+            (table("a", "nexstar@sim", "lx200") + table("b", "nexstar@sim", "lx200"))
+            .replace("127.0.0.1:0", f"127.0.0.1:{port}", 2)
+            .replace(f":{port}", ":0", 1)
+        )
         assert main(["run", "--config", str(path)]) == 2
     out, error = capsys.readouterr()
     assert out == ""

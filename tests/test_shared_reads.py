@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway import operations as op
+from gateway.core import operations as op
 from tests.bridge import Bridge
 from tests.test_safety_by_hand import ready
 from tests.virtual import run
@@ -21,17 +21,17 @@ def test_a_stop_that_ends_a_motion_before_it_begins_takes_no_answer_from_others(
     async def program(late: float) -> None:
         async with Bridge("cge", presented=presented, surface=None, latency=0.1, config={"lowest": -90.0}) as bridge:
             hand, other = bridge.client("127.0.0.1"), bridge.client("127.0.0.2")
-            await bridge.hub.perform(op.Goto(100.0, 40.0))
+            await bridge.controller.perform(op.Goto(100.0, 40.0))
             await ready(bridge, hand, question)
             hand.tell(b":RS#" + arrow if presented == "lx200" else arrow)
             await asyncio.sleep(2.0)
-            await bridge.hub.stop()
+            await bridge.controller.stop()
             hand.tell(arrow)
             await asyncio.sleep(late)
             answer = asyncio.create_task(other.ask(question, 3.0))
             await asyncio.sleep(0.02)
             hand.tell(stop)
-            bridge.hub.begin_stop()
+            bridge.controller.begin_stop()
             assert await answer
 
     for step in range(25):
@@ -41,8 +41,8 @@ def test_a_stop_that_ends_a_motion_before_it_begins_takes_no_answer_from_others(
 def test_who_gives_up_a_new_read_ends_it_for_nobody() -> None:
     async def program() -> None:
         async with Bridge("cge") as bridge:
-            waiting = asyncio.create_task(bridge.hub.anew(op.Position()))
-            other = asyncio.create_task(bridge.hub.anew(op.Position()))
+            waiting = asyncio.create_task(bridge.controller.anew(op.Position()))
+            other = asyncio.create_task(bridge.controller.anew(op.Position()))
             await asyncio.sleep(0.01)
             waiting.cancel()
             assert isinstance(await other, op.Equatorial)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gateway.shared_work import result_of
+from gateway.core.shared_work import result_of
 from tests.virtual import run
 
 

@@ -12,14 +12,15 @@ from typing import Any
 
 import pytest
 
-from gateway import operations as op
-from gateway.assembly import Gateway
-from gateway.cli import main, serving
-from gateway.config import Config, Endpoint, MountConfig, SurfaceConfig
-from gateway.motors import RAMP_SECONDS
-from gateway.simulators import make_simulator
-from gateway.spherical import separation
-from gateway.wires import SimulatorWire
+from gateway.app.config import Config, Endpoint, MountConfig, SurfaceConfig
+from gateway.app.gateway import Gateway
+from gateway.app.simulated import make_simulator
+from gateway.astro.spherical import separation
+from gateway.cli import main
+from gateway.cli.serve import serving
+from gateway.core import operations as op
+from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
+from gateway.transport.wires import SimulatedTransport
 from tests.bridge import Bridge
 from tests.running import PATIENCE, Running, ask
 from tests.virtual import run
@@ -70,7 +71,7 @@ def test_a_hand_control_that_misses_the_first_word_is_told_again() -> None:
                     return b"#"
                 return bytes(feed(data))
 
-            bridge.hub.line.wire._feed = deaf  # type: ignore[attr-defined]
+            bridge.controller.line.wire._feed = deaf  # type: ignore[attr-defined]
         assert missed
         assert bridge.sim.mode == 2
 
@@ -112,9 +113,9 @@ def test_a_mount_that_is_silent_delays_the_end_by_seconds_only() -> None:
             bridge.client().tell(b":RS#:Mn#")
             await asyncio.sleep(2)
             heard: list[bytes] = []
-            bridge.hub.line.wire._feed = lambda data: heard.append(data) or b""  # type: ignore[attr-defined,func-returns-value]
-            began = bridge.hub.now()
-        assert bridge.hub.now() - began < 8
+            bridge.controller.line.wire._feed = lambda data: heard.append(data) or b""  # type: ignore[attr-defined,func-returns-value]
+            began = bridge.controller.now()
+        assert bridge.controller.now() - began < 8
         assert set(heard) >= {b"M", b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0"}, "the bytes went out all the same"
 
     run(program())
@@ -125,8 +126,8 @@ def test_a_line_that_nobody_serves_any_more_is_written_to_all_the_same() -> None
         async with Bridge("cge") as bridge:
             bridge.client().tell(b":RS#:Mn#")
             await asyncio.sleep(2)
-            assert bridge.hub.line._task is not None
-            bridge.hub.line._task.cancel()
+            assert bridge.controller.line._task is not None
+            bridge.controller.line._task.cancel()
         assert await still(bridge.sim)
         assert bridge.sim.tracking
 
@@ -211,7 +212,7 @@ class Served:
             await opening(gateway)
 
         monkeypatch.setattr(Gateway, "open", open_it)
-        monkeypatch.setattr(Gateway, "_wire", lambda _: SimulatorWire("sim", self.sim.connection, 0.005))
+        monkeypatch.setattr(Gateway, "_wire", lambda _: SimulatedTransport("sim", self.sim.connection, 0.005))
 
     def run(self, fast: bool, then: Callable[[], object]) -> int:
         """Begin a goto, and a moment later do something to the loop or the process."""
@@ -220,7 +221,8 @@ class Served:
             mover = asyncio.ensure_future(self._move(then))
             try:
                 return await serving.serve_mounts(
-                    Config([MountConfig(at="nexstar@socket://-")], [SurfaceConfig(at="lx200@tcp://127.0.0.1:0")]))
+                    Config([MountConfig(at="nexstar@socket://-")], [SurfaceConfig(at="lx200@tcp://127.0.0.1:0")])
+                )
             finally:
                 mover.cancel()
 
@@ -229,9 +231,9 @@ class Served:
     async def _move(self, then: Callable[[], object]) -> None:
         while not (self.opened and self.opened[0].fitted.is_set()):
             await asyncio.sleep(0.01)
-        hub = self.opened[0].hub
-        assert hub is not None
-        await hub.perform(op.GotoAxes(10.0, 20.0))
+        controller = self.opened[0].controller
+        assert controller is not None
+        await controller.perform(op.GotoAxes(10.0, 20.0))
         assert self.sim.slewing
         asyncio.get_running_loop().call_soon(then)
 
@@ -308,8 +310,18 @@ class Moving:
         self.begin()
 
     def begin(self) -> None:
-        self.gateway = Running("run", "--mount", self.endpoint, "--surface", "lx200@tcp://127.0.0.1:0",
-                               "--state", str(self.state), "--no-watchdog", "--sun", "0")
+        self.gateway = Running(
+            "run",
+            "--mount",
+            self.endpoint,
+            "--surface",
+            "lx200@tcp://127.0.0.1:0",
+            "--state",
+            str(self.state),
+            "--no-watchdog",
+            "--sun",
+            "0",
+        )
         self._started.append(self.gateway)
         self.where = self.gateway.ready()
 
@@ -380,7 +392,7 @@ def test_what_cannot_be_stopped_is_said_and_a_second_ctrl_c_ends_at_once(
     assert moving.gateway.process.wait(PATIENCE) == 130
     assert time.monotonic() - began < 2
     moving.sim.end(signal.SIGKILL)
-    monkeypatch.setattr("gateway.rescue.ACKNOWLEDGED", 0.5)
+    monkeypatch.setattr("gateway.app.stop_command.ACKNOWLEDGED", 0.5)
     code, words = stop()
     assert code == 1
     assert words.startswith(f"{moving.endpoint}: not stopped: ")

@@ -13,9 +13,9 @@ from datetime import UTC, datetime
 
 import pytest
 
-from gateway.sky import Sky
-from gateway.sky.earth import EarthRotation
-from gateway.spherical import separation, wrap180
+from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.earth import EarthRotation
+from gateway.astro.spherical import separation, wrap180
 
 ARCSECOND = 1.0 / 3600.0
 

@@ -9,8 +9,8 @@ from datetime import UTC, datetime
 
 import pytest
 
-from gateway.sky import Sky
-from gateway.sky.almanac import Almanac, Frame
+from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.almanac import Almanac, Frame
 
 GREENWICH_1987 = (13 + 10 / 60 + 46.1351 / 3600) * 15  # Meeus 12.a, apparent, 1987 April 10, 0h UT1
 UT1_UTC_1987 = -0.2910912  # the IERS, that day
@@ -46,8 +46,8 @@ def test_answers_while_loading() -> None:
 
 
 def test_goes_on_without_erfa(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(sys.modules, "gateway.sky.exact", raising=False)
-    monkeypatch.delattr("gateway.sky.exact", raising=False)
+    monkeypatch.delitem(sys.modules, "gateway.astro.ephemeris.exact", raising=False)
+    monkeypatch.delattr("gateway.astro.ephemeris.exact", raising=False)
     monkeypatch.setitem(sys.modules, "erfa", None)
     sky = Sky()
     sky.load()
@@ -103,11 +103,7 @@ def test_a_frame_serves_a_whole_minute_of_several_clocks(monkeypatch: pytest.Mon
 def run(program: str) -> str:
     """What a fresh interpreter prints."""
     done = subprocess.run(
-        [sys.executable, "-bb", "-W", "error", "-c", program],
-        check=False,
-        capture_output=True,
-        text=True,
-        timeout=60,
+        [sys.executable, "-bb", "-W", "error", "-c", program], check=False, capture_output=True, text=True, timeout=60
     )
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.spherical import (
+from gateway.astro.spherical import (
     fold_declination,
     from_vector,
     horizon_to_hour_angle,

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from gateway.config import parse_endpoint
-from gateway.errors import UserError
-from gateway.operations import ClockFromGps, GetSite, GetStatus, SetClock, SetSite
+from gateway.app.config import parse_endpoint
+from gateway.core.errors import UserError
+from gateway.core.operations import ClockFromGps, GetSite, GetStatus, SetClock, SetSite
 from tests.bridge import Bridge
 from tests.fixture import Talk
 from tests.test_nexstar_simulator import Bench
@@ -42,9 +42,17 @@ def test_its_name(typed: str, model: str | None, version: str, shown: str) -> No
     assert parse_endpoint(shown) == endpoint
 
 
-@pytest.mark.parametrize("typed", ["nexstar:starsense/4.21@sim", "nexstar:avx/starsense-1.17@sim",
-                                   "nexstar:avx/starsense-x@sim", "nexstar:avx/starsens@sim", "lx200:starsense@sim",
-                                   "nexstar:avx/starsense-2.0@sim"])
+@pytest.mark.parametrize(
+    "typed",
+    [
+        "nexstar:starsense/4.21@sim",
+        "nexstar:avx/starsense-1.17@sim",
+        "nexstar:avx/starsense-x@sim",
+        "nexstar:avx/starsens@sim",
+        "lx200:starsense@sim",
+        "nexstar:avx/starsense-2.0@sim",
+    ],
+)
 def test_what_it_never_was(typed: str) -> None:
     with pytest.raises(UserError):
         parse_endpoint(typed)
@@ -78,13 +86,13 @@ def test_it_is_never_told_site_or_time_once_it_is_aligned() -> None:
     async def program() -> None:
         async with Bridge("cpc", "starsense-1.20", config={"site_time": "always"}) as bridge:
             assert bridge.driver.starsense
-            await bridge.hub.perform(SetSite(48.0, 2.0))
-            await bridge.hub.perform(SetClock(bridge.clock() + 100.0, 1.0))
-            await bridge.hub.perform(ClockFromGps())
+            await bridge.controller.perform(SetSite(48.0, 2.0))
+            await bridge.controller.perform(SetClock(bridge.clock() + 100.0, 1.0))
+            await bridge.controller.perform(ClockFromGps())
             await asyncio.sleep(30.0)
             assert b"W" not in told(bridge) and b"H" not in told(bridge)
             assert bridge.sim.aligned
-            assert (await bridge.hub.perform(GetSite())).latitude == pytest.approx(48.0)
+            assert (await bridge.controller.perform(GetSite())).latitude == pytest.approx(48.0)
             said = [entry.note for entry in bridge.entries if "kept in the gateway" in entry.note]
             assert len(said) == 3
 
@@ -96,19 +104,19 @@ def test_before_it_is_told_it_is_asked_whether_it_is_aligned() -> None:
 
     async def program() -> None:
         async with Bridge("cpc", "starsense-1.20", aligned=False) as bridge:
-            assert not (await bridge.hub.read(GetStatus())).aligned
-            await bridge.hub.perform(SetSite(48.0, 2.0))
-            await bridge.hub.perform(SetClock(bridge.clock() + 100.0, 1.0))
+            assert not (await bridge.controller.read(GetStatus())).aligned
+            await bridge.controller.perform(SetSite(48.0, 2.0))
+            await bridge.controller.perform(SetClock(bridge.clock() + 100.0, 1.0))
             await asyncio.sleep(10.0)
             heard = b"".join(told(bridge))
             assert b"JW" in heard and b"JH" in heard
             assert bridge.sim.mechanics.sky.latitude == pytest.approx(48.0)
             # it was aligned a moment ago, and the gateway has not seen it
             before = len(told(bridge))
-            aligned = bridge.hub.driver.perform(SetSite(45.0, 10.0))
+            aligned = bridge.controller.driver.perform(SetSite(45.0, 10.0))
             bridge.sim.aligned = True
             with pytest.raises(Exception, match="alignment"):
-                await bridge.hub.drive(aligned, 1)
+                await bridge.controller.drive(aligned, 1)
             assert set(told(bridge)[before:]) == {b"J"}
             assert bridge.sim.aligned
 
@@ -141,8 +149,9 @@ def test_a_mount_that_was_named_is_a_starsense_before_it_is_heard() -> None:
 # --- presented --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("version", "minor", "behind"),
-                         [("1.18", 18, b""), ("1.19", 19, b""), ("1.20", 20, b"\x01\x14")])
+@pytest.mark.parametrize(
+    ("version", "minor", "behind"), [("1.18", 18, b""), ("1.19", 19, b""), ("1.20", 20, b"\x01\x14")]
+)
 def test_presented(version: str, minor: int, behind: bytes) -> None:
     talk = Talk(protocol="nexstar", model="avx", version=f"starsense-{version}")
     assert talk.send(b"V") == bytes((1, minor)) + b"#"
@@ -178,8 +187,9 @@ def test_a_site_that_is_told_to_it_costs_no_alignment() -> None:
     """A mount behind the gateway that keeps its alignment keeps it."""
 
     async def program() -> None:
-        async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cpc",
-                          surface_version="starsense-1.20") as bridge:
+        async with Bridge(
+            "lx200gps", driven="lx200", presented="nexstar", surface="cpc", surface_version="starsense-1.20"
+        ) as bridge:
             client = bridge.client()
             assert await client.ask(WEST_OF_PARIS) == b"#"
             assert await client.ask(ANY_TIME) == b"#"

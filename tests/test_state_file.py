@@ -14,13 +14,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway import keeping, state
-from gateway.state import FORMAT, Kept, NamedSite, from_shared, read_kept, to_shared, write_whole
+from gateway.app.state import file as state
+from gateway.app.state import store as keeping
+from gateway.app.state.file import FORMAT, NamedSite, SavedState, from_shared, read_kept, to_shared, write_whole
 from tests.bridge import Bridge
 from tests.virtual import run
 
 PRINTABLE = "".join(chr(code) for code in range(32, 127) if chr(code) != "#")
-FULL = Kept(
+FULL = SavedState(
     FORMAT,
     sites={"0": NamedSite("HOM", 45.5, -122.7), "3": NamedSite("Backyard (S) 7", None, 10.0)},
     site=3,
@@ -33,17 +34,25 @@ FULL = Kept(
 
 @settings(max_examples=30)
 @given(
-    st.dictionaries(st.sampled_from("0123"), st.builds(
-        NamedSite, st.none() | st.text(PRINTABLE, min_size=1, max_size=15), st.none() | st.floats(-90, 90),
-        st.none() | st.floats(-360, 360)).filter(lambda site: site != NamedSite())),
-    st.none() | st.integers(0, 3), st.none() | st.booleans(),
+    st.dictionaries(
+        st.sampled_from("0123"),
+        st.builds(
+            NamedSite,
+            st.none() | st.text(PRINTABLE, min_size=1, max_size=15),
+            st.none() | st.floats(-90, 90),
+            st.none() | st.floats(-360, 360),
+        ).filter(lambda site: site != NamedSite()),
+    ),
+    st.none() | st.integers(0, 3),
+    st.none() | st.booleans(),
     st.dictionaries(st.sampled_from(("backlash 1 pos", "backlash 2 neg", "guide rate 1")), st.integers(0, 255)),
 )
-def test_what_is_kept_comes_back(sites: dict[Any, NamedSite], site: int | None, pec: bool | None,
-                                 motors: dict[str, int]) -> None:
-    kept = Kept(FORMAT, sites=sites, site=site, pec=pec, motors=motors)
+def test_what_is_kept_comes_back(
+    sites: dict[Any, NamedSite], site: int | None, pec: bool | None, motors: dict[str, int]
+) -> None:
+    kept = SavedState(FORMAT, sites=sites, site=site, pec=pec, motors=motors)
     assert from_shared(to_shared(kept), {}) == kept
-    assert state.msgspec.json.decode(state.encode(kept), type=Kept) == kept
+    assert state.msgspec.json.decode(state.encode(kept), type=SavedState) == kept
 
 
 def test_a_file_is_replaced_whole_and_for_its_user_only(tmp_path: Path) -> None:
@@ -55,11 +64,14 @@ def test_a_file_is_replaced_whole_and_for_its_user_only(tmp_path: Path) -> None:
     assert path.stat().st_mode & 0o777 == 0o600
 
 
-@pytest.mark.parametrize(("variables", "where"), [
-    ({"STATE_DIRECTORY": "/var/lib/a:/var/lib/b", "XDG_STATE_HOME": "/x"}, "/var/lib/a"),
-    ({"XDG_STATE_HOME": "/x"}, "/x/mount-gateway"),
-    ({"HOME": "/home/somebody"}, "/home/somebody/.local/state/mount-gateway"),
-])
+@pytest.mark.parametrize(
+    ("variables", "where"),
+    [
+        ({"STATE_DIRECTORY": "/var/lib/a:/var/lib/b", "XDG_STATE_HOME": "/x"}, "/var/lib/a"),
+        ({"XDG_STATE_HOME": "/x"}, "/x/mount-gateway"),
+        ({"HOME": "/home/somebody"}, "/home/somebody/.local/state/mount-gateway"),
+    ],
+)
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have other places")
 def test_where_it_is_kept(variables: dict[str, str], where: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("STATE_DIRECTORY", "XDG_STATE_HOME"):
@@ -71,8 +83,16 @@ def test_where_it_is_kept(variables: dict[str, str], where: str, monkeypatch: py
 
 
 def test_every_mount_has_a_name_that_any_disk_takes() -> None:
-    names = [state.file_name("nexstar", where) for where in
-             ("/dev/ttyUSB0", "COM3", "socket://10.0.0.5:4030", "hwgrep://0403:6001&skip_busy", "../../etc/x" * 30)]
+    names = [
+        state.file_name("nexstar", where)
+        for where in (
+            "/dev/ttyUSB0",
+            "COM3",
+            "socket://10.0.0.5:4030",
+            "hwgrep://0403:6001&skip_busy",
+            "../../etc/x" * 30,
+        )
+    ]
     assert names[:3] == ["nexstar@dev_ttyUSB0", "nexstar@COM3", "nexstar@socket_10.0.0.5_4030"]
     assert all(len(name) <= 120 and not set(name) & set('/\\:*?"<>|&') for name in names)
 
@@ -95,11 +115,23 @@ def _begin(directory: Path) -> tuple[list[str], dict[str, Any]]:
 
 WHOLE = state.encode(FULL)
 BAD = [
-    b"", b"\0" * 200, b"\xff\xfe\x00", b"[]", b"null", b"{}", b"[" * 100_000, b"<html>", WHOLE + b"x",
+    b"",
+    b"\0" * 200,
+    b"\xff\xfe\x00",
+    b"[]",
+    b"null",
+    b"{}",
+    b"[" * 100_000,
+    b"<html>",
+    WHOLE + b"x",
     *(WHOLE[:length] for length in (1, 2, len(WHOLE) // 2, len(WHOLE) - 3)),
-    WHOLE.replace(b'"format": 1', b'"format": 0'), WHOLE.replace(b'"format": 1', b'"format": 2'),
-    WHOLE.replace(b"45.5", b"91"), WHOLE.replace(b'"HOM"', b'"A#B"'), WHOLE.replace(b'"HOM"', b'"' + b"x" * 16 + b'"'),
-    WHOLE.replace(b": 128", b": 256"), WHOLE.replace(b'"site": 3', b'"site": 4'),
+    WHOLE.replace(b'"format": 1', b'"format": 0'),
+    WHOLE.replace(b'"format": 1', b'"format": 2'),
+    WHOLE.replace(b"45.5", b"91"),
+    WHOLE.replace(b'"HOM"', b'"A#B"'),
+    WHOLE.replace(b'"HOM"', b'"' + b"x" * 16 + b'"'),
+    WHOLE.replace(b": 128", b": 256"),
+    WHOLE.replace(b'"site": 3', b'"site": 4'),
 ]
 
 
@@ -158,7 +190,7 @@ def test_a_place_that_cannot_be_written_to_costs_one_line(tmp_path: Path, kind: 
                 await asyncio.sleep(3)
             client.tell(b":Mn#")
             await asyncio.sleep(1)
-            assert bridge.hub.moving
+            assert bridge.controller.moving
             assert len(bridge.warned) == 1
             assert "state" in bridge.warned[0]
 
@@ -191,14 +223,22 @@ def test_a_disk_that_was_full_is_tried_again(tmp_path: Path, monkeypatch: pytest
 
     run(program())
     assert to_shared(read_kept(tmp_path / "nexstar@bridge.json"))["sites"] == {
-        "0": {"name": "two"}, "1": {"name": "three"}}
+        "0": {"name": "two"},
+        "1": {"name": "three"},
+    }
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="the proof forks")
 def test_a_gateway_that_is_killed_while_saving_leaves_a_whole_file() -> None:
     """A taste of ``tests/proof/kill_saving.py``, which kills hundreds."""
-    done = subprocess.run([sys.executable, "-m", "tests.proof.kill_saving", "--kills", "5", "--seed", "11"],
-                          cwd=Path(__file__).parents[1], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.proof.kill_saving", "--kills", "5", "--seed", "11"],
+        cwd=Path(__file__).parents[1],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -226,7 +266,10 @@ def test_a_burst_of_changes_is_few_writes_and_none_is_lost(tmp_path: Path, monke
 
     run(program())
     assert {index: site.name for index, site in read_kept(tmp_path / "nexstar@bridge.json").sites.items()} == {
-        "0": "499", "1": "500", "2": "last"}
+        "0": "499",
+        "1": "500",
+        "2": "last",
+    }
 
 
 def test_a_slow_disk_keeps_no_client_waiting(tmp_path: Path) -> None:
@@ -236,12 +279,12 @@ def test_a_slow_disk_keeps_no_client_waiting(tmp_path: Path) -> None:
 
     async def program() -> None:
         async with Bridge(state=tmp_path, in_thread=slow) as bridge:
-            client, began = bridge.client(), bridge.hub.now()
+            client, began = bridge.client(), bridge.controller.now()
             assert await client.ask(b":SMA#:GM#", until=b"A#") == b"1A#"
             client.tell(b":RM#:Mn#")
-            while not bridge.hub.motions.axes:
+            while not bridge.controller.motions.axes:
                 await asyncio.sleep(0.001)
-            assert bridge.hub.now() - began < 0.4, "two or three exchanges, and 20 ms for the mark"
+            assert bridge.controller.now() - began < 0.4, "two or three exchanges, and 20 ms for the mark"
 
     run(program())
 

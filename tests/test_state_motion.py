@@ -9,9 +9,9 @@ from typing import Any
 import msgspec
 import pytest
 
-from gateway.operations import Tracking
-from gateway.spherical import separation
-from gateway.state import read_mark
+from gateway.app.state.file import read_mark
+from gateway.astro.spherical import separation
+from gateway.core.operations import Tracking
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -29,17 +29,24 @@ def _mark(directory: Path) -> Path | None:
     return next(iter(directory.glob("*.moving")), None)
 
 
-@pytest.mark.parametrize(("mount", "motion"), [
-    *((mount, motion) for mount in ("6-8se", "cge") for motion in (b":RC#:Mn#", b":Mw#", GOTO, b":hP#")),
-    ("cge", b":Mge1000#"),
-])
+@pytest.mark.parametrize(
+    ("mount", "motion"),
+    [
+        *((mount, motion) for mount in ("6-8se", "cge") for motion in (b":RC#:Mn#", b":Mw#", GOTO, b":hP#")),
+        ("cge", b":Mge1000#"),
+    ],
+)
 def test_the_mark_is_there_before_the_motion_and_gone_after_it(tmp_path: Path, mount: str, motion: bytes) -> None:
     async def program() -> None:
         async with Bridge(mount, state=tmp_path, surface="lx200gps", speed=20, in_thread=brisk) as bridge:
             seen: list[bool] = []
-            bridge.transcript.sinks.append(lambda entry: seen.append(_mark(tmp_path) is not None)
-                                           if entry.side == "mount" and entry.arrow == ">"
-                                           and entry.data[:1] in b"rbP" else None)
+            bridge.transcript.sinks.append(
+                lambda entry: (
+                    seen.append(_mark(tmp_path) is not None)
+                    if entry.side == "mount" and entry.arrow == ">" and entry.data[:1] in b"rbP"
+                    else None
+                )
+            )
             client = bridge.client()
             await asyncio.sleep(1)
             seen.clear()
@@ -53,7 +60,7 @@ def test_the_mark_is_there_before_the_motion_and_gone_after_it(tmp_path: Path, m
                 assert _mark(tmp_path), "it stays as long as the motion"
                 client.tell(b":Q#")
             await asyncio.sleep(60)
-            assert not bridge.hub.motions.busy
+            assert not bridge.controller.motions.busy
             assert _mark(tmp_path) is None
 
     run(program())
@@ -89,18 +96,25 @@ def test_a_guiding_program_does_not_wear_out_the_disk(tmp_path: Path) -> None:
     run(program())
 
 
-@pytest.mark.parametrize(("mount", "version", "motion"), [
-    ("6-8se", None, b":RS#:Mn#"),
-    ("6-8se", None, GOTO),
-    ("cge", None, b":RS#:Ms#"),
-    ("nexstar-gps", "1.6", b":RS#:Mn#"),
-])
+@pytest.mark.parametrize(
+    ("mount", "version", "motion"),
+    [
+        ("6-8se", None, b":RS#:Mn#"),
+        ("6-8se", None, GOTO),
+        ("cge", None, b":RS#:Ms#"),
+        ("nexstar-gps", "1.6", b":RS#:Mn#"),
+    ],
+)
 def test_after_a_kill_the_stop_comes_before_identification(
     tmp_path: Path, mount: str, version: str | None, motion: bytes
 ) -> None:
     async def program() -> None:
-        kinds: dict[str, Any] = {"mount": mount, "version": version, "state": tmp_path,
-                                 "config": {"mode": "alt-az"} if version else {}}
+        kinds: dict[str, Any] = {
+            "mount": mount,
+            "version": version,
+            "state": tmp_path,
+            "config": {"mode": "alt-az"} if version else {},
+        }
         async with Bridge(**kinds) as first:
             before = first.sim.tracking
             first.client().tell(motion)
@@ -151,8 +165,13 @@ async def _moves(bridge: Bridge) -> bool:
 @pytest.mark.parametrize("motion", [b"P\2\x10\x24\x09\0\0\0", b"r3B78EC00,0FA79E00"])
 def test_a_meade_is_stopped_by_its_first_command(tmp_path: Path, mount: str, motion: bytes) -> None:
     async def program() -> None:
-        kinds: dict[str, Any] = {"driven": "lx200", "presented": "nexstar", "mount": mount, "surface": None,
-                                 "state": tmp_path}
+        kinds: dict[str, Any] = {
+            "driven": "lx200",
+            "presented": "nexstar",
+            "mount": mount,
+            "surface": None,
+            "state": tmp_path,
+        }
         async with Bridge(**kinds) as first:
             await first.client().ask(motion)
             await asyncio.sleep(1)
@@ -175,7 +194,7 @@ def test_a_motion_that_was_never_stopped_stays_marked(tmp_path: Path) -> None:
         async with Bridge(state=tmp_path) as bridge:
             bridge.client().tell(b":RS#:Mn#")
             await asyncio.sleep(2)
-            bridge.hub.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+            bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
         assert _mark(tmp_path)
         async with Bridge(state=tmp_path, on=bridge) as after:
             assert set(after.sent()[1:4]) == NEXSTAR_STOP
@@ -194,7 +213,10 @@ def test_the_mark_tells_how_to_stop_without_a_gateway(tmp_path: Path) -> None:
             assert path is not None
             mark = read_mark(path)
             assert mark is not None
-            assert msgspec.to_builtins(mark) == {"mount": "nexstar@bridge", "baud": 9600, "memory": {
-                "model": "cge", "version": [4, 21], "tracking": Tracking.EQ_NORTH.value}}
+            assert msgspec.to_builtins(mark) == {
+                "mount": "nexstar@bridge",
+                "baud": 9600,
+                "memory": {"model": "cge", "version": [4, 21], "tracking": Tracking.EQ_NORTH.value},
+            }
 
     run(program())

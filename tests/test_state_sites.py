@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.keeping import selected_site
-from gateway.operations import Place
-from gateway.tables import load
+from gateway.app.state.store import selected_site
+from gateway.core.operations import Place
+from gateway.protocols.wireformat.command_set import load
 from tests.bridge import Bridge, Visitor
 from tests.virtual import run
 
@@ -144,6 +144,6 @@ def test_home_and_park_outlive_the_gateway(tmp_path: Path) -> None:
             assert not bridge.driver.parked
             bridge.client().tell(b":hF#")
             await asyncio.sleep(1)
-            assert bridge.hub.slewing
+            assert bridge.controller.slewing
 
     run(program())

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from gateway.cli.live import Onlooker, look
-from gateway.errors import NoAnswer
-from gateway.operations import Equatorial, Position, Status, Tracking
-from gateway.status import Look, Rate, status
+from gateway.app.status import Rate, StatusLine, status
+from gateway.cli.serve.live import Onlooker, look
+from gateway.core.errors import NoAnswer
+from gateway.core.operations import Equatorial, Position, Status, Tracking
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -19,8 +19,8 @@ CRAB = Equatorial((5 + 34 / 60 + 32 / 3600) * 15, 22 + 0 / 60 + 52 / 3600)
 ALIGNED = Status(Tracking.ALTAZ, aligned=True, equatorial=False)
 
 
-def seen(**others: Any) -> Look:
-    return Look(**{"name": "cpc", "state": "up", "position": CRAB, "status": ALIGNED, "programs": 2, "rate": 4.125,
+def seen(**others: Any) -> StatusLine:
+    return StatusLine(**{"name": "cpc", "state": "up", "position": CRAB, "status": ALIGNED, "programs": 2, "rate": 4.125,
                    **others})  # fmt: skip
 
 
@@ -48,7 +48,7 @@ def seen(**others: Any) -> Look:
          "cpc  down: the mount does not answer  2 programs  0.0/s"),
     ],
 )  # fmt: skip
-def test_everything_is_on_it(look: Look, text: str) -> None:
+def test_everything_is_on_it(look: StatusLine, text: str) -> None:
     assert status([look]) == text
 
 
@@ -82,7 +82,7 @@ def test_a_rate_is_that_of_the_last_looks() -> None:
 
 def gateway(bridge: Bridge, name: str | None = None) -> Any:
     """As much of a gateway as a look needs."""
-    return SimpleNamespace(hub=bridge.hub, receptions=[bridge.reception], mount="nexstar@sim",
+    return SimpleNamespace(controller=bridge.controller, receptions=[bridge.reception], mount="nexstar@sim",
                            config=SimpleNamespace(name=name))  # fmt: skip
 
 
@@ -121,9 +121,16 @@ def test_programs_are_counted_as_they_come_and_go() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             reception = bridge.reception
-            one, other, passing, line, serial = (reception.arrive(name, host, lambda data: None) for name, host in (
-                ("10.0.0.1:4", "10.0.0.1"), ("10.0.0.1:5", "10.0.0.1"), ("10.0.0.2:6", "10.0.0.2"),
-                ("/tmp/lx200", "pty:/tmp/lx200"), ("/dev/ttyS0", "/dev/ttyS0")))
+            one, other, passing, line, serial = (
+                reception.arrive(name, host, lambda data: None)
+                for name, host in (
+                    ("10.0.0.1:4", "10.0.0.1"),
+                    ("10.0.0.1:5", "10.0.0.1"),
+                    ("10.0.0.2:6", "10.0.0.2"),
+                    ("/tmp/lx200", "pty:/tmp/lx200"),
+                    ("/dev/ttyS0", "/dev/ttyS0"),
+                )
+            )
             assert reception.programs() == 3  # nobody has been heard on the two serial lines
             line.feed(b":GR#")
             serial.feed(b":")
@@ -145,7 +152,7 @@ def test_programs_are_counted_as_they_come_and_go() -> None:
 def test_a_position_that_no_mount_should_tell_is_survived() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
-            bridge.hub.snapshot.put(Position, Equatorial(0.0, 95.0), bridge.hub.now())
+            bridge.controller.snapshot.put(Position, Equatorial(0.0, 95.0), bridge.controller.now())
             onlooker = Onlooker([gateway(bridge)])
             assert "beyond 90 degrees" in onlooker.line()
             assert onlooker.line(12) == "an altitude,"
@@ -156,9 +163,9 @@ def test_a_position_that_no_mount_should_tell_is_survived() -> None:
 def test_a_mount_that_is_gone_is_told_with_the_reason() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
-            bridge.hub.line._down("the mount does not answer")
+            bridge.controller.line._down("the mount does not answer")
             with pytest.raises(NoAnswer):
-                await bridge.hub.line.exchange(None)  # type: ignore[arg-type]
+                await bridge.controller.line.exchange(None)  # type: ignore[arg-type]
             assert "down: the mount does not answer" in status([look(gateway(bridge), Rate())])
 
     run(program())

@@ -15,11 +15,14 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from gateway import processes, reach, rescue, runtime
+from gateway.app import reach
+from gateway.app import stop_command as rescue
+from gateway.app.control import ControlEndpoint, client
 from gateway.cli import main
-from gateway.control import Door, client
-from gateway.processes import Process, serves
-from gateway.runtime import user
+from gateway.system import processes
+from gateway.system import runtime_folders as runtime
+from gateway.system.processes import Process, serves
+from gateway.system.runtime_folders import user
 from tests.running import PATIENCE, Running, ask
 from tests.test_shutdown import Moving
 
@@ -62,9 +65,7 @@ def test_a_gateway_is_reached_when_its_folder_is_gone(
 
 
 @LINUX
-def test_a_gateway_that_could_write_nothing_is_reached(
-    started: list[Running], stop: Stop, seen: list[Process]
-) -> None:
+def test_a_gateway_that_could_write_nothing_is_reached(started: list[Running], stop: Stop, seen: list[Process]) -> None:
     """/proc takes files of nobody, not even of root; a full disk and a read-only one do neither."""
     moving = Moving(started, Path("/proc"))
     seen.append(Process(moving.gateway.process.pid, os.getuid()))
@@ -107,9 +108,7 @@ def test_a_frozen_gateway_is_said_to_be_one(
     assert time.monotonic() - began < 8.0
 
 
-def test_held_over_a_restart_until_it_is_released(
-    tmp_path: Path, started: list[Running], stop: Stop
-) -> None:
+def test_held_over_a_restart_until_it_is_released(tmp_path: Path, started: list[Running], stop: Stop) -> None:
     here = ("--state", str(tmp_path))
     moving = Moving(started, tmp_path)
     moving.move()
@@ -154,8 +153,10 @@ def test_a_folder_that_cannot_be_looked_into_does_not_pass_for_nothing(
     place.write_text("")
     code, words = stop("--state", str(place))
     assert code == 1
-    assert words == (f"{place}: Not a directory: whether a gateway of that folder runs, or was killed in motion, "
-                     "cannot be seen; stop as the user that the gateway runs as")
+    assert words == (
+        f"{place}: Not a directory: whether a gateway of that folder runs, or was killed in motion, "
+        "cannot be seen; stop as the user that the gateway runs as"
+    )
 
 
 def test_a_gateway_of_another_user_is_named(
@@ -253,7 +254,7 @@ def test_a_process_that_does_not_look_like_one_is_not_taken_for_gone(
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as frozen:
         frozen.bind(("127.0.0.1", 0))
         other = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
-        door = Door("m", other.pid, frozen.getsockname()[1], "s", str(tmp_path))
+        door = ControlEndpoint("m", other.pid, frozen.getsockname()[1], "s", str(tmp_path))
         (tmp_path / "m.control").write_bytes(msgspec.json.encode(door))
         code, words = stop("--state", str(tmp_path))
         assert code == 1 and f"the gateway (process {other.pid}) does not answer" in words

@@ -6,8 +6,8 @@ import asyncio
 
 import pytest
 
-from gateway.driver import Ask
-from gateway.line import STOP
+from gateway.mount.link.queue import STOP
+from gateway.protocols.base.driver import Send
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -55,7 +55,7 @@ def test_a_halt_goes_before_what_is_prepared_on_the_other_axis_which_is_done_aft
                 sent = bridge.sent()[before:]
                 assert sent[0] == NORTH_STOPS, (moment, sent)
                 if b"Me" in other:
-                    assert bridge.hub.motions.axes == {1}
+                    assert bridge.controller.motions.axes == {1}
                     assert any(request.startswith(EAST_MOVES) for request in bridge.sent())
 
     run(program())
@@ -63,6 +63,7 @@ def test_a_halt_goes_before_what_is_prepared_on_the_other_axis_which_is_done_aft
 
 def test_a_halt_behind_a_goto_ends_it_as_a_whole() -> None:
     """It came after the goto, which the mount has not been told of yet; both axes stay where they are."""
+
     async def program() -> None:
         async with Bridge("cge", latency=LATENCY) as bridge:
             client = bridge.client()
@@ -114,7 +115,7 @@ def test_a_stop_that_is_no_longer_wanted_repeats_nothing() -> None:
             other.tell(b":RC#:Me#")
             while b":Me#" not in bridge.sent():
                 await asyncio.sleep(0.001)
-            dead = asyncio.ensure_future(bridge.hub.line.exchange(Ask("Qn"), STOP))
+            dead = asyncio.ensure_future(bridge.controller.line.exchange(Send("Qn"), STOP))
             await asyncio.sleep(0)
             dead.cancel()
             client.tell(b":RM#:Mn#")
@@ -148,15 +149,16 @@ def test_a_stop_does_not_wait_until_an_acknowledgement_counts() -> None:
 @pytest.mark.parametrize("motion", [b":RS#:Mn#", b":Sr07:00:00#:Sd+30*00:00#:MS#"])
 def test_a_restart_ceases_current_operations(motion: bytes) -> None:
     """Meade's manual: :I# "causes the telescope to cease current operations and restart at its power on"."""
+
     async def program() -> None:
         async with Bridge("cge", surface="lx200gps") as bridge:
             client = bridge.client()
             client.tell(motion)
             await asyncio.sleep(2.0)
-            assert bridge.hub.moving
+            assert bridge.controller.moving
             assert await client.ask(b":I#", until=b"X") == b"X"
             await asyncio.sleep(3.0)
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
             assert not bridge.sim.slewing
             assert bridge.sim.tracking
 
@@ -165,6 +167,7 @@ def test_a_restart_ceases_current_operations(motion: bytes) -> None:
 
 def test_a_stop_ends_the_pulse_that_a_motor_times_itself() -> None:
     """AUX 0x26 lasts up to 2.55 s and what is left of nine seconds would follow."""
+
     async def program() -> None:
         async with Bridge("evolution", "5.31") as bridge:
             client = bridge.client()

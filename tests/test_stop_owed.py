@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway.truth import truth_of
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge
 from tests.cable import deafen
 from tests.virtual import run
@@ -23,6 +23,7 @@ def to_a(mount: str) -> Bridge:
 @pytest.mark.parametrize("times", [3, 6, 12])
 def test_a_stop_that_was_not_heard_three_times_is_sent_again(mount: str, rate: bytes, times: int) -> None:
     """Whether the motion is fast enough to be seen or not."""
+
     async def program() -> None:
         async with to_a(mount) as bridge:
             client = bridge.client()
@@ -32,7 +33,7 @@ def test_a_stop_that_was_not_heard_three_times_is_sent_again(mount: str, rate: b
             deafen(bridge, ENDS, times)
             client.tell(b":Q#")
             await asyncio.sleep(12.0 * times / 3 + 5.0)
-            assert not bridge.hub.motions.owed
+            assert not bridge.controller.motions.owed
             assert abs(truth_of(bridge.sim).rate2) < 0.01
 
     run(program())
@@ -52,6 +53,6 @@ def test_somebody_is_told_after_seven_times_and_it_is_left_alone() -> None:
             assert [entry.note for entry in bridge.entries if "however often it was sent" in entry.note]
             await asyncio.sleep(120.0)
             assert len(missed) == sent
-            assert bridge.hub.motions.owed, "and goes out with the next one, or when the line is back"
+            assert bridge.controller.motions.owed, "and goes out with the next one, or when the line is back"
 
     run(program())

@@ -11,15 +11,15 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from gateway.assembly import Gateway
-from gateway.config import MountConfig, SurfaceConfig
-from gateway.line import Line
-from gateway.recorder import Recorder
-from gateway.recording import read
-from gateway.replaying import replay
-from gateway.simulators import make_simulator
-from gateway.transcript import Transcript
-from gateway.wires import SimulatorWire
+from gateway.app.config import MountConfig, SurfaceConfig
+from gateway.app.gateway import Gateway
+from gateway.app.recording.format import read
+from gateway.app.recording.recorder import Recorder
+from gateway.app.simulated import make_simulator
+from gateway.core.wire_log import Transcript
+from gateway.diagnostics.replay.replaying import replay
+from gateway.mount.link.queue import MountLink
+from gateway.transport.wires import SimulatedTransport
 from tests.bridge import EVENING, Bridge
 from tests.callers import Caller
 from tests.greetings import GREETINGS, TELNET
@@ -28,8 +28,10 @@ from tests.virtual import run
 MOUNTS = {"nexstar": "cpc", "lx200": "lx200gps"}
 QUESTION = {"nexstar": b"e", "lx200": b":GR#"}
 #: What a one-byte command that moves nothing may have the gateway ask or tell the mount: E L M V J p h m.
-MAY_ASK = {"nexstar": {b"E", b"e", b"L", b"M", b"J", b"t", b"h", b"V", b"p"},
-           "lx200": {b":GR#", b":GD#", b":D#", b":GW#", b":Q#", b"\x06"}}
+MAY_ASK = {
+    "nexstar": {b"E", b"e", b"L", b"M", b"J", b"t", b"h", b"V", b"p"},
+    "lx200": {b":GR#", b":GD#", b":D#", b":GW#", b":Q#", b"\x06"},
+}
 #: Shorter than what makes a hand control forget half a command, and longer.
 PAUSES = (0.0, 0.15, 1.2)
 HTTP = {"a visit", "Prometheus", "a form", "a look", "a preflight", "a WebDAV folder", "HTTP/2"}
@@ -93,13 +95,13 @@ def test_strangers_of_the_same_host_are_no_sign_of_life(gone: bool, seconds: int
             mover = Caller(bridge.reception)
             mover.tell(b":RS#:Me#")
             await asyncio.sleep(1.0)
-            assert bridge.hub.motions.axes == {1}
+            assert bridge.controller.motions.axes == {1}
             if gone:
                 mover.close()
             for number in range(seconds // 2):
                 Caller(bridge.reception, number=50001 + number).tell(GREETINGS["a visit"])
                 await asyncio.sleep(2.0)
-            assert bridge.hub.motions.axes == set()
+            assert bridge.controller.motions.axes == set()
 
     run(program())
 
@@ -110,13 +112,13 @@ def test_what_a_stranger_has_sent_behind_its_greeting_is_not_heard_either() -> N
     async def program() -> None:
         async with Bridge() as bridge:
             stranger = Caller(bridge.reception)
-            while bridge.hub.turnstile.open():
+            while bridge.controller.turnstile.open():
                 pass
             for piece in (b"POST / HTTP/1.1\r\n", b"Host: scope\r\n\r\n", b"#:RS#:Me#"):
                 stranger.tell(piece)
             assert not stranger.gone
             await asyncio.sleep(2.0)
-            assert stranger.gone and bridge.hub.motions.axes == set()
+            assert stranger.gone and bridge.controller.motions.axes == set()
 
     run(program())
 
@@ -150,11 +152,11 @@ def test_an_evening_with_strangers_replays(presented: str, tmp_path: Path) -> No
         config, surfaces = MountConfig(at="nexstar:cpc@sim"), [SurfaceConfig(at=f"{presented}@tcp://:0")]
         transcript = Transcript(lambda: EVENING + loop.time())
         gateway = Gateway(config, surfaces, transcript, clock=transcript.clock)
-        wire = SimulatorWire("sim", make_simulator(gateway.mount, clock=transcript.clock).connection, 0.05)
+        wire = SimulatedTransport("sim", make_simulator(gateway.mount, clock=transcript.clock).connection, 0.05)
         head = {"began": transcript.clock(), "config": {"mount": config, "surface": surfaces}, "past": gateway.past}
         recorder = Recorder(path, loop.time, msgspec.to_builtins(head))
         transcript.sinks.append(recorder.put)
-        gateway.prepare(lambda dialogue, to: Line(wire, dialogue, to))
+        gateway.prepare(lambda dialogue, to: MountLink(wire, dialogue, to))
         gateway.begin()
         await asyncio.sleep(3.0)
         for number, name in enumerate(("a visit", "TLS", "SMTP", "a WebDAV merge")):

@@ -8,14 +8,18 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from gateway.assembly import Gateway
-from gateway.config import MountConfig, SurfaceConfig
-from gateway.ports import tcp
+from gateway.app.config import MountConfig, SurfaceConfig
+from gateway.app.gateway import Gateway
+from gateway.transport import tcp
 from tests.greetings import GREETINGS
 from tests.test_ports import ask
 
-SURFACES = ("lx200@tcp://127.0.0.1:0", "nexstar@tcp://127.0.0.1:0", "lx200@rfc2217://127.0.0.1:0",
-            "nexstar@rfc2217://127.0.0.1:0")
+SURFACES = (
+    "lx200@tcp://127.0.0.1:0",
+    "nexstar@tcp://127.0.0.1:0",
+    "lx200@rfc2217://127.0.0.1:0",
+    "nexstar@rfc2217://127.0.0.1:0",
+)
 
 
 def serve(program: Callable[[list[int], list[str]], Awaitable[None]]) -> None:
@@ -25,7 +29,8 @@ def serve(program: Callable[[list[int], list[str]], Awaitable[None]]) -> None:
         gateway = Gateway(MountConfig(at="nexstar@sim"), [SurfaceConfig(at=at) for at in SURFACES])
         said: list[str] = []
         gateway.transcript.sinks.append(
-            lambda entry: said.append(f"{entry.side} {entry.note}") if entry.arrow == "!" else None)
+            lambda entry: said.append(f"{entry.side} {entry.note}") if entry.arrow == "!" else None
+        )
         await gateway.open()
         try:
             async with asyncio.timeout(30):
@@ -45,7 +50,7 @@ async def visit(port: int, data: bytes, size: int, pause: float = 0.0) -> tuple[
     async def send() -> None:
         with contextlib.suppress(ConnectionError):
             for at in range(0, len(data), size):
-                writer.write(data[at:at + size])
+                writer.write(data[at : at + size])
                 await writer.drain()
                 await asyncio.sleep(pause)
 

@@ -19,8 +19,13 @@ FULL = pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no d
 
 def shell(redirected: str, *words: str) -> subprocess.Popen[str]:
     """A gateway with its standard streams as a shell has led them elsewhere."""
-    return subprocess.Popen(["sh", "-c", f'exec "$@" {redirected}', "sh", *GATEWAY, *words], text=True,
-                            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    return subprocess.Popen(
+        ["sh", "-c", f'exec "$@" {redirected}', "sh", *GATEWAY, *words],
+        text=True,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
 
 
 @FULL
@@ -36,8 +41,11 @@ def shell(redirected: str, *words: str) -> subprocess.Popen[str]:
 @pytest.mark.parametrize("command", ["run", "sim"])
 def test_who_serves_goes_on_and_ends_as_always(command: str, redirected: str, told: str, tmp_path: Path) -> None:
     port = tmp_path / "port"
-    words = (["sim", "lx200:autostar", "--at", f"pty:{port}"] if command == "sim" else
-             ["run", "--mount", "nexstar:6-8se@sim", "--surface", f"lx200@pty:{port}", "--state", str(tmp_path)])
+    words = (
+        ["sim", "lx200:autostar", "--at", f"pty:{port}"]
+        if command == "sim"
+        else ["run", "--mount", "nexstar:6-8se@sim", "--surface", f"lx200@pty:{port}", "--state", str(tmp_path)]
+    )
     running = shell(redirected, *words)
     try:
         question = None

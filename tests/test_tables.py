@@ -11,13 +11,13 @@ from typing import Any
 
 import pytest
 
-from gateway import pairs
-from gateway.codecs import Codec
-from gateway.errors import MappingError, UserError
+from gateway.core.errors import MappingError, UserError
+from gateway.diagnostics import command_tables as pairs
+from gateway.diagnostics.rehearsal.explain import explain
 from gateway.protocols.lx200.surface import SPECIALS as LX200_SPECIALS
 from gateway.protocols.nexstar.driver import SPECIALS as NEXSTAR_SPECIALS
-from gateway.rehearsal.explain import explain
-from gateway.tables import Protocol, load, mappings_folder
+from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_folder
+from gateway.protocols.wireformat.fields import Codec
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -40,7 +40,7 @@ def _sample(name: str, field: Codec) -> Any:
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda protocol: protocol.name)
-def test_every_request_finds_its_own_command(protocol: Protocol) -> None:
+def test_every_request_finds_its_own_command(protocol: CommandSet) -> None:
     for command in protocol.commands.values():
         for picture in command.requests:
             frame = picture.encode({name: _sample(name, field) for name, field in picture.fields.items()})
@@ -51,10 +51,13 @@ def test_every_request_finds_its_own_command(protocol: Protocol) -> None:
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda protocol: protocol.name)
-def test_no_reply_is_the_beginning_of_another(protocol: Protocol) -> None:
+def test_no_reply_is_the_beginning_of_another(protocol: CommandSet) -> None:
     for command in protocol.commands.values():
-        wires = [picture.encode({name: _sample(name, field) for name, field in picture.fields.items()})
-                 for reply, picture in command.replies if reply.when is None]
+        wires = [
+            picture.encode({name: _sample(name, field) for name, field in picture.fields.items()})
+            for reply, picture in command.replies
+            if reply.when is None
+        ]
         for one, other in combinations(wires, 2):
             assert not one.startswith(other), command
             assert not other.startswith(one), command
@@ -73,7 +76,7 @@ def test_every_function_a_row_calls_exists_and_every_special_is_called() -> None
     [
         ("surface.toml", 'GR = { ask = "Positoin" }', "GR"),
         ("surface.toml", 'GR = { ask = "Position", tell = ["ra"] }', "one verb"),
-        ("surface.toml", 'QQQ = { say = {} }', "no such command"),
+        ("surface.toml", "QQQ = { say = {} }", "no such command"),
         ("surface.toml", 'GR = { aks = "Position" }', "aks"),
         ("surface.toml", 'Aa = { call = "align", outcome = "refused" }', "says why"),
         ("surface.toml", "GR = {", "surface.toml"),
@@ -87,7 +90,7 @@ def test_a_broken_row_is_named(tmp_path: Path, file: str, text: str, says: str) 
     shutil.copytree(mappings_folder() / "lx200", folder)
     (folder / file).write_text(text)
     with pytest.raises(MappingError, match=says) as raised:
-        _ = Protocol("lx200", folder).surface
+        _ = CommandSet("lx200", folder).surface
     assert file in str(raised.value)
 
 
@@ -140,9 +143,19 @@ def test_a_row_that_one_old_version_lacks_fails_the_check(monkeypatch: pytest.Mo
 @pytest.mark.parametrize(
     ("said", "outcome"),
     [
-        (b":AL#", "refused"), (b":AP#", "refused"), (b":Sr05:00:00#:Sd+45*00:00#:CM#", "kept"), (b":Ga#", "kept"),
-        (b":GC#", "kept"), (b":GG#", "kept"), (b":Gg#", "kept"), (b":GL#", "kept"), (b":Gt#", "kept"),
-        (b":hN#", "silent"), (b":hW#", "silent"), (b":I#", "translated"), (b":Mgn0500#", "refused"),
+        (b":AL#", "refused"),
+        (b":AP#", "refused"),
+        (b":Sr05:00:00#:Sd+45*00:00#:CM#", "kept"),
+        (b":Ga#", "kept"),
+        (b":GC#", "kept"),
+        (b":GG#", "kept"),
+        (b":Gg#", "kept"),
+        (b":GL#", "kept"),
+        (b":Gt#", "kept"),
+        (b":hN#", "silent"),
+        (b":hW#", "silent"),
+        (b":I#", "translated"),
+        (b":Mgn0500#", "refused"),
         (b":RS#:Mn#", "translated"),
     ],
 )

@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 
-from gateway import operations as op
-from gateway.errors import Unsupported
-from gateway.spherical import wrap180
+from gateway.astro.spherical import wrap180
+from gateway.core import operations as op
+from gateway.core.errors import Unsupported
 from tests.bridge import EVENING, Bridge
 from tests.told import degrees
 from tests.virtual import run
@@ -70,9 +70,9 @@ async def begun_later(scenario: Scenario, bridge: Bridge) -> None:
 async def goes_and_is_stopped(bridge: Bridge) -> None:
     """A goto, waited for and under way, another one, and a stop."""
     for ra, dec, seconds in ((120.0, 30.0, 3.0), (105.0, 40.0, 2.0)):
-        await bridge.hub.perform(op.Goto(ra, dec))
+        await bridge.controller.perform(op.Goto(ra, dec))
         await asyncio.sleep(seconds)
-    await bridge.hub.stop()
+    await bridge.controller.stop()
     await asyncio.sleep(2.0)
 
 
@@ -80,7 +80,7 @@ async def moves_by_hand(bridge: Bridge) -> None:
     """Arrows that come and go, one of them twice."""
     north, west = (op.Move(way, op.Rate(name="max")) for way in (op.Direction.NORTH, op.Direction.WEST))
     for operation in (north, west, op.Halt(2), west, op.Halt(1)):
-        await bridge.hub.perform(operation)
+        await bridge.controller.perform(operation)
         await asyncio.sleep(1.1)
 
 
@@ -94,20 +94,20 @@ async def is_moved_at_its_keys(bridge: Bridge) -> None:
 
 
 async def is_synced(bridge: Bridge) -> None:
-    seen = await bridge.hub.read(op.Position())
-    await bridge.hub.perform(op.Sync((seen.ra + 1.0) % 360.0, seen.dec))
+    seen = await bridge.controller.read(op.Position())
+    await bridge.controller.perform(op.Sync((seen.ra + 1.0) % 360.0, seen.dec))
     await asyncio.sleep(1.0)
 
 
 async def tracks_and_does_not(bridge: Bridge) -> None:
     for on in (False, True):
         with suppress(Unsupported):  # a classic tracks always
-            await bridge.hub.perform(op.SetTracking(on=on))
+            await bridge.controller.perform(op.SetTracking(on=on))
         await asyncio.sleep(1.0)
 
 
 async def loses_its_line(bridge: Bridge) -> None:
-    wire: Any = bridge.hub.line.wire
+    wire: Any = bridge.controller.line.wire
     feed, wire._feed = wire._feed, lambda data: b""
     await asyncio.sleep(8.0)
     wire._feed = feed
@@ -115,53 +115,56 @@ async def loses_its_line(bridge: Bridge) -> None:
 
 
 async def is_told_another_site(bridge: Bridge) -> None:
-    await bridge.hub.perform(op.SetSite(latitude=-30.0))
+    await bridge.controller.perform(op.SetSite(latitude=-30.0))
     await asyncio.sleep(0.3)
-    await bridge.hub.perform(op.SetSite(longitude=100.0))
+    await bridge.controller.perform(op.SetSite(longitude=100.0))
     await asyncio.sleep(1.0)
-    await bridge.hub.perform(op.SetSite(latitude=20.0))
+    await bridge.controller.perform(op.SetSite(latitude=20.0))
     await asyncio.sleep(3.0)
 
 
 async def is_told_another_time(bridge: Bridge) -> None:
-    if bridge.hub.sources.site() is None:
-        await bridge.hub.perform(op.SetSite(45.0, 10.0))
+    if bridge.controller.sources.site() is None:
+        await bridge.controller.perform(op.SetSite(45.0, 10.0))
         await asyncio.sleep(1.0)
     for hours in (5.0, 9.0):
-        await bridge.hub.perform(op.SetClock(bridge.clock() + hours * 3600.0, 0.0))
+        await bridge.controller.perform(op.SetClock(bridge.clock() + hours * 3600.0, 0.0))
         await asyncio.sleep(1.5)
 
 
 async def finds_its_satellites(bridge: Bridge) -> None:
     """A program asks what the GPS unit has found, which tells the site where nothing else does."""
-    await bridge.hub.perform(op.SetSite(-30.0, 100.0))
+    await bridge.controller.perform(op.SetSite(-30.0, 100.0))
     await asyncio.sleep(1.0)
     with suppress(Unsupported):  # before there was a pass-through
-        await bridge.hub.perform(op.GetGps())
+        await bridge.controller.perform(op.GetGps())
     await asyncio.sleep(1.0)
 
 
 async def is_set_at_its_keys(bridge: Bridge) -> None:
     """Another site and another time at the hand control, read again after a while."""
     bridge.sim.feed(b"W" + bytes((20, 0, 0, 0, 100, 0, 0, 0)))
-    await bridge.hub.settings.renew(op.GetSite)
+    await bridge.controller.settings.renew(op.GetSite)
     await asyncio.sleep(0.5)
     bridge.sim.feed(b"H" + bytes((3, 0, 0, 1, 16, 26, 0, 0)))
-    await bridge.hub.settings.renew(op.GetClock)
+    await bridge.controller.settings.renew(op.GetClock)
     await asyncio.sleep(0.5)
 
 
 MOUNTS = [("cge", "nexstar"), ("6-8se", "nexstar"), ("autostar", "lx200"), ("lx200", "lx200")]
 
 
-@pytest.mark.parametrize("scenario", [goes_and_is_stopped, moves_by_hand, is_moved_at_its_keys, is_synced,
-                                      tracks_and_does_not, loses_its_line])
+@pytest.mark.parametrize(
+    "scenario",
+    [goes_and_is_stopped, moves_by_hand, is_moved_at_its_keys, is_synced, tracks_and_does_not, loses_its_line],
+)
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
 @pytest.mark.parametrize(("mount", "driven"), MOUNTS)
 def test_what_moves(mount: str, driven: str, presented: str, scenario: Scenario) -> None:
     async def program() -> None:
-        async with Bridge(mount, driven=driven, presented=presented, surface=None,
-                          config={"lowest": -90.0, "sun": 0.0}) as bridge:
+        async with Bridge(
+            mount, driven=driven, presented=presented, surface=None, config={"lowest": -90.0, "sun": 0.0}
+        ) as bridge:
             await compared(bridge, LX200 if presented == "lx200" else NEXSTAR, scenario)
 
     run(program())
@@ -180,11 +183,12 @@ def test_where_and_when(settings: dict[str, Any], start: float, presented: str, 
     """By this computer's clock it is 1998 in the second case, so that a program's is believed."""
 
     async def program() -> None:
-        async with Bridge(**settings, presented=presented, surface=None, start=start,
-                          config={"lowest": -90.0, "sun": 0.0}) as bridge:
+        async with Bridge(
+            **settings, presented=presented, surface=None, start=start, config={"lowest": -90.0, "sun": 0.0}
+        ) as bridge:
             if settings["mount"] == "nexstar-gps":
-                seen = await bridge.hub.read(op.Position())
-                await bridge.hub.perform(op.Sync((seen.ra + 1.0) % 360.0, seen.dec))
+                seen = await bridge.controller.read(op.Position())
+                await bridge.controller.perform(op.Sync((seen.ra + 1.0) % 360.0, seen.dec))
                 assert bridge.driver.displaced
             await compared(bridge, LX200 if presented == "lx200" else NEXSTAR, scenario)
 
@@ -196,8 +200,8 @@ def test_a_place_from_the_satellites_is_told_at_once() -> None:
 
     async def program() -> None:
         async with Bridge(**HAS_GPS, surface=None, config={"lowest": -90.0, "sun": 0.0}) as bridge:
-            seen = await bridge.hub.read(op.Position())
-            await bridge.hub.perform(op.Sync((seen.ra + 1.0) % 360.0, seen.dec))
+            seen = await bridge.controller.read(op.Position())
+            await bridge.controller.perform(op.Sync((seen.ra + 1.0) % 360.0, seen.dec))
             bridge.observatory.mount_site = None
             await compared(bridge, LX200, finds_its_satellites)
             assert bridge.observatory.gps_site is not None
@@ -217,9 +221,9 @@ def test_what_is_forgotten_is_told_to_nobody(forget: str) -> None:
             assert client.heard, "it is told again"
             client.heard = b""
             if forget == "forget":
-                bridge.hub.snapshot.forget(op.Position)
+                bridge.controller.snapshot.forget(op.Position)
             else:
-                bridge.hub.telling.anew()
+                bridge.controller.telling.anew()
             client.tell(b":GR#")
             assert client.heard == b"", "the mount is asked"
 

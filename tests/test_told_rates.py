@@ -6,13 +6,19 @@ import asyncio
 
 import pytest
 
-from gateway.operations import TrackRate
+from gateway.core.operations import TrackRate
 from tests.bridge import Bridge
 from tests.virtual import run
 
 #: In alt-az, and on hand controls that have no way to the motors.
-SIDEREAL_ALONE = [("cpc", "4.21"), ("slt", "4.03"), ("gt", "101.0"), ("nexstar-gps", "1.2"), ("nexstar-gps", "2.2"),
-                  ("evolution", "5.31")]
+SIDEREAL_ALONE = [
+    ("cpc", "4.21"),
+    ("slt", "4.03"),
+    ("gt", "101.0"),
+    ("nexstar-gps", "1.2"),
+    ("nexstar-gps", "2.2"),
+    ("evolution", "5.31"),
+]
 
 
 @pytest.mark.parametrize(("model", "version"), SIDEREAL_ALONE)
@@ -21,8 +27,13 @@ def test_a_rate_that_cannot_run_is_refused_and_not_told(model: str, version: str
         async with Bridge(model, version, surface="lx200gps") as bridge:
             client = bridge.client()
             before = len(bridge.sent())
-            for hertz, reply in ((b"055.5", b"0"), (b"57.9", b"0"), (b"060.0", b"0"), (b"060.1", b"1"),
-                                 (b"060.2", b"1")):
+            for hertz, reply in (
+                (b"055.5", b"0"),
+                (b"57.9", b"0"),
+                (b"060.0", b"0"),
+                (b"060.1", b"1"),
+                (b"060.2", b"1"),
+            ):
                 assert await client.ask(b":ST%s#" % hertz, until=reply) == reply
                 assert await client.ask(b":GT#", until=b"#") == b"60.1#"
             client.tell(b":TL#")
@@ -35,9 +46,10 @@ def test_a_rate_that_cannot_run_is_refused_and_not_told(model: str, version: str
     run(program())
 
 
-@pytest.mark.parametrize(("command", "told"), [
-    (b":TL#", b"58.7#"), (b":TS#", b"60.0#"), (b":TQ#", b"60.1#"), (b":ST057.9#", b"57.9#"), (b":ST060.3#", b"60.3#"),
-])
+@pytest.mark.parametrize(
+    ("command", "told"),
+    [(b":TL#", b"58.7#"), (b":TS#", b"60.0#"), (b":TQ#", b"60.1#"), (b":ST057.9#", b"57.9#"), (b":ST060.3#", b"60.3#")],
+)
 def test_the_rate_told_is_the_one_that_runs_also_while_it_does_not_track(command: bytes, told: bytes) -> None:
     """The motors' lunar rate is 14.685 arcseconds a second: 60.164 hertz of 15.041 are 58.7."""
 
@@ -62,7 +74,7 @@ def test_the_rate_told_is_the_one_that_runs_also_while_it_does_not_track(command
 def test_a_rate_that_another_protocol_set_is_told() -> None:
     async def program() -> None:
         async with Bridge("cge", "4.21") as bridge:
-            await bridge.hub.perform(TrackRate(name="lunar"))
+            await bridge.controller.perform(TrackRate(name="lunar"))
             assert await bridge.client().ask(b":GT#", until=b"#") == b"58.7#"
 
     run(program())

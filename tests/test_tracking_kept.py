@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from gateway.spherical import wrap180
-from gateway.truth import truth_of
+from gateway.astro.spherical import wrap180
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge
 from tests.cable import Cable
 from tests.virtual import run
@@ -49,8 +49,9 @@ def cge_over(mount: str, *, polar: bool = True, tells_altaz: bool = False, **set
 
 @pytest.mark.parametrize("mount", LETTERS)
 @pytest.mark.parametrize(("polar", "tells_altaz"), [(True, False), (True, True), (False, False)])
-@pytest.mark.parametrize("between", ["", "t", "J", "tJt", "e", "polled", "reconnected", "goto", "goto t", "arrow",
-                                     "slept"])
+@pytest.mark.parametrize(
+    "between", ["", "t", "J", "tJt", "e", "polled", "reconnected", "goto", "goto t", "arrow", "slept"]
+)
 def test_tracking_comes_back_in_the_mode_that_was(mount: str, tells_altaz: bool, polar: bool, between: str) -> None:
     async def program() -> None:
         async with cge_over(mount, polar=polar, tells_altaz=tells_altaz) as bridge:
@@ -185,11 +186,21 @@ def test_a_rate_that_a_mount_does_not_take_is_refused_and_not_told(mount: str, v
 # --- the rate -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("mount", "polar", "rate"), [
-    ("cge", True, b":TL#"), ("cge", True, b":ST58.0#"), ("cgx", True, b":ST58.0#"), ("lx200gps", True, b":ST58.0#"),
-    ("lx200gps", False, b":TL#"), ("autostar", True, b":TL#"), ("lx200", True, b":ST58.0#")])
-@pytest.mark.parametrize("between", ["off, on", "slept", "goto", "off, goto, on", "goto, stopped", "reconnected",
-                                     "parked", "arrow"])
+@pytest.mark.parametrize(
+    ("mount", "polar", "rate"),
+    [
+        ("cge", True, b":TL#"),
+        ("cge", True, b":ST58.0#"),
+        ("cgx", True, b":ST58.0#"),
+        ("lx200gps", True, b":ST58.0#"),
+        ("lx200gps", False, b":TL#"),
+        ("autostar", True, b":TL#"),
+        ("lx200", True, b":ST58.0#"),
+    ],
+)
+@pytest.mark.parametrize(
+    "between", ["off, on", "slept", "goto", "off, goto, on", "goto, stopped", "reconnected", "parked", "arrow"]
+)
 def test_a_drive_rate_runs_on_after_whatever_interrupts_it(mount: str, polar: bool, rate: bytes, between: str) -> None:
     async def program() -> None:
         driven = "nexstar" if mount in ("cge", "cgx") else "lx200"

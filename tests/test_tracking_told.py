@@ -21,8 +21,9 @@ MOUNTS = [("autostar", False), ("lx200gps", False), ("autostar", True), ("lx200g
 @asynccontextmanager
 async def over(mount: str, wedge: bool) -> AsyncIterator[Bridge]:
     """A fork; one on a wedge was put there at its keys before the gateway looks at it again."""
-    async with Bridge(mount, driven="lx200", presented="nexstar", surface="cpc",
-                      config={"lowest": -90.0, "sun": 0.0}) as bridge:
+    async with Bridge(
+        mount, driven="lx200", presented="nexstar", surface="cpc", config={"lowest": -90.0, "sun": 0.0}
+    ) as bridge:
         if wedge:
             bridge.sim.connection()(b":AP#")
             await asyncio.sleep(8.0)

@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
-from gateway.access import Access
-from gateway.assembly import Gateway, shows_itself
-from gateway.config import MountConfig, SurfaceConfig, parse_endpoint
-from gateway.line import Line
-from gateway.simulators import make_simulator
-from gateway.wires import SimulatorWire
+from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
+from gateway.app.gateway import Gateway, shows_itself
+from gateway.app.simulated import make_simulator
+from gateway.clients.access import Access
+from gateway.mount.link.queue import MountLink
+from gateway.transport.wires import SimulatedTransport
 from tests.bridge import Bridge
 from tests.transparent import ALLOWED, MOUNTS, asked_of, differences
 from tests.virtual import run
@@ -179,8 +179,8 @@ def test_another_mount_behind_the_same_cable_is_asked_anew() -> None:
         assert await client.ask(MOTORS) == b"\5\n#"
         assert await client.ask(b"m") == b"\5#"
         bridge.sim.motors, bridge.sim.row = (6, 16), {**bridge.sim.row, "id": 20}
-        bridge.hub.line.state = "down"
-        bridge.hub.line._up()
+        bridge.controller.line.state = "down"
+        bridge.controller.line._up()
         await asyncio.sleep(5.0)
         assert await client.ask(MOTORS) == b"\6\x10#"
         assert await client.ask(b"m") == b"\x14#"
@@ -198,8 +198,11 @@ def test_a_whole_gateway_presents_what_it_has_found(mount: str, told: str) -> No
         clock = asyncio.get_running_loop().time
         gateway = Gateway(MountConfig(at=f"{at.protocol}@sim"), [surface], clock=clock)
         simulator = make_simulator(at, clock=clock)
-        gateway.prepare(lambda dialogue, transcript: Line(SimulatorWire("sim", simulator.connection, 0.02), dialogue,
-                                                          transcript))
+        gateway.prepare(
+            lambda dialogue, transcript: MountLink(
+                SimulatedTransport("sim", simulator.connection, 0.02), dialogue, transcript
+            )
+        )
         gateway.begin()
         assert await gateway.found(30.0)
         ((protocol, face),) = gateway.faces
@@ -287,7 +290,7 @@ def test_a_firmware_that_is_mute_to_a_command_costs_nobody_the_line() -> None:
         client = bridge.client()
         assert await client.ask(b":GM#", 8.0) == b""
         assert await client.ask(b":SMPIER#", 8.0) == b"0"
-        assert bridge.hub.line.state == "up"
+        assert bridge.controller.line.state == "up"
         before = len(bridge.sent())
         assert await client.ask(b":GM#", 2.0) == b""
         assert b":GM#" not in bridge.sent()[before:], "it is not asked what it does not know again and again"

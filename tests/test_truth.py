@@ -14,9 +14,9 @@ import ephem
 import pytest
 
 from gateway.cli import main
-from gateway.protocols.lx200.simulator import Meade
-from gateway.protocols.nexstar.simulator import HandControl
-from gateway.truth import Truth, sample, sampled, truth_of
+from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
+from gateway.protocols.mechanics.truth import Truth, sample, sampled, truth_of
+from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
 from tests.bridge import EVENING, Bridge
 from tests.running import Running, ask
 from tests.simulated_meade import Clock
@@ -30,7 +30,9 @@ SITES = [(45.0, 10.0), (-33.9, 151.2)]
 def mount(protocol: str, model: str, site: tuple[float, float] = SITES[0], start: float = EVENING, **more: Any) -> Any:
     clock = Clock()
     clock.now = start
-    simulator: Any = (HandControl if protocol == "nexstar" else Meade)(model, clock=clock, site=site, **more)
+    simulator: Any = (SimulatedHandControl if protocol == "nexstar" else SimulatedLx200)(
+        model, clock=clock, site=site, **more
+    )
     return simulator, clock
 
 
@@ -62,16 +64,20 @@ def test_a_fork_driven_over_the_zenith_looks_the_other_way() -> None:
     assert min(seen.azimuth, 360.0 - seen.azimuth) == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize(("first", "second", "hour_angle", "dec", "past"), [
-    (90.0, 90.0, None, 90.0, -90.0),  # as it is switched on: counterweight straight down
-    (100.0, 60.0, 100.0, 60.0, -80.0),
-    (10.0, 40.0, 10.0, 40.0, -10.0),
-    (-10.0, 40.0, -10.0, 40.0, 10.0),  # looks west, and has passed the meridian towards the east
-    (170.0, 140.0, -10.0, 40.0, -10.0),  # the same place from the other side of the pier
-    (190.0, 140.0, 10.0, 40.0, 10.0),
-])
-def test_a_german_mount_beyond_its_meridian(first: float, second: float, hour_angle: float | None, dec: float,
-                                            past: float) -> None:
+@pytest.mark.parametrize(
+    ("first", "second", "hour_angle", "dec", "past"),
+    [
+        (90.0, 90.0, None, 90.0, -90.0),  # as it is switched on: counterweight straight down
+        (100.0, 60.0, 100.0, 60.0, -80.0),
+        (10.0, 40.0, 10.0, 40.0, -10.0),
+        (-10.0, 40.0, -10.0, 40.0, 10.0),  # looks west, and has passed the meridian towards the east
+        (170.0, 140.0, -10.0, 40.0, -10.0),  # the same place from the other side of the pier
+        (190.0, 140.0, 10.0, 40.0, 10.0),
+    ],
+)
+def test_a_german_mount_beyond_its_meridian(
+    first: float, second: float, hour_angle: float | None, dec: float, past: float
+) -> None:
     """In the north axis 1 is the hour angle; past 90 degrees of axis 2 the tube is on the other side of the pier."""
     simulator, _ = mount("nexstar", "cge")
     simulator.feed(b"T\x00")
@@ -105,8 +111,12 @@ def test_against_another_almanac(protocol: str, model: str, site: tuple[float, f
         star._ra, star._dec, star._epoch = ra, dec, ephem.J2000
         star.compute(here)
         sun = ephem.Sun(here)
-        assert math.degrees(ephem.separation((star.az, star.alt), (math.radians(seen.azimuth),
-                                                                   math.radians(seen.altitude)))) < 0.02
+        assert (
+            math.degrees(
+                ephem.separation((star.az, star.alt), (math.radians(seen.azimuth), math.radians(seen.altitude)))
+            )
+            < 0.02
+        )
         apart = ephem.separation((sun.az, sun.alt), (math.radians(seen.azimuth), math.radians(seen.altitude)))
         assert seen.sun_distance == pytest.approx(math.degrees(apart), abs=0.03)
         # of date, the right ascension of the tube is the sidereal time less its hour angle
@@ -154,14 +164,40 @@ def test_tracking_is_no_motion_and_a_pulse_is() -> None:
 
 #: Sites, clocks, syncs, axis readings, restarts: all that a client may say without turning a motor.
 NEXSTAR = [
-    b"W\x21\x38\x33\x01\x97\x0c\x07\x00", b"H\x01\x02\x03\x04\x05\x1e\x00\x00", b"I\x01\x02\x03\x04\x05\x1e\x10\x00",
-    b"s34AB0500,12CE0500", b"S34AB,12CE", b"u", b"P\x03\xb2\x83\x03\x04\0\0", b"P\x03\xb2\x84\x07\xdf\0\0",
-    b"P\x04\xb2\xb3\x01\x02\x03\0", b"P\x04\x10\x04\x40\x00\x00\0", b"P\x04\x11\x04\x20\x00\x00\0", b"T\x00",
+    b"W\x21\x38\x33\x01\x97\x0c\x07\x00",
+    b"H\x01\x02\x03\x04\x05\x1e\x00\x00",
+    b"I\x01\x02\x03\x04\x05\x1e\x10\x00",
+    b"s34AB0500,12CE0500",
+    b"S34AB,12CE",
+    b"u",
+    b"P\x03\xb2\x83\x03\x04\0\0",
+    b"P\x03\xb2\x84\x07\xdf\0\0",
+    b"P\x04\xb2\xb3\x01\x02\x03\0",
+    b"P\x04\x10\x04\x40\x00\x00\0",
+    b"P\x04\x11\x04\x20\x00\x00\0",
+    b"T\x00",
 ]
 LX200 = [
-    b":St-33*52#", b":Sg209*00#", b":SG+05#", b":SL03:04:05#", b":SC04/05/30#", b":W2#", b":St+10*00#", b":W1#",
-    b":SS12:00:00#", b":Sr05:00:00#:Sd+20*00#:CM#", b":Sr06:00:00#:Sd-20*00#:CL#", b":hI300405010203#", b":gT#",
-    b":AP#:AL#", b":AA#:AL#", b":AP#:AL#", b":So10#", b":Sh80#", b":U#", b":I#:AL#",
+    b":St-33*52#",
+    b":Sg209*00#",
+    b":SG+05#",
+    b":SL03:04:05#",
+    b":SC04/05/30#",
+    b":W2#",
+    b":St+10*00#",
+    b":W1#",
+    b":SS12:00:00#",
+    b":Sr05:00:00#:Sd+20*00#:CM#",
+    b":Sr06:00:00#:Sd-20*00#:CL#",
+    b":hI300405010203#",
+    b":gT#",
+    b":AP#:AL#",
+    b":AA#:AL#",
+    b":AP#:AL#",
+    b":So10#",
+    b":Sh80#",
+    b":U#",
+    b":I#:AL#",
 ]
 
 
@@ -240,7 +276,7 @@ def test_ten_samples_a_second_of_virtual_time_and_assertions_come_through() -> N
 def test_a_computer_that_slept_leaves_out_what_it_missed() -> None:
     async def program() -> None:
         clock = Clock()
-        simulator, seen = HandControl("cge", clock=clock), []
+        simulator, seen = SimulatedHandControl("cge", clock=clock), []
         sampler = asyncio.get_running_loop().create_task(sample(simulator, seen.append))
         await asyncio.sleep(0.01)
         for seconds in (0.1, 60.0, 0.1):
@@ -257,16 +293,39 @@ def test_a_line_is_one_object_with_these_names() -> None:
     line = truth_of(simulator).line()
     assert line.endswith("}\n") and line.count("\n") == 1
     told = json.loads(line)
-    assert list(told) == ["t", "axis1", "axis2", "altitude", "azimuth", "hour_angle", "past_meridian", "sun_distance",
-                          "rate1", "rate2", "moving", "tracking"]
+    assert list(told) == [
+        "t",
+        "axis1",
+        "axis2",
+        "altitude",
+        "azimuth",
+        "hour_angle",
+        "past_meridian",
+        "sun_distance",
+        "rate1",
+        "rate2",
+        "moving",
+        "tracking",
+    ]
     assert told["past_meridian"] is None and told["tracking"] is True and told["altitude"] == 45.0
 
 
 def test_the_command_writes_it_and_several_programs_talk_to_the_same_mount(tmp_path: Path) -> None:
     """The site is set and the mount synced to over one connection; another one sees that, and the file does not."""
     file = tmp_path / "truth.jsonl"
-    sim = Running("sim", "nexstar:cge", "--time", "2026-01-15T22:00:00Z", "--site=-33.9,151.2", "--truth", str(file),
-                  "--at", "tcp://127.0.0.1:0", "--at", "tcp://127.0.0.1:0")
+    sim = Running(
+        "sim",
+        "nexstar:cge",
+        "--time",
+        "2026-01-15T22:00:00Z",
+        "--site=-33.9,151.2",
+        "--truth",
+        str(file),
+        "--at",
+        "tcp://127.0.0.1:0",
+        "--at",
+        "tcp://127.0.0.1:0",
+    )
     try:
         one, other = sim.ready(), sim.ready()
         assert ask(one, b"T\x00") == b"#" and ask(other, b"t", b"\x00#") == b"\x00#"

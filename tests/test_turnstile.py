@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import pytest
 
-from gateway.errors import NoAnswer
-from gateway.hub.turnstile import FEW, WAY, Turnstile
+from gateway.core.errors import NoAnswer
+from gateway.mount.fair_scheduler import FEW, WAY, FairScheduler
 from tests.bridge import Bridge, Visitor
 from tests.virtual import run
 
@@ -16,7 +16,7 @@ from tests.virtual import run
 async def _turns(stopping: Callable[[], bool], many: int) -> list[int]:
     """How many had gone on after each turn of the event loop, once the answer was there."""
     loop = asyncio.get_running_loop()
-    turnstile = Turnstile(loop, stopping)
+    turnstile = FairScheduler(loop, stopping)
     answer = loop.create_future()
     task = loop.create_task(_wait(answer))
     through: list[int] = []
@@ -56,7 +56,7 @@ def test_no_crowd_goes_on_while_a_stop_makes_its_way_and_everybody_after_it() ->
 
 def test_a_failure_reaches_everybody_and_who_gives_up_harms_nobody() -> None:
     async def program() -> None:
-        turnstile = Turnstile(asyncio.get_running_loop(), lambda: False)
+        turnstile = FairScheduler(asyncio.get_running_loop(), lambda: False)
 
         async def fail() -> None:
             await asyncio.sleep(1)
@@ -102,14 +102,14 @@ def test_a_stop_that_comes_with_a_crowd_is_heard_before_it(stop: bytes) -> None:
             crowd, hand = await _crowd(bridge), bridge.client()
             hand.tell(b":RS#:Mn#")
             await asyncio.sleep(1.0)
-            before = bridge.hub.stops
+            before = bridge.controller.stops
             _ask(crowd)
             hand.tell(stop)
-            assert bridge.hub.stops == before + 1
+            assert bridge.controller.stops == before + 1
             assert sum(bool(visitor.heard) for visitor in crowd) <= FEW
             await asyncio.sleep(1.0)
             assert all(visitor.heard == b"Autostar#" for visitor in crowd)
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
 
     run(program())
 
@@ -123,7 +123,7 @@ def test_what_waits_at_the_door_when_a_stop_comes_was_asked_for_before_it(moves:
             hand.tell(moves)
             other.tell(b":Q#")
             await asyncio.sleep(5.0)
-            assert not bridge.hub.moving
+            assert not bridge.controller.moving
             assert not any(sent.startswith((b"r", b"R")) for sent in bridge.sent())
             assert not any(sent[:1] == b"P" and sent[3:4] in (b"\x24", b"\x25") and sent[4] for sent in bridge.sent())
 
@@ -191,7 +191,7 @@ def test_one_who_comes_to_grief_holds_up_nobody() -> None:
         loop = asyncio.get_running_loop()
         said: list[object] = []
         loop.set_exception_handler(lambda _, context: said.append(context["exception"]))
-        turnstile = Turnstile(loop, lambda: False)
+        turnstile = FairScheduler(loop, lambda: False)
         through: list[int] = []
 
         def grief() -> None:
@@ -210,7 +210,7 @@ def test_one_who_comes_to_grief_holds_up_nobody() -> None:
 def test_an_answer_that_was_cancelled_is_none_and_who_waited_for_it_goes_on() -> None:
     async def program() -> None:
         loop = asyncio.get_running_loop()
-        turnstile = Turnstile(loop, lambda: False)
+        turnstile = FairScheduler(loop, lambda: False)
         task = loop.create_task(asyncio.sleep(100.0))
         waiting = [loop.create_task(turnstile.outcome(task)) for _ in range(3)]
         await asyncio.sleep(0.1)

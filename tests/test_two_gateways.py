@@ -15,7 +15,7 @@ from functools import cache
 
 import pytest
 
-from gateway.spherical import separation
+from gateway.astro.spherical import separation
 from tests.bridge import Bridge
 from tests.chain import Chain, equatorial
 from tests.virtual import run
@@ -31,7 +31,8 @@ def offsets() -> list[float]:
     """Every UTC offset in use today, in hours, both daylight-saving states."""
     moments = [datetime(2026, month, 15, tzinfo=UTC) for month in (1, 7)]
     found = {
-        moment.astimezone(zoneinfo.ZoneInfo(name)).utcoffset() for name in zoneinfo.available_timezones()
+        moment.astimezone(zoneinfo.ZoneInfo(name)).utcoffset()
+        for name in zoneinfo.available_timezones()
         for moment in moments
     }
     return sorted(delta.total_seconds() / 3600 for delta in found if delta is not None)
@@ -112,8 +113,16 @@ def test_utc_of_a_nexstar_program_reaches_a_nexstar_mount(instant: str) -> None:
             for hours in whole:
                 for dst in (0, 1):
                     local = moment + timedelta(hours=hours)
-                    fields = (local.hour, local.minute, local.second, local.month, local.day, local.year - 2000,
-                              int(hours - dst) % 256, dst)
+                    fields = (
+                        local.hour,
+                        local.minute,
+                        local.second,
+                        local.month,
+                        local.day,
+                        local.year - 2000,
+                        int(hours - dst) % 256,
+                        dst,
+                    )
                     sent_at = asyncio.get_running_loop().time()
                     assert await client.ask(b"H" + bytes(fields)) == b"#"
                     await asyncio.sleep(4.0)
@@ -165,8 +174,7 @@ def test_positions_of_an_lx200_program_reach_a_meade_through_a_nexstar_surface(m
     """LX200 program -> LX200 surface -> NexStar driver -> NexStar surface -> LX200 driver -> simulated Meade."""
 
     async def program() -> None:
-        bridge = Bridge(model, driven="lx200", presented="nexstar", surface=None, latency=0.0,
-                        config={"lowest": -90.0})
+        bridge = Bridge(model, driven="lx200", presented="nexstar", surface=None, latency=0.0, config={"lowest": -90.0})
         async with Chain(bridge, "nexstar", "lx200", "autostar") as chain:
             client = chain.client()
             chance = random.Random(5)

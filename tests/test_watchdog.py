@@ -14,13 +14,13 @@ from typing import Any
 
 import pytest
 
-from gateway.assembly import Gateway
-from gateway.config import MountConfig
-from gateway.hub.ending import stop_commands
-from gateway.motors import RAMP_SECONDS
-from gateway.watchdog.client import LASTED, PROGRAM, available
-from gateway.watchdog.process import SILENCE, Mount, Watch
-from gateway.wires import on_the_wire
+from gateway.app.config import MountConfig
+from gateway.app.gateway import Gateway
+from gateway.app.watchdog.client import LASTED, PROGRAM, available
+from gateway.app.watchdog.process import SILENCE, Mount, Watch
+from gateway.mount.shutdown import stop_commands
+from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
+from gateway.transport.wires import on_the_wire
 from tests.bridge import Bridge
 from tests.running import PATIENCE, Running
 from tests.virtual import run
@@ -46,8 +46,10 @@ def watch(tmp_path: Path, started: list[Running]) -> Iterator[Callable[[str, str
         one.close()
 
 
-@pytest.mark.parametrize(("fate", "kind", "port"), [
-    ("killed", "nexstar", "tcp"), ("frozen", "lx200", "pty"), ("blocked", "nexstar", "pty"), ("quit", "lx200", "tcp")])
+@pytest.mark.parametrize(
+    ("fate", "kind", "port"),
+    [("killed", "nexstar", "tcp"), ("frozen", "lx200", "pty"), ("blocked", "nexstar", "pty"), ("quit", "lx200", "tcp")],
+)
 def test_a_gateway_that_comes_to_grief_does_not_leave_its_mount_moving(
     watch: Callable[[str, str], Watched], fate: str, kind: str, port: str
 ) -> None:
@@ -124,8 +126,17 @@ def test_ctrl_z_stops_the_mount_and_suspends_then(watch: Callable[[str, str], Wa
 
 
 def test_it_can_be_put_out(tmp_path: Path, started: list[Running]) -> None:
-    gateway = Running("run", "--mount", "nexstar@socket://127.0.0.1:9", "--surface", "lx200@tcp://127.0.0.1:0",
-                      "--state", str(tmp_path), "--wait", "--no-watchdog")
+    gateway = Running(
+        "run",
+        "--mount",
+        "nexstar@socket://127.0.0.1:9",
+        "--surface",
+        "lx200@tcp://127.0.0.1:0",
+        "--state",
+        str(tmp_path),
+        "--wait",
+        "--no-watchdog",
+    )
     started.append(gateway)
     gateway.ready()
     children = Path(f"/proc/{gateway.process.pid}/task/{gateway.process.pid}/children").read_text().split()
@@ -143,8 +154,11 @@ class Process:
         self.line, self.handed = socket.socketpair()
         self.line.settimeout(PATIENCE)
         self.gateway.settimeout(PATIENCE)
-        self.process = subprocess.Popen([sys.executable, "-I", "-S", str(PROGRAM), str(there.fileno()), "1"],
-                                        pass_fds=[there.fileno()], stderr=subprocess.PIPE)
+        self.process = subprocess.Popen(
+            [sys.executable, "-I", "-S", str(PROGRAM), str(there.fileno()), "1"],
+            pass_fds=[there.fileno()],
+            stderr=subprocess.PIPE,
+        )
         there.close()
 
     def introduce(self, lock: Path) -> None:
@@ -210,8 +224,8 @@ def test_one_that_was_not_run_itself_does_not_say_that_the_gateway_was_silent(
             raise InterruptedError
         return [], [], []
 
-    monkeypatch.setattr("gateway.watchdog.process.time.monotonic", lambda: clock[0])
-    monkeypatch.setattr("gateway.watchdog.process.select.select", wait)
+    monkeypatch.setattr("gateway.app.watchdog.process.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("gateway.app.watchdog.process.select.select", wait)
     watch = Watch(there, "1")
     monkeypatch.setattr(watch, "is_silent", lambda mounts: stops.append(mounts))
     watch.mounts["0"] = Mount("pier", "", -1)
@@ -234,9 +248,9 @@ def test_the_stop_is_known_beforehand_and_the_driver_learns_nothing_from_it(movi
             client = bridge.client()
             client.tell(moving)
             await client.ask(b":GVP#")
-            driver = bridge.hub.driver
+            driver = bridge.controller.driver
             before = repr(sorted(vars(driver).items(), key=lambda item: item[0]))
-            commands = stop_commands(driver, bridge.hub.line.dialogue)
+            commands = stop_commands(driver, bridge.controller.line.dialogue)
             assert repr(sorted(vars(driver).items(), key=lambda item: item[0])) == before
             assert {b"M", b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0"} <= set(commands)
             for command in commands:

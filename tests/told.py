@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
 
-from gateway.spherical import separation
+from gateway.astro.spherical import separation
 from tests.bridge import Bridge, Visitor
 from tests.nexstar_flows import place
 

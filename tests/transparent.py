@@ -11,16 +11,24 @@ import asyncio
 import re
 from typing import Any, NamedTuple
 
-from gateway.config import Endpoint
-from gateway.simulators import make_simulator
+from gateway.app.config import Endpoint
+from gateway.app.simulated import make_simulator
 from tests.bridge import Bridge
 
 #: Mounts that the answers are compared on: protocol, model, version.
 MOUNTS = (
-    ("nexstar", "cpc", "4.21"), ("nexstar", "cge", "4.21"), ("nexstar", "avx", "5.31"), ("nexstar", "6-8se", "4.21"),
-    ("nexstar", "slt", "4.03"), ("nexstar", "gt", "101.0"), ("nexstar", "nexstar-gps", "1.2"),
-    ("nexstar", "nexstar-gps", "2.2"), ("lx200", "autostar", None), ("lx200", "lx200", None),
-    ("lx200", "lx200-16", None), ("lx200", "lx200gps", None),
+    ("nexstar", "cpc", "4.21"),
+    ("nexstar", "cge", "4.21"),
+    ("nexstar", "avx", "5.31"),
+    ("nexstar", "6-8se", "4.21"),
+    ("nexstar", "slt", "4.03"),
+    ("nexstar", "gt", "101.0"),
+    ("nexstar", "nexstar-gps", "1.2"),
+    ("nexstar", "nexstar-gps", "2.2"),
+    ("lx200", "autostar", None),
+    ("lx200", "lx200", None),
+    ("lx200", "lx200-16", None),
+    ("lx200", "lx200gps", None),
 )
 #: How many of the 91 answers may differ; which do, and why, is in mappings/README.md.
 ALLOWED = 2
@@ -50,18 +58,67 @@ _ANGLES, _MOTORS = (b"l", b"e", b"E", b"z", b"Z"), (_get(16, 1, 3), _get(17, 1, 
 _ABSENT = (4, 13, 14, 32, 181, 182, 183, 191)
 
 NEXSTAR: tuple[bytes, ...] = (
-    b"V", b"v", b"m", b"J", b"L", b"t", b"Kx", b"K#", b"w", b"h", b"i", b"l", b"p", b"e", b"E", b"z", b"Z",
+    b"V",
+    b"v",
+    b"m",
+    b"J",
+    b"L",
+    b"t",
+    b"Kx",
+    b"K#",
+    b"w",
+    b"h",
+    b"i",
+    b"l",
+    b"p",
+    b"e",
+    b"E",
+    b"z",
+    b"Z",
     *(_get(device, 254, 2) for device in (16, 17, 18, 176, 178, 1, *_ABSENT)),
     *(_get(device, 254, 4) for device in (16, 17)),
-    *(_get(176, number, count) for number, count in (
-        (55, 1), (1, 3), (2, 3), (3, 2), (4, 2), (51, 3), (54, 1), (7, 2), (8, 2))),
+    *(
+        _get(176, number, count)
+        for number, count in ((55, 1), (1, 3), (2, 3), (3, 2), (4, 2), (51, 3), (54, 1), (7, 2), (8, 2))
+    ),
     *(_get(178, number, count) for number, count in ((3, 2), (4, 2), (51, 3))),
-    *(_get(motor, number, count) for motor in (16, 17) for number, count in (
-        (5, 2), (0x0E, 1), (0x12, 1), (0x13, 1), (0x15, 1), (0x18, 1), (0x21, 4), (0x23, 1), (0x27, 1), (0x3B, 1),
-        (0x3C, 3), (0x40, 1), (0x41, 1), (0x47, 1), (0xFC, 1))),
-    _get(18, 1, 3), _get(18, 0x13, 1),
-    _p(2, 16, 0x46, 100), _get(16, 0x47, 1), _p(2, 17, 0x10, 12), _get(17, 0x40, 1),
-    _p(2, 16, 0x24, 0), _p(2, 17, 0x24, 0), b"M", b"T\0", b"t", b"z", b"Z", _get(16, 1, 3), _get(17, 1, 3), b"n",
+    *(
+        _get(motor, number, count)
+        for motor in (16, 17)
+        for number, count in (
+            (5, 2),
+            (0x0E, 1),
+            (0x12, 1),
+            (0x13, 1),
+            (0x15, 1),
+            (0x18, 1),
+            (0x21, 4),
+            (0x23, 1),
+            (0x27, 1),
+            (0x3B, 1),
+            (0x3C, 3),
+            (0x40, 1),
+            (0x41, 1),
+            (0x47, 1),
+            (0xFC, 1),
+        )
+    ),
+    _get(18, 1, 3),
+    _get(18, 0x13, 1),
+    _p(2, 16, 0x46, 100),
+    _get(16, 0x47, 1),
+    _p(2, 17, 0x10, 12),
+    _get(17, 0x40, 1),
+    _p(2, 16, 0x24, 0),
+    _p(2, 17, 0x24, 0),
+    b"M",
+    b"T\0",
+    b"t",
+    b"z",
+    b"Z",
+    _get(16, 1, 3),
+    _get(17, 1, 3),
+    b"n",
 )
 
 _TIME = re.compile(rb"\d\d:\d\d:\d\d")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from gateway.ports.uart import misread
-from gateway.wires import OnData, OnLost
+from gateway.transport.uart import misread
+from gateway.transport.wires import OnData, OnLost
 
 #: What is at the other end: bytes as they arrive there -> its answer.
 Device = Callable[[bytes], bytes]

@@ -10,16 +10,16 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any, cast
 
-from gateway import operations as op
-from gateway.assembly import FACES
-from gateway.config import Endpoint, SurfaceConfig
-from gateway.errors import Fault
-from gateway.guests import Reception
-from gateway.hub import MISSING
-from gateway.hub.turnstile import Turnstile
-from gateway.mount.safety.dead_man import HostActivity, Presence
+from gateway.app.config import Endpoint, SurfaceConfig
+from gateway.app.gateway import FACES
+from gateway.clients.acceptor import ConnectionAcceptor
+from gateway.core import operations as op
+from gateway.core.errors import Fault
+from gateway.core.wire_log import Transcript
+from gateway.mount.fair_scheduler import FairScheduler
+from gateway.mount.readings.cache import MISSING
 from gateway.mount.safety.limits import Limits
-from gateway.transcript import Transcript
+from gateway.mount.safety.rules.dead_man import HostActivity, Presence
 from tests.fixture import Mount
 
 
@@ -34,7 +34,7 @@ class Still:
         self.version = self.stops = 0
         self.closed = False
         self.motions = self
-        self.turnstile = Turnstile(self.loop, lambda: False)
+        self.turnstile = FairScheduler(self.loop, lambda: False)
         #: What the host's clock is ahead of the loop's, and the mount's ahead of the host's.
         self._epoch = mount.clock.unix - self.now()
         self._ahead = 0.0
@@ -63,8 +63,9 @@ class Still:
     def fresh_until(self, kinds: list[type[op.Operation]]) -> float:
         return self.now() + 0.5
 
-    async def perform(self, operation: op.Operation, stops: int | None = None, life: HostActivity | None = None,
-                      patience: float = 3.5) -> Any:
+    async def perform(
+        self, operation: op.Operation, stops: int | None = None, life: HostActivity | None = None, patience: float = 3.5
+    ) -> Any:
         await asyncio.sleep(0)
         self.mount.clock = op.Moment(self.clock() + self._ahead, self.mount.clock.offset)
         answer = self.mount.perform(operation)
@@ -76,8 +77,9 @@ class Still:
         self.stops += 1
         self.spawn(self.perform(op.Stop()))
 
-    def begin(self, operation: op.Operation, stops: int, failed: Callable[[Fault], None],
-              life: HostActivity) -> asyncio.Task[None]:
+    def begin(
+        self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: HostActivity
+    ) -> asyncio.Task[None]:
         async def finish() -> None:
             try:
                 await self.perform(operation, stops)
@@ -93,13 +95,21 @@ class Still:
 class House:
     """A mount behind a port. ``visit`` is one connection."""
 
-    def __init__(self, mount: Mount | None = None, model: str = "autostar", protocol: str = "lx200",
-                 version: str | None = None, **settings: Any) -> None:
+    def __init__(
+        self,
+        mount: Mount | None = None,
+        model: str = "autostar",
+        protocol: str = "lx200",
+        version: str | None = None,
+        **settings: Any,
+    ) -> None:
         self.mount = mount or Mount()
-        self.hub = Still(self.mount)
+        self.controller = Still(self.mount)
         face = FACES[protocol](Endpoint(protocol, "-", model, version), SurfaceConfig(at="-", **settings), Limits())
         self.shared: dict[str, Any] = {"sites": {}}
-        self.reception = Reception(cast(Any, self.hub), face, self.shared, self.hub.clock, lambda: None)
+        self.reception = ConnectionAcceptor(
+            cast(Any, self.controller), face, self.shared, self.controller.clock, lambda: None
+        )
 
     def visit(self, host: str = "192.168.4.2") -> Visit:
         return Visit(self, host)

@@ -45,8 +45,17 @@ class Watched:
         started.append(self.sim)
         self.mount = self.sim.ready()
         where = self.mount.replace("tcp", "socket") if port == "tcp" else self.sim.ready().removeprefix("pty:")
-        self.arguments = ("run", "--mount", f"{kind}@{where}", "--surface", "lx200@tcp://127.0.0.1:0",
-                          "--state", str(place), "--sun", "0")
+        self.arguments = (
+            "run",
+            "--mount",
+            f"{kind}@{where}",
+            "--surface",
+            "lx200@tcp://127.0.0.1:0",
+            "--state",
+            str(place),
+            "--sun",
+            "0",
+        )
         self.started = started
         self.begin()
 

@@ -12,12 +12,32 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
-from gateway import __version__, journal, streams
-from gateway.cli.helping import EXIT_CODES, Parser, endpoints
-from gateway.errors import UserError
+from gateway import __version__
+from gateway.cli.help import EXIT_CODES, Parser, endpoints
+from gateway.core.errors import UserError
+from gateway.system import journal, streams
 
-COMMANDS = ("demo", "detect", "run", "status", "watch", "goto", "sync", "move", "park", "unpark", "stop", "config",
-            "service", "sim", "tables", "explain", "replay", "decode", "completion")
+COMMANDS = (
+    "demo",
+    "detect",
+    "run",
+    "status",
+    "watch",
+    "goto",
+    "sync",
+    "move",
+    "park",
+    "unpark",
+    "stop",
+    "config",
+    "service",
+    "sim",
+    "tables",
+    "explain",
+    "replay",
+    "decode",
+    "completion",
+)
 
 #: What may stand in the place of a command.
 ABOUT = ("-h", "--help", "--version")
@@ -72,7 +92,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _parsed(words: list[str]) -> argparse.Namespace:
     """The words as a command and its arguments. Raises UserError, and SystemExit where help was asked for."""
-    from gateway.cli import meant
+    from gateway.cli import suggestions as meant
 
     if not words:
         raise UserError("which command? mount-gateway demo needs no mount; mount-gateway --help lists all of them")
@@ -95,7 +115,7 @@ def _untold(failed: Exception, code: int) -> int:
 
 def _shortened(text: str) -> str:
     """A message in which somebody's thousand digits are left out."""
-    return text if len(text) <= LONGEST else f"{text[:LONGEST // 2]} ... {text[-LONGEST // 2:]}"
+    return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
 
 
 def _bound(argv: list[str]) -> list[str]:

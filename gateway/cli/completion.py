@@ -10,7 +10,7 @@ import argparse
 from collections.abc import Iterator
 from typing import Any
 
-from gateway.errors import UserError
+from gateway.core.errors import UserError
 
 SHELLS = ("bash", "zsh", "fish")
 
@@ -26,8 +26,12 @@ Once, for your own user:
 
 def add(commands: Any) -> None:
     """Put the command into the parser."""
-    completion = commands.add_parser("completion", help="a script that completes commands and flags in your shell",
-                                     description="Prints a completion script.", epilog=HOW)
+    completion = commands.add_parser(
+        "completion",
+        help="a script that completes commands and flags in your shell",
+        description="Prints a completion script.",
+        epilog=HOW,
+    )
     completion.add_argument("shell", choices=SHELLS, help="the shell that it is for")
     completion.set_defaults(run=_completion)
 
@@ -43,11 +47,11 @@ def script(shell: str) -> str:
         import shtab
     except ImportError:
         raise UserError("completion: the package shtab is missing; pip install shtab") from None
+    from gateway.app.config.describing import keys
+    from gateway.app.config.endpoints import PROTOCOLS
     from gateway.cli import parser
-    from gateway.config.describing import keys
-    from gateway.config.endpoints import PROTOCOLS
-    from gateway.pairs import versions
-    from gateway.tables import load
+    from gateway.diagnostics.command_tables import versions
+    from gateway.protocols.wireformat.command_set import load
 
     whole = parser()
     _words(whole)
@@ -58,8 +62,11 @@ def script(shell: str) -> str:
         elif action.metavar == "PATH":
             action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
         elif action.dest == "model" and "--model" in action.option_strings:
-            action.choices = [f"{name}/{version}" if version else name
-                              for protocol in PROTOCOLS for name, version, _ in versions(load(protocol))]
+            action.choices = [
+                f"{name}/{version}" if version else name
+                for protocol in PROTOCOLS
+                for name, version, _ in versions(load(protocol))
+            ]
         elif choices := few.get(action.option_strings[0] if action.option_strings else ""):
             action.choices = choices
     return str(shtab.complete(whole, shell))

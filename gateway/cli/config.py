@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from gateway.cli.settings import add_settings, settings
+from gateway.cli.serve.settings import add_settings, settings
 
 
 def add(commands: Any) -> None:
@@ -24,7 +24,7 @@ def add(commands: Any) -> None:
 
 
 def _config(arguments: argparse.Namespace) -> int:
-    from gateway.config import showing
+    from gateway.app.config import showing
 
     if arguments.example:
         text = showing.example()

@@ -33,8 +33,9 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="mount-gateway-bench-") as bytecode:
         for part in (starting, round_trip, line_load):
             figures += part.measure(bytecode, arguments.quick)
-    machine = (f"{platform.machine()}, {os.cpu_count()} cores, Linux {platform.release()}, "
-               f"Python {platform.python_version()}")
+    machine = (
+        f"{platform.machine()}, {os.cpu_count()} cores, Linux {platform.release()}, Python {platform.python_version()}"
+    )
     print(table(figures))
     print(f"\n{machine}; measured in {time.monotonic() - began:.0f} s")
     if arguments.json:

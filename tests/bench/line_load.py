@@ -21,6 +21,7 @@ LATENCY = 0.1
 SETTLE = 7.0
 HEARTBEAT = 5.0
 
+
 class Case(NamedTuple):
     """A gateway and who polls it: questions and how often a second."""
 
@@ -88,7 +89,12 @@ async def _all(bytecode: str, mounts: list[int], seconds: float, way: processes.
     return [
         Figure(f"line, {way.name}: 20 clients, against 1", rates["twenty"], "B/s", rates["one"], 1.1),
         Figure(f"line, {way.name}: 20 mixed clients, against 1", rates["twenty-mixed"], "B/s", rates["one-busy"], 1.1),
-        Figure(f"line, {way.name}: most requests in {HEARTBEAT:g} s, no client",
-               tallies[-1].busiest(began, ended, HEARTBEAT - 0.05), "", None, way.heartbeat),
+        Figure(
+            f"line, {way.name}: most requests in {HEARTBEAT:g} s, no client",
+            tallies[-1].busiest(began, ended, HEARTBEAT - 0.05),
+            "",
+            None,
+            way.heartbeat,
+        ),
         Figure(f"memory, {way.name}: while 20 clients poll", resident, "MiB", None, memory.GOAL_STEADY),
     ]

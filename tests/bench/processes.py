@@ -34,7 +34,10 @@ def environment(bytecode: str) -> dict[str, str]:
 def child(command: list[str], bytecode: str, log: str = "stdout") -> Iterator[subprocess.Popen[bytes]]:
     """A running program; ``log`` is the stream that is read here, the other one goes nowhere."""
     process = subprocess.Popen(
-        command, cwd=ROOT, env=environment(bytecode), stdin=subprocess.DEVNULL,
+        command,
+        cwd=ROOT,
+        env=environment(bytecode),
+        stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE if log == "stdout" else subprocess.DEVNULL,
         stderr=subprocess.PIPE if log == "stderr" else subprocess.DEVNULL,
     )
@@ -93,18 +96,24 @@ def simulator(bytecode: str, latency: float = 0.0, way: Direction = LX200_ON_NEX
         yield port_of(process)
 
 
-def gateway_command(
-    mount: int, surface: int = 0, loop: str = "fast", way: Direction = LX200_ON_NEXSTAR
-) -> list[str]:
+def gateway_command(mount: int, surface: int = 0, loop: str = "fast", way: Direction = LX200_ON_NEXSTAR) -> list[str]:
     """The command line of a gateway between two TCP ports."""
-    return [sys.executable, "-m", "gateway", "run", "--loop", loop, "--mount", f"{way.mount}@socket://{HOST}:{mount}",
-            "--surface", f"{way.surface}@tcp://{HOST}:{surface}"]
+    return [
+        sys.executable,
+        "-m",
+        "gateway",
+        "run",
+        "--loop",
+        loop,
+        "--mount",
+        f"{way.mount}@socket://{HOST}:{mount}",
+        "--surface",
+        f"{way.surface}@tcp://{HOST}:{surface}",
+    ]
 
 
 @contextmanager
-def gateway(
-    bytecode: str, mount: int, loop: str = "fast", way: Direction = LX200_ON_NEXSTAR
-) -> Iterator[int]:
+def gateway(bytecode: str, mount: int, loop: str = "fast", way: Direction = LX200_ON_NEXSTAR) -> Iterator[int]:
     """A gateway in front of a mount's TCP port -> its own TCP port."""
     with child(gateway_command(mount, loop=loop, way=way), bytecode) as process:
         yield port_of(process)

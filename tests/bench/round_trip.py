@@ -23,8 +23,12 @@ GOAL = 1.5
 def measure(bytecode: str, quick: bool) -> list[Figure]:
     """Both directions on both event loops."""
     batches = 12 if quick else 120
-    return [figure for way in processes.DIRECTIONS for loop in ("fast", "asyncio")
-            for figure in _one_loop(bytecode, loop, batches, way)]
+    return [
+        figure
+        for way in processes.DIRECTIONS
+        for loop in ("fast", "asyncio")
+        for figure in _one_loop(bytecode, loop, batches, way)
+    ]
 
 
 def _one_loop(bytecode: str, loop: str, batches: int, way: processes.Direction) -> list[Figure]:

@@ -15,8 +15,15 @@ from urllib.parse import quote
 
 from .processes import Workshop, requires, wait_until
 
-QUIET = ("--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync",
-         "--disable-default-apps", "--disable-extensions", "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1")
+QUIET = (
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-default-apps",
+    "--disable-extensions",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+)
 
 
 class Browser:
@@ -25,8 +32,15 @@ class Browser:
     def __init__(self, workshop: Workshop) -> None:
         requires("chromium")
         folder = workshop.folder / "chromium"
-        argv = ["chromium", "--headless", "--disable-gpu", "--disable-dev-shm-usage", *QUIET,
-                f"--user-data-dir={folder}", "--remote-debugging-port=0"]
+        argv = [
+            "chromium",
+            "--headless",
+            "--disable-gpu",
+            "--disable-dev-shm-usage",
+            *QUIET,
+            f"--user-data-dir={folder}",
+            "--remote-debugging-port=0",
+        ]
         if os.geteuid() == 0:
             argv.append("--no-sandbox")  # it refuses to run as root otherwise
         workshop.start([*argv, "about:blank"], {"HOME": str(workshop.folder)})

@@ -67,9 +67,7 @@ class IndiClient:
         self.vectors: dict[str, Vector] = {}
         self.history: list[Vector] = []
         self.messages: list[str] = []
-        self._parser: ElementTree.XMLPullParser[ElementTree.Element] = ElementTree.XMLPullParser(
-            ["start", "end"]
-        )
+        self._parser: ElementTree.XMLPullParser[ElementTree.Element] = ElementTree.XMLPullParser(["start", "end"])
         self._parser.feed("<indi>")
         self._depth = 0
         self._wire = socket.create_connection(("127.0.0.1", port), timeout=5.0)
@@ -163,8 +161,6 @@ class IndiClient:
         )
         return next(vector for vector in self.since(mark, name) if vector.state in states)
 
-    def switch(
-        self, name: str, element: str, states: Collection[str] = ("Ok",), seconds: float = 10.0
-    ) -> Vector:
+    def switch(self, name: str, element: str, states: Collection[str] = ("Ok",), seconds: float = 10.0) -> Vector:
         """Turn one switch on."""
         return self.set(name, {element: "On"}, states, seconds)

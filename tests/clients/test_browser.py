@@ -22,8 +22,10 @@ from .tap import Tap
 
 ATTACK = "#:Sr04:00:00#:Sd+40*00:00#:MS#"
 #: What only asks: of a hand control, and of a Meade.
-QUESTIONS = {"nexstar": re.compile(rb"([EeZzVvJLmtwhipl]|K.|P\x01.{6})+", re.DOTALL),
-             "lx200": re.compile(rb"(\x06|:G[^#]*#|:D#|:h\?#)+")}
+QUESTIONS = {
+    "nexstar": re.compile(rb"([EeZzVvJLmtwhipl]|K.|P\x01.{6})+", re.DOTALL),
+    "lx200": re.compile(rb"(\x06|:G[^#]*#|:D#|:h\?#)+"),
+}
 FETCH = """<script>
 Promise.allSettled([%s].map(port => fetch('http://127.0.0.1:' + port + '/', {method: 'POST', mode: 'no-cors',
   headers: {'Content-Type': 'text/plain'}, body: '%s'}))).then(() => fetch('/done'));
@@ -49,11 +51,13 @@ class Setup(NamedTuple):
 
 
 def set_up(workshop: Workshop, mount: str) -> Setup:
-    wire, truth = (start_simulator(workshop, "nexstar:cpc", NORTH) if mount == "nexstar"
-                   else start_meade(workshop, "lx200gps", NORTH))
+    wire, truth = (
+        start_simulator(workshop, "nexstar:cpc", NORTH)
+        if mount == "nexstar"
+        else start_meade(workshop, "lx200gps", NORTH)
+    )
     tap = Tap(workshop, wire.port)
-    argv = [*PRODUCT, "run", "--mount", f"{mount}@socket://127.0.0.1:{tap.port}", "--sun", "0", "--hibernate",
-            "--log"]
+    argv = [*PRODUCT, "run", "--mount", f"{mount}@socket://127.0.0.1:{tap.port}", "--sun", "0", "--hibernate", "--log"]
     for surface in SURFACES:
         argv += ["--surface", f"{surface}@tcp://127.0.0.1:0"]
     gateway = workshop.start(argv, ends_well=True)
@@ -89,8 +93,11 @@ def reads(browser: Browser, tab: str, page: tuple[str, str]) -> bool:
 def test_pages_and_visits_move_nothing(workshop: Workshop) -> None:
     requires("chromium")
     setups = [set_up(workshop, mount) for mount in ("nexstar", "lx200")]
-    programs = {(setup.mount, surface): Program(workshop, surface, port)
-                for setup in setups for surface, port in setup.ports.items()}
+    programs = {
+        (setup.mount, surface): Program(workshop, surface, port)
+        for setup in setups
+        for surface, port in setup.ports.items()
+    }
     ports = [port for setup in setups for port in setup.ports.values()]
     pages = {"/fetch": FETCH % (",".join(map(str, ports)), ATTACK)}
     pages |= {f"/form{port}": FORM % (port, ATTACK) for port in ports}
@@ -102,7 +109,7 @@ def test_pages_and_visits_move_nothing(workshop: Workshop) -> None:
     def unharmed(what: str, strangers: int) -> None:
         for setup in setups:
             wait_until(f"{what} has come", partial(setup.has_seen, strangers * len(SURFACES)), PATIENCE)
-            for piece in setup.tap.heard[before[setup.mount]:]:
+            for piece in setup.tap.heard[before[setup.mount] :]:
                 assert QUESTIONS[setup.mount].fullmatch(piece), (what, setup.mount, piece)
             assert not setup.truth.goto_running(), (what, setup.mount)
         for (mount, surface), program in programs.items():

@@ -44,8 +44,16 @@ def far_mount(workshop: Workshop, mount: str, *more: str) -> tuple[int, Endpoint
 
 def virtual_port(workshop: Workshop, mount: str, port: int, surface: str) -> Endpoint:
     """The gateway between two RFC 2217 connections, and the serial port that ser2net makes of the second one."""
-    argv = [*PRODUCT, "run", "--mount", f"{mount}@rfc2217://127.0.0.1:{port}",
-            "--surface", f"{surface}@rfc2217://127.0.0.1:0", "--sun", "0"]
+    argv = [
+        *PRODUCT,
+        "run",
+        "--mount",
+        f"{mount}@rfc2217://127.0.0.1:{port}",
+        "--surface",
+        f"{surface}@rfc2217://127.0.0.1:0",
+        "--sun",
+        "0",
+    ]
     (ready,) = endpoints(workshop.start(argv, ends_well=True).wait_for_lines("ready ", 1))
     assert ready.where.startswith("rfc2217://127.0.0.1:") and ready.port > 0
     device = workshop.folder / "surface"

@@ -13,8 +13,8 @@ from functools import partial
 
 from msgspec import Struct
 
-from gateway.mount_geometry import Sky
-from gateway.spherical import hour_angle_to_horizon, wrap180
+from gateway.astro.axes import Sky
+from gateway.astro.spherical import hour_angle_to_horizon, wrap180
 from tests.proof.attacked import EVENING, NOON, SITE, Attacked, Program
 
 Script = Callable[[Attacked], dict[str, float] | None]
@@ -48,8 +48,10 @@ def goto(program: Program, ra: float, dec: float) -> bool:
     """Whether it was begun, by the LX200 surface's word."""
     hours, sign = ra / 15.0 % 24.0, "-" if dec < 0 else "+"
     seconds, arcseconds = round(hours * 3600) % 86400, round(abs(dec) * 3600)
-    target = (f":Sr{seconds // 3600:02}:{seconds // 60 % 60:02}:{seconds % 60:02}#"
-              f":Sd{sign}{arcseconds // 3600:02}*{arcseconds // 60 % 60:02}:{arcseconds % 60:02}#")
+    target = (
+        f":Sr{seconds // 3600:02}:{seconds // 60 % 60:02}:{seconds % 60:02}#"
+        f":Sd{sign}{arcseconds // 3600:02}*{arcseconds // 60 % 60:02}:{arcseconds % 60:02}#"
+    )
     heard = program.ask(target.encode(), 2.0, until=b"11")
     return heard == b"11" and program.ask(b":MS#", 8.0, until=b"0") == b"0"
 
@@ -164,8 +166,10 @@ def syncs_add_up(at: Attacked) -> None:
         azimuth, altitude = hour_angle_to_horizon(hour_angle, told[1], SITE[0])
         ra, dec = at.place(azimuth, min(89.0, altitude + 14.0))
         seconds, arcminutes = round(ra / 15.0 * 3600) % 86400, round(abs(dec) * 60)
-        target = (f":Sr{seconds // 3600:02}:{seconds // 60 % 60:02}:{seconds % 60:02}#"
-                  f":Sd{'-' if dec < 0 else '+'}{arcminutes // 60:02}*{arcminutes % 60:02}:00#")
+        target = (
+            f":Sr{seconds // 3600:02}:{seconds // 60 % 60:02}:{seconds % 60:02}#"
+            f":Sd{'-' if dec < 0 else '+'}{arcminutes // 60:02}*{arcminutes % 60:02}:00#"
+        )
         program.ask(target.encode(), 2.0, until=b"11")
         program.ask(b":CM#", 4.0)
         time.sleep(0.5)

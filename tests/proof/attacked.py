@@ -20,9 +20,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from gateway.mount_geometry import Sky
-from gateway.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation, wrap180, wrap360
-from gateway.truth import sun
+from gateway.astro.axes import Sky
+from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation, wrap180, wrap360
+from gateway.protocols.mechanics.truth import sun
 
 HERE = Path(__file__).resolve().parents[2]
 SITE = (45.0, 10.0)
@@ -145,8 +145,17 @@ class Program:
 class Attacked:
     """One mount, one gateway of ``tree`` in front of it."""
 
-    def __init__(self, tree: Path, place: Path, mount: str, *options: str, surface: str = "lx200:lx200gps",
-                 start: str = EVENING, host: str = "", sim: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self,
+        tree: Path,
+        place: Path,
+        mount: str,
+        *options: str,
+        surface: str = "lx200:lx200gps",
+        start: str = EVENING,
+        host: str = "",
+        sim: tuple[str, ...] = (),
+    ) -> None:
         """``host`` is what the gateway's computer takes for the time, if not the true one."""
         self.mount, self._started = mount, datetime.fromisoformat(start).timestamp()
         self._truth, self._said = place / "truth.jsonl", place / "said.txt"
@@ -154,14 +163,37 @@ class Attacked:
         self._processes: list[subprocess.Popen[str]] = []
         self._began = 0
         self._stopped: float | None = None
-        mounted = self._run(HERE, 0.0, "sim", mount, "--at", "tcp://127.0.0.1:0", "--truth", str(self._truth), "--time",
-                            start, "--site", f"{SITE[0]:g},{SITE[1]:g}", *sim)
+        mounted = self._run(
+            HERE,
+            0.0,
+            "sim",
+            mount,
+            "--at",
+            "tcp://127.0.0.1:0",
+            "--truth",
+            str(self._truth),
+            "--time",
+            start,
+            "--site",
+            f"{SITE[0]:g},{SITE[1]:g}",
+            *sim,
+        )
         self.relay = Relay(mounted)
         ahead = (datetime.fromisoformat(host).timestamp() if host else self.now) - time.time()
         self._surface = self._run(
-            tree, ahead, "run", "--mount", f"{mount.partition(':')[0]}@socket://127.0.0.1:{self.relay.port}",
-            "--surface", f"{surface}@tcp://127.0.0.1:0", "--no-discovery", "--no-status", "--state",
-            str(place / "state"), *options)
+            tree,
+            ahead,
+            "run",
+            "--mount",
+            f"{mount.partition(':')[0]}@socket://127.0.0.1:{self.relay.port}",
+            "--surface",
+            f"{surface}@tcp://127.0.0.1:0",
+            "--no-discovery",
+            "--no-status",
+            "--state",
+            str(place / "state"),
+            *options,
+        )
 
     def __enter__(self) -> Self:
         return self
@@ -184,8 +216,13 @@ class Attacked:
         python = str(own) if own.exists() else sys.executable
         with self._said.open("a") as said:
             process = subprocess.Popen(
-                [python, "-c", _AHEAD, str(ahead), *arguments], cwd=tree, text=True, stdout=subprocess.PIPE,
-                stderr=said, env={**os.environ, "PYTHONPATH": str(tree)})
+                [python, "-c", _AHEAD, str(ahead), *arguments],
+                cwd=tree,
+                text=True,
+                stdout=subprocess.PIPE,
+                stderr=said,
+                env={**os.environ, "PYTHONPATH": str(tree)},
+            )
         self._processes.append(process)
         assert process.stdout is not None
         for line in process.stdout:
@@ -224,6 +261,7 @@ class Attacked:
 
     def looks_highest(self, altitude: float, believed: Sky) -> tuple[float, float]:
         """The place at a true altitude that stands highest for whoever believes another site and clock."""
+
         def looks(azimuth: int) -> float:
             ra, dec = self.place(azimuth, altitude)
             return hour_angle_to_horizon(wrap180(believed.sidereal(self.now) - ra), dec, believed.latitude)[1]

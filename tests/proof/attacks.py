@@ -39,8 +39,16 @@ def once(attack: Attack, mount: str, tree: Path) -> Row:
     options = tuple(option for option in attack.options if option != "--hibernate" or knows(tree, option))
     with tempfile.TemporaryDirectory() as place:
         try:
-            with Attacked(tree, Path(place), mount, *options, surface=attack.surface, start=attack.start,
-                          host=attack.host, sim=attack.sim) as at:
+            with Attacked(
+                tree,
+                Path(place),
+                mount,
+                *options,
+                surface=attack.surface,
+                start=attack.start,
+                host=attack.host,
+                sim=attack.sim,
+            ) as at:
                 time.sleep(attack.settled)
                 extra = attack.script(at) or {}
                 row["figures"] = {**at.figures(), **{name: round(value, 2) for name, value in extra.items()}}
@@ -54,7 +62,8 @@ def once(attack: Attack, mount: str, tree: Path) -> Row:
 def knows(tree: Path, option: str) -> bool:
     """Whether the gateway of a tree has an option."""
     return f'"{option}"' in "".join(file.read_text() for file in (tree / "gateway" / "cli").glob("*.py")) or any(
-        option.removeprefix("--") in file.read_text() for file in (tree / "gateway" / "config").glob("keys.py"))
+        option.removeprefix("--") in file.read_text() for file in (tree / "gateway" / "config").glob("keys.py")
+    )
 
 
 def told(row: Row | None) -> str:
@@ -105,8 +114,12 @@ def main() -> int:
         print(table([keyed(json.loads(file.read_text())) for file in arguments.compare], ["before", "after"]))
         return 0
     tree = arguments.tree.resolve()
-    tried = [(attack, mount) for attack in ATTACKS for mount in attack.mounts
-             if arguments.only in f"{attack.group} {attack.name} {mount}"]
+    tried = [
+        (attack, mount)
+        for attack in ATTACKS
+        for mount in attack.mounts
+        if arguments.only in f"{attack.group} {attack.name} {mount}"
+    ]
     with ThreadPoolExecutor(arguments.at_once) as pool:
         rows = list(pool.map(lambda one: once(*one, tree), tried))
     if arguments.json:

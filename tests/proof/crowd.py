@@ -81,8 +81,15 @@ class Outcome:
 Judge = Callable[[Told, float], str]
 
 
-async def _client(port: int, question: bytes, read: Callable[[bytes], Told | None], chance: random.Random,
-                  outcome: Outcome, judge: Judge, fragile: bool) -> None:
+async def _client(
+    port: int,
+    question: bytes,
+    read: Callable[[bytes], Told | None],
+    chance: random.Random,
+    outcome: Outcome,
+    judge: Judge,
+    fragile: bool,
+) -> None:
     """One program, for ever."""
     loop = asyncio.get_running_loop()
     began = loop.time()
@@ -107,8 +114,9 @@ async def _client(port: int, question: bytes, read: Callable[[bytes], Told | Non
             outcome.answers += 1
             fault = judge(told, asked) if told is not None else fault
             if fault:
-                outcome.reproach(f"{question!r} was answered {reply!r}, {loop.time() - began:.1f} s after the "
-                                 f"beginning: {fault}")
+                outcome.reproach(
+                    f"{question!r} was answered {reply!r}, {loop.time() - began:.1f} s after the beginning: {fault}"
+                )
             due = max(due + 1.0 / RATE, loop.time())
             await asyncio.sleep(due - loop.time())
         _kill(writer, question if chance.random() < 0.5 else b"")
@@ -122,8 +130,14 @@ def _kill(writer: asyncio.StreamWriter, last: bytes) -> None:
     writer.transport.abort()
 
 
-async def crowd(lx200_port: int, nexstar_port: int, clients: int, chance: random.Random, outcome: Outcome,
-                judge: Judge = lambda told, asked: "") -> None:
+async def crowd(
+    lx200_port: int,
+    nexstar_port: int,
+    clients: int,
+    chance: random.Random,
+    outcome: Outcome,
+    judge: Judge = lambda told, asked: "",
+) -> None:
     """So many programs, until cancelled."""
     async with asyncio.TaskGroup() as group:
         for number in range(clients):

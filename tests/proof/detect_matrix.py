@@ -15,12 +15,12 @@ import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gateway.config import Endpoint
-from gateway.detect import Place, look
-from gateway.detect.looking import OTHERS, USUAL
+from gateway.app.config import Endpoint
+from gateway.app.simulated import make_simulator, serve_simulator
+from gateway.diagnostics.detect import SerialPortInfo, look
+from gateway.diagnostics.detect.scan_port import OTHERS, USUAL
 from gateway.protocols.nexstar.versions import made_with
-from gateway.simulators import make_simulator, serve_simulator
-from gateway.tables import load
+from gateway.protocols.wireformat.command_set import load
 
 #: Seconds a port: where 9600 is right, and everywhere else.
 AT_9600, ELSEWHERE = 5.0, 25.0
@@ -54,7 +54,7 @@ async def measure(case: Case, folder: Path, latency: float) -> bool:
     simulator: Any = make_simulator(endpoint, clock=time.time)
     path = folder / f"{case.protocol}-{case.model}-{case.version}-{case.rate}"
     ports = await serve_simulator(simulator, [f"pty:{path}"], latency, case.rate)
-    finding = await look(Place(str(path), str(path)))
+    finding = await look(SerialPortInfo(str(path), str(path)))
     for port in ports:
         await port.close()
     limit = AT_9600 if case.rate == USUAL else ELSEWHERE

@@ -16,11 +16,11 @@ from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 from typing import Any, NamedTuple
 
-from gateway import operations as op
-from gateway.mount_geometry import Build
+from gateway.astro.axes import Build
+from gateway.astro.spherical import SIDEREAL_RATE, horizon_to_hour_angle, hour_angle_to_horizon, wrap180
+from gateway.core import operations as op
+from gateway.protocols.mechanics.truth import Truth, truth_of
 from gateway.protocols.nexstar.rates import key_speed, rate_tables
-from gateway.spherical import SIDEREAL_RATE, horizon_to_hour_angle, hour_angle_to_horizon, wrap180
-from gateway.truth import Truth, truth_of
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -63,19 +63,30 @@ class Row(NamedTuple):
     @property
     def right(self) -> bool:
         return abs(self.seen - self.asked) <= TOLERANCE * abs(self.asked) + NOISE and (
-            abs(self.across) <= TOLERANCE * abs(self.asked) + NOISE)
+            abs(self.across) <= TOLERANCE * abs(self.asked) + NOISE
+        )
 
 
 NEXSTARS: tuple[tuple[str, str | None, str], ...] = (
-    ("cpc", "4.21", "fork"), ("nexstar-gps", "4.21", "fork"),
-    ("cge", "4.21", "german east"), ("cge", "4.21", "german west"),
-    ("avx", "5.31", "german east"), ("avx", "5.31", "german west"),
-    ("cpc", "4.21", "alt-az"), ("slt", "4.03", "alt-az"), ("evolution", "5.31", "alt-az"),
+    ("cpc", "4.21", "fork"),
+    ("nexstar-gps", "4.21", "fork"),
+    ("cge", "4.21", "german east"),
+    ("cge", "4.21", "german west"),
+    ("avx", "5.31", "german east"),
+    ("avx", "5.31", "german west"),
+    ("cpc", "4.21", "alt-az"),
+    ("slt", "4.03", "alt-az"),
+    ("evolution", "5.31", "alt-az"),
     ("nexstar-gps", "2.2", "alt-az"),
 )
 MEADES: tuple[tuple[str, str], ...] = (
-    ("lx200gps", "fork"), ("lx200", "fork"), ("lx200-16", "fork"), ("autostar", "german east"),
-    ("autostar", "german west"), ("lx200gps", "alt-az"), ("autostar", "alt-az"),
+    ("lx200gps", "fork"),
+    ("lx200", "fork"),
+    ("lx200-16", "fork"),
+    ("autostar", "german east"),
+    ("autostar", "german west"),
+    ("lx200gps", "alt-az"),
+    ("autostar", "alt-az"),
 )
 
 
@@ -130,14 +141,15 @@ async def _stand(bridge: Bridge, case: Scenario) -> None:
     if case.program == "lx200" and case.build == "fork":
         bridge.sim.feed(b"T\x02" if case.site[0] > 0 else b"T\x03")
     await asyncio.sleep(10.0)
-    sidereal = await bridge.hub.perform(op.SiderealTime())
+    sidereal = await bridge.controller.perform(op.SiderealTime())
     dec = 25.0 if case.site[0] > 0 else -15.0
-    await bridge.hub.perform(op.Goto((sidereal - PLACES[case.build]) % 360.0, dec))
+    await bridge.controller.perform(op.Goto((sidereal - PLACES[case.build]) % 360.0, dec))
     await asyncio.sleep(100.0)
 
 
-async def _seen(bridge: Bridge, begin: Callable[[], None], end: Callable[[], None],
-                seconds: float) -> tuple[Truth, Truth]:
+async def _seen(
+    bridge: Bridge, begin: Callable[[], None], end: Callable[[], None], seconds: float
+) -> tuple[Truth, Truth]:
     """An arrow between two moments at which it has its speed."""
     begin()
     await asyncio.sleep(BEFORE)
@@ -152,7 +164,7 @@ async def _seen(bridge: Bridge, begin: Callable[[], None], end: Callable[[], Non
 def _lx200_measure(case: Scenario, arrow: bool, before: Truth, after: Truth) -> Pair:
     """Arrows mean the sky on an equatorial mount and the axes on an alt-az one; pulses as the owner says."""
     altaz = case.build == "alt-az"
-    if (altaz if arrow else case.guide == "motor" and case.build != "fork"):
+    if altaz if arrow else case.guide == "motor" and case.build != "fork":
         first, second = on_the_axes(before, after, case.site, altaz)
         return (first if altaz or case.site[0] > 0 else -first), second  # the first motor turns as the sky in the south
     return on_the_sky(before, after, case.site)
@@ -170,13 +182,29 @@ async def _lx200(bridge: Bridge, case: Scenario) -> list[Row]:
             client.tell(f":{name}#".encode())
             seconds = SLOWLY if speed < 0.1 else MEASURED
             before, after = await _seen(bridge, tell(f":M{letter}#".encode()), tell(f":Q{letter}#".encode()), seconds)
-            rows.append(_row(case, name, letter, sense * speed * (after.t - before.t), axis,
-                             _lx200_measure(case, True, before, after)))
+            rows.append(
+                _row(
+                    case,
+                    name,
+                    letter,
+                    sense * speed * (after.t - before.t),
+                    axis,
+                    _lx200_measure(case, True, before, after),
+                )
+            )
     for ms, (letter, (axis, sense)) in product(PULSES_MS, LETTERS.items()):
         rate = bridge.driver.guide_rates[axis] * SIDEREAL_RATE
         before, after = await _pulse(bridge, tell(f":Mg{letter}{ms:04d}#".encode()))
-        rows.append(_row(case, f"pulse {case.guide} {ms} ms", letter, sense * rate * ms / 1000.0, axis,
-                         _lx200_measure(case, False, before, after)))
+        rows.append(
+            _row(
+                case,
+                f"pulse {case.guide} {ms} ms",
+                letter,
+                sense * rate * ms / 1000.0,
+                axis,
+                _lx200_measure(case, False, before, after),
+            )
+        )
     return rows
 
 
@@ -199,17 +227,37 @@ async def _nexstar(bridge: Bridge, case: Scenario) -> list[Row]:
     for key in (1, 2, 4, 6, 9):
         speed = bridge.driver.speed(op.Rate(key=key, degrees=key_speed(rate_tables()["se"], key)))
         for axis, way in senses:
-            before, after = await _seen(bridge, tell(80, 2, 15 + axis, way, key, 0, 0, 0),
-                                        tell(80, 2, 15 + axis, 36, 0, 0, 0, 0), SLOWLY if speed < 0.1 else MEASURED)
+            before, after = await _seen(
+                bridge,
+                tell(80, 2, 15 + axis, way, key, 0, 0, 0),
+                tell(80, 2, 15 + axis, 36, 0, 0, 0, 0),
+                SLOWLY if speed < 0.1 else MEASURED,
+            )
             asked = (1 if way == 36 else -1) * speed * (after.t - before.t)
-            rows.append(_row(case, f"key {key}", f"{axis}{'+' if way == 36 else '-'}", asked, axis,
-                             on_the_axes(before, after, case.site, altaz)))
+            rows.append(
+                _row(
+                    case,
+                    f"key {key}",
+                    f"{axis}{'+' if way == 36 else '-'}",
+                    asked,
+                    axis,
+                    on_the_axes(before, after, case.site, altaz),
+                )
+            )
     for ms, (axis, way) in product(PULSES_MS, senses):
         percent = 100 if way == 36 else 156
         before, after = await _pulse(bridge, tell(80, 3, 15 + axis, 38, percent, ms // 10, 0, 0))
         asked = (1 if way == 36 else -1) * SIDEREAL_RATE * ms / 1000.0
-        rows.append(_row(case, f"pulse 100 % {ms} ms", f"{axis}{'+' if way == 36 else '-'}", asked, axis,
-                         on_the_axes(before, after, case.site, altaz)))
+        rows.append(
+            _row(
+                case,
+                f"pulse 100 % {ms} ms",
+                f"{axis}{'+' if way == 36 else '-'}",
+                asked,
+                axis,
+                on_the_axes(before, after, case.site, altaz),
+            )
+        )
     return rows
 
 
@@ -235,8 +283,10 @@ def _line(rows: list[Row]) -> str:
     across = max(abs(row.across / row.asked) for row in rows)
     speed = abs(rows[0].asked) * 3600.0
     name = f"{case.mount}{f'/{case.version}' if case.version else ''}"
-    return (f"| {case.program} | {name} | {case.build} | {'north' if case.site[0] > 0 else 'south'} | {what} | "
-            f"{speed:.1f}″ | {parts} | {across:.3f} |")
+    return (
+        f"| {case.program} | {name} | {case.build} | {'north' if case.site[0] > 0 else 'south'} | {what} | "
+        f"{speed:.1f}″ | {parts} | {across:.3f} |"
+    )
 
 
 def main() -> int:

@@ -1,6 +1,6 @@
 """Every driven model and version times every operation; the tables are those of ``tests/test_driven_models.py``.
 
-    python -m tests.proof.driven_models
+python -m tests.proof.driven_models
 """
 
 from __future__ import annotations

@@ -14,8 +14,8 @@ from enum import Enum
 from random import Random
 from typing import Any
 
-from gateway.transcript import Entry
-from gateway.wires import OnData, OnLost
+from gateway.core.wire_log import Entry
+from gateway.transport.wires import OnData, OnLost
 
 
 class Kind(Enum):
@@ -53,8 +53,16 @@ class FaultyWire:
 
     name = "a bad line"
 
-    def __init__(self, feed: Callable[[bytes], bytes], seed: int, rate: float, kinds: tuple[Kind, ...],
-                 reboot: Callable[[], Callable[[bytes], bytes]], latency: float = 0.03, text: bool = False) -> None:
+    def __init__(
+        self,
+        feed: Callable[[bytes], bytes],
+        seed: int,
+        rate: float,
+        kinds: tuple[Kind, ...],
+        reboot: Callable[[], Callable[[bytes], bytes]],
+        latency: float = 0.03,
+        text: bool = False,
+    ) -> None:
         self._feed, self._reboot, self._latency, self._text = feed, reboot, latency, text
         self._random, self.rate, self.kinds = Random(seed), rate, kinds
         self._weights = [RARE.get(kind, 1.0) for kind in kinds]
@@ -102,8 +110,9 @@ class FaultyWire:
             self._vanish(0.1)
             raise OSError(5, "half of it")
         if kind is Kind.VANISHED:
-            asyncio.get_running_loop().call_later(self._random.uniform(0.0, 0.1), self._vanish,
-                                                  self._random.uniform(0.1, 6.0))
+            asyncio.get_running_loop().call_later(
+                self._random.uniform(0.0, 0.1), self._vanish, self._random.uniform(0.1, 6.0)
+            )
         elif kind is Kind.MUTE:
             self._silent_until = now + self._random.uniform(3.0, 30.0)
         elif kind is Kind.REBOOT:

@@ -9,7 +9,7 @@ import re
 from functools import lru_cache
 from random import Random
 
-from gateway.tables import load
+from gateway.protocols.wireformat.command_set import load
 from tests.manual_files import raw, rows
 from tests.transcript_files import files, read
 

@@ -21,14 +21,14 @@ import atheris
 
 atheris.enabled_hooks.add("str")  # "RegEx" does not go with compiled modules such as tomli
 with atheris.instrument_imports(include=["gateway"]):
-    from gateway.driver import Ask
-    from gateway.errors import Fault
-    from gateway.frames import Unterminated
-    from gateway.protocols.lx200.dialogue import MeadeDialogue
+    from gateway.core.errors import Fault
+    from gateway.protocols.base.driver import Send
+    from gateway.protocols.base.frames import Unterminated
     from gateway.protocols.lx200.framing import LONGEST, Framer
-    from gateway.protocols.nexstar.dialogue import NexStarDialogue
+    from gateway.protocols.lx200.reply_rules import MeadeDialogue
     from gateway.protocols.nexstar.framing import Framer as Lengths
     from gateway.protocols.nexstar.framing import all_lengths
+    from gateway.protocols.nexstar.reply_rules import NexStarDialogue
     from tests.fixture import Mount, Talk
     from tests.proof.fuzz_bytes import conversations
     from tests.proof.fuzz_forms import PROTOCOLS, of_reply
@@ -78,7 +78,7 @@ def _parsing(protocol: str) -> Target:
     commands = list(PROTOCOLS[protocol].commands)
     dialogue = _DIALOGUES[protocol]
 
-    def replies(ask: Ask, buffer: bytes) -> None:
+    def replies(ask: Send, buffer: bytes) -> None:
         try:
             taken = dialogue.take(ask, buffer)
         except ValueError:
@@ -93,7 +93,7 @@ def _parsing(protocol: str) -> Target:
         if len(data) < 3:
             return
         if data[0] & 0x80:
-            replies(Ask(commands[data[1] % len(commands)]), data[2:])
+            replies(Send(commands[data[1] % len(commands)]), data[2:])
             return
         talk = faces[data[0] % len(faces)]
         talk.mount, talk.deferred = Mount(), []

@@ -22,11 +22,11 @@ from typing import Any
 
 import msgspec
 
-from gateway import operations as op
-from gateway.errors import Fault
-from gateway.tables import load
-from gateway.transcript import Entry
-from gateway.wires import OnData, OnLost
+from gateway.core import operations as op
+from gateway.core.errors import Fault
+from gateway.core.wire_log import Entry
+from gateway.protocols.wireformat.command_set import load
+from gateway.transport.wires import OnData, OnLost
 from tests.bridge import Bridge
 from tests.proof.fuzz_bytes import flawed
 from tests.proof.fuzz_forms import PROTOCOLS, of_request
@@ -196,7 +196,7 @@ async def ask(bridge: Bridge, operation: op.Operation, findings: Findings, label
     began = loop.time()
     try:
         async with asyncio.timeout(LONGEST):
-            value = await bridge.hub.perform(operation)
+            value = await bridge.controller.perform(operation)
         right = _RIGHT.get(kind, lambda value: value is None or isinstance(value, dict | bool))
         if not right(value):
             findings.say(f"{label}: {kind.__name__} -> {type(value).__name__} out of range", f"{operation}: {value!r}")
@@ -221,13 +221,13 @@ async def lie(driven: str, mount: str, rng: Random, size: int, findings: Finding
     bridge = Bridge(mount, driven=driven, latency=0.0)
     bridge.transcript.sinks[:] = [lambda entry: _hear(entry, driven, findings)]
     liar = Liar(bridge.sim.feed, rng)
-    bridge.hub.line.wire = liar  # type: ignore[assignment]
+    bridge.controller.line.wire = liar  # type: ignore[assignment]
     if rng.random() < 0.3:
         liar.manner = None
-    bridge.hub.start()
+    bridge.controller.start()
     try:
         async with asyncio.timeout(120.0):
-            await bridge.hub.settled.wait()
+            await bridge.controller.settled.wait()
     except TimeoutError:
         findings.ended["never identified"] += 1
     liar.manner = None
@@ -235,7 +235,7 @@ async def lie(driven: str, mount: str, rng: Random, size: int, findings: Finding
     end = loop.time() + size  # a mount that is spoken to tells more than a byte a second
     while liar.told < size:
         if loop.time() > end:
-            findings.say(f"{driven}: not spoken to any more", f"{label}: line {bridge.hub.line.state}")
+            findings.say(f"{driven}: not spoken to any more", f"{label}: line {bridge.controller.line.state}")
             break
         if rng.random() < 0.1:
             liar.manner = rng.choice([None, None, *MANNERS])
@@ -247,7 +247,7 @@ async def lie(driven: str, mount: str, rng: Random, size: int, findings: Finding
     for broken in liar.broken:
         findings.say(f"{driven}: {broken.partition(':')[2]}", broken)
     await _recover(bridge, findings, label)
-    await bridge.hub.close()
+    await bridge.controller.close()
     return liar.told
 
 
@@ -257,12 +257,12 @@ async def _recover(bridge: Bridge, findings: Findings, label: str) -> None:
         async with asyncio.timeout(RECOVERED):
             while True:
                 try:
-                    await bridge.hub.read(op.Position())
+                    await bridge.controller.read(op.Position())
                     return
                 except Fault:
                     await asyncio.sleep(1.0)
     except TimeoutError:
-        line, known = bridge.hub.line, bridge.hub.identified.is_set()
+        line, known = bridge.controller.line, bridge.controller.identified.is_set()
         findings.say(f"{label.partition(':')[0]}: not heard again",
                      f"{label}, line {line.state} {line.reason!r}, identified {known}")  # fmt: skip
 
@@ -279,13 +279,13 @@ def _hear(entry: Entry, driven: str, findings: Findings) -> None:
 
 def _weigh(bridge: Bridge, findings: Findings, driven: str) -> None:
     """What may grow has not."""
-    hub, driver = bridge.hub, bridge.driver
+    controller, driver = bridge.controller, bridge.driver
     held = sum(len(value) for value in vars(driver).values() if isinstance(value, dict | list | set | str | bytes))
     for what, size, most in (
-        ("buffer", len(hub.line.talk._buffer), 4096), ("queue", len(hub.line._queue), 200),
-        ("tasks", len(hub._tasks), 200),
-        ("jobs", len(hub.motions.wanted.pending), 200), ("driver", held - len(driver.specials), 200),
-        ("urgent", len(hub.line._urgent), 200),
+        ("buffer", len(controller.line.talk._buffer), 4096), ("queue", len(controller.line._queue), 200),
+        ("tasks", len(controller._tasks), 200),
+        ("jobs", len(controller.motions.wanted.pending), 200), ("driver", held - len(driver.specials), 200),
+        ("urgent", len(controller.line._urgent), 200),
     ):  # fmt: skip
         if size > most:
             findings.say(f"{driven}: {what} has grown", f"{size}, at most {most}")

@@ -9,9 +9,9 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 
-from gateway.frames import Unterminated
-from gateway.pictures import Picture
-from gateway.tables import Protocol, load
+from gateway.protocols.base.frames import Unterminated
+from gateway.protocols.wireformat.command_set import CommandSet, load
+from gateway.protocols.wireformat.template import FrameTemplate
 from tests.manual_files import fits, rows
 
 #: What LX200 replies are made of: printable ASCII, the bar of :D#, the degree sign.
@@ -35,7 +35,7 @@ def _shapes() -> dict[str, list[str]]:
 SHAPES = _shapes()
 
 
-def _decodes(picture: Picture, data: bytes) -> bool:
+def _decodes(picture: FrameTemplate, data: bytes) -> bool:
     try:
         picture.decode(data)
     except ValueError:
@@ -43,7 +43,7 @@ def _decodes(picture: Picture, data: bytes) -> bool:
     return True
 
 
-def of_reply(protocol: Protocol, frame: bytes, reply: bytes) -> str:
+def of_reply(protocol: CommandSet, frame: bytes, reply: bytes) -> str:
     """What is wrong with a reply to this command."""
     if isinstance(frame, Unterminated):
         forms = protocol.commands[frame.names[0]].replies if frame.names[0] else []
@@ -68,7 +68,7 @@ def of_reply(protocol: Protocol, frame: bytes, reply: bytes) -> str:
     return ""
 
 
-def of_request(protocol: Protocol, data: bytes) -> str:
+def of_request(protocol: CommandSet, data: bytes) -> str:
     """What is wrong with a request to a mount: it must be one whole command of the protocol, in range."""
     found = protocol.find(data)
     if found is None or not any(_decodes(picture, data) for picture in found[0].requests):

@@ -21,14 +21,14 @@ from collections import Counter
 from random import Random
 from typing import Any, NamedTuple
 
-from gateway.assembly import FACES
-from gateway.clients import INBOX, MEMO, Client
-from gateway.config import Endpoint, SurfaceConfig
+from gateway.app.config import Endpoint, SurfaceConfig
+from gateway.app.gateway import FACES
+from gateway.astro.ephemeris import Sky
+from gateway.clients.command_processor import INBOX, MEMO, CommandProcessor
+from gateway.core.wire_log import MOST, Entry
 from gateway.mount.safety.limits import Limits
 from gateway.protocols.nexstar.versions import made_with
-from gateway.sky import Sky
-from gateway.tables import load
-from gateway.transcript import MOST, Entry
+from gateway.protocols.wireformat.command_set import load
 from tests.bridge import Bridge
 from tests.proof.fuzz_bytes import KINDS, packets, thrown
 from tests.proof.fuzz_forms import PROTOCOLS, of_reply, of_request
@@ -113,7 +113,7 @@ class Judge:
         elif verdict := of_reply(PROTOCOLS[self.case.presented], frame, reply):
             self.say(f"{self.case.presented}: ill-formed reply to {frame[:3]!r}", f"{self.case}: {frame!r}: {verdict}")
 
-    def weigh(self, bridge: Bridge, client: Client) -> None:
+    def weigh(self, bridge: Bridge, client: CommandProcessor) -> None:
         """What may grow has not."""
         framer: Any = client.framing.framer
         pending = len(framer._frame if self.case.presented == "lx200" else framer._pending)
@@ -121,8 +121,8 @@ class Judge:
             ("inbox", len(client._inbox), INBOX), ("memo", len(client._memo), MEMO), ("framer", pending, 64),
             ("kept", len(repr(client.session.kept)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),
             ("told", len(client._told), 40), ("deferred", len(client._deferred), 4),
-            ("said", len(bridge.transcript._said), MOST), ("tasks", len(bridge.hub._tasks), 600),
-            ("line", len(bridge.hub.line._queue), 600), ("hosts", len(bridge.reception._left), 200),
+            ("said", len(bridge.transcript._said), MOST), ("tasks", len(bridge.controller._tasks), 600),
+            ("line", len(bridge.controller.line._queue), 600), ("hosts", len(bridge.reception._left), 200),
         ):  # fmt: skip
             if size > most:
                 self.say(f"{self.case.presented}: {what} has grown", f"{size}, at most {most}")
@@ -136,21 +136,27 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
     asyncio.get_running_loop().set_exception_handler(
         lambda _, context: judge.say(f"{case.presented}: left over: {context.get('exception') or context['message']!r}",
                                      f"{case}: {context!r}"))  # fmt: skip
-    bridge = Bridge(case.mount, driven=case.driven, presented=case.presented, surface=case.model,
-                    latency=rng.choice([0.0, 0.02]), aligned=rng.random() < 0.8)
+    bridge = Bridge(
+        case.mount,
+        driven=case.driven,
+        presented=case.presented,
+        surface=case.model,
+        latency=rng.choice([0.0, 0.02]),
+        aligned=rng.random() < 0.8,
+    )
     endpoint = Endpoint(case.presented, "-", case.model, case.version)
     face = FACES[case.presented](endpoint, SurfaceConfig(at="-"), Limits())
     face.surface.verbatim = case.presented == case.driven
     bridge.reception.face = face
-    bridge.hub.derived.sky = SKY
+    bridge.controller.derived.sky = SKY
     bridge.transcript.sinks[:] = [judge.hear]
     done, longest, number = 0, 0.0, 0
-    clients: list[Client] = []
+    clients: list[CommandProcessor] = []
     async with bridge:
         while done < size:
             number += 1
             visitor = bridge.client(f"host {number % 8}:{number}")
-            client: Client = getattr(visitor._guest, "_client")  # noqa: B009
+            client: CommandProcessor = getattr(visitor._guest, "_client")  # noqa: B009
             clients.append(client)
             for packet in packets(rng, thrown(rng, kind, case.presented, min(CONNECTION[kind], size - done))):
                 began = time.process_time()  # not what other programs take meanwhile
@@ -164,9 +170,9 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
                 judge.say(f"{case.presented}: replies that the transcript does not know", case.model)
             visitor.close()
         await asyncio.sleep(5.0)
-        began = bridge.hub.now()
+        began = bridge.controller.now()
         while any(client.busy for client in clients):
-            if bridge.hub.now() - began > PATIENCE:
+            if bridge.controller.now() - began > PATIENCE:
                 judge.say(f"{case.presented}: what was asked comes to no end", f"{case}, {kind}")
                 break
             await asyncio.sleep(10.0)

@@ -55,8 +55,10 @@ def main() -> int:
                 one.process.wait()
     unmarked = sum(left and not marked for left, marked, _ in runs)
     wrong = sum(not right for _, _, right in runs)
-    print(f"seed {arguments.seed}: {len(runs)} kills, the mount left moving {sum(run[0] for run in runs)} times, "
-          f"{unmarked} of them without a mark; {wrong} times not standing and tracking after the next start")
+    print(
+        f"seed {arguments.seed}: {len(runs)} kills, the mount left moving {sum(run[0] for run in runs)} times, "
+        f"{unmarked} of them without a mark; {wrong} times not standing and tracking after the next start"
+    )
     return 1 if unmarked or wrong or not any(run[0] for run in runs) else 0
 
 

@@ -20,8 +20,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from gateway import keeping
-from gateway.state import Marked, read_kept
+from gateway.app.state import store as keeping
+from gateway.app.state.file import MarkerContent, read_kept
 
 LONGEST = 0.02
 
@@ -31,7 +31,7 @@ def _save_on(directory: Path, first: int, report: int) -> None:
     keeping.PAUSE = 0.0
 
     async def program() -> None:
-        kept = keeping.Keeping("nexstar", "proof", Marked("nexstar@proof", 9600), str(directory), print)
+        kept = keeping.Keeping("nexstar", "proof", MarkerContent("nexstar@proof", 9600), str(directory), print)
         assert kept.held
         number = first
         while True:
@@ -93,8 +93,10 @@ def main() -> int:
             wrong[problem] += bool(problem)
     for problem, times in (+wrong).items():
         print(f"{times} x {problem}")
-    print(f"seed {arguments.seed}: {arguments.kills} kills in {time.monotonic() - began:.1f} s, {number} states saved, "
-          f"{between} kills between writing beside and renaming, {wrong.total()} unreadable, mixed or lost")
+    print(
+        f"seed {arguments.seed}: {arguments.kills} kills in {time.monotonic() - began:.1f} s, {number} states saved, "
+        f"{between} kills between writing beside and renaming, {wrong.total()} unreadable, mixed or lost"
+    )
     return 1 if wrong.total() or not arguments.kills else 0
 
 

@@ -19,12 +19,12 @@ from random import Random
 from statistics import mean
 from typing import Any
 
-from gateway import operations as op
-from gateway.driver import Ask
-from gateway.errors import Fault
-from gateway.hub import MISSING
-from gateway.line import Line
-from gateway.spherical import separation, wrap180
+from gateway.astro.spherical import separation, wrap180
+from gateway.core import operations as op
+from gateway.core.errors import Fault
+from gateway.mount.link.queue import MountLink
+from gateway.mount.readings.cache import MISSING
+from gateway.protocols.base.driver import Send
 from tests.bridge import Bridge, Visitor
 from tests.proof.faulty import BREAKING, FaultyWire, Kind
 from tests.virtual import run
@@ -54,14 +54,14 @@ class Trial:
         # An overtaken answer agrees with the present ones where nothing but the sky has moved since.
         self.resolution = MARGIN if Kind.OVERTAKEN in kinds else RESOLUTION
         self.wire = FaultyWire(self.sim.feed, seed, rate, kinds, self._rebooted, text=driven == "lx200")
-        line = self.bridge.hub.line
+        line = self.bridge.controller.line
         line.wire = self.wire
-        self.line: Line = line
-        self.strange: list[Ask] = []
-        self.acknowledged: list[tuple[Ask, bool]] = []
+        self.line: MountLink = line
+        self.strange: list[Send] = []
+        self.acknowledged: list[tuple[Send, bool]] = []
         in_step, exchange = line.talk.in_step, line.talk.exchange
 
-        async def exchanging(ask: Ask, firm: bool = False) -> Any:
+        async def exchanging(ask: Send, firm: bool = False) -> Any:
             self.wire.strange, self.wire.of_another = None, False
             outcome = await exchange(ask, firm)
             if self.wire.strange is not None and not self.wire.proving and not isinstance(outcome, Fault):
@@ -71,9 +71,9 @@ class Trial:
             return outcome
 
         line.talk.exchange = exchanging  # type: ignore[method-assign]
-        order = self.bridge.hub.belief._order
+        order = self.bridge.controller.belief._order
 
-        async def ordering(ask: Ask, rank: int) -> Any:
+        async def ordering(ask: Send, rank: int) -> Any:
             done = len(self.acknowledged)
             answer = await order(ask, rank)
             own = [another for other, another in self.acknowledged[done:] if other is ask]
@@ -83,7 +83,7 @@ class Trial:
                 self.unsure += 1
             return answer
 
-        self.bridge.hub.belief._order = ordering  # type: ignore[method-assign]
+        self.bridge.controller.belief._order = ordering  # type: ignore[method-assign]
 
         async def proving() -> bool:
             self.wire.proving = True
@@ -130,7 +130,7 @@ class Trial:
         self.sim.truth()
         if self.driven == "lx200":
             return self.sim.position()  # type: ignore[no-any-return]
-        from gateway.spherical import fold_declination
+        from gateway.astro.spherical import fold_declination
 
         return fold_declination(*self.sim.mechanics.believed(self.sim.now))
 
@@ -154,12 +154,19 @@ class Trial:
         bridge, wire = self.bridge, self.wire
         rate, wire.rate = wire.rate, 0.0
         async with bridge:
-            self.identity = await bridge.hub.read(op.GetIdentity())
+            self.identity = await bridge.controller.read(op.GetIdentity())
             self.site = bridge.observatory.mount_site
             wire.rate = rate
-            tasks = [asyncio.ensure_future(work) for work in (
-                self._poller(0.25), self._poller(0.6), self._watcher(), self._mover(bridge.client("10.0.0.9")),
-                self._renewer())]
+            tasks = [
+                asyncio.ensure_future(work)
+                for work in (
+                    self._poller(0.25),
+                    self._poller(0.6),
+                    self._watcher(),
+                    self._mover(bridge.client("10.0.0.9")),
+                    self._renewer(),
+                )
+            ]
             while wire.exchanges < exchanges:
                 await asyncio.sleep(5.0)
                 for task in tasks:
@@ -231,22 +238,22 @@ class Trial:
 
     async def _renewer(self) -> None:
         """Ask anew for what is told but once: who, where and when."""
-        hub = self.bridge.hub
+        controller = self.bridge.controller
         while True:
             await asyncio.sleep(self.random.uniform(5.0, 20.0))
             for operation in (op.GetSite(), op.GetClock(), op.GetIdentity()):
-                await hub.identification.learn(operation)
+                await controller.identification.learn(operation)
 
     async def _watcher(self) -> None:
         """Everything else that the hub delivers, compared with the simulator."""
-        hub, loop = self.bridge.hub, asyncio.get_running_loop()
+        controller, loop = self.bridge.controller, asyncio.get_running_loop()
         while True:
             await asyncio.sleep(self.random.uniform(0.2, 0.5))
             for operation in (op.GetStatus(), op.Slewing(), op.HorizontalPosition()):
                 began = loop.time()
-                value = hub.peek(operation)
+                value = controller.peek(operation)
                 try:
-                    value = await hub.read(operation) if value is MISSING else value
+                    value = await controller.read(operation) if value is MISSING else value
                 except Fault:
                     continue
                 if loop.time() - began > LONGEST_WAIT:
@@ -264,7 +271,7 @@ class Trial:
     def _oldest(self, now: float) -> float:
         """The time before which nothing that is told now may come from."""
         line = self.line
-        old = line.state != "up" or self.bridge.hub.telling.told_old  # which the log says
+        old = line.state != "up" or self.bridge.controller.telling.told_old  # which the log says
         allowed = 10.0 if old else max(AGE, 2.5 * line.typical)
         return now - allowed - EXCHANGE
 
@@ -295,7 +302,7 @@ class Trial:
         self.asked[type(operation).__name__] += 1
         if isinstance(operation, op.Slewing):
             self._sample()
-            if value != self.said or self.bridge.hub.motions.goto_waits:  # one that waits counts as under way
+            if value != self.said or self.bridge.controller.motions.goto_waits:  # one that waits counts as under way
                 self.said_since, self.said = now, bool(value)
             since = self.still_since if value else self.slewing_since
             if since is not None and min(now - since, now - self.said_since) > SETTLED and self.line.state == "up":
@@ -312,7 +319,7 @@ class Trial:
             self._is_wrong("horizon", str(value))
 
     def _check_settings(self, now: float) -> None:
-        observatory, hub = self.bridge.observatory, self.bridge.hub
+        observatory, controller = self.bridge.observatory, self.bridge.controller
         place = observatory.mount_site
         if place != self.site:
             self._is_wrong("site", f"{place}, not {self.site}")
@@ -320,7 +327,7 @@ class Trial:
         utc = self.sim.utc() + (self.bridge.clock() - self.sim.now)
         if clock is not None and abs(clock.unix - utc) > 2.7:
             self._is_wrong("clock", f"off by {clock.unix - utc:.1f} s")
-        identity = hub.snapshot.value(op.GetIdentity)
+        identity = controller.snapshot.value(op.GetIdentity)
         if identity is not None and identity != self.identity:
             self._is_wrong("identity", f"{identity}, not {self.identity}")
 
@@ -330,8 +337,10 @@ def _lx200_position(raw: bytes) -> tuple[float, float]:
     hours = [int(part) for part in ra.split(b":")]
     sign = -1.0 if dec[:1] == b"-" else 1.0
     degrees = [int(dec[n : n + 2]) for n in (1, 4, 7)]
-    return (15.0 * (hours[0] + hours[1] / 60 + hours[2] / 3600),
-            sign * (degrees[0] + degrees[1] / 60 + degrees[2] / 3600))
+    return (
+        15.0 * (hours[0] + hours[1] / 60 + hours[2] / 3600),
+        sign * (degrees[0] + degrees[1] / 60 + degrees[2] / 3600),
+    )
 
 
 def _nexstar_position(raw: bytes) -> tuple[float, float]:
@@ -368,8 +377,10 @@ def main() -> int:
     driven = [given.driven] if given.driven else list(MOUNTS)
     share = max(200, given.exchanges // (len(groups) * len(rates) * len(driven)))
     total, wrong, faults, seed = 0, Counter[str](), 0, given.seed
-    print(f"{'faults':34} {'mount':9} rate  exchanges  faults  strange  unsure  wrong  answered  silent  longest",
-          " sane after")
+    print(
+        f"{'faults':34} {'mount':9} rate  exchanges  faults  strange  unsure  wrong  answered  silent  longest",
+        " sane after",
+    )
     for name, kinds in groups:
         for protocol in driven:
             for rate in rates:
@@ -380,9 +391,12 @@ def main() -> int:
                 sane = [seconds for times in wire.sane_after.values() for seconds in times]
                 total, faults = total + done.carried, faults + sum(wire.faults.values())
                 wrong += done.wrong
-                print(f"{name:34} {model:9} {rate:4.0%} {done.carried:10} {sum(wire.faults.values()):7} "
-                      f"{len(done.strange):8} {done.unsure:7} {sum(done.wrong.values()):6} {done.asked['answered']:9} "
-                      f"{done.asked['silent']:7} {done.longest:7.1f}s {mean(sane) if sane else 0.0:8.2f} s", flush=True)
+                print(
+                    f"{name:34} {model:9} {rate:4.0%} {done.carried:10} {sum(wire.faults.values()):7} "
+                    f"{len(done.strange):8} {done.unsure:7} {sum(done.wrong.values()):6} {done.asked['answered']:9} "
+                    f"{done.asked['silent']:7} {done.longest:7.1f}s {mean(sane) if sane else 0.0:8.2f} s",
+                    flush=True,
+                )
                 for note in done.notes[:5]:
                     print(f"    seed {seed}: {note}")
     print(f"{total} exchanges, {faults} faults, wrong: {dict(wrong) or 0}, {time.monotonic() - began:.0f} s")

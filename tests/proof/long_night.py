@@ -35,9 +35,11 @@ def _spend(plan: Plan, hours: float, gotos: int, seed: int) -> bool:
     record = run(night(plan, hours * 3600.0, hours * 3600.0 / gotos, seed, count))
     first, last = counted[min(1, len(counted) - 1)], counted[-1]
     more, grown = last[0] - first[0], last[1] - first[1]
-    print(f"{plan.presented} program on {plan.driven}:{plan.mount}: {record.polls} polls, {record.gotos} gotos, "
-          f"{record.pulses} pulses; {len(record.wrong)} wrong, at worst {record.worst:.2f} units off; from the first "
-          f"hour to the last {more:+d} objects, {grown:+.2f} MiB; {time.process_time() - began:.0f} s of processor")
+    print(
+        f"{plan.presented} program on {plan.driven}:{plan.mount}: {record.polls} polls, {record.gotos} gotos, "
+        f"{record.pulses} pulses; {len(record.wrong)} wrong, at worst {record.worst:.2f} units off; from the first "
+        f"hour to the last {more:+d} objects, {grown:+.2f} MiB; {time.process_time() - began:.0f} s of processor"
+    )
     print(*(f"  {words}\n" for words in record.wrong[:10]), sep="", end="", flush=True)
     return not record.wrong and more <= OBJECTS and grown <= MEMORY
 

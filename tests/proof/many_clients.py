@@ -23,9 +23,9 @@ from collections import deque
 from pathlib import Path
 from typing import NamedTuple
 
-from gateway.config import Endpoint
-from gateway.simulators import make_simulator
-from gateway.spherical import horizon_to_hour_angle, wrap180, wrap360
+from gateway.app.config import Endpoint
+from gateway.app.simulated import make_simulator
+from gateway.astro.spherical import horizon_to_hour_angle, wrap180, wrap360
 from tests.bench import memory, processes
 from tests.bench.figures import percentile
 from tests.proof.crowd import Outcome, Told, crowd
@@ -79,9 +79,16 @@ class Bench(NamedTuple):
 
 async def _bench(chance: random.Random, state: str, running: list[Running]) -> Bench:
     mount = PacedMount(make_simulator(Endpoint("nexstar", "sim", "6-8se"), clock=time.time), chance)
-    gateway = Running("run", "--mount", f"nexstar@socket://127.0.0.1:{await mount.listen()}", "--sun", "0",
-                      "--state", state,
-                      *(word for name in ("lx200", "nexstar") for word in ("--surface", f"{name}@tcp://127.0.0.1:0")))
+    gateway = Running(
+        "run",
+        "--mount",
+        f"nexstar@socket://127.0.0.1:{await mount.listen()}",
+        "--sun",
+        "0",
+        "--state",
+        state,
+        *(word for name in ("lx200", "nexstar") for word in ("--surface", f"{name}@tcp://127.0.0.1:0")),
+    )
     running.append(gateway)
     ports = [int((await asyncio.to_thread(gateway.ready)).rpartition(":")[2]) for _ in range(2)]
     return Bench(mount, gateway, ports[0], ports[1])
@@ -116,8 +123,7 @@ def _spent(bench: Bench) -> float:
 def slope(points: list[tuple[float, float]]) -> float:
     """The slope of the straight line that lies best among some points."""
     mean_x, mean_y = (sum(point[axis] for point in points) / len(points) for axis in (0, 1))
-    return (sum((x - mean_x) * (y - mean_y) for x, y in points)
-            / sum((x - mean_x) ** 2 for x, _ in points))
+    return sum((x - mean_x) * (y - mean_y) for x, y in points) / sum((x - mean_x) ** 2 for x, _ in points)
 
 
 def _probe(crowded: int, alone: int, seconds: float) -> None:
@@ -140,20 +146,31 @@ async def _run(arguments: argparse.Namespace, state: str, running: list[Running]
     loop, chance = asyncio.get_running_loop(), random.Random(arguments.seed)
     crowded, alone = [await _bench(chance, state, running) for _ in range(2)]
     truth, outcome, sizes = Truth(crowded.mount), Outcome(), list[tuple[float, float]]()
-    tasks = [loop.create_task(work) for work in (
-        _gotos([crowded, alone], chance),
-        crowd(crowded.lx200, crowded.nexstar, arguments.clients, chance, outcome, truth.judge))]
+    tasks = [
+        loop.create_task(work)
+        for work in (
+            _gotos([crowded, alone], chance),
+            crowd(crowded.lx200, crowded.nexstar, arguments.clients, chance, outcome, truth.judge),
+        )
+    ]
     await asyncio.sleep(SETTLE)
     seconds = 60.0 * arguments.minutes
     tasks.append(loop.create_task(_weigh(crowded, sizes)))
     spent = [_spent(bench) for bench in (crowded, alone)]
     passed, answers = [bench.mount.passed for bench in (crowded, alone)], outcome.answers
     probe = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "tests.proof.many_clients", "--probe", str(crowded.lx200), str(alone.lx200),
-        "--minutes", str(arguments.minutes), stdout=asyncio.subprocess.PIPE)
+        sys.executable,
+        "-m",
+        "tests.proof.many_clients",
+        "--probe",
+        str(crowded.lx200),
+        str(alone.lx200),
+        "--minutes",
+        str(arguments.minutes),
+        stdout=asyncio.subprocess.PIPE,
+    )
     said, _ = await probe.communicate()
-    rates = [(bench.mount.passed - before) / seconds
-             for bench, before in zip((crowded, alone), passed, strict=True)]
+    rates = [(bench.mount.passed - before) / seconds for bench, before in zip((crowded, alone), passed, strict=True)]
     answers = outcome.answers - answers
     spent = [(_spent(bench) - before) / seconds for bench, before in zip((crowded, alone), spent, strict=True)]
     for task in tasks:
@@ -166,16 +183,23 @@ async def _run(arguments: argparse.Namespace, state: str, running: list[Running]
     many, one = json.loads(said)
     growth = slope(sizes[len(sizes) // 2 :]) * 60.0 * 1024.0
     quarters = [sizes[min(len(sizes) - 1, len(sizes) * part // 4)][1] for part in range(5)]
-    print(f"seed {arguments.seed}, {arguments.clients} clients, {arguments.minutes:g} minutes: {answers} answers "
-          f"({answers / seconds:.0f} a second), {outcome.wrong} wrong, {outcome.killed} clients killed")
+    print(
+        f"seed {arguments.seed}, {arguments.clients} clients, {arguments.minutes:g} minutes: {answers} answers "
+        f"({answers / seconds:.0f} a second), {outcome.wrong} wrong, {outcome.killed} clients killed"
+    )
     print(*(f"  {words}" for words in outcome.words), sep="\n", end="\n" if outcome.words else "")
-    print("memory after every quarter:", *(f"{size:.1f}" for size in quarters),
-          f"MiB; in the second half {growth:+.1f} KiB a minute")
+    print(
+        "memory after every quarter:",
+        *(f"{size:.1f}" for size in quarters),
+        f"MiB; in the second half {growth:+.1f} KiB a minute",
+    )
     print(f"line: {rates[0]:.1f} bytes a second, {rates[1]:.1f} with one client, ratio {rates[0] / rates[1]:.2f}")
     for name, part in (("median", 50.0), ("p99", 99.0)):
         figures = [percentile(times, part) for times in (many, one)]
-        print(f"round trip, {name}: {figures[0]:.0f} us, {figures[1]:.0f} us with one client, "
-              f"ratio {figures[0] / figures[1]:.2f}")
+        print(
+            f"round trip, {name}: {figures[0]:.0f} us, {figures[1]:.0f} us with one client, "
+            f"ratio {figures[0] / figures[1]:.2f}"
+        )
     print(f"processor: the gateway {spent[0]:.0%} of a core, {spent[1]:.0%} with one client")
     print("load of the machine:", *(f"{load:.1f}" for load in os.getloadavg()))
     return not outcome.wrong and growth <= FLAT and rates[0] <= LINE * rates[1]

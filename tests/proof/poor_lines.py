@@ -30,13 +30,14 @@ GOTO = b":RM#:Me#"
 
 async def polled(model: str, driven: str, poor: Poor, seconds: float, moving: bool, seed: int = 1) -> Polls:
     """The figures of one line."""
-    bridge = Bridge(model, driven=driven, presented="lx200", surface="autostar", named=driven == "lx200",
-                    config={"sun": 0.0})
+    bridge = Bridge(
+        model, driven=driven, presented="lx200", surface="autostar", named=driven == "lx200", config={"sun": 0.0}
+    )
     over(bridge, poor, seed)
-    bridge.hub.start()
+    bridge.controller.start()
     try:
         async with asyncio.timeout(90.0):
-            await bridge.hub.settled.wait()
+            await bridge.controller.settled.wait()
     except TimeoutError:
         pass
     if moving:
@@ -44,14 +45,14 @@ async def polled(model: str, driven: str, poor: Poor, seconds: float, moving: bo
         mover.tell(b":Sr08:00:00#:Sd+60*00:00#:MS#")
         bridge.sim.mechanics.speed = 0.2
     polls = await poll(bridge, seconds)
-    await bridge.hub.close()
+    await bridge.controller.close()
     return polls
 
 
 async def first_answer(model: str, named: bool, latency: float) -> float:
     """Seconds from the start of a gateway until the position is answered to a program that asks twice a second."""
     bridge = Bridge(model, driven="lx200", presented="lx200", surface="autostar", latency=latency, named=named)
-    bridge.hub.start()
+    bridge.controller.start()
     loop, client = asyncio.get_running_loop(), bridge.client()
     began = loop.time()
     while client.heard.count(b"#") < 2 and loop.time() < began + 60.0:
@@ -59,7 +60,7 @@ async def first_answer(model: str, named: bool, latency: float) -> float:
             client.tell(b":GR#:GD#")
         await asyncio.sleep(0.05)
     took = loop.time() - began
-    await bridge.hub.close()
+    await bridge.controller.close()
     return took
 
 
@@ -73,8 +74,11 @@ def main() -> None:
         for name, poor in LINES.items():
             for model, driven in MOUNTS.items():
                 polls = run(polled(model, driven, poor, seconds, moving))
-                print(f"{name:20} {model:10} {polls.answered:4} of {polls.asked:4}  wrong {polls.wrong}"
-                      f"  {polls.longest:.2f} s", flush=True)
+                print(
+                    f"{name:20} {model:10} {polls.answered:4} of {polls.asked:4}  wrong {polls.wrong}"
+                    f"  {polls.longest:.2f} s",
+                    flush=True,
+                )
     print("\nseconds to the first answer")
     for named in (True, False):
         for latency in (0.0, 0.15, 0.5):

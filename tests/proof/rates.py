@@ -14,18 +14,26 @@ from typing import Any
 
 from msgspec import Struct
 
+from gateway.astro.spherical import SIDEREAL_RATE, wrap180
 from gateway.protocols.lx200.driver.speeds import SIDEREAL, Abilities, instead_of_tracking, nearest
+from gateway.protocols.mechanics.truth import truth_of
 from gateway.protocols.nexstar.rates import key_speed, rate_tables
-from gateway.spherical import SIDEREAL_RATE, wrap180
-from gateway.tables import load
-from gateway.truth import truth_of
+from gateway.protocols.wireformat.command_set import load
 from tests.bridge import Bridge
 from tests.virtual import run
 
 MEADES = ("lx200gps", "autostar", "lx200", "lx200-16")
 #: Model, version, what puts a fork on its wedge.
-NEXSTARS = (("cge", "4.21", b""), ("avx", "5.31", b""), ("cpc", "4.21", b"T\2"), ("6-8se", "4.21", b"T\2"),
-            ("slt", "4.03", b"T\2"), ("nexstar-gps", "2.2", b"T\2"), ("nexstar-gps", "1.2", b""), ("gt", "101.0", b""))
+NEXSTARS = (
+    ("cge", "4.21", b""),
+    ("avx", "5.31", b""),
+    ("cpc", "4.21", b"T\2"),
+    ("6-8se", "4.21", b"T\2"),
+    ("slt", "4.03", b"T\2"),
+    ("nexstar-gps", "2.2", b"T\2"),
+    ("nexstar-gps", "1.2", b""),
+    ("gt", "101.0", b""),
+)
 VARIABLE = (0.5, 7.5, 14.5, 15.0, 22.5, -3.0, 30.0, 60.0, 150.0, -150.0, 300.0, 1000.0, 3600.0, 14400.0)
 KEYS = tuple(range(1, 10))
 #: How far apart asked and measured may be where the table names the speed.
@@ -49,8 +57,10 @@ class Row(Struct, frozen=True):
         return abs(self.measured - self.named) > max(abs(self.named) * self.within, 0.3)
 
     def line(self) -> str:
-        return (f"{self.mount:<18} {self.what:<14} {self.asked:>10.2f} {self.named:>10.2f} {self.measured:>10.2f}"
-                f"{'  FAILS' if self.fails else ''}")
+        return (
+            f"{self.mount:<18} {self.what:<14} {self.asked:>10.2f} {self.named:>10.2f} {self.measured:>10.2f}"
+            f"{'  FAILS' if self.fails else ''}"
+        )
 
 
 def _limits(version: str = "") -> dict[str, Any]:
@@ -62,8 +72,14 @@ def over_meade(model: str, variable: tuple[float, ...] = VARIABLE, keys: tuple[i
     rows: list[Row] = []
     facts = load("lx200").models[model]
     low, high = facts["max_rates"]
-    able = Abilities(model == "lx200gps", model == "lx200gps", True, facts["max_rate"], (low, high),
-                     (facts["hertz"][0], facts["hertz"][1]))
+    able = Abilities(
+        model == "lx200gps",
+        model == "lx200gps",
+        True,
+        facts["max_rate"],
+        (low, high),
+        (facts["hertz"][0], facts["hertz"][1]),
+    )
 
     async def program() -> None:
         bridge = Bridge(model, driven="lx200", presented="nexstar", surface="cge", latency=0.02, config=_limits())
@@ -82,8 +98,11 @@ def over_meade(model: str, variable: tuple[float, ...] = VARIABLE, keys: tuple[i
             for asked in variable:
                 code = round(abs(asked) * 4)
                 for device in (16, 17):
-                    named = (instead_of_tracking(able, asked / 3600.0, SIDEREAL / 3600.0).degrees if device == 16
-                             else nearest(able, abs(asked) / 3600.0).degrees * (1 if asked > 0 else -1))
+                    named = (
+                        instead_of_tracking(able, asked / 3600.0, SIDEREAL / 3600.0).degrees
+                        if device == 16
+                        else nearest(able, abs(asked) / 3600.0).degrees * (1 if asked > 0 else -1)
+                    )
                     frame = bytes((80, 3, device, 6 if asked > 0 else 7, code // 256, code % 256, 0, 0))
                     what, measured = f"P 3 {device} {frame[3]}", await turns(device, frame)
                     rows.append(Row(model, what, asked, named * 3600.0, measured))
@@ -136,8 +155,10 @@ def over_nexstar(model: str, version: str, first: bytes, guides: tuple[float, ..
                     client.tell(b":Mg%s4000#" % direction)
                     await asyncio.sleep(6.0)
                     now = truth_of(bridge.sim)
-                    turned = (wrap180(now.axis1 - seen.axis1) - SIDEREAL_RATE * (now.t - seen.t),
-                              wrap180(now.axis2 - seen.axis2))[axis]
+                    turned = (
+                        wrap180(now.axis1 - seen.axis1) - SIDEREAL_RATE * (now.t - seen.t),
+                        wrap180(now.axis2 - seen.axis2),
+                    )[axis]
                     rows.append(Row(name, f":Mg{direction.decode()} at :Rg", guide, guide, abs(turned) * 900.0))
                 rows.append(Row(name, ":RG at :Rg", guide, guide, await south(b":RG#", 4.0)))
             if ancient:

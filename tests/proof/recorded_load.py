@@ -18,10 +18,32 @@ from pathlib import Path
 from random import Random
 
 #: What the programs say, and how often in a hundred; after some of it an answer comes.
-LX200 = ((b":GR#", 30), (b":GD#", 30), (b":GA#", 8), (b":D#", 8), (b":GVP#:GR#", 4), (b":Sr05:34:32#:Sd+22*00:52#", 4),
-         (b":MS#", 3), (b":Mn#", 4), (b":Qn#", 4), (b":Q#", 3), (b":GL#", 2))
-NEXSTAR = ((b"e", 40), (b"z", 15), (b"L", 10), (b"J", 8), (b"t", 6), (b"h", 4), (b"w", 2), (b"r34AB0500,12CE0500", 3),
-           (b"P\x02\x10\x24\x05\x00\x00\x00", 5), (b"P\x02\x10\x24\x00\x00\x00\x00", 5), (b"M", 2))
+LX200 = (
+    (b":GR#", 30),
+    (b":GD#", 30),
+    (b":GA#", 8),
+    (b":D#", 8),
+    (b":GVP#:GR#", 4),
+    (b":Sr05:34:32#:Sd+22*00:52#", 4),
+    (b":MS#", 3),
+    (b":Mn#", 4),
+    (b":Qn#", 4),
+    (b":Q#", 3),
+    (b":GL#", 2),
+)
+NEXSTAR = (
+    (b"e", 40),
+    (b"z", 15),
+    (b"L", 10),
+    (b"J", 8),
+    (b"t", 6),
+    (b"h", 4),
+    (b"w", 2),
+    (b"r34AB0500,12CE0500", 3),
+    (b"P\x02\x10\x24\x05\x00\x00\x00", 5),
+    (b"P\x02\x10\x24\x00\x00\x00\x00", 5),
+    (b"M", 2),
+)
 SERVE = """
 import asyncio, sys
 from gateway.cli import main, recorded
@@ -53,21 +75,45 @@ async def crowd(ports: list[int], many: int, seconds: float, new: float, seed: i
     """``many`` programs that stay, and ``new`` ones a second that come for a moment."""
     random, until = Random(seed), time.monotonic() + seconds
     words = (LX200, NEXSTAR)
-    work = [asyncio.create_task(program(ports[n % 2], words[n % 2], Random(seed + n), until, 0.05))
-            for n in range(many)]
+    work = [
+        asyncio.create_task(program(ports[n % 2], words[n % 2], Random(seed + n), until, 0.05)) for n in range(many)
+    ]
     while time.monotonic() < until:
         await asyncio.sleep(random.expovariate(new))
         n = random.randrange(2)
-        work.append(asyncio.create_task(program(ports[n], words[n], Random(random.random()),
-                                                time.monotonic() + random.uniform(0.0, 0.3), 0.05)))
+        work.append(
+            asyncio.create_task(
+                program(ports[n], words[n], Random(random.random()), time.monotonic() + random.uniform(0.0, 0.3), 0.05)
+            )
+        )
     await asyncio.gather(*work)
 
 
 def record(path: Path, mount: str, arguments: argparse.Namespace, seed: int) -> None:
     """Run a gateway under load, and record it."""
-    command = [sys.executable, "-c", SERVE, str(arguments.part), "run", "--mount", mount, "--latency", "0.01",
-               "--surface", "lx200@tcp://127.0.0.1:0", "--surface", "nexstar@tcp://127.0.0.1:0", "--lowest", "-90",
-               "--record", str(path), "--record-keep", "10000", "--state", str(path.parent / "state")]
+    command = [
+        sys.executable,
+        "-c",
+        SERVE,
+        str(arguments.part),
+        "run",
+        "--mount",
+        mount,
+        "--latency",
+        "0.01",
+        "--surface",
+        "lx200@tcp://127.0.0.1:0",
+        "--surface",
+        "nexstar@tcp://127.0.0.1:0",
+        "--lowest",
+        "-90",
+        "--record",
+        str(path),
+        "--record-keep",
+        "10000",
+        "--state",
+        str(path.parent / "state"),
+    ]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as gateway:
         assert gateway.stdout is not None
         ports = []
@@ -83,8 +129,9 @@ def record(path: Path, mount: str, arguments: argparse.Namespace, seed: int) -> 
 def played(path: Path) -> tuple[bool, str]:
     """Whether a recording replays, and what is said of it."""
     began = time.monotonic()
-    done = subprocess.run([sys.executable, "-m", "gateway", "replay", str(path)], capture_output=True, text=True,
-                          timeout=600.0)
+    done = subprocess.run(
+        [sys.executable, "-m", "gateway", "replay", str(path)], capture_output=True, text=True, timeout=600.0
+    )
     said = (done.stdout + done.stderr).strip()
     return done.returncode == 0 and "Traceback" not in said, f"{said[-600:]} ({time.monotonic() - began:.1f} s)"
 

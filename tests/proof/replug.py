@@ -20,10 +20,10 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from gateway.assembly import Gateway
-from gateway.config import Endpoint, MountConfig, SurfaceConfig
-from gateway.operations import Position
-from gateway.simulators import make_simulator
+from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
+from gateway.app.gateway import Gateway
+from gateway.app.simulated import make_simulator
+from gateway.core.operations import Position
 
 
 class Plug:
@@ -102,8 +102,8 @@ async def replug(cycles: int, seed: int, polls: float = 0.2) -> dict[str, Any]:
         gateway = Gateway(MountConfig(at=f"nexstar@{link}"), [surface])
         await gateway.open()
         assert await gateway.found(20.0)
-        assert gateway.hub is not None
-        line = gateway.hub.line
+        assert gateway.controller is not None
+        line = gateway.controller.line
         host, port = gateway.ports[0].where.removeprefix("tcp://").split(":")
         programs = [Program(*await asyncio.open_connection(host, int(port))) for _ in range(3)]
         over = asyncio.Event()
@@ -125,8 +125,11 @@ async def replug(cycles: int, seed: int, polls: float = 0.2) -> dict[str, Any]:
                 figures["refused"] += not reply.startswith(b"110")
                 await asyncio.sleep(draw.uniform(0.1, 1.0))
 
-        tasks = [asyncio.create_task(poll(programs[0])), asyncio.create_task(poll(programs[1])),
-                 asyncio.create_task(slew(programs[2]))]
+        tasks = [
+            asyncio.create_task(poll(programs[0])),
+            asyncio.create_task(poll(programs[1])),
+            asyncio.create_task(slew(programs[2])),
+        ]
         for _ in range(cycles):
             await asyncio.sleep(draw.uniform(0.1, 0.6))
             plug.unplug()
@@ -138,12 +141,14 @@ async def replug(cycles: int, seed: int, polls: float = 0.2) -> dict[str, Any]:
             while line.state != "up" and time.monotonic() - back < 60.0:
                 await asyncio.sleep(0.02)
             figures["back after"].append(time.monotonic() - back)
-        last = await gateway.hub.read(Position())
+        last = await gateway.controller.read(Position())
         over.set()
         await asyncio.gather(*tasks)
         truth = simulator.truth()
         figures |= {
-            "up": line.state == "up", "position": (last.ra, last.dec), "truth": truth,
+            "up": line.state == "up",
+            "position": (last.ra, last.dec),
+            "truth": truth,
             "asked": sum(program.asked for program in programs),
             "answered": sum(program.answered for program in programs),
             "dropped": sum(program.dropped for program in programs),

@@ -59,9 +59,17 @@ class Thefts:
 async def watched(processors: Sequence[int]) -> AsyncIterator[Thefts]:
     """Watch these processors meanwhile."""
     thefts = Thefts()
-    watchers = [await asyncio.create_subprocess_exec(
-        sys.executable, "-m", "tests.proof.stolen", str(processor),
-        stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.DEVNULL) for processor in processors]
+    watchers = [
+        await asyncio.create_subprocess_exec(
+            sys.executable,
+            "-m",
+            "tests.proof.stolen",
+            str(processor),
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.DEVNULL,
+        )
+        for processor in processors
+    ]
     reading = [asyncio.create_task(thefts.read(watcher.stdout)) for watcher in watchers if watcher.stdout is not None]
     try:
         yield thefts

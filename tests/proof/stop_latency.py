@@ -29,8 +29,8 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
-from gateway.config import Endpoint
-from gateway.simulators import make_simulator
+from gateway.app.config import Endpoint
+from gateway.app.simulated import make_simulator
 from tests.bench import processes
 from tests.bench.figures import percentile
 from tests.proof.paced import Exchange, PacedMount
@@ -89,19 +89,77 @@ def _nexstar_moves(request: bytes) -> bool:
 
 
 WAYS = (
-    Way("LX200 on NexStar", "nexstar", "cge", "lx200",
-        (Ending(":Q#", (b":RM#:Mn#", b":RM#:Ms#"), b":Q#", _nexstar_moves, _nexstar_stops),
-         Ending(":Qn#", (b":RM#:Mn#", b":RM#:Ms#"), b":Qn#", _nexstar_moves,
-                lambda request: request[:5] == b"P\2\x11\x24\0")),
-        (b":GR#", b":GD#", b":GA#", b":GZ#", b":GS#", b":D#", b":GW#", b":Gt#", b":TQ#", b":TL#", b":TS#",
-         b":RC#:Me#", b":Qe#", b":Sr05:00:00#", b":Sd+80*00:00#", b":Mge0100#")),
-    Way("NexStar on LX200", "lx200", "lx200gps", "nexstar",
-        (Ending("M", (b"r20000000,20000000", b"r30000000,20000000"), b"M",
-                lambda request: request == b":MS#", lambda request: request == b":Q#"),
-         Ending("rate 0", (_slew(17, True, 7), _slew(17, False, 7)), _slew(17, True, 0),
-                lambda request: request in (b":Mn#", b":Ms#"), lambda request: request in (b":Qn#", b":Qs#"))),
-        (b"e", b"z", b"L", b"t", b"w", b"h", b"J", b"V", _slew(16, True, 5), _slew(16, True, 0),
-         b"P\3\x10\6\xff\xff\0\0", b"P\3\x10\6\xff\xfd\0\0", b"T\2")),
+    Way(
+        "LX200 on NexStar",
+        "nexstar",
+        "cge",
+        "lx200",
+        (
+            Ending(":Q#", (b":RM#:Mn#", b":RM#:Ms#"), b":Q#", _nexstar_moves, _nexstar_stops),
+            Ending(
+                ":Qn#",
+                (b":RM#:Mn#", b":RM#:Ms#"),
+                b":Qn#",
+                _nexstar_moves,
+                lambda request: request[:5] == b"P\2\x11\x24\0",
+            ),
+        ),
+        (
+            b":GR#",
+            b":GD#",
+            b":GA#",
+            b":GZ#",
+            b":GS#",
+            b":D#",
+            b":GW#",
+            b":Gt#",
+            b":TQ#",
+            b":TL#",
+            b":TS#",
+            b":RC#:Me#",
+            b":Qe#",
+            b":Sr05:00:00#",
+            b":Sd+80*00:00#",
+            b":Mge0100#",
+        ),
+    ),
+    Way(
+        "NexStar on LX200",
+        "lx200",
+        "lx200gps",
+        "nexstar",
+        (
+            Ending(
+                "M",
+                (b"r20000000,20000000", b"r30000000,20000000"),
+                b"M",
+                lambda request: request == b":MS#",
+                lambda request: request == b":Q#",
+            ),
+            Ending(
+                "rate 0",
+                (_slew(17, True, 7), _slew(17, False, 7)),
+                _slew(17, True, 0),
+                lambda request: request in (b":Mn#", b":Ms#"),
+                lambda request: request in (b":Qn#", b":Qs#"),
+            ),
+        ),
+        (
+            b"e",
+            b"z",
+            b"L",
+            b"t",
+            b"w",
+            b"h",
+            b"J",
+            b"V",
+            _slew(16, True, 5),
+            _slew(16, True, 0),
+            b"P\3\x10\6\xff\xff\0\0",
+            b"P\3\x10\6\xff\xfd\0\0",
+            b"T\2",
+        ),
+    ),
 )
 
 
@@ -133,9 +191,20 @@ async def _bench(way: Way, chance: random.Random, state: str, running: list[Runn
     mount = PacedMount(make_simulator(Endpoint(way.mount, "sim", way.model), clock=time.time), chance)
     where = f"{way.mount}@socket://127.0.0.1:{await mount.listen()}"
     with _beside():
-        gateway = Running("run", "--mount", where, "--sun", "0",
-                      "--state", state, "--lowest", "-90", "--dead-man", "600",
-                      *(word for name in ("lx200", "nexstar") for word in ("--surface", f"{name}@tcp://127.0.0.1:0")))
+        gateway = Running(
+            "run",
+            "--mount",
+            where,
+            "--sun",
+            "0",
+            "--state",
+            state,
+            "--lowest",
+            "-90",
+            "--dead-man",
+            "600",
+            *(word for name in ("lx200", "nexstar") for word in ("--surface", f"{name}@tcp://127.0.0.1:0")),
+        )
     running.append(gateway)
     ports = [int((await asyncio.to_thread(gateway.ready)).rpartition(":")[2]) for _ in range(2)]
     return Bench(way, mount, gateway, ports[way.surface == "nexstar"], (ports[0], ports[1]))
@@ -208,8 +277,14 @@ async def _echo(port: int, found: list[float]) -> None:
         found.append(loop.time() - began)
 
 
-async def _situation(name: str, ways: Sequence[Way], arguments: argparse.Namespace, chance: random.Random, state: str,
-                     running: list[Running]) -> bool:
+async def _situation(
+    name: str,
+    ways: Sequence[Way],
+    arguments: argparse.Namespace,
+    chance: random.Random,
+    state: str,
+    running: list[Running],
+) -> bool:
     """Measure one situation, print its rows -> whether the goal was met."""
     loop = asyncio.get_running_loop()
     copies = arguments.copies if name == "idle" else 1
@@ -220,9 +295,17 @@ async def _situation(name: str, ways: Sequence[Way], arguments: argparse.Namespa
     with processes.echo(state, "asyncio") as echo:
         if name == "crowd":
             for bench in benches:
-                crowds.append(await asyncio.create_subprocess_exec(
-                    sys.executable, "-m", "tests.proof.crowd", *map(str, bench.both),
-                    "--clients", str(arguments.clients), "--meek"))
+                crowds.append(
+                    await asyncio.create_subprocess_exec(
+                        sys.executable,
+                        "-m",
+                        "tests.proof.crowd",
+                        *map(str, bench.both),
+                        "--clients",
+                        str(arguments.clients),
+                        "--meek",
+                    )
+                )
         background = [loop.create_task(_echo(echo, bare))]
         if name == "flood":
             background += [loop.create_task(_flood(bench, chance)) for bench in benches]
@@ -230,8 +313,9 @@ async def _situation(name: str, ways: Sequence[Way], arguments: argparse.Namespa
         gc.freeze()  # this process must not be what is late
         until = loop.time() + arguments.seconds * arguments.copies / copies
         async with watched(PROCESSORS) as thefts:
-            await asyncio.gather(*(_measure(bench, until, chance, found.setdefault(bench.way.name, []))
-                                   for bench in benches))
+            await asyncio.gather(
+                *(_measure(bench, until, chance, found.setdefault(bench.way.name, [])) for bench in benches)
+            )
         for task in background:
             task.cancel()
         await asyncio.gather(*background, return_exceptions=True)
@@ -255,8 +339,11 @@ def _told(way: str, stops: list[Stop], thefts: Thefts) -> bool:
     rows += [("every one", [stop.added for stop in stops]), ("undisturbed", [stop.added for stop in alone])]
     for name, added in rows:
         if added:
-            print(f"  {way:<17} {name:<11} {len(added):4} times: median {percentile(added, 50) * 1e3:7.2f} ms, "
-                  f"p99 {percentile(added, 99) * 1e3:7.2f} ms, longest {max(added) * 1e3:7.2f} ms", flush=True)
+            print(
+                f"  {way:<17} {name:<11} {len(added):4} times: median {percentile(added, 50) * 1e3:7.2f} ms, "
+                f"p99 {percentile(added, 99) * 1e3:7.2f} ms, longest {max(added) * 1e3:7.2f} ms",
+                flush=True,
+            )
     if not thefts.seen:
         print("  whether a processor was away could not be watched (no real-time priority)")
     return bool(alone) and percentile([stop.added for stop in alone], 99) <= GOAL

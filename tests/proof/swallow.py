@@ -20,7 +20,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from gateway.truth import truth_of
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -75,10 +75,10 @@ class Swallowing:
     """Stands between a gateway and its simulated mount and loses one thing, once it is armed."""
 
     def __init__(self, bridge: Any, case: Case) -> None:
-        self._feed, self._case, self._until = bridge.hub.line.wire._feed, case, 0.0
+        self._feed, self._case, self._until = bridge.controller.line.wire._feed, case, 0.0
         self.commands = self.replies = self.bytes = 0
         self.swallowed = b""
-        bridge.hub.line.wire._feed = self._hear
+        bridge.controller.line.wire._feed = self._hear
 
     def arm(self) -> None:
         self._until = asyncio.get_running_loop().time() + WINDOW
@@ -172,8 +172,10 @@ def main() -> int:
         if outcome.moves:
             bad += 1
             case = outcome.case
-            print(f"MOVES {case.mount} {case.program} {case.motion}, {case.end!r}: {case.lost or 'nothing'} "
-                  f"{case.number} lost after the {case.after}: {outcome.swallowed!r}; sent {list(outcome.sent)}")
+            print(
+                f"MOVES {case.mount} {case.program} {case.motion}, {case.end!r}: {case.lost or 'nothing'} "
+                f"{case.number} lost after the {case.after}: {outcome.swallowed!r}; sent {list(outcome.sent)}"
+            )
     print("\n| mount | lines with a fault | longest in motion after the stop | moves after 10 s |\n|---|---|---|---|")
     for mount in arguments.only:
         own = [outcome for outcome in outcomes if outcome.case.mount == mount]

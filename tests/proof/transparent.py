@@ -1,6 +1,6 @@
 """91 things asked of every kind of mount, directly and through a gateway of its own protocol: how many answers differ.
 
-    python -m tests.proof.transparent
+python -m tests.proof.transparent
 """
 
 from __future__ import annotations

@@ -90,8 +90,10 @@ def main() -> int:
                         seconds.append(_seconds_to_rest(watched, fate, truth))
                         _end(watched, started)
                 worst = max(worst, *seconds)
-                print(f"{kind:<8} {port:<4} {fate:<8} at rest after {' '.join(f'{one:.1f}' for one in seconds)} s",
-                      flush=True)
+                print(
+                    f"{kind:<8} {port:<4} {fate:<8} at rest after {' '.join(f'{one:.1f}' for one in seconds)} s",
+                    flush=True,
+                )
     memory, resting, moving = _figures()
     print(f"watchdog process: {memory:.1f} MiB; processor {resting:.2f} s in 10 s of rest, {moving:.2f} s in motion")
     good = worst <= REST and memory <= MEMORY and resting <= 0.01

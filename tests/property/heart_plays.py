@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterable
 from typing import Any
 
-from gateway.truth import truth_of
+from gateway.protocols.mechanics.truth import truth_of
 from tests.bridge import Bridge, Visitor
 from tests.property.judge import Judge
 from tests.property.line_of_faults import FaultyLine
@@ -51,12 +51,21 @@ async def _play(script: Script) -> list[str]:
     if model == "cge":
         config["hour_angle_limit"] = 1.5
     surface = "autostar" if script.presented == "lx200" else "cge" if model == "cge" else "6-8se"
-    bridge = Bridge(model, version, driven=driven, presented=script.presented, surface=surface, latency=script.latency,
-                    config=config, start=DAY if script.day else NIGHT, site=SITE)
+    bridge = Bridge(
+        model,
+        version,
+        driven=driven,
+        presented=script.presented,
+        surface=surface,
+        latency=script.latency,
+        config=config,
+        start=DAY if script.day else NIGHT,
+        site=SITE,
+    )
     set_up(bridge.sim, *script.start)
     await asyncio.sleep(120.0)
     wire = FaultyLine(bridge.sim.connection, script.latency, script.faults, lambda seconds: _busy(bridge.sim, seconds))
-    bridge.hub.line.wire = wire
+    bridge.controller.line.wire = wire
     async with bridge:
         stage = _Stage(bridge, script, wire)
         await stage.act()
@@ -134,8 +143,11 @@ class _Stage:
         over = max([self.now(), *(end for _, end in self.wire.spoilt)]) - self.began
         await self.until(over + bound(self.script) + SETTLE)
         over = self.now() - self.began
-        while truth_of(self.bridge.sim).moving and self.now() - self.began < over + LONGEST_GOTO and (
-                self.judge.goto_wanted()):
+        while (
+            truth_of(self.bridge.sim).moving
+            and self.now() - self.began < over + LONGEST_GOTO
+            and (self.judge.goto_wanted())
+        ):
             await self.until(self.now() - self.began + 1.0)
         await self.until(self.now() - self.began + SETTLE)
         await self.judge.verdict(self.until, self.bridge.client("10.0.0.8"))

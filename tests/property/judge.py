@@ -11,8 +11,8 @@ from collections.abc import Awaitable, Callable
 from math import hypot
 from typing import Any
 
-from gateway.spherical import separation, wrap180
-from gateway.truth import Truth, truth_of
+from gateway.astro.spherical import separation, wrap180
+from gateway.protocols.mechanics.truth import Truth, truth_of
 from tests.bridge import Visitor
 from tests.property.line_of_faults import FaultyLine
 from tests.property.orders import Event, polar, sited
@@ -97,8 +97,10 @@ class Judge:
                 continue
             allowed = self._outside[name] = max(margin, self._outside.get(name, 0.0))
             if beyond > allowed:
-                self.complain(name, f"{beyond:.1f} degrees beyond the limit, {allowed:.1f} allowed, "
-                                    f"at {speed:.2f} degrees a second")
+                self.complain(
+                    name,
+                    f"{beyond:.1f} degrees beyond the limit, {allowed:.1f} allowed, at {speed:.2f} degrees a second",
+                )
         self._look_at_goal(truth)
         if self._cancelled is not None and now > self._cancelled + 1.5 and self.sim.slewing:
             self.complain("undone", "a goto that was cancelled at the keys goes on")
@@ -108,8 +110,10 @@ class Judge:
         """A goto beyond the limit is refused: the mount never comes to its goal."""
         goals = [event.how for event in self.events if event.what == "goto"]
         for az, alt in goals[-2:]:
-            if alt < self.script.lowest - 0.6 - self._sync_error() and separation(
-                    az, alt, truth.azimuth, truth.altitude) < 0.4:
+            if (
+                alt < self.script.lowest - 0.6 - self._sync_error()
+                and separation(az, alt, truth.azimuth, truth.altitude) < 0.4
+            ):
                 self.complain("goal", f"a goto has come to altitude {truth.altitude:.1f}")
 
     def _beyond(self, truth: Truth) -> dict[str, float]:
@@ -138,7 +142,8 @@ class Judge:
             if event.what in ("goto", "park"):
                 return True
             if event.what in ("stop", "arrow", "key", "cancel") or (
-                    event.what == "release" and not self._pressed_before(place, event)):
+                event.what == "release" and not self._pressed_before(place, event)
+            ):
                 return False
         return False
 
@@ -168,7 +173,7 @@ class Judge:
             return
         if truth.moving and not self.goto_wanted():
             self.complain("moves", f"{rates} degrees a second, slewing {sim.slewing}")
-        if self.bridge.hub.moving and not truth.moving:
+        if self.bridge.controller.moving and not truth.moving:
             self.complain("told moving", "while it rests")
         before = sim.truth()
         await until(at + 10.0)
@@ -179,8 +184,14 @@ class Judge:
         if wanted is not None and not truth.moving and truth.tracking is not wanted:
             self.complain("tracking", f"is {truth.tracking}, {wanted} was wanted last")
         rate = self.rate_wanted()
-        if rate is not None and truth.tracking and not truth.moving and wanted and not synced and (
-                abs(drift - _DRIVES[rate]) > DRIFT + 0.5 * self._sync_error()):
+        if (
+            rate is not None
+            and truth.tracking
+            and not truth.moving
+            and wanted
+            and not synced
+            and (abs(drift - _DRIVES[rate]) > DRIFT + 0.5 * self._sync_error())
+        ):
             self.complain("drift", f"{drift:.2f} arcseconds a second, the drive is to be {rate}")
         if not truth.tracking and not truth.moving and hypot(truth.rate1, truth.rate2) > CREEP:
             self.complain("creeps", f"{self._rate(truth)} degrees a second")
@@ -192,11 +203,14 @@ class Judge:
 
     def _doubtful(self, event: Event, *others: str) -> bool:
         """Whether an order met a fault, or came together with another one about the same."""
-        if any(event.at < end - self.began + DOUBTFUL and start - self.began < event.at + DOUBTFUL
-               for start, end in self.wire.spoilt):
+        if any(
+            event.at < end - self.began + DOUBTFUL and start - self.began < event.at + DOUBTFUL
+            for start, end in self.wire.spoilt
+        ):
             return True
-        return any(other is not event and other.what in others and abs(other.at - event.at) < TOGETHER
-                   for other in self.events)
+        return any(
+            other is not event and other.what in others and abs(other.at - event.at) < TOGETHER for other in self.events
+        )
 
     def tracking_wanted(self) -> bool | None:
         """What was wanted last; None where nobody can say."""
@@ -205,11 +219,16 @@ class Judge:
             if event.what == "park":
                 wanted = None
             elif event.what == "own track" or (event.what == "track" and self.script.mount not in KEEPS_TRACKING):
-                sure = not self._doubtful(event, "track", "own track", "arrow", "release", "stop", "goto", "key",
-                                          "pulse", "park")
+                sure = not self._doubtful(
+                    event, "track", "own track", "arrow", "release", "stop", "goto", "key", "pulse", "park"
+                )
                 wanted = event.how[0] if sure else None
-        limits = any("tracking is off: it came to" in entry.note or "rests and comes to" in entry.note
-                     or "cannot be switched off" in entry.note for entry in self.bridge.entries)
+        limits = any(
+            "tracking is off: it came to" in entry.note
+            or "rests and comes to" in entry.note
+            or "cannot be switched off" in entry.note
+            for entry in self.bridge.entries
+        )
         return None if limits else wanted
 
     def rate_wanted(self) -> str | None:
@@ -268,7 +287,9 @@ def _site(heard: bytes, meade: bool) -> tuple[float, float] | None:
             latitude, west = heard.split(b"#")[:2]
             return _angle(latitude), wrap180(-_angle(west))
         parts = heard[:8]
-        return ((parts[0] + parts[1] / 60.0 + parts[2] / 3600.0) * (-1 if parts[3] else 1),
-                (parts[4] + parts[5] / 60.0 + parts[6] / 3600.0) * (-1 if parts[7] else 1))
+        return (
+            (parts[0] + parts[1] / 60.0 + parts[2] / 3600.0) * (-1 if parts[3] else 1),
+            (parts[4] + parts[5] / 60.0 + parts[6] / 3600.0) * (-1 if parts[7] else 1),
+        )
     except (ValueError, IndexError):
         return None

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from msgspec import Struct
 
-from gateway.wires import Connection, OnData, OnLost
+from gateway.transport.wires import Connection, OnData, OnLost
 
 #: What can happen: to one exchange, or (busy, late, cut) for some seconds.
 KINDS = ("unheard", "lost", "broken", "altered", "doubled", "late", "busy", "cut")
@@ -37,8 +37,9 @@ class FaultyLine:
 
     name = "a line of faults"
 
-    def __init__(self, connection: Connection, latency: float, faults: tuple[Fault, ...],
-                 busy: Callable[[float], bool]) -> None:
+    def __init__(
+        self, connection: Connection, latency: float, faults: tuple[Fault, ...], busy: Callable[[float], bool]
+    ) -> None:
         self._feed = connection(self._later)
         self._latency, self._busy = latency, busy
         self._ahead = sorted(faults, key=lambda fault: fault.at)
@@ -124,5 +125,5 @@ def altered(answer: bytes) -> bytes:
     """The first digit is another one: the form is kept."""
     for place, byte in enumerate(answer):
         if byte in b"12345678":
-            return answer[:place] + bytes((byte ^ 1,)) + answer[place + 1:]
+            return answer[:place] + bytes((byte ^ 1,)) + answer[place + 1 :]
     return answer

@@ -10,9 +10,10 @@ from typing import Any
 
 from msgspec import Struct
 
-from gateway.mount_geometry import Build
-from gateway.protocols.lx200 import sim_motion, sim_tracking
-from gateway.spherical import horizon_to_hour_angle, wrap180, wrap360
+from gateway.astro.axes import Build
+from gateway.astro.spherical import horizon_to_hour_angle, wrap180, wrap360
+from gateway.protocols.lx200.simulator import motion as sim_motion
+from gateway.protocols.lx200.simulator import tracking as sim_tracking
 
 RATES = ("guide", "center", "find", "max")
 _MEADE_RATE = dict(zip(RATES, (b"RG", b"RC", b"RM", b"RS"), strict=True))

@@ -34,8 +34,26 @@ PAUSES = (0.0, 0.02, 0.1, 0.3, 0.6, 1.0, 2.0, 4.0, 8.0, 12.0)
 MEETS = (-0.1, 0.0, 0.0, 0.02, 0.1, 0.3, 1.0)
 #: How a play ends: a program stops everything, lets go of its arrows, or all programs leave.
 ENDINGS = ("stop", "release", "leave")
-_PROGRAMS = ("goto", "goto", "goto", "arrow", "arrow", "arrow", "release", "release", "stop", "stop", "pulse", "sync",
-             "track", "track", "rate", "park", "site", "clock")
+_PROGRAMS = (
+    "goto",
+    "goto",
+    "goto",
+    "arrow",
+    "arrow",
+    "arrow",
+    "release",
+    "release",
+    "stop",
+    "stop",
+    "pulse",
+    "sync",
+    "track",
+    "track",
+    "rate",
+    "park",
+    "site",
+    "clock",
+)
 _OWNER = ("key", "key", "unkey", "cancel", "own track", "own site")
 _LETTERS = "nsew"
 
@@ -55,9 +73,11 @@ class Script(Struct, frozen=True):
     faults: tuple[Fault, ...]
 
     def words(self) -> str:
-        head = (f"{self.mount} as {self.presented}, {'day' if self.day else 'night'}, lowest {self.lowest:g}, from "
-                f"azimuth {self.start[0]:.1f} altitude {self.start[1]:.1f}, latency {self.latency:g}, "
-                f"{'polled' if self.polled else 'not polled'}, at the end: {self.ending}")
+        head = (
+            f"{self.mount} as {self.presented}, {'day' if self.day else 'night'}, lowest {self.lowest:g}, from "
+            f"azimuth {self.start[0]:.1f} altitude {self.start[1]:.1f}, latency {self.latency:g}, "
+            f"{'polled' if self.polled else 'not polled'}, at the end: {self.ending}"
+        )
         rows = [(event.at, event.words()) for event in self.events]
         rows += [(fault.at, fault.words()) for fault in self.faults]
         return "\n".join([head, *(f"    {words}" for _, words in sorted(rows))])
@@ -79,8 +99,18 @@ def draw(seed: int, mount: str, presented: str | None = None) -> Script:
         arrow = Event(0.5, 1, "arrow", (random.choice(_LETTERS), random.choice(("max", "max", "find"))))
         later = random.choice((3.0, 6.0, 12.0))
         events = (arrow, *(replace(event, at=round(event.at + later, 2)) for event in events[:4]))
-    return Script(mount, presented, day, lowest, start, random.random() < 0.6,
-                  random.choice((0.01, 0.05, 0.05, 0.15)), random.choice(ENDINGS), events, _faults(random, events))
+    return Script(
+        mount,
+        presented,
+        day,
+        lowest,
+        start,
+        random.random() < 0.6,
+        random.choice((0.01, 0.05, 0.05, 0.15)),
+        random.choice(ENDINGS),
+        events,
+        _faults(random, events),
+    )
 
 
 def _events(random: Random, mount: str, presented: str, lowest: float) -> tuple[Event, ...]:
@@ -157,7 +187,7 @@ def _smaller(script: Script) -> Iterator[Script]:
             yield replace(script, **{name: row[:half]})
             yield replace(script, **{name: row[half:]})
         for place in range(len(row)):
-            yield replace(script, **{name: row[:place] + row[place + 1:]})
+            yield replace(script, **{name: row[:place] + row[place + 1 :]})
     if script.polled:
         yield replace(script, polled=False)
     if script.day:

@@ -11,19 +11,11 @@ from collections.abc import Callable
 
 from msgspec.structs import replace
 
-from gateway import operations as op
-from gateway.errors import Refused
-from gateway.motion_kinds import BEGUN_ANEW, ENDS, GOTOS, axis_moved, ends_focus, outlives_stop
+from gateway.core import operations as op
+from gateway.core.errors import Refused
+from gateway.core.motion_kinds import BEGUN_ANEW, ENDS, GOTOS, axis_moved, ends_focus, outlives_stop
 from gateway.mount.motion.patience import without_older_gotos
-from gateway.mount.motion.wanted import (
-    AGAIN,
-    FIRST,
-    IN_ORDER,
-    RESUMED,
-    Order,
-    Press,
-    Wanted,
-)
+from gateway.mount.motion.wanted import AGAIN, FIRST, IN_ORDER, RESUMED, Order, Press, Wanted
 
 #: Guide pulses that may wait for their turn; more than that is no guiding.
 PULSES = 8
@@ -36,8 +28,11 @@ def apply(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 def stopped(wanted: Wanted) -> Wanted:
     """A stop: all that moves or would move is over, and the mount is owed the command for it."""
-    pending = tuple(order for order in wanted.pending
-                    if outlives_stop(order.operation) or (order.urgent and order.number == wanted.active))
+    pending = tuple(
+        order
+        for order in wanted.pending
+        if outlives_stop(order.operation) or (order.urgent and order.number == wanted.active)
+    )
     return replace(wanted, pending=pending, pulses=(), pressed=(), owed=True, stops=wanted.stops + 1)
 
 
@@ -49,8 +44,18 @@ def does_for(wanted: Wanted, operation: op.Operation) -> Order | None:
     if not isinstance(operation, ENDS):
         return None
     overtakes = not wanted.waiting_gotos
-    return next((one for one in wanted.pending if one.operation == operation and not one.follow_up and not one.unless
-                 and one.overtakes is overtakes and (overtakes or one.asked == wanted.asked)), None)
+    return next(
+        (
+            one
+            for one in wanted.pending
+            if one.operation == operation
+            and not one.follow_up
+            and not one.unless
+            and one.overtakes is overtakes
+            and (overtakes or one.asked == wanted.asked)
+        ),
+        None,
+    )
 
 
 def take_back(wanted: Wanted, operation: op.Operation) -> Wanted:
@@ -112,8 +117,9 @@ def _by_hand(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 def _goto(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """What is pressed from now on is newer than this; guide pulses and deferred gotos are over."""
-    waiting = tuple(other for other in wanted.pending
-                    if pulses(other) is None or other.follow_up or other.number == wanted.active)
+    waiting = tuple(
+        other for other in wanted.pending if pulses(other) is None or other.follow_up or other.number == wanted.active
+    )
     wanted = without_older_gotos(replace(wanted, gotos=wanted.gotos + 1, pending=waiting))
     return _asked(wanted, order, now, slewing)
 
@@ -127,10 +133,13 @@ def _pulse(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 def _halt(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """The end of one axis, or of a goto as a whole."""
     axis = axis_ended(order.operation)
-    press = next((one for one in wanted.pressed
-                  if order.by is not None and (one.who, one.axis) == (order.by.who, axis)), None)
-    wanted = replace(wanted, pressed=tuple(
-        one for one in wanted.pressed if one is not press and (order.by is not None or one.axis != axis)))
+    press = next(
+        (one for one in wanted.pressed if order.by is not None and (one.who, one.axis) == (order.by.who, axis)), None
+    )
+    wanted = replace(
+        wanted,
+        pressed=tuple(one for one in wanted.pressed if one is not press and (order.by is not None or one.axis != axis)),
+    )
     gotos = wanted.waiting_gotos
     if not gotos and (wanted.by_hand or not slewing):  # an arrow that was begun has ended the goto
         return _end(wanted, order, now, slewing)
@@ -148,8 +157,12 @@ def _end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
         return interrupted(wanted, same)
     before = next((one for one in wanted.halted if one.operation == order.operation), None)
     again = before is not None and before.asked == wanted.asked and now - before.at <= AGAIN
-    order = replace(order, overtakes=not wanted.waiting_gotos, asked=wanted.asked,
-                    repeats=before.repeats + 1 if before is not None and again else 0)
+    order = replace(
+        order,
+        overtakes=not wanted.waiting_gotos,
+        asked=wanted.asked,
+        repeats=before.repeats + 1 if before is not None and again else 0,
+    )
     order = replace(order, rank=FIRST if order.overtakes and not order.hammered else IN_ORDER)
     return interrupted(replace(wanted, pending=(*wanted.pending, order)), order)
 
@@ -161,8 +174,11 @@ def axis_ended(operation: op.Operation) -> int | None:
 
 def _focus(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     """The newest counts: the end of a motion before, which the mount did not hear and is to be told again, is over."""
-    pending = tuple(other for other in wanted.pending if not (other.follow_up and ends_focus(other.operation)
-                                                              and other.number != wanted.active))
+    pending = tuple(
+        other
+        for other in wanted.pending
+        if not (other.follow_up and ends_focus(other.operation) and other.number != wanted.active)
+    )
     return _asked(replace(wanted, pending=pending), order, now, slewing)
 
 

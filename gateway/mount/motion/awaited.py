@@ -9,9 +9,9 @@ import asyncio
 from collections.abc import Iterable
 from typing import Any
 
-from gateway.errors import Stopped
+from gateway.core.errors import Stopped
+from gateway.core.shared_work import heed, result_of
 from gateway.mount.motion.wanted import Order
-from gateway.shared_work import heed, result_of
 
 Outcome = asyncio.Future[Any]
 

@@ -19,8 +19,9 @@ AT_MOST = TIMES + 3
 class EndWatch:
     """``send`` has the end of these axes sent once more; ``warn`` is told in words what must be known."""
 
-    def __init__(self, now: Callable[[], float], send: Callable[[frozenset[int]], object],
-                 warn: Callable[[str], None]) -> None:
+    def __init__(
+        self, now: Callable[[], float], send: Callable[[frozenset[int]], object], warn: Callable[[str], None]
+    ) -> None:
         self._now, self._send, self._warn = now, send, warn
         self._samples: list[Sample] = []
         self.ending: Ending | None = None
@@ -47,7 +48,7 @@ class EndWatch:
 
     def look(self, sample: Sample) -> None:
         """A position has come."""
-        self._samples = [*self._samples[1 - REMEMBERED:], sample]
+        self._samples = [*self._samples[1 - REMEMBERED :], sample]
         ending = self.ending
         if ending is None:
             return
@@ -57,6 +58,9 @@ class EndWatch:
         elif step is not Step.LOOK:
             again = ending.again(self._now())
             self.ending = again if len(again.sent) < AT_MOST else None
-            self._warn(f"WARNING: the mount goes on moving though it was told {TIMES} times to stop: switch it off"
-                       if step is Step.ALARM else "the mount has not stopped: the stop is sent again")
+            self._warn(
+                f"WARNING: the mount goes on moving though it was told {TIMES} times to stop: switch it off"
+                if step is Step.ALARM
+                else "the mount has not stopped: the stop is sent again"
+            )
             self._send(ending.axes)

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 from msgspec import Struct
 
-from gateway.spherical import wrap180
+from gateway.astro.spherical import wrap180
 
 #: Seconds from one sending to the next; a mount runs on for up to two seconds, and that must not look like a lost stop.
 AGAIN = (1.5, 2.0, 3.0, 5.0)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from gateway.driver import Steps
+from gateway.core.operations import Operation
 from gateway.mount.motion.wanted import Wanted
-from gateway.operations import Operation
+from gateway.protocols.base.driver import Steps
 
 
 class Executor(Protocol):

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from msgspec import Struct
 
-from gateway.operations import Move, MoveAxis
+from gateway.core.operations import Move, MoveAxis
 
 ByHand = Mapping[int, Move | MoveAxis]
 

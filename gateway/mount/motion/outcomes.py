@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
-from gateway import operations as op
-from gateway.motion_kinds import ENDS
+from gateway.core import operations as op
+from gateway.core.motion_kinds import ENDS
 from gateway.mount.motion.apply import pulses
 from gateway.mount.motion.wanted import (
     FIRST,
@@ -49,9 +49,11 @@ def refused(wanted: Wanted, order: Order) -> Wanted:
     released = [other for other in wanted.pending if other.unless == order.number]
     if not released:
         return wanted
-    pending = tuple(replace(other, unless=0, rank=FIRST) if other.unless == order.number else other
-                    for other in wanted.pending
-                    if other.unless != order.number or getattr(other.operation, "axis", 0) in wanted.by_hand)
+    pending = tuple(
+        replace(other, unless=0, rank=FIRST) if other.unless == order.number else other
+        for other in wanted.pending
+        if other.unless != order.number or getattr(other.operation, "axis", 0) in wanted.by_hand
+    )
     return replace(wanted, pending=pending)
 
 
@@ -64,11 +66,13 @@ def taken(wanted: Wanted, order: Order, operation: op.Operation, now: float, spe
         case op.Goto() | op.GotoHorizontal() | op.GotoAxes() | op.Park() | op.Home():
             void = {other.number for other in wanted.pending if other.unless == order.number or pulses(other)}
             pending = tuple(other for other in wanted.pending if other.number not in void)
-            return replace(wanted, motion=Slew(operation, order.by, now), slews=wanted.slews + 1, pulses=(),
-                           pending=pending)
+            return replace(
+                wanted, motion=Slew(operation, order.by, now), slews=wanted.slews + 1, pulses=(), pending=pending
+            )
         case op.Move() | op.MoveAxis():
-            return _with(_without_pulses(wanted, operation.axis), operation.axis,
-                         AxisMotion(operation, order.by, now, speed))
+            return _with(
+                _without_pulses(wanted, operation.axis), operation.axis, AxisMotion(operation, order.by, now, speed)
+            )
         case op.Halt() if order.follow_up:
             return wanted
         case op.Halt():

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
-from gateway import operations as op
-from gateway.motion_kinds import GOTOS
+from gateway.core import operations as op
+from gateway.core.motion_kinds import GOTOS
 from gateway.mount.motion.wanted import Order, Wanted
 
 #: Seconds from the order on; and between two looks whether the mount hears again.
@@ -40,6 +40,9 @@ def postponed(wanted: Wanted, order: Order, now: float) -> Wanted:
 
 def without_older_gotos(wanted: Wanted) -> Wanted:
     """Before a newer goto: those that wait for the mount to hear are over."""
-    pending = tuple(one for one in wanted.pending
-                    if not (isinstance(one.operation, GOTOS) and one.at > 0.0 and one.number != wanted.active))
+    pending = tuple(
+        one
+        for one in wanted.pending
+        if not (isinstance(one.operation, GOTOS) and one.at > 0.0 and one.number != wanted.active)
+    )
     return wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)

@@ -16,11 +16,11 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from gateway import operations as op
-from gateway.driver import Driver, Later
-from gateway.errors import Busy, Fault, NoAnswer
-from gateway.line import MOTION, SETTING, STOP
-from gateway.motion_kinds import ENDS, GOTOS, MOVING, ends_focus, outlives_stop
+from gateway.core import operations as op
+from gateway.core.errors import Busy, Fault, NoAnswer
+from gateway.core.motion_kinds import ENDS, GOTOS, MOVING, ends_focus, outlives_stop
+from gateway.core.shared_work import result_of
+from gateway.mount.link.queue import MOTION, SETTING, STOP
 from gateway.mount.motion import outcomes
 from gateway.mount.motion.apply import apply, does_for, interrupted, stopped, take_back
 from gateway.mount.motion.awaited import Awaited, Outcome
@@ -29,8 +29,8 @@ from gateway.mount.motion.next_operation import next_moment, next_operation
 from gateway.mount.motion.patience import forsaken, may_wait, patient, postponed
 from gateway.mount.motion.stopping import Stopping
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, RESUMED, Order, Theirs, Wanted
-from gateway.mount.safety.dead_man import HostActivity
-from gateway.shared_work import result_of
+from gateway.mount.safety.rules.dead_man import HostActivity
+from gateway.protocols.base.driver import Driver, Schedule
 
 #: What may have begun though its acknowledgement was lost, and would have no end then.
 BY_HAND = (op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
@@ -41,8 +41,9 @@ FOCUS_AGAIN = 1.0
 class Reconciler:
     """``wanted`` is replaced here alone. ``follow_ups`` are the driver's own operations, by their type."""
 
-    def __init__(self, driver: Driver, executor: Executor,
-                 follow_ups: dict[type[Any], Callable[[Any, Any], Any]]) -> None:
+    def __init__(
+        self, driver: Driver, executor: Executor, follow_ups: dict[type[Any], Callable[[Any, Any], Any]]
+    ) -> None:
         self.wanted = Wanted()
         self._driver, self._executor, self._follow_ups = driver, executor, follow_ups
         self._loop = asyncio.get_running_loop()
@@ -105,8 +106,9 @@ class Reconciler:
 
     # --- orders -----------------------------------------------------------------------------------------------------
 
-    def begin(self, operation: op.Operation, stops: int | None, by: HostActivity | None,
-              patience: float = inf) -> Outcome:
+    def begin(
+        self, operation: op.Operation, stops: int | None, by: HostActivity | None, patience: float = inf
+    ) -> Outcome:
         """Take an order -> its outcome; from now on it counts as asked for. ``stops``: their count when it was.
 
         Whoever asked waits for the outcome for ``patience`` seconds: a goto is not begun after that.
@@ -118,8 +120,14 @@ class Reconciler:
             return self.begin_stop()
         wakes = isinstance(operation, op.Wake) and self._driver.asleep  # what is before it would not be heard
         now = self._loop.time()
-        order = Order(next(self._numbers), operation, by, rank=FIRST if wakes else IN_ORDER, since=now,
-                      until=now + patience if isinstance(operation, (*GOTOS, op.Sync)) else inf)
+        order = Order(
+            next(self._numbers),
+            operation,
+            by,
+            rank=FIRST if wakes else IN_ORDER,
+            since=now,
+            until=now + patience if isinstance(operation, (*GOTOS, op.Sync)) else inf,
+        )
         before = self.wanted
         try:
             after = apply(before, order, now, self._executor.slewing)
@@ -162,20 +170,32 @@ class Reconciler:
         self._go_on()
         return same is not None
 
-    def plan(self, later: Later) -> None:
+    def plan(self, later: Schedule) -> None:
         """Have a follow-up performed after some seconds; the same one planned again replaces the first."""
-        order = Order(next(self._numbers), later.operation, rank=FIRST if later.urgent else IN_ORDER,
-                      at=self._loop.time() + later.seconds, follow_up=True, urgent=later.urgent,
-                      heard=later.heard)
-        others = tuple(one for one in self.wanted.pending if not (
-            one.follow_up and one.operation == later.operation and one.number != self.wanted.active))
+        order = Order(
+            next(self._numbers),
+            later.operation,
+            rank=FIRST if later.urgent else IN_ORDER,
+            at=self._loop.time() + later.seconds,
+            follow_up=True,
+            urgent=later.urgent,
+            heard=later.heard,
+        )
+        others = tuple(
+            one
+            for one in self.wanted.pending
+            if not (one.follow_up and one.operation == later.operation and one.number != self.wanted.active)
+        )
         self._want(replace(self.wanted, pending=(*others, order)))
         self._go_on()
 
     async def woken(self) -> None:
         """Wait for what is to wake the mount, if anything is. Not for motions: it may wait behind them."""
-        waking = [outcome for order in self.wanted.pending if isinstance(order.operation, op.Wake)
-                  and (outcome := self._awaited.of(order.number)) is not None]
+        waking = [
+            outcome
+            for order in self.wanted.pending
+            if isinstance(order.operation, op.Wake) and (outcome := self._awaited.of(order.number)) is not None
+        ]
         if waking:
             await asyncio.wait(waking)
 
@@ -318,8 +338,13 @@ class Reconciler:
 
     def _has_failed(self, order: Order, error: BaseException, outcome: Outcome | None) -> None:
         now = self._loop.time()
-        if (isinstance(error, Busy) and order.rank >= 0 and patient(order) and may_wait(order, now)
-                and self._executor.was_deaf(order.since)):  # it began to calculate while this was prepared
+        if (
+            isinstance(error, Busy)
+            and order.rank >= 0
+            and patient(order)
+            and may_wait(order, now)
+            and self._executor.was_deaf(order.since)
+        ):  # it began to calculate while this was prepared
             self._awaited.keep(order.number, outcome)
             self._want(postponed(self.wanted, order, now))
             return
@@ -347,7 +372,7 @@ class Reconciler:
     def _end_focus_again(self, order: Order) -> None:
         """The focuser was not heard to stop: no position shows it, and no stop of the mount does it."""
         if not any(isinstance(one.operation, op.Focus) for one in self.wanted.pending):
-            self.plan(Later(FOCUS_AGAIN, order.operation))
+            self.plan(Schedule(FOCUS_AGAIN, order.operation))
 
     def _has_been_taken(self, order: Order, operation: op.Operation, value: Any) -> None:
         """The mount has acknowledged it."""

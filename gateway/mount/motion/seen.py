@@ -10,10 +10,10 @@ from collections.abc import Callable
 from msgspec import Struct
 from msgspec.structs import replace
 
-from gateway import operations as op
+from gateway.astro.spherical import separation, wrap180
+from gateway.core import operations as op
 from gateway.mount.motion.ends import Sample
 from gateway.mount.site.astrometry import SiteAstrometry
-from gateway.spherical import separation, wrap180
 
 #: Degrees of right ascension between two looks that no motor turns: a sync, or the pole was passed.
 JUMP = 30.0
@@ -109,9 +109,15 @@ def lifted(seen: Seen, equatorial: bool, speed: float) -> Seen:
     return seen
 
 
-def measured(astrometry: SiteAstrometry, distances: Callable[[op.Equatorial], list[float]], now: float,
-             place: op.Equatorial, before: PositionSample | None = None, lag: float = 0.0,
-             lifting: op.Move | op.MoveAxis | None = None) -> PositionSample:
+def measured(
+    astrometry: SiteAstrometry,
+    distances: Callable[[op.Equatorial], list[float]],
+    now: float,
+    place: op.Equatorial,
+    before: PositionSample | None = None,
+    lag: float = 0.0,
+    lifting: op.Move | op.MoveAxis | None = None,
+) -> PositionSample:
     """What a position means that is told now; its first half is so many seconds older (``lag``)."""
     here = place if before is None else _at_once(now, place, before, lag)
     altitude = astrometry.altitude(here.ra, here.dec)
@@ -127,8 +133,9 @@ def _at_once(now: float, place: op.Equatorial, before: PositionSample, lag: floa
     return replace(place, ra=(place.ra + turned / (now - before.at) * lag) % 360.0)
 
 
-def axis_sample(astrometry: SiteAstrometry, status: op.Status | None, coarse: bool, now: float,
-                place: op.Equatorial) -> Sample:
+def axis_sample(
+    astrometry: SiteAstrometry, status: op.Status | None, coarse: bool, now: float, place: op.Equatorial
+) -> Sample:
     """A position as the readings of the two axes that are ended one by one."""
     digit = COARSE_DIGIT if coarse else DIGIT
     if status is None or status.equatorial or astrometry.observatory.site() is None:

@@ -11,12 +11,12 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
-from gateway.driver import Driver
-from gateway.errors import Busy, Fault, NoAnswer
-from gateway.line import STOP
+from gateway.core.errors import Busy, Fault, NoAnswer
+from gateway.core.operations import Stop
+from gateway.core.shared_work import heed
+from gateway.mount.link.queue import STOP
 from gateway.mount.motion.executor import Executor
-from gateway.operations import Stop
-from gateway.shared_work import heed
+from gateway.protocols.base.driver import Driver
 
 #: How often a stop is sent again on a line that is up, when its answer was lost.
 TRIES = 3
@@ -30,8 +30,14 @@ class Stopping:
     ``owed`` tells what the stop that is owed is to end; None where none is owed any more.
     """
 
-    def __init__(self, driver: Driver, executor: Executor, rests: Callable[[], None], over: Callable[[], None],
-                 owed: Callable[[], object]) -> None:
+    def __init__(
+        self,
+        driver: Driver,
+        executor: Executor,
+        rests: Callable[[], None],
+        over: Callable[[], None],
+        owed: Callable[[], object],
+    ) -> None:
         self._driver, self._executor = driver, executor
         self._rests, self._over, self._owed = rests, over, owed
         self._loop = asyncio.get_running_loop()
@@ -81,8 +87,10 @@ class Stopping:
             self._timer = self._loop.call_later(AGAIN[self._times], self._once_more, self._owed())
         else:
             self._times = 0
-            self._executor.note("WARNING: the mount has not acknowledged the stop, however often it was sent: it may "
-                                "go on moving; stop it at its hand control, or switch it off")
+            self._executor.note(
+                "WARNING: the mount has not acknowledged the stop, however often it was sent: it may "
+                "go on moving; stop it at its hand control, or switch it off"
+            )
 
     def _once_more(self, motion: object) -> None:
         """On a line that was lost meanwhile it goes first when that is back."""

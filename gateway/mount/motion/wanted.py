@@ -12,9 +12,9 @@ from math import inf
 
 from msgspec import Struct
 
-from gateway.motion_kinds import GOTOS
-from gateway.mount.safety.dead_man import HostActivity
-from gateway.operations import Focus, Goto, GotoAxes, GotoHorizontal, Home, Move, MoveAxis, Operation, Park
+from gateway.core.motion_kinds import GOTOS
+from gateway.core.operations import Focus, Goto, GotoAxes, GotoHorizontal, Home, Move, MoveAxis, Operation, Park
+from gateway.mount.safety.rules.dead_man import HostActivity
 
 #: What ends a motion, or must come before it; what was interrupted for that; everything else.
 FIRST, RESUMED, IN_ORDER = range(3)

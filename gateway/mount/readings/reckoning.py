@@ -13,7 +13,7 @@ from math import inf
 
 from msgspec import Struct
 
-from gateway.spherical import separation, wrap180, wrap360
+from gateway.astro.spherical import separation, wrap180, wrap360
 
 Pair = tuple[float, float]
 Inside = Callable[[float, float], bool]
@@ -55,8 +55,16 @@ class Course(Struct, frozen=True):
     lasts: float = 0.0
 
 
-def course(before: Reading | None, last: Reading, *, fastest: float, digit: float = 0.0, goal: Pair | None = None,
-           polar: bool = True, inside: Inside | None = None) -> Course:
+def course(
+    before: Reading | None,
+    last: Reading,
+    *,
+    fastest: float,
+    digit: float = 0.0,
+    goal: Pair | None = None,
+    polar: bool = True,
+    inside: Inside | None = None,
+) -> Course:
     """How it goes on after ``last``; ``before`` is an earlier reading of the same motion, or there is none.
 
     ``fastest``: degrees a second that no motor exceeds. ``digit``: how finely readings tell, degrees. ``polar``: the
@@ -84,8 +92,9 @@ def place(going: Course, now: float) -> Pair:
     if going.rates == (0.0, 0.0):
         return begins.place
     then = begins.complete + max(-EARLIER, min(now - begins.complete, going.lasts))
-    first, second = (_turned(rate, room, then - at)
-                     for rate, room, at in zip(going.rates, going.rooms, begins.at, strict=True))
+    first, second = (
+        _turned(rate, room, then - at) for rate, room, at in zip(going.rates, going.rooms, begins.at, strict=True)
+    )
     return wrap360(begins.place[0] + first), wrap180(begins.place[1] + second)
 
 

@@ -5,10 +5,10 @@ One rule a file: ``altitude.py``, ``sun.py``, ``meridian.py``. Evaluated at ever
 
 from __future__ import annotations
 
-from gateway.mount.safety.altitude import altitude
-from gateway.mount.safety.meridian import meridian
+from gateway.mount.safety.rules.altitude import altitude
+from gateway.mount.safety.rules.meridian import meridian
+from gateway.mount.safety.rules.sun import near_sun
 from gateway.mount.safety.stop_timing import SHORTEST
-from gateway.mount.safety.sun import near_sun
 from gateway.mount.safety.view import RESTLESS, Verdict, View
 
 RULES = altitude, near_sun, meridian

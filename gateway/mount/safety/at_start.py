@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from gateway import operations as op
-from gateway.errors import Fault, Unsupported
+from gateway.core import operations as op
+from gateway.core.errors import Fault, Unsupported
 from gateway.mount.safety.inputs import MountInputs
-from gateway.mount.safety.park import check_own_park
+from gateway.mount.safety.rules.park import check_own_park
 from gateway.mount.site.sources import BestSources
 
 
@@ -40,8 +40,11 @@ def _park(mount: MountInputs) -> Iterator[str]:
     except Unsupported:
         return  # without a site nobody knows
     except Fault:
-        yield ("its park position lies beyond lowest or highest, where it is parked all the same" if mount.own_park else
-               "parking is refused, because its park position may lie beyond lowest or highest: see the key park")
+        yield (
+            "its park position lies beyond lowest or highest, where it is parked all the same"
+            if mount.own_park
+            else "parking is refused, because its park position may lie beyond lowest or highest: see the key park"
+        )
 
 
 def _altitude(mount: MountInputs, there: op.GotoAxes, equatorial: bool) -> float:

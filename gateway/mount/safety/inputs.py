@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
-from gateway import operations as op
-from gateway.driver import Driver
+from gateway.core import operations as op
+from gateway.core.wire_log import Transcript
 from gateway.mount.motion.moving import Moving
 from gateway.mount.safety.limits import Limits
+from gateway.mount.safety.rules.sun import SunAvoidance
 from gateway.mount.safety.stop_timing import StopTiming
-from gateway.mount.safety.sun import SunAvoidance
 from gateway.mount.site.astrometry import SiteAstrometry
-from gateway.transcript import Transcript
+from gateway.protocols.base.driver import Driver
 
 
 class Readings(Protocol):

@@ -9,7 +9,7 @@ from __future__ import annotations
 from msgspec import Struct
 from msgspec.structs import replace
 
-from gateway.errors import BelowHorizon, TooHigh
+from gateway.core.errors import BelowHorizon, TooHigh
 
 AT_LIMIT = 1.0 / 3600.0
 

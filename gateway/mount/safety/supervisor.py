@@ -6,10 +6,10 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any
 
-from gateway.errors import Fault
+from gateway.core.errors import Fault
+from gateway.core.operations import Focus, Halt, Operation
 from gateway.mount.motion.wanted import ByHand, Wanted
-from gateway.mount.safety.dead_man import EVERY, TRACKING, Presence, Supervised, missing
-from gateway.operations import Focus, Halt, Operation
+from gateway.mount.safety.rules.dead_man import EVERY, TRACKING, Presence, Supervised, missing
 
 
 class Supervisor:
@@ -18,8 +18,14 @@ class Supervisor:
     ``perform`` carries out the operation that ends a motion; ``note`` leaves a line in the log.
     """
 
-    def __init__(self, presence: Presence, silence: float, closed: float, perform: Callable[[Operation], Any],
-                 note: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        presence: Presence,
+        silence: float,
+        closed: float,
+        perform: Callable[[Operation], Any],
+        note: Callable[[str], None],
+    ) -> None:
         self._presence, self._silence, self._closed = presence, silence, closed
         self._perform, self._note = perform, note
         self._loop = asyncio.get_running_loop()
@@ -67,8 +73,11 @@ def supervised(wanted: Wanted) -> list[Supervised]:
     """The motions that somebody must be there for."""
     found = []
     if isinstance(wanted.motion, ByHand):
-        found += [Supervised(Halt(axis), motion.by, motion.since) for axis, motion in wanted.motion
-                  if motion.by is not None and motion.speed > TRACKING]
+        found += [
+            Supervised(Halt(axis), motion.by, motion.since)
+            for axis, motion in wanted.motion
+            if motion.by is not None and motion.speed > TRACKING
+        ]
     if wanted.focus is not None and wanted.focus.by is not None:
         found.append(Supervised(Focus(0), wanted.focus.by, wanted.focus.since))
     return found

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Coroutine
 from typing import Any, NamedTuple
 
-from gateway import operations as op
-from gateway.errors import Fault, Unsupported
+from gateway.core import operations as op
+from gateway.core.errors import Fault, Unsupported
 from gateway.mount.safety.inputs import MountInputs
 
 #: How old the word of the mount may grow that it is not aligned, or does not track.

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from msgspec import Struct
 
+from gateway.core.operations import Status
 from gateway.mount.motion.moving import Moving
 from gateway.mount.motion.seen import Seen
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.stop_timing import StopTiming, ahead
-from gateway.operations import Status
 
 #: Degrees a second that no tracking reaches, though one digit of a coarse position may: somebody moves the mount.
 RESTLESS = 0.1

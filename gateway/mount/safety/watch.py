@@ -11,20 +11,20 @@ import asyncio
 
 from msgspec.structs import replace
 
-from gateway import operations as op
+from gateway.core import operations as op
 from gateway.mount.motion import seen as fold
 from gateway.mount.motion.end_watch import EndWatch
 from gateway.mount.motion.seen import NEVER, PositionSample, Seen
-from gateway.mount.safety.aligned import UNWATCHED
 from gateway.mount.safety.allow import allow, first_stretch
-from gateway.mount.safety.axis_altitude import AltitudeAxis
 from gateway.mount.safety.inputs import MountInputs
-from gateway.mount.safety.stalled import StallWatch
+from gateway.mount.safety.rules.aligned import UNWATCHED
+from gateway.mount.safety.rules.axis_altitude import AltitudeAxis
+from gateway.mount.safety.rules.stalled import StallWatch
+from gateway.mount.safety.rules.sun import farthest
+from gateway.mount.safety.rules.unknown_position import blind
 from gateway.mount.safety.stop_deadline import StopDeadline
 from gateway.mount.safety.stop_timing import SHORTEST
-from gateway.mount.safety.sun import farthest
 from gateway.mount.safety.tracking_at_limit import STATUS_AGE, Actions, TrackingAtLimit
-from gateway.mount.safety.unknown_position import blind
 from gateway.mount.safety.view import RESTLESS, Verdict, View
 
 #: A position that changes so many times faster than the mount can move was told anew: an alignment, at its keys.
@@ -177,8 +177,11 @@ class LimitWatch:
             self._do.ask_status()
         elif change:
             tilt = self.altitude_axis.tilt
-            self._mount.transcript.note("mount", f"the altitude axis stands {tilt:+.1f} degrees from what position, "
-                                                 "site and clock tell; the altitude limits go by the axis")
+            self._mount.transcript.note(
+                "mount",
+                f"the altitude axis stands {tilt:+.1f} degrees from what position, "
+                "site and clock tell; the altitude limits go by the axis",
+            )
             self.seen = replace(self.seen, before=None, last=replace(last, altitude=last.altitude + change))
 
     def _another_sky(self, now: float) -> bool:
@@ -198,8 +201,9 @@ class LimitWatch:
 
     def _measured(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         mount = self._mount
-        sample = fold.measured(mount.astrometry, mount.suns.distances, now, place, before, mount.timing.lag,
-                               mount.moving().by_hand.get(2))
+        sample = fold.measured(
+            mount.astrometry, mount.suns.distances, now, place, before, mount.timing.lag, mount.moving().by_hand.get(2)
+        )
         tilt = self.altitude_axis.tilt
         return replace(sample, altitude=sample.altitude + tilt) if tilt and sample.altitude is not None else sample
 
@@ -240,8 +244,17 @@ class LimitWatch:
         status = mount.readings.value(op.GetStatus)
         watches = self._limits.hour_angle is not None and status is not None and status.equatorial
         side = self._side() if watches and mount.driver.german and not moving.slewing else None
-        return View(self.seen, self._limits, mount.timing, moving, mount.suns.limit, status, mount.driver.german, side,
-                    self._astray)
+        return View(
+            self.seen,
+            self._limits,
+            mount.timing,
+            moving,
+            mount.suns.limit,
+            status,
+            mount.driver.german,
+            side,
+            self._astray,
+        )
 
     def _side(self) -> str | None:
         """The side of the pier by the last word on it, which is asked for anew when it grows old."""
@@ -263,8 +276,10 @@ class LimitWatch:
         ordered = {axis: mount.speed(one) for axis, one in by_hand.items()} if judged else {}
         stalled = self._stalls.look(here, ordered, mount.timing.exchange * mount.timing.reads)
         if stalled is not None:
-            self._stop(f"stopped: axis {stalled} was told to move, and its position shows nothing of it; look at the "
-                       "mount (a stalled motor, a cable?)")
+            self._stop(
+                f"stopped: axis {stalled} was told to move, and its position shows nothing of it; look at the "
+                "mount (a stalled motor, a cable?)"
+            )
 
     # --- acting -----------------------------------------------------------------------------------------------------
 

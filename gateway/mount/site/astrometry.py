@@ -9,11 +9,11 @@ from typing import Protocol
 
 from msgspec.structs import replace
 
-from gateway import operations as op
-from gateway.errors import Unsupported
-from gateway.mount_geometry import Build, Geometry
-from gateway.sky import Sky
-from gateway.spherical import wrap360
+from gateway.astro.axes import Build, Geometry
+from gateway.astro.ephemeris import Sky
+from gateway.astro.spherical import wrap360
+from gateway.core import operations as op
+from gateway.core.errors import Unsupported
 
 
 class SiteAndTime(Protocol):

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from gateway import operations as op
-from gateway.errors import BelowHorizon, Unsupported
+from gateway.core import operations as op
+from gateway.core.errors import BelowHorizon, Unsupported
 from gateway.mount.site.astrometry import SiteAstrometry
 
 

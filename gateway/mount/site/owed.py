@@ -12,9 +12,9 @@ from collections.abc import Mapping, Sequence
 from msgspec import Struct
 from msgspec.structs import replace
 
-from gateway.observatory import CLOCK_EQUAL, SITE_EQUAL
-from gateway.operations import Moment, Operation, Place, SetClock, SetSite
-from gateway.spherical import wrap180
+from gateway.astro.spherical import wrap180
+from gateway.core.operations import Moment, Operation, Place, SetClock, SetSite
+from gateway.mount.site.site_clock import CLOCK_EQUAL, SITE_EQUAL
 
 #: How often one is sent, and the seconds until the next time after the first, the second …
 TRIES = 3
@@ -99,8 +99,10 @@ def site_is_ours(sent: Sequence[Setting], before: Place | None, told: Place) -> 
     longitudes = [value.longitude for value in values if value.longitude is not None]
     if before is None or not values:
         return False
-    return (min(abs(told.latitude - one) for one in (before.latitude, *latitudes)) <= SITE_EQUAL
-            and min(abs(wrap180(told.longitude - one)) for one in (before.longitude, *longitudes)) <= SITE_EQUAL)
+    return (
+        min(abs(told.latitude - one) for one in (before.latitude, *latitudes)) <= SITE_EQUAL
+        and min(abs(wrap180(told.longitude - one)) for one in (before.longitude, *longitudes)) <= SITE_EQUAL
+    )
 
 
 def clock_is_ours(sent: Sequence[Setting], before: Moment | None, told: Moment, now: float) -> bool:

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from gateway.observatory import Observatory
-from gateway.operations import Moment, Place
-from gateway.spherical import separation
+from gateway.astro.spherical import separation
+from gateway.core.operations import Moment, Place
+from gateway.mount.site.site_clock import SiteClock
 
 #: Sources that differ by more than this contradict each other: degrees on the Earth, and seconds.
 SITE_MATTERS, CLOCK_MATTERS = 0.5, 120.0
@@ -49,22 +49,29 @@ class Contradiction(NamedTuple):
 class BestSources:
     """Site and time by the best source there is; what ``Derived`` and the rules ask."""
 
-    def __init__(self, observatory: Observatory) -> None:
+    def __init__(self, observatory: SiteClock) -> None:
         self._observatory = observatory
 
     def sites(self) -> list[Site]:
         """Every site that is known, the best first."""
         told = self._observatory
-        known = ((told.mount_site, MOUNT), (told.gps_site, GPS), (told.configured, CONFIGURED),
-                 (told.set_site(), PROGRAM))
+        known = (
+            (told.mount_site, MOUNT),
+            (told.gps_site, GPS),
+            (told.configured, CONFIGURED),
+            (told.set_site(), PROGRAM),
+        )
         return [Site(place, source) for place, source in known if place is not None]
 
     def times(self) -> list[Time]:
         """Every time that is known, the best first; this computer's last where it has plainly lost its clock."""
         told = self._observatory
         host = Time(told.host(), COMPUTER)
-        found = [Time(moment.unix, source) for moment, source in (
-            (told.running(told.mount_clock), MOUNT), (told.running(told.gps_clock), GPS)) if moment is not None]
+        found = [
+            Time(moment.unix, source)
+            for moment, source in ((told.running(told.mount_clock), MOUNT), (told.running(told.gps_clock), GPS))
+            if moment is not None
+        ]
         program = told.running(told.kept_clock)
         rest = [host] + ([Time(program.unix, PROGRAM)] if program is not None else [])
         return found + (rest if host.unix >= EARLIEST else rest[::-1])
@@ -108,13 +115,20 @@ class BestSources:
             for other in others:
                 if _apart(place, other.place) > SITE_MATTERS:
                     hint = mistaken(place, other.place)
-                    yield Contradiction(other.place, unix, f"{who} stands at {shown(place)}, {other.source} says "
-                                                           f"{shown(other.place)}{': ' * bool(hint)}{hint}")
+                    yield Contradiction(
+                        other.place,
+                        unix,
+                        f"{who} stands at {shown(place)}, {other.source} says "
+                        f"{shown(other.place)}{': ' * bool(hint)}{hint}",
+                    )
         for time in times[1:]:
             apart = abs(time.unix - unix)
             if apart > CLOCK_MATTERS and not (time.source == COMPUTER and apart > LOST):
-                yield Contradiction(sites[0].place if sites else None, time.unix,
-                                    f"the clocks of {by} and of {time.source} differ by {_span(time.unix - unix)}")
+                yield Contradiction(
+                    sites[0].place if sites else None,
+                    time.unix,
+                    f"the clocks of {by} and of {time.source} differ by {_span(time.unix - unix)}",
+                )
 
 
 def _apart(one: Place, other: Place) -> float:
@@ -135,11 +149,22 @@ def mistaken(one: Place, other: Place) -> str:
         "both signs look wrong, north and east are positive": Place(-one.latitude, -one.longitude),
         "latitude and longitude look swapped, latitude comes first": Place(one.longitude, one.latitude),
     }
-    return next((words for words, place in written.items()
-                 if abs(place.latitude) <= 90.0 and _apart(place, other) <= SITE_MATTERS), "")
+    return next(
+        (
+            words
+            for words, place in written.items()
+            if abs(place.latitude) <= 90.0 and _apart(place, other) <= SITE_MATTERS
+        ),
+        "",
+    )
 
 
 def _span(seconds: float) -> str:
     minutes = abs(seconds) / 60.0
-    return f"{minutes:.0f} minutes" if minutes < 90 else f"{minutes / 60:.1f} hours" if minutes < 2880 else (
-        f"{minutes / 1440:.0f} days")
+    return (
+        f"{minutes:.0f} minutes"
+        if minutes < 90
+        else f"{minutes / 60:.1f} hours"
+        if minutes < 2880
+        else (f"{minutes / 1440:.0f} days")
+    )

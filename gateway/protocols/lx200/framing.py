@@ -12,8 +12,8 @@ the half one is dropped alone.
 
 from __future__ import annotations
 
-from gateway.frames import Dropped, Suspect, Unterminated
-from gateway.tables import load
+from gateway.protocols.base.frames import Dropped, Suspect, Unterminated
+from gateway.protocols.wireformat.command_set import load
 
 ACK = 0x06
 LONGEST = 64

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
-from gateway.operations import Gps, Place
+from gateway.core.operations import Gps, Place
 
 
 def fix(sentence: str) -> Gps | None:
@@ -30,8 +30,11 @@ def rmc(latitude: float, longitude: float, unix: float, linked: bool = True) -> 
     now = datetime.fromtimestamp(unix, UTC)
     places = (*_angle(latitude, 2, "NS"), *_angle(longitude, 3, "EW"))
     status = "A" if linked else "V"
-    return str(pynmea2.RMC("GP", "RMC", (now.strftime("%H%M%S"), status, *places, "0.0", "0.0",
-                                         now.strftime("%d%m%y"), "", "")))
+    return str(
+        pynmea2.RMC(
+            "GP", "RMC", (now.strftime("%H%M%S"), status, *places, "0.0", "0.0", now.strftime("%d%m%y"), "", "")
+        )
+    )
 
 
 def _angle(degrees: float, digits: int, letters: str) -> tuple[str, str]:

@@ -12,9 +12,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import lru_cache
 
-from gateway.errors import MappingError
-from gateway.frames import Dropped, Unterminated
-from gateway.tables import Command, load
+from gateway.core.errors import MappingError
+from gateway.protocols.base.frames import Dropped, Unterminated
+from gateway.protocols.wireformat.command_set import Command, load
 
 #: Seconds of quiet after which the rest of a command is no longer expected.
 QUIET_GAP = 1.0

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from gateway.tables import load
+from gateway.protocols.wireformat.command_set import load
 
 #: Degrees a second.
 SIDEREAL = 15.041067 / 3600.0

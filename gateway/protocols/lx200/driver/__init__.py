@@ -8,33 +8,54 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from gateway.protocols.lx200.driver import (
-    drive,
-    ends,
-    home,
-    identify,
-    library,
-    motion,
-    pier,
-    place,
-    pointing,
-    put_back,
-)
+from gateway.protocols.lx200.driver import drive, ends, home, identify, library, motion, pier, place, pointing, put_back
 
 SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
     function.__name__: function
     for function in (
-        identify.identity, identify.status,
-        pointing.position, pointing.horizontal_position, pointing.slewing, pointing.goto, pointing.goto_axes,
-        pointing.cancel_goto, pointing.sync, pier.pier_side,
-        home.park, home.home, home.set_home, home.home_state, home.unpark, home.sleep, home.wake,
-        motion.move, motion.move_axis, motion.halt, motion.stop, motion.pulse, motion.pulse_axis, motion.set_guide_rate,
+        identify.identity,
+        identify.status,
+        pointing.position,
+        pointing.horizontal_position,
+        pointing.slewing,
+        pointing.goto,
+        pointing.goto_axes,
+        pointing.cancel_goto,
+        pointing.sync,
+        pier.pier_side,
+        home.park,
+        home.home,
+        home.set_home,
+        home.home_state,
+        home.unpark,
+        home.sleep,
+        home.wake,
+        motion.move,
+        motion.move_axis,
+        motion.halt,
+        motion.stop,
+        motion.pulse,
+        motion.pulse_axis,
+        motion.set_guide_rate,
         library.choose,
-        drive.set_tracking, drive.rest, drive.rise, drive.track_rate, drive.drive_rate,
-        drive.backlash, drive.periodic_error, drive.focus,
-        place.gps, place.get_site, place.set_site, place.get_clock, place.set_clock, place.clock_from_gps,
+        drive.set_tracking,
+        drive.rest,
+        drive.rise,
+        drive.track_rate,
+        drive.drive_rate,
+        drive.backlash,
+        drive.periodic_error,
+        drive.focus,
+        place.gps,
+        place.get_site,
+        place.set_site,
+        place.get_clock,
+        place.set_clock,
+        place.clock_from_gps,
     )
 }
 FOLLOW_UPS: dict[type[Any], Callable[[Any, Any], Any]] = {
-    home.SeekOn: home.seek_on, ends.EndAgain: ends.end_again, put_back.PutBack: put_back.put_back,
+    home.SeekOn: home.seek_on,
+    ends.EndAgain: ends.end_again,
+    put_back.PutBack: put_back.put_back,
 }

@@ -6,14 +6,24 @@ off only where the telescope says what it does: elsewhere the letters that do it
 
 from __future__ import annotations
 
-from gateway.driver import Steps
-from gateway.errors import Refused, Unsupported
-from gateway.operations import Backlash, DriveRate, Focus, PeriodicError, SetTracking, Sleep, Tracking, TrackRate, Wake
+from gateway.core.errors import Refused, Unsupported
+from gateway.core.operations import (
+    Backlash,
+    DriveRate,
+    Focus,
+    PeriodicError,
+    SetTracking,
+    Sleep,
+    Tracking,
+    TrackRate,
+    Wake,
+)
+from gateway.protocols.base.driver import Steps
 from gateway.protocols.lx200.driver.ends import FOCUSER, begins, end
 from gateway.protocols.lx200.driver.identify import native_mode, read_status
 from gateway.protocols.lx200.driver.speeds import SIDEREAL_HERTZ
 from gateway.protocols.lx200.driver.speeds import SIDEREAL_SHOWN as _SIDEREAL
-from gateway.protocols.lx200.driver.state import Meade, ask
+from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 
 _DRIVES = {"sidereal": "TQ", "solar": "TS", "lunar": "TL"}
 #: Below what a telescope is taken to show the lunar rate, and from what on the sidereal one, hertz.
@@ -22,7 +32,7 @@ _LUNAR_BELOW, _LOOKS_SIDEREAL = 59.0, 60.0
 _FAST_FOCUS = 3
 
 
-def set_tracking(mount: Meade, operation: SetTracking) -> Steps:
+def set_tracking(mount: Lx200Driver, operation: SetTracking) -> Steps:
     """:AL and back, only on models that report :GW - elsewhere these letters destroy the alignment.
 
     What it does already is not sent, when it says so itself at this moment: somebody may have changed it at its keys,
@@ -39,17 +49,17 @@ def set_tracking(mount: Meade, operation: SetTracking) -> Steps:
     mount.tracking, mount.land = wanted, not operation.on
 
 
-def rest(mount: Meade, _: Sleep) -> Steps:
+def rest(mount: Lx200Driver, _: Sleep) -> Steps:
     """A telescope that cannot sleep: tracking off."""
     yield from set_tracking(mount, SetTracking(on=False))
 
 
-def rise(mount: Meade, _: Wake) -> Steps:
+def rise(mount: Lx200Driver, _: Wake) -> Steps:
     """A telescope that cannot sleep: tracking on."""
     yield from set_tracking(mount, SetTracking(on=True))
 
 
-def track_rate(mount: Meade, operation: TrackRate) -> Steps:
+def track_rate(mount: Lx200Driver, operation: TrackRate) -> Steps:
     """:TQ :TS :TL, any other one in hertz: 60.1 to 60.2 is sidereal. Raises Refused beyond what the model drives at."""
     mount.driven = False
     hertz = round((operation.factor or 1.0) * SIDEREAL_HERTZ, 1)
@@ -64,26 +74,26 @@ def track_rate(mount: Meade, operation: TrackRate) -> Steps:
     yield from drive_at(mount, hertz)
 
 
-def drive_at(mount: Meade, hertz: float) -> Steps:
+def drive_at(mount: Lx200Driver, hertz: float) -> Steps:
     """:ST, which a classic takes in manual mode only."""
     yield from ask(mount, "TM")
     yield from ask(mount, "ST", hertz=hertz)
 
 
-def put_drive_back(mount: Meade) -> Steps:
+def put_drive_back(mount: Lx200Driver) -> Steps:
     """The drive rate that was asked for last, when a motion in right ascension was done with another one."""
     if mount.driven:
         yield from track_rate(mount, mount.rate or TrackRate(name="sidereal"))
 
 
-def drive_rate(mount: Meade, _: DriveRate) -> Steps:
+def drive_rate(mount: Lx200Driver, _: DriveRate) -> Steps:
     """-> float: what the telescope shows, a multiple of sidereal. Some show 60.0 for sidereal and solar alike."""
     shown: float = (yield from ask(mount, "GT"))["hertz"]
     solar = mount.rate is not None and mount.rate.name == "solar"
     return 1.0 if _LOOKS_SIDEREAL <= shown <= _SIDEREAL[1] and not solar else shown / SIDEREAL_HERTZ
 
 
-def _named(mount: Meade, name: str) -> Steps:
+def _named(mount: Lx200Driver, name: str) -> Steps:
     """Sent again once when the telescope does not show it: sidereal and solar look alike there, lunar does not."""
     for _ in range(2):
         yield from ask(mount, _DRIVES[name])
@@ -93,12 +103,12 @@ def _named(mount: Meade, name: str) -> Steps:
     raise Refused(f"The mount shows {shown} hertz instead of the {name} rate.")
 
 
-def backlash(mount: Meade, operation: Backlash) -> Steps:
+def backlash(mount: Lx200Driver, operation: Backlash) -> Steps:
     """:$BA :$BZ on an LX200GPS."""
     yield from ask(mount, "$BZ" if operation.axis == 1 else "$BA", value=operation.value)
 
 
-def periodic_error(mount: Meade, operation: PeriodicError) -> Steps:
+def periodic_error(mount: Lx200Driver, operation: PeriodicError) -> Steps:
     """:$QZ :$QA on an LX200GPS. A classic has one toggle for both axes, so what it does is remembered from power-on."""
     wanted = not mount.corrects if operation.on is None else operation.on
     if mount.knows("$QZ+"):
@@ -110,7 +120,7 @@ def periodic_error(mount: Meade, operation: PeriodicError) -> Steps:
     mount.corrects = wanted
 
 
-def focus(mount: Meade, operation: Focus) -> Steps:
+def focus(mount: Lx200Driver, operation: Focus) -> Steps:
     """:F, one of two speeds on a classic."""
     if operation.direction and mount.knows("F"):
         yield from ask(mount, "F", speed=operation.speed)

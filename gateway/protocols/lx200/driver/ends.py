@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import contextlib
 
-from gateway.driver import Later, Steps
-from gateway.errors import Busy
-from gateway.operations import Operation
-from gateway.protocols.lx200.driver.state import Meade, ask
+from gateway.core.errors import Busy
+from gateway.core.operations import Operation
+from gateway.protocols.base.driver import Schedule, Steps
+from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 
 #: Seconds from the first to the second.
 AGAIN = 0.3
@@ -29,22 +29,22 @@ class EndAgain(Operation, frozen=True):
     command: str
 
 
-def begins(mount: Meade, *axes: int) -> None:
+def begins(mount: Lx200Driver, *axes: int) -> None:
     """Something is about to be set moving on these axes."""
     for axis in axes:
         mount.begun[axis] = mount.begun.get(axis, 0) + 1
 
 
-def end(mount: Meade, command: str, axes: tuple[int, ...], moved: bool) -> Steps:
+def end(mount: Lx200Driver, command: str, axes: tuple[int, ...], moved: bool) -> Steps:
     """Send what ends the motion of these axes; ``moved`` tells whether there was any that is known of."""
     if moved:
         mount.ended[command] = {axis: mount.begun.get(axis, 0) for axis in axes}
     yield from ask(mount, command)
     if moved:
-        yield Later(AGAIN, EndAgain(command), urgent=True, heard=command != "Q")
+        yield Schedule(AGAIN, EndAgain(command), urgent=True, heard=command != "Q")
 
 
-def end_again(mount: Meade, operation: EndAgain) -> Steps:
+def end_again(mount: Lx200Driver, operation: EndAgain) -> Steps:
     """The second one. A telescope that is busy with itself has been given something newer to do."""
     begun = mount.ended.pop(operation.command, None)
     if begun is not None and all(mount.begun.get(axis, 0) == number for axis, number in begun.items()):

@@ -8,14 +8,25 @@ from __future__ import annotations
 
 import contextlib
 
-from gateway.driver import Later, Pause, Steps
-from gateway.errors import Busy, Fault, NoAnswer, Unsupported
-from gateway.operations import Home, HomeState, Operation, Park, SetHome, SetTracking, Sleep, Tracking, Unpark, Wake
+from gateway.core.errors import Busy, Fault, NoAnswer, Unsupported
+from gateway.core.operations import (
+    Home,
+    HomeState,
+    Operation,
+    Park,
+    SetHome,
+    SetTracking,
+    Sleep,
+    Tracking,
+    Unpark,
+    Wake,
+)
+from gateway.protocols.base.driver import Schedule, Steps, Wait
 from gateway.protocols.lx200.driver.drive import set_tracking, track_rate
 from gateway.protocols.lx200.driver.ends import MOUNT, begins
 from gateway.protocols.lx200.driver.identify import read_status
 from gateway.protocols.lx200.driver.pointing import begin, still_seeking, stop_current_motion
-from gateway.protocols.lx200.driver.state import Meade, ask
+from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 
 SETTLE, SEEK_EVERY = 0.5, 2.0
 
@@ -24,26 +35,26 @@ class SeekOn(Operation, frozen=True):
     """Internal: look whether home was found."""
 
 
-def park(mount: Meade, _: Park) -> Steps:
+def park(mount: Lx200Driver, _: Park) -> Steps:
     """:hP - the telescope switches its drives off when it is there."""
     yield from stop_current_motion(mount)
     yield from begin(mount, "hP", then="park")
 
 
-def home(mount: Meade, _: Home) -> Steps:
+def home(mount: Lx200Driver, _: Home) -> Steps:
     """:hF"""
     yield from _seek(mount, "hF")
 
 
-def set_home(mount: Meade, _: SetHome) -> Steps:
+def set_home(mount: Lx200Driver, _: SetHome) -> Steps:
     """:hS - the telescope seeks its switches and stores where they are."""
     yield from _seek(mount, "hS")
 
 
-def _seek(mount: Meade, command: str) -> Steps:
+def _seek(mount: Lx200Driver, command: str) -> Steps:
     yield from stop_current_motion(mount)
     mount.seeking = True  # from here on nothing is asked; what waits for the line already is answered first
-    yield Pause(SETTLE)
+    yield Wait(SETTLE)
     begins(mount, *MOUNT)
     try:
         yield from ask(mount, command)
@@ -51,25 +62,25 @@ def _seek(mount: Meade, command: str) -> Steps:
         mount.seeking = False
         raise
     mount.seeking = True
-    yield Later(SEEK_EVERY, SeekOn())
+    yield Schedule(SEEK_EVERY, SeekOn())
 
 
-def seek_on(mount: Meade, _: SeekOn) -> Steps:
+def seek_on(mount: Lx200Driver, _: SeekOn) -> Steps:
     """Look again and again, for nobody else may be asking, and nothing else is asked until it has found it."""
     if not mount.seeking:
         return
     with contextlib.suppress(Busy, NoAnswer):
         if not (yield from still_seeking(mount)):
             return
-    yield Later(SEEK_EVERY, SeekOn())
+    yield Schedule(SEEK_EVERY, SeekOn())
 
 
-def home_state(mount: Meade, _: HomeState) -> Steps:
+def home_state(mount: Lx200Driver, _: HomeState) -> Steps:
     """:h? -> 0 failed, 1 found, 2 searching."""
     return int((yield from ask(mount, "h?"))["state"])
 
 
-def unpark(mount: Meade, _: Unpark) -> Steps:
+def unpark(mount: Lx200Driver, _: Unpark) -> Steps:
     """A parked LX200GPS wakes by :I; the state is read anew, and tracking goes on where it can. Raises Unsupported."""
     if mount.parked and mount.knows("I"):
         with contextlib.suppress(NoAnswer):
@@ -85,13 +96,13 @@ def unpark(mount: Meade, _: Unpark) -> Steps:
         yield from set_tracking(mount, SetTracking(on=True))
 
 
-def sleep(mount: Meade, _: Sleep) -> Steps:
+def sleep(mount: Lx200Driver, _: Sleep) -> Steps:
     """:hN - from then on nothing is sent that would turn a motor: a telescope that sleeps says yes and stays."""
     yield from ask(mount, "hN")
     mount.asleep_as_told = True
 
 
-def wake(mount: Meade, _: Wake) -> Steps:
+def wake(mount: Lx200Driver, _: Wake) -> Steps:
     """:hW"""
     yield from ask(mount, "hW")
     mount.asleep_as_told = False

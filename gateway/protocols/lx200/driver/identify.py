@@ -6,11 +6,11 @@ then it can do less. What was not answered is not asked again before the line co
 
 from __future__ import annotations
 
-from gateway.driver import Ask, Steps
-from gateway.errors import Busy, Fault, Garbled, NoAnswer, Silence
-from gateway.operations import Equatorial, GetStatus, Identity, Operation, Status, Tracking
-from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Meade, ask
-from gateway.spherical import fold_declination
+from gateway.astro.spherical import fold_declination
+from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
+from gateway.core.operations import Equatorial, GetStatus, Identity, Operation, Status, Tracking
+from gateway.protocols.base.driver import Send, Steps
+from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, ask
 
 #: A question that may stay unanswered is waited for so many times longer than two answers took, and at least so long.
 TIMES, AT_LEAST = 2.0, 0.6
@@ -18,7 +18,7 @@ TIMES, AT_LEAST = 2.0, 0.6
 HIGH = len("HH:MM:SS#")
 
 
-def contact(mount: Meade) -> Steps:
+def contact(mount: Lx200Driver) -> Steps:
     """ACK, :GR and :GD in high precision -> Equatorial: from then on programs can be told where it points."""
     mount.power_on()
     mount.mute, mount.quick = frozenset(), OWN_PATIENCE
@@ -32,7 +32,7 @@ def contact(mount: Meade) -> Steps:
     return Equatorial(*fold_declination(first["ra"], second["dec"]))
 
 
-def identity(mount: Meade, _: Operation) -> Steps:
+def identity(mount: Lx200Driver, _: Operation) -> Steps:
     """ACK, :GVP, :GVN, :GW -> Identity."""
     if not mount.met:
         yield from contact(mount)
@@ -59,7 +59,7 @@ def identity(mount: Meade, _: Operation) -> Steps:
     return Identity(product=mount.product or "LX200", version=mount.firmware or "?", model=mount.model or "autostar")
 
 
-def _name(mount: Meade) -> Steps:
+def _name(mount: Lx200Driver) -> Steps:
     """The name, asked for twice where the model hangs on it: one question may have been lost on its way."""
     product = yield from _probe(mount, "GVP")
     if product is None and mount.named_model is None:
@@ -68,13 +68,13 @@ def _name(mount: Meade) -> Steps:
     return product
 
 
-def _probe(mount: Meade, command: str, light: bool = False) -> Steps:
+def _probe(mount: Lx200Driver, command: str, light: bool = False) -> Steps:
     """A question that need not be answered -> its fields or None. Raises NoAnswer where the line is down."""
     if command in mount.mute:
         return None
     try:
         patience = min(OWN_PATIENCE, max(AT_LEAST, TIMES * mount.quick))
-        return (yield Ask(command, patience=patience, light=light))
+        return (yield Send(command, patience=patience, light=light))
     except Busy:  # it will know the answer when it has time for it
         return None
     except (Garbled, Silence):
@@ -86,7 +86,7 @@ def _probe(mount: Meade, command: str, light: bool = False) -> Steps:
         return None
 
 
-def _model(mount: Meade, product: str) -> Steps:
+def _model(mount: Lx200Driver, product: str) -> Steps:
     """The model that a product text stands for; a nameless one is a classic, one with a home is the 16 inch."""
     if product.startswith(("LX2001", "LX200GPS")):
         return "lx200gps"
@@ -99,7 +99,7 @@ def _model(mount: Meade, product: str) -> Steps:
     return "lx200-16" if (yield from _probe(mount, "h?")) is not None else "lx200"
 
 
-def high_precision(mount: Meade) -> Steps:
+def high_precision(mount: Lx200Driver) -> Steps:
     """Make sure once: read, toggle if the answer is short, read again -> the last answer."""
     for _ in range(2):
         answer = yield from ask(mount, "GR")
@@ -112,13 +112,13 @@ def high_precision(mount: Meade) -> Steps:
     return answer
 
 
-def _learn_letter(mount: Meade, letter: str) -> None:
+def _learn_letter(mount: Lx200Driver, letter: str) -> None:
     mount.letter = letter
     if letter != "L":
         mount.home_letter = letter
 
 
-def read_status(mount: Meade) -> Steps:
+def read_status(mount: Lx200Driver) -> Steps:
     """:GW where the telescope knows it, else ACK; where it knows neither, it is taken to be aligned and to track.
 
     In motion a Meade tells what its motors do: under a key that it does not track, for a moment of a goto that it does.
@@ -153,7 +153,7 @@ def read_status(mount: Meade) -> Steps:
     return None
 
 
-def _in_land_mode(mount: Meade) -> Steps:
+def _in_land_mode(mount: Lx200Driver) -> Steps:
     """Whether the alignment mode is L.
 
     Of a polar telescope whose tracking is off for that reason, ``:GW#`` may tell an A, and a T while it slews. How it
@@ -163,19 +163,23 @@ def _in_land_mode(mount: Meade) -> Steps:
     return answer is not None and answer["mode"] == "L"
 
 
-def native_mode(mount: Meade) -> Tracking:
+def native_mode(mount: Lx200Driver) -> Tracking:
     """The mode this telescope tracks in."""
     if not mount.equatorial:
         return Tracking.ALTAZ
     return Tracking.EQ_SOUTH if mount.southern else Tracking.EQ_NORTH
 
 
-def status(mount: Meade, _: GetStatus) -> Steps:
+def status(mount: Lx200Driver, _: GetStatus) -> Steps:
     """-> Status."""
     try:
         yield from read_status(mount)
     except Fault:
         if mount.goto is None:  # some are mute to this while they slew
             raise
-    return Status(tracking=mount.tracking, aligned=mount.aligned, equatorial=mount.equatorial,
-                  wedge=mount.equatorial and not mount.german)
+    return Status(
+        tracking=mount.tracking,
+        aligned=mount.aligned,
+        equatorial=mount.equatorial,
+        wedge=mount.equatorial and not mount.german,
+    )

@@ -6,17 +6,17 @@ number that is not found leaves it as it was, as on the telescope itself.
 
 from __future__ import annotations
 
-from gateway.driver import Ask, Steps
-from gateway.errors import Silence
-from gateway.operations import Choose, Chosen, Equatorial
-from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Meade, ask
-from gateway.spherical import wrap180
+from gateway.astro.spherical import wrap180
+from gateway.core.errors import Silence
+from gateway.core.operations import Choose, Chosen, Equatorial
+from gateway.protocols.base.driver import Send, Steps
+from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, ask
 
 #: Degrees: so near to the target of before it is that one, for it is told in whole seconds.
 SAME = 20.0 / 3600.0
 
 
-def choose(mount: Meade, operation: Choose) -> Steps:
+def choose(mount: Lx200Driver, operation: Choose) -> Steps:
     """:Sr :Sd, the choice, :LI :Gr :Gd -> Chosen. Gotos and syncs set the same target: none comes in between."""
     yield from ask(mount, "Sr", ra=operation.ra)
     yield from ask(mount, "Sd", dec=operation.dec)
@@ -30,12 +30,12 @@ def choose(mount: Meade, operation: Choose) -> Steps:
     return Chosen(None if same else Equatorial(ra, dec), text.decode("latin-1").rstrip("#"), reply)
 
 
-def _said(mount: Meade, command: str, values: dict[str, object]) -> Steps:
+def _said(mount: Lx200Driver, command: str, values: dict[str, object]) -> Steps:
     """The bytes of a reply; none where it has none, or the telescope does not know the command."""
     if not mount.protocol.commands[command].replies:
         yield from ask(mount, command, **values)
         return b""
     try:
-        return (yield Ask(command, {**values, "low": mount.low}, OWN_PATIENCE, raw=True))["raw"]
+        return (yield Send(command, {**values, "low": mount.low}, OWN_PATIENCE, raw=True))["raw"]
     except Silence:
         return b""

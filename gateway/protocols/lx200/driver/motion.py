@@ -10,15 +10,15 @@ from __future__ import annotations
 
 import math
 
-from gateway.driver import Remark, Steps
-from gateway.errors import Refused
-from gateway.operations import Halt, Move, MoveAxis, Pulse, PulseAxis, Pulsed, Rate, SetGuideRate, Stop, Tracking
+from gateway.core.errors import Refused
+from gateway.core.operations import Halt, Move, MoveAxis, Pulse, PulseAxis, Pulsed, Rate, SetGuideRate, Stop, Tracking
+from gateway.protocols.base.driver import Remark, Steps
 from gateway.protocols.lx200.driver import put_back
 from gateway.protocols.lx200.driver.drive import drive_at, put_drive_back
 from gateway.protocols.lx200.driver.ends import MOUNT, begins, end
 from gateway.protocols.lx200.driver.pier import beyond_pole
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Speed, instead_of_tracking, nearest, off
-from gateway.protocols.lx200.driver.state import SLEWING, Meade, ask, rate_command
+from gateway.protocols.lx200.driver.state import SLEWING, Lx200Driver, ask, rate_command
 
 LONGEST_PULSE = 9999  # milliseconds: the four digits of :Mg
 #: What is off by more than this part of what was asked is said.
@@ -26,7 +26,7 @@ _SAID_FROM = math.log(1.1)
 _NAMED_DRIVES = {"sidereal": 1.0, "solar": 0.99727, "lunar": 0.97633}
 
 
-def _letter(mount: Meade, axis: int, sense: int) -> Steps:
+def _letter(mount: Lx200Driver, axis: int, sense: int) -> Steps:
     if axis == 2 and mount.equatorial and not mount.german and mount.southern:  # it lifts the tube to the southern pole
         sense = -sense
     elif axis == 2 and mount.german:  # its second motor turns the tube the other way on one side of the pier
@@ -38,13 +38,13 @@ def _letter(mount: Meade, axis: int, sense: int) -> Steps:
     return "w" if sense > 0 else "e"
 
 
-def move(mount: Meade, operation: Move) -> Steps:
+def move(mount: Lx200Driver, operation: Move) -> Steps:
     """:M… in a sky direction."""
     speed = yield from _speed(mount, operation.rate)
     yield from _move(mount, operation.axis, operation.direction.value, operation.rate, speed)
 
 
-def move_axis(mount: Meade, operation: MoveAxis) -> Steps:
+def move_axis(mount: Lx200Driver, operation: MoveAxis) -> Steps:
     """:M… by motor sense. A variable rate in right ascension counts from rest, where the mount tracks."""
     axis, rate = operation.axis, operation.rate
     letter = yield from _letter(mount, axis, operation.sense)
@@ -66,14 +66,14 @@ def move_axis(mount: Meade, operation: MoveAxis) -> Steps:
     yield from _move(mount, axis, letter, rate, speed)
 
 
-def _drive(mount: Meade) -> float:
+def _drive(mount: Lx200Driver) -> float:
     """What it tracks at, degrees a second."""
     rate = mount.rate
     factor = 1.0 if rate is None else rate.factor if rate.factor is not None else _NAMED_DRIVES[rate.name or "sidereal"]
     return factor * SPEEDS["RG"]
 
 
-def _speed(mount: Meade, rate: Rate) -> Steps:
+def _speed(mount: Lx200Driver, rate: Rate) -> Steps:
     """The nearest to so many degrees a second; None for a rate that has a name, or is one of the telescope's keys."""
     if rate.name is not None or rate.degrees is None:
         return None
@@ -84,11 +84,13 @@ def _speed(mount: Meade, rate: Rate) -> Steps:
 
 def _say(asked: float, done: float) -> Steps:
     if off(asked, done) > _SAID_FROM:
-        yield Remark(f"{abs(asked) * 3600:.5g} arcseconds a second go as {done * math.copysign(3600, asked):.5g}: "
-                     "no other speed of this Meade is nearer")
+        yield Remark(
+            f"{abs(asked) * 3600:.5g} arcseconds a second go as {done * math.copysign(3600, asked):.5g}: "
+            "no other speed of this Meade is nearer"
+        )
 
 
-def _move(mount: Meade, axis: int, letter: str, rate: Rate, speed: Speed | None) -> Steps:
+def _move(mount: Lx200Driver, axis: int, letter: str, rate: Rate, speed: Speed | None) -> Steps:
     """``speed`` of None is the one of its name; one without a command is tracking itself, at another rate."""
     old = mount.moving.get(axis)
     none = speed is not None and speed.command is None
@@ -103,7 +105,7 @@ def _move(mount: Meade, axis: int, letter: str, rate: Rate, speed: Speed | None)
     mount.moving[axis], mount.parked = letter, False
 
 
-def _named(mount: Meade, axis: int, rate: Rate) -> Steps:
+def _named(mount: Lx200Driver, axis: int, rate: Rate) -> Steps:
     """One of the four rates by its name."""
     command = rate_command(rate)
     if command == "RS":
@@ -113,7 +115,7 @@ def _named(mount: Meade, axis: int, rate: Rate) -> Steps:
     yield from ask(mount, command)
 
 
-def _chosen(mount: Meade, axis: int, speed: Speed) -> Steps:
+def _chosen(mount: Lx200Driver, axis: int, speed: Speed) -> Steps:
     """The rate, and before or behind it what it is to mean."""
     if speed.guide is not None:
         yield from put_back.guide_at(mount, speed.guide)
@@ -126,7 +128,7 @@ def _chosen(mount: Meade, axis: int, speed: Speed) -> Steps:
         mount.free_axes.add(axis)
 
 
-def _fastest(mount: Meade, axis: int, degrees: float | None) -> Steps:
+def _fastest(mount: Lx200Driver, axis: int, degrees: float | None) -> Steps:
     """:Sw when another speed than the last one is wanted for :RS; a rate of this axis' own is taken back."""
     lowest, highest = mount.facts["max_rates"]
     wanted = int(max(lowest, min(highest, mount.facts["max_rate"] if degrees is None else degrees)))
@@ -138,14 +140,14 @@ def _fastest(mount: Meade, axis: int, degrees: float | None) -> Steps:
         mount.free_axes.discard(axis)
 
 
-def set_guide_rate(mount: Meade, operation: SetGuideRate) -> Steps:
+def set_guide_rate(mount: Lx200Driver, operation: SetGuideRate) -> Steps:
     """The fraction of sidereal that :RG and guide pulses mean: :Rg where the model has it and it is another one."""
     mount.guide_rate = min(1.0, operation.rate)
     if mount.knows("Rg"):
         yield from put_back.guide_at(mount, mount.guide_rate)
 
 
-def halt(mount: Meade, operation: Halt) -> Steps:
+def halt(mount: Lx200Driver, operation: Halt) -> Steps:
     """:Q… of the arrow that was pressed; both of the axis when none is known to be."""
     pulsed, moved = mount.pulsing.pop(operation.axis, None), mount.moving.pop(operation.axis, None)
     letter = moved or pulsed
@@ -158,7 +160,7 @@ def halt(mount: Meade, operation: Halt) -> Steps:
     yield from put_back.later(mount)
 
 
-def stop(mount: Meade, _: Stop) -> Steps:
+def stop(mount: Lx200Driver, _: Stop) -> Steps:
     """:Q"""
     moved = mount.goto is not None or mount.seeking or bool(mount.moving or mount.pulsing)
     mount.goto = None
@@ -173,18 +175,18 @@ def stop(mount: Meade, _: Stop) -> Steps:
 # --- guiding ----------------------------------------------------------------------------------------------------
 
 
-def pulse(mount: Meade, operation: Pulse) -> Steps:
+def pulse(mount: Lx200Driver, operation: Pulse) -> Steps:
     """-> Pulsed. :Mg where the model has it, four digits at most; else guide rate, which has to be ended."""
     return (yield from _pulse(mount, operation.direction.axis, operation.direction.value, operation.ms, None))
 
 
-def pulse_axis(mount: Meade, operation: PulseAxis) -> Steps:
+def pulse_axis(mount: Lx200Driver, operation: PulseAxis) -> Steps:
     """-> Pulsed. The same by motor sense, at a rate of its own."""
     letter = yield from _letter(mount, operation.axis, operation.sense)
     return (yield from _pulse(mount, operation.axis, letter, operation.ms, operation.rate))
 
 
-def _pulse(mount: Meade, axis: int, letter: str, ms: int, rate: float | None) -> Steps:
+def _pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float | None) -> Steps:
     """A model that guides at its one rate alone does so for as much shorter."""
     if mount.goto is not None:
         raise Refused(SLEWING)

@@ -7,20 +7,20 @@ control up to 5.24: W where the second motor's axis reads beyond the pole.
 
 from __future__ import annotations
 
-from gateway.driver import Steps
-from gateway.errors import Unsupported
-from gateway.operations import PierSide
+from gateway.astro.spherical import wrap180
+from gateway.core.errors import Unsupported
+from gateway.core.operations import PierSide
+from gateway.protocols.base.driver import Steps
 from gateway.protocols.lx200.driver.speeds import SIDEREAL
-from gateway.protocols.lx200.driver.state import Meade, ask
-from gateway.spherical import wrap180
+from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 
 
-def chooses_side(mount: Meade, ra: float) -> None:
+def chooses_side(mount: Lx200Driver, ra: float) -> None:
     """A goto to this right ascension was begun."""
     mount.side_by, mount.beyond_pole = (ra, mount.now()), None
 
 
-def beyond_pole(mount: Meade) -> Steps:
+def beyond_pole(mount: Lx200Driver) -> Steps:
     """-> whether the second axis is turned over the pole; by :GS and the last goto, or by :GR. False for a fork."""
     if not mount.german:
         return False
@@ -35,7 +35,7 @@ def beyond_pole(mount: Meade) -> Steps:
     return mount.beyond_pole
 
 
-def pier_side(mount: Meade, _: PierSide) -> Steps:
+def pier_side(mount: Lx200Driver, _: PierSide) -> Steps:
     """-> the letter. Raises Unsupported for a fork, which has no sides."""
     if not mount.german:
         raise Unsupported("A fork has no sides of the pier.")

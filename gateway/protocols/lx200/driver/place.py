@@ -5,19 +5,19 @@ from __future__ import annotations
 import calendar
 from datetime import UTC, datetime, timedelta
 
-from gateway.driver import Ask, Steps
-from gateway.errors import Busy, Invalid, Refused, Silence, Unsupported
-from gateway.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Moment, Place, SetClock, SetSite
-from gateway.protocols.lx200.driver.state import Meade, ask
+from gateway.astro.spherical import wrap180
+from gateway.core.errors import Busy, Invalid, Refused, Silence, Unsupported
+from gateway.core.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Moment, Place, SetClock, SetSite
+from gateway.protocols.base.driver import Send, Steps
+from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 from gateway.protocols.lx200.nmea import fix
-from gateway.spherical import wrap180
 
 ARCMINUTE = 1.0 / 60.0
 #: Sentences to listen to for one that tells place and time, and seconds for each: they come in blocks.
 SENTENCES, NEXT_SENTENCE = 8, 2.5
 
 
-def get_site(mount: Meade, _: GetSite) -> Steps:
+def get_site(mount: Lx200Driver, _: GetSite) -> Steps:
     """:Gt :Gg -> Place."""
     latitude = (yield from ask(mount, "Gt"))["latitude"]
     longitude = -(yield from ask(mount, "Gg"))["longitude"]
@@ -25,7 +25,7 @@ def get_site(mount: Meade, _: GetSite) -> Steps:
     return mount.site
 
 
-def set_site(mount: Meade, operation: SetSite) -> Steps:
+def set_site(mount: Lx200Driver, operation: SetSite) -> Steps:
     """:St :Sg - some answer 0 to a good latitude, so what counts is what they say afterwards."""
     if operation.latitude is None or operation.longitude is None:
         raise Unsupported("A site has a latitude and a longitude.")
@@ -40,7 +40,7 @@ def set_site(mount: Meade, operation: SetSite) -> Steps:
         raise Refused("The mount refused the site.")
 
 
-def get_clock(mount: Meade, _: GetClock) -> Steps:
+def get_clock(mount: Lx200Driver, _: GetClock) -> Steps:
     """:GG :GC :GL, the date again when midnight may have passed between -> Moment."""
     offset = -(yield from ask(mount, "GG"))["offset"]
     day = (yield from ask(mount, "GC"))["date"]
@@ -50,11 +50,11 @@ def get_clock(mount: Meade, _: GetClock) -> Steps:
     return Moment(calendar.timegm(day.timetuple()) + seconds - offset * 3600.0, offset)
 
 
-def gps(mount: Meade, _: GetGps) -> Steps:
+def gps(mount: Lx200Driver, _: GetGps) -> Steps:
     """:gps until a sentence tells place and time -> Gps; a receiver that is silent or off has no fix."""
     for _attempt in range(SENTENCES):
         try:
-            seen = fix((yield Ask("gps", patience=NEXT_SENTENCE))["text"])
+            seen = fix((yield Send("gps", patience=NEXT_SENTENCE))["text"])
         except (Silence, Busy):
             break
         if seen is not None:
@@ -62,14 +62,14 @@ def gps(mount: Meade, _: GetGps) -> Steps:
     return Gps(linked=False)
 
 
-def clock_from_gps(mount: Meade, _: ClockFromGps) -> Steps:
+def clock_from_gps(mount: Lx200Driver, _: ClockFromGps) -> Steps:
     """:gT - minutes on a real one, whose keypad is dead meanwhile: not while anything moves. Raises Busy, NoDevice."""
     if mount.goto is not None or mount.moving or mount.seeking:
         raise Busy("The mount moves: its GPS can be asked when it stands.")
     yield from ask(mount, "gT")
 
 
-def set_clock(mount: Meade, operation: SetClock) -> Steps:
+def set_clock(mount: Lx200Driver, operation: SetClock) -> Steps:
     """:SG :SL :SC - quarter hours as the next lower half, with the local time to match."""
     offset, began = operation.offset * 2 // 1 / 2, mount.now()
     yield from ask(mount, "SG", offset=-offset)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from gateway.driver import Pause, Steps
-from gateway.errors import Fault, Garbled, NoAnswer, Refused, Silence
-from gateway.operations import (
+from gateway.astro.spherical import fold_declination
+from gateway.core.errors import Fault, Garbled, NoAnswer, Refused, Silence
+from gateway.core.operations import (
     CancelGoto,
     Equatorial,
     Goto,
@@ -17,12 +17,12 @@ from gateway.operations import (
     Slewing,
     Sync,
 )
+from gateway.protocols.base.driver import Steps, Wait
 from gateway.protocols.lx200.driver.ends import MOUNT, begins, end
 from gateway.protocols.lx200.driver.identify import HIGH, high_precision
 from gateway.protocols.lx200.driver.pier import chooses_side
 from gateway.protocols.lx200.driver.put_back import at_most, later
-from gateway.protocols.lx200.driver.state import GotoState, Meade, ask
-from gateway.spherical import fold_declination
+from gateway.protocols.lx200.driver.state import GotoState, Lx200Driver, ask
 
 #: A goto counts as under way this long at least, and until the bars were empty twice.
 START_GRACE = 0.8
@@ -37,7 +37,7 @@ GIVEN_UP = 2
 SLOWER = 1.25
 
 
-def position(mount: Meade, _: Position) -> Steps:
+def position(mount: Lx200Driver, _: Position) -> Steps:
     """:GR and :GD -> Equatorial. A telescope that was switched off and on answers short: it is made precise again."""
     first, second, _ = yield from _pair(mount, "GR", "GD", PAIR_TRIES)
     if not mount.low and first["length"] < HIGH:
@@ -45,7 +45,7 @@ def position(mount: Meade, _: Position) -> Steps:
     return Equatorial(*fold_declination(first["ra"], second["dec"]))
 
 
-def horizontal_position(mount: Meade, _: HorizontalPosition) -> Steps:
+def horizontal_position(mount: Lx200Driver, _: HorizontalPosition) -> Steps:
     """:GZ and :GA -> Horizontal; None where the telescope does not answer that, or the line is too busy for both.
 
     The hub derives it then. One silence may be an answer that was lost.
@@ -63,7 +63,7 @@ def horizontal_position(mount: Meade, _: HorizontalPosition) -> Steps:
     return Horizontal(first["az"], second["alt"]) if together else None
 
 
-def _pair(mount: Meade, first: str, second: str, tries: int) -> Steps:
+def _pair(mount: Lx200Driver, first: str, second: str, tries: int) -> Steps:
     """Two answers, and whether they are of about one instant: what comes between them on the line may take long.
 
     Where the line itself takes long they are no nearer to each other however often both are asked.
@@ -81,7 +81,7 @@ def _pair(mount: Meade, first: str, second: str, tries: int) -> Steps:
     return one, other, False
 
 
-def slewing(mount: Meade, _: Slewing) -> Steps:
+def slewing(mount: Lx200Driver, _: Slewing) -> Steps:
     """:D -> bool, latched from the goto until the telescope has settled; hand motion is none."""
     if mount.seeking:
         return (yield from still_seeking(mount))
@@ -102,13 +102,13 @@ def slewing(mount: Meade, _: Slewing) -> Steps:
     return False
 
 
-def still_seeking(mount: Meade) -> Steps:
+def still_seeking(mount: Lx200Driver) -> Steps:
     """:h? -> whether it still looks for its home."""
     mount.seeking = (yield from ask(mount, "h?"))["state"] == "2"
     return mount.seeking
 
 
-def goto(mount: Meade, operation: Goto) -> Steps:
+def goto(mount: Lx200Driver, operation: Goto) -> Steps:
     """:Sr :Sd :MS - refusals come with the telescope's own words."""
     yield from stop_current_motion(mount)
     yield from at_most(mount, operation.fastest)
@@ -119,7 +119,7 @@ def goto(mount: Meade, operation: Goto) -> Steps:
     yield from later(mount)
 
 
-def goto_axes(mount: Meade, operation: GotoAxes) -> Steps:
+def goto_axes(mount: Lx200Driver, operation: GotoAxes) -> Steps:
     """:Sz :Sa :MA - where the model has it."""
     yield from stop_current_motion(mount)
     yield from at_most(mount, operation.fastest)
@@ -129,7 +129,7 @@ def goto_axes(mount: Meade, operation: GotoAxes) -> Steps:
     yield from later(mount)
 
 
-def begin(mount: Meade, command: str, then: str | None = None) -> Steps:
+def begin(mount: Lx200Driver, command: str, then: str | None = None) -> Steps:
     """Send what begins a goto. It counts as under way before that, for a stop must know of it."""
     mount.parked, mount.goto = False, GotoState(since=mount.now(), then=then)
     begins(mount, *MOUNT)
@@ -145,20 +145,20 @@ def begin(mount: Meade, command: str, then: str | None = None) -> Steps:
     mount.goto.since = mount.now()
 
 
-def _has_begun(mount: Meade) -> Steps:
+def _has_begun(mount: Lx200Driver) -> Steps:
     """Whether a goto whose acknowledgement was lost is under way: the bars tell. Raises NoAnswer while nobody can."""
     assert mount.goto is not None
     mount.goto.unsure = True
     for attempt in range(QUIET):
         if attempt:
-            yield Pause(LOOK_AGAIN)
+            yield Wait(LOOK_AGAIN)
         if (yield from ask(mount, "D"))["bars"].strip():
             mount.goto.unsure = False
             return True
     return False
 
 
-def stop_current_motion(mount: Meade) -> Steps:
+def stop_current_motion(mount: Lx200Driver) -> Steps:
     """The newer goto wins; arrows are let go."""
     if mount.goto is not None or mount.moving or mount.pulsing or mount.seeking:
         yield from ask(mount, "Q")
@@ -167,7 +167,7 @@ def stop_current_motion(mount: Meade) -> Steps:
         mount.pulsing.clear()
 
 
-def cancel_goto(mount: Meade, _: CancelGoto) -> Steps:
+def cancel_goto(mount: Lx200Driver, _: CancelGoto) -> Steps:
     """:Q, when a goto or a search for home is under way: it would end hand motion, too."""
     if mount.goto is not None or mount.seeking:
         mount.goto = None
@@ -175,7 +175,7 @@ def cancel_goto(mount: Meade, _: CancelGoto) -> Steps:
         mount.seeking = False
 
 
-def sync(mount: Meade, operation: Sync) -> Steps:
+def sync(mount: Lx200Driver, operation: Sync) -> Steps:
     """:Sr :Sd :CM - an empty text is a no."""
     yield from ask(mount, "Sr", ra=operation.ra)
     yield from ask(mount, "Sd", dec=operation.dec)

@@ -6,10 +6,10 @@ goto, would go at them. Put back is what the telescope has at power-on, or what 
 
 from __future__ import annotations
 
-from gateway.driver import Later, Steps
-from gateway.operations import Operation
+from gateway.core.operations import Operation
+from gateway.protocols.base.driver import Schedule, Steps
 from gateway.protocols.lx200.driver.speeds import SIDEREAL
-from gateway.protocols.lx200.driver.state import Meade, ask
+from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 
 #: Seconds after the end of a motion; so a program that presses again at once finds its rate still there.
 AFTER = 1.0
@@ -23,18 +23,18 @@ class PutBack(Operation, frozen=True):
     outlives_stop = True
 
 
-def later(mount: Meade) -> Steps:
+def later(mount: Lx200Driver) -> Steps:
     """Have it done, where anything was changed."""
     if _changed(mount):
-        yield Later(AFTER, PutBack(), heard=True)
+        yield Schedule(AFTER, PutBack(), heard=True)
 
 
-def put_back(mount: Meade, _: PutBack) -> Steps:
+def put_back(mount: Lx200Driver, _: PutBack) -> Steps:
     """Not while something moves: its end sees to it."""
     if mount.moving or mount.pulsing or not _changed(mount):
         return
     if mount.goto is not None or mount.seeking or mount.now() < mount.pulses_until:
-        yield Later(AFTER, PutBack(), heard=True)
+        yield Schedule(AFTER, PutBack(), heard=True)
         return
     for axis in sorted(mount.free_axes):
         yield from ask(mount, "RA" if axis == 1 else "RE", rate=float(mount.facts["max_rate"]))
@@ -44,7 +44,7 @@ def put_back(mount: Meade, _: PutBack) -> Steps:
         yield from guide_at(mount, mount.guide_rate)
 
 
-def at_most(mount: Meade, degrees: float | None) -> Steps:
+def at_most(mount: Lx200Driver, degrees: float | None) -> Steps:
     """:Sw before a goto, for its speed is the fastest rate: degrees a second, or what the telescope has at power-on."""
     usual = int(mount.facts["max_rate"])
     lowest, highest = mount.facts["max_rates"]
@@ -54,13 +54,13 @@ def at_most(mount: Meade, degrees: float | None) -> Steps:
         mount.fastest = wanted
 
 
-def guide_at(mount: Meade, fraction: float) -> Steps:
+def guide_at(mount: Lx200Driver, fraction: float) -> Steps:
     """:Rg, which no Meade tells again: it is sent whenever it differs from what was sent last."""
     if abs(fraction - mount.guides_at) > SAME:
         yield from ask(mount, "Rg", rate=min(1.0, fraction) * SIDEREAL)
         mount.guides_at = fraction
 
 
-def _changed(mount: Meade) -> bool:
+def _changed(mount: Lx200Driver) -> bool:
     guides = mount.knows("Rg") and abs(mount.guides_at - mount.guide_rate) > SAME
     return guides or bool(mount.free_axes) or mount.fastest not in (None, mount.facts["max_rate"])

@@ -68,8 +68,13 @@ def instead_of_tracking(able: Abilities, west: float, drive: float) -> Speed:
 
     ``drive`` is the drive rate that runs, degrees a second.
     """
-    return _best([*_drives(able, west, drive), *(_turned(speed, west) for speed in _arrows(able, abs(west))
-                                                 if speed.command != "RG")], west)
+    return _best(
+        [
+            *_drives(able, west, drive),
+            *(_turned(speed, west) for speed in _arrows(able, abs(west)) if speed.command != "RG"),
+        ],
+        west,
+    )
 
 
 def _best(speeds: Any, asked: float) -> Speed:
@@ -121,8 +126,7 @@ def _drives(able: Abilities, west: float, drive: float) -> Iterator[Speed]:
     guide = SPEEDS["RG"]
     for sign in (1, -1):
         hertz = _hertz(able, west - sign * guide)
-        yield Speed("RG", _speed(hertz) + sign * guide, guide=1.0 if able.guides else None,
-                    hertz=hertz, west=sign > 0)
+        yield Speed("RG", _speed(hertz) + sign * guide, guide=1.0 if able.guides else None, hertz=hertz, west=sign > 0)
 
 
 def _hertz(able: Abilities, degrees: float) -> float:

@@ -8,11 +8,11 @@ from typing import Any
 
 from msgspec import Struct
 
-from gateway.driver import Ask, Driver, Pause, Steps
-from gateway.errors import Busy, Fault, Refused, Unsupported
-from gateway.operations import Identity, Operation, Own, Place, Pulse, PulseAxis, Rate, Tracking, TrackRate
+from gateway.core.errors import Busy, Fault, Refused, Unsupported
+from gateway.core.operations import Identity, Operation, Own, Place, Pulse, PulseAxis, Rate, Tracking, TrackRate
+from gateway.protocols.base.driver import Driver, Send, Steps, Wait
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Abilities, nearest
-from gateway.tables import load
+from gateway.protocols.wireformat.command_set import load
 
 BUSY_RETRIES, BUSY_WAIT = 6, 0.4
 #: What takes a telescope long, in seconds at most: a classic calculates its planets, an LX200GPS finds its satellites.
@@ -50,7 +50,7 @@ class GotoState(Struct):
     unsure: bool = False
 
 
-class Meade(Driver):
+class Lx200Driver(Driver):
     """A Meade telescope. ``now`` is any clock that never goes back, in seconds."""
 
     protocol = load("lx200")
@@ -173,8 +173,13 @@ class Meade(Driver):
     def presented(self) -> dict[str, Any]:
         """The row of its model, and what it does not answer: commands that it has not, and a name it cannot tell."""
         lacking = {name for name, command in self.protocol.commands.items() if command.replies and not self.knows(name)}
-        return {**self.facts, "name": self.model or "autostar", "own": True, "build": self.home_letter,
-                "lacking": frozenset(lacking if self.product else lacking | NAMES)}
+        return {
+            **self.facts,
+            "name": self.model or "autostar",
+            "own": True,
+            "build": self.home_letter,
+            "lacking": frozenset(lacking if self.product else lacking | NAMES),
+        }
 
     def told_model(self, identity: Identity) -> str | None:
         rows = self.protocol.models
@@ -190,7 +195,7 @@ class Meade(Driver):
         if not self.knows(operation.command):
             raise Unsupported
         values = {**dict(operation.fields), "low": self.low}
-        return (yield Ask(operation.command, values, OWN_PATIENCE, raw=True))["raw"]
+        return (yield Send(operation.command, values, OWN_PATIENCE, raw=True))["raw"]
 
     def memory(self, moving: bool) -> dict[str, Any]:
         """A telescope keeps its home itself, and stops by a command that all of them have.
@@ -222,8 +227,9 @@ class Meade(Driver):
         """What there is to choose a speed from."""
         low, high = self.facts["max_rates"]
         slow, fast = self.facts["hertz"]
-        return Abilities(self.knows("Rg"), self.knows("RA"), self.knows("Sw"), self.facts["max_rate"], (low, high),
-                         (slow, fast))
+        return Abilities(
+            self.knows("Rg"), self.knows("RA"), self.knows("Sw"), self.facts["max_rate"], (low, high), (slow, fast)
+        )
 
     @property
     def southern(self) -> bool:
@@ -235,7 +241,7 @@ def rate_command(rate: Rate) -> str:
     return _NAMES[rate.name] if rate.name is not None else _KEYS[rate.key or 1]
 
 
-def ask(mount: Meade, command: str, **values: Any) -> Steps:
+def ask(mount: Lx200Driver, command: str, **values: Any) -> Steps:
     """Send a command; a busy telescope (NAK) is waited for, a few times, except with what moves it by hand.
 
     Raises Unsupported for what it lacks, and Refused for what would turn a motor of one that sleeps.
@@ -250,9 +256,9 @@ def ask(mount: Meade, command: str, **values: Any) -> Steps:
     for attempt in range(BUSY_RETRIES):
         try:
             patience = LONG.get(command) or (OWN_PATIENCE if command in MAY_BE_SILENT else None)
-            return (yield Ask(command, {**values, "low": mount.low}, patience, long, prompt))
+            return (yield Send(command, {**values, "low": mount.low}, patience, long, prompt))
         except Busy:
             if prompt or attempt == BUSY_RETRIES - 1:
                 raise
-            yield Pause(BUSY_WAIT)
+            yield Wait(BUSY_WAIT)
     return None

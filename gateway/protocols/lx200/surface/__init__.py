@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gateway.protocols.base.surface import Special
 from gateway.protocols.lx200.surface import (
     accessories,
     clock,
@@ -16,7 +17,6 @@ from gateway.protocols.lx200.surface import (
     target,
     tracking,
 )
-from gateway.surface import Special
 
 _SEVERAL: dict[str, Special] = {
     "gps_sentence": gps.sentence, "gps_clock": gps.set_clock, "own_library": own.own_library,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.errors import Invalid, Unsupported
-from gateway.operations import Backlash, Focus, HomeState, PeriodicError, Unpark
-from gateway.surface import Handling, Session, Speed, Start
-from gateway.tables import Command
+from gateway.core.errors import Invalid, Unsupported
+from gateway.core.operations import Backlash, Focus, HomeState, PeriodicError, Unpark
+from gateway.protocols.base.surface import FireAndForget, Handling, Session, Speed
+from gateway.protocols.wireformat.command_set import Command
 
 
 def toggle_precision(session: Session, command: Command, values: dict[str, Any]) -> None:
@@ -30,7 +30,7 @@ def restart(session: Session, command: Command, values: dict[str, Any]) -> Handl
     """:I - back into service, and this client's state as at power-on; the stop in it was begun when it came."""
     session.kept.clear()
     session.kept["precision"] = session.settings.get("precision", "high")
-    yield Start(Unpark())
+    yield FireAndForget(Unpark())
 
 
 def home_state(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -44,7 +44,7 @@ def home_state(session: Session, command: Command, values: dict[str, Any]) -> Ha
 def focus(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:F+ :F- :FQ"""
     direction = {"+": 1, "-": -1, "Q": 0}[command.name[1]]
-    yield Start(Focus(direction, session.kept.get("focus speed", 2)))
+    yield FireAndForget(Focus(direction, session.kept.get("focus speed", 2)))
 
 
 def focus_speed(session: Session, command: Command, values: dict[str, Any]) -> None:
@@ -61,18 +61,18 @@ def backlash(session: Session, command: Command, values: dict[str, Any]) -> Hand
     """:$BA the declination motor, :$BZ the right-ascension motor."""
     if "fault" in values:
         raise values["fault"]
-    yield Start(Backlash(2 if command.name == "$BA" else 1, values["value"]))
+    yield FireAndForget(Backlash(2 if command.name == "$BA" else 1, values["value"]))
 
 
 def periodic_error(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """$Q :$QA :$QZ - a toggle for both axes, or on and off for one; the toggle goes by right ascension's."""
     if command.name.startswith("$QA"):
-        yield Start(PeriodicError(2, command.name.endswith("+")))
+        yield FireAndForget(PeriodicError(2, command.name.endswith("+")))
         return
     toggled = command.name == "$Q"
     on = not session.shared.get("pec", False) if toggled else command.name.endswith("+")
     session.set_for_all("pec", on)
-    yield Start(PeriodicError(None if toggled else 1, on))
+    yield FireAndForget(PeriodicError(None if toggled else 1, on))
 
 
 def silence(session: Session, command: Command, values: dict[str, Any]) -> bytes:

@@ -12,10 +12,10 @@ import contextlib
 from datetime import UTC, date, datetime, timedelta
 from typing import Any
 
-from gateway.errors import Fault, Invalid, ReadOnly, Unsupported
-from gateway.operations import GetClock, Moment, SetClock, SiderealTime
-from gateway.surface import Defer, Handling, Session
-from gateway.tables import Command
+from gateway.core.errors import Fault, Invalid, ReadOnly, Unsupported
+from gateway.core.operations import GetClock, Moment, SetClock, SiderealTime
+from gateway.protocols.base.surface import Defer, Handling, Session
+from gateway.protocols.wireformat.command_set import Command
 
 #: One pause after the last piece, then what is there is taken.
 QUIET = 2.0

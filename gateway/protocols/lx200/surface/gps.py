@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.errors import NoDevice, Unsupported
-from gateway.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Moment, Place
+from gateway.core.errors import NoDevice, Unsupported
+from gateway.core.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Moment, Place
+from gateway.protocols.base.surface import Handling, Session
 from gateway.protocols.lx200.nmea import rmc
-from gateway.surface import Handling, Session
-from gateway.tables import Command
+from gateway.protocols.wireformat.command_set import Command
 
 
 def sentence(session: Session, command: Command, values: dict[str, Any]) -> Handling:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from gateway import __version__
-from gateway.errors import Fault
-from gateway.operations import GetIdentity, GetStatus, Identity, Status
-from gateway.surface import Handling, Session
-from gateway.tables import Command
+from gateway.core.errors import Fault
+from gateway.core.operations import GetIdentity, GetStatus, Identity, Status
+from gateway.protocols.base.surface import Handling, Session
+from gateway.protocols.wireformat.command_set import Command
 
 _STEPS = {"??": None, "?+": 1, "?-": -1}
 #: Without the hash sign, which would end the line.

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.errors import NoTarget
-from gateway.operations import Equatorial, MoonPlace, Sync
+from gateway.core.errors import NoTarget
+from gateway.core.operations import Equatorial, MoonPlace, Sync
+from gateway.protocols.base.surface import FireAndForget, Handling, Session
 from gateway.protocols.lx200.surface import selected
-from gateway.surface import Handling, Session, Start
-from gateway.tables import Command
+from gateway.protocols.wireformat.command_set import Command
 
 
 def set_moon_target(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -29,4 +29,4 @@ def sync_on_moon(session: Session, command: Command, values: dict[str, Any]) -> 
     if not isinstance(session.kept.get("moving"), MoonPlace):
         raise NoTarget
     place: Equatorial = yield from selected.target(session)
-    yield Start(Sync(place.ra, place.dec))
+    yield FireAndForget(Sync(place.ra, place.dec))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.errors import Invalid
-from gateway.operations import Direction, Halt, Move, Pulse, Rate, SetGuideRate, Stop
-from gateway.surface import Handling, Session, Start
-from gateway.tables import Command
+from gateway.core.errors import Invalid
+from gateway.core.operations import Direction, Halt, Move, Pulse, Rate, SetGuideRate, Stop
+from gateway.protocols.base.surface import FireAndForget, Handling, Session
+from gateway.protocols.wireformat.command_set import Command
 
 _NAMES = {"RG": "guide", "RC": "center", "RM": "find", "RS": "max"}
 _SIDEREAL = 15.041067
@@ -22,17 +22,17 @@ def move(session: Session, command: Command, values: dict[str, Any]) -> Handling
     rate = Rate(degrees=min(own, kept.get("fastest", own))) if own else kept.get("rate", Rate(name="center"))
     if rate.name == "max" and "fastest" in kept:
         rate = Rate(name="max", degrees=kept["fastest"])
-    yield Start(Move(direction, rate, lowest=kept.get("lowest"), highest=kept.get("highest")))
+    yield FireAndForget(Move(direction, rate, lowest=kept.get("lowest"), highest=kept.get("highest")))
 
 
 def halt(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:Qn :Qs :Qe :Qw - only that axis."""
-    yield Start(Halt(Direction(command.name[1]).axis))
+    yield FireAndForget(Halt(Direction(command.name[1]).axis))
 
 
 def stop(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:Q - everything."""
-    yield Start(Stop())
+    yield FireAndForget(Stop())
 
 
 def choose_rate(session: Session, command: Command, values: dict[str, Any]) -> None:
@@ -67,11 +67,11 @@ def guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Ha
         raise values["fault"]
     fraction = min(1.0, values["rate"] / _SIDEREAL)
     for axis in (1, 2):
-        yield Start(SetGuideRate(axis, fraction))
+        yield FireAndForget(SetGuideRate(axis, fraction))
 
 
 def pulse(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:Mg - a timed guide pulse in milliseconds."""
     if "fault" in values:
         raise values["fault"]
-    yield Start(Pulse(Direction(values["direction"]), min(values["ms"], LONGEST_PULSE)))
+    yield FireAndForget(Pulse(Direction(values["direction"]), min(values["ms"], LONGEST_PULSE)))

@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from gateway.errors import Invalid, Unsupported
-from gateway.library import Entry, Wanted, deepsky, describe, search, stars
-from gateway.operations import Equatorial, MoonPlace, OfCatalog, PlanetPlace, Position, Zenith
+from gateway.astro.catalog import Entry, Wanted, deepsky, describe, search, stars
+from gateway.astro.spherical import separation
+from gateway.core.errors import Invalid, Unsupported
+from gateway.core.operations import Equatorial, MoonPlace, OfCatalog, PlanetPlace, Position, Zenith
+from gateway.protocols.base.surface import Handling, Session
 from gateway.protocols.lx200.surface import selected
 from gateway.protocols.lx200.surface.search import LIMITS
-from gateway.spherical import separation
-from gateway.surface import Handling, Session
-from gateway.tables import Command
+from gateway.protocols.wireformat.command_set import Command
 
 #: :Lo - catalogues that are to be had; Arp and Abell (4 and 5) are not.
 _DEEP_SKY = {0: "NGC", 1: "IC", 2: "UGC", 3: "C"}

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.errors import Fault
-from gateway.operations import Choose, Chosen, Own, Verbatim
+from gateway.core.errors import Fault
+from gateway.core.operations import Choose, Chosen, Own, Verbatim
+from gateway.protocols.base.surface import Handling, Session
 from gateway.protocols.lx200.surface import selected
-from gateway.surface import Handling, Session
-from gateway.tables import Command
+from gateway.protocols.wireformat.command_set import Command
 
 #: Which catalogue a number is of: chosen by another command, which is said again before, for others choose as well.
 _CATALOGUE = {"LC": "Lo", "LS": "Ls", "LF": "Lo", "LN": "Lo", "LB": "Lo"}
@@ -42,8 +42,7 @@ def own_library(session: Session, command: Command, values: dict[str, Any]) -> H
         return answer
     catalogue = _CATALOGUE.get(command.name, "")
     first = ((catalogue, kept[catalogue]),) if catalogue in kept else ()
-    chosen: Chosen = yield Choose(command.name, tuple(values.items()), first,
-                                  kept.get("ra", 0.0), kept.get("dec", 0.0))
+    chosen: Chosen = yield Choose(command.name, tuple(values.items()), first, kept.get("ra", 0.0), kept.get("dec", 0.0))
     if chosen.place is not None:
         selected.drop(session)
         kept.update(ra=chosen.place.ra, dec=chosen.place.dec, object=chosen.text)

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.errors import Fault, NoTarget
-from gateway.library import Entry, describe
-from gateway.operations import Equatorial, OfDate, Read
-from gateway.surface import Handling, Session
+from gateway.astro.catalog import Entry, describe
+from gateway.core.errors import Fault, NoTarget
+from gateway.core.operations import Equatorial, OfDate, Read
+from gateway.protocols.base.surface import Handling, Session
 
 _TARGET = ("ra", "dec")
 _OBJECT = ("entry", "moving", "object")

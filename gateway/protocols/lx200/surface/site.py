@@ -9,10 +9,10 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import Any
 
-from gateway.errors import Fault, Invalid
-from gateway.operations import GetSite, Place, SetSite
-from gateway.surface import Handling, Session
-from gateway.tables import Command
+from gateway.core.errors import Fault, Invalid
+from gateway.core.operations import GetSite, Place, SetSite
+from gateway.protocols.base.surface import Handling, Session
+from gateway.protocols.wireformat.command_set import Command
 
 #: The letters of the four sites in the commands of their names, and the highest number that ``:W`` takes.
 _NAMED = "MNOP"

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.errors import Fault, NoTarget, Silence, Unsupported
-from gateway.operations import Equatorial, Goto, GotoHorizontal, HorizontalPosition, Own, Position, Slewing, Sync
+from gateway.core.errors import Fault, NoTarget, Silence, Unsupported
+from gateway.core.operations import Equatorial, Goto, GotoHorizontal, HorizontalPosition, Own, Position, Slewing, Sync
+from gateway.protocols.base.surface import Handling, ReuseLastReading, Session
 from gateway.protocols.lx200.surface import selected
-from gateway.surface import Again, Handling, Session
-from gateway.tables import Command
+from gateway.protocols.wireformat.command_set import Command
 
 
 def set_target(session: Session, _: Command, values: dict[str, Any]) -> None:
@@ -50,7 +50,7 @@ def right_ascension(session: Session, _: Command, values: dict[str, Any]) -> Han
 
 def declination(session: Session, _: Command, values: dict[str, Any]) -> Handling:
     """:GD - of the same instant as the :GR before it."""
-    return (yield Again(Position()) if session.last == b":GR#" else Position())
+    return (yield ReuseLastReading(Position()) if session.last == b":GR#" else Position())
 
 
 def azimuth(session: Session, _: Command, values: dict[str, Any]) -> Handling:
@@ -60,15 +60,21 @@ def azimuth(session: Session, _: Command, values: dict[str, Any]) -> Handling:
 
 def altitude(session: Session, _: Command, values: dict[str, Any]) -> Handling:
     """:GA - of the same instant as the :GZ before it."""
-    return (yield Again(HorizontalPosition()) if session.last == b":GZ#" else HorizontalPosition())
+    return (yield ReuseLastReading(HorizontalPosition()) if session.last == b":GZ#" else HorizontalPosition())
 
 
 def goto(session: Session, _: Command, values: dict[str, Any]) -> Handling:
     """:MS - to the target, or a refusal with words."""
     kept = session.kept
     place: Equatorial = yield from selected.target(session)
-    yield Goto(place.ra, place.dec, lowest=kept.get("lowest"), highest=kept.get("highest"),
-               track=not kept.get("land", False), fastest=kept.get("fastest"))
+    yield Goto(
+        place.ra,
+        place.dec,
+        lowest=kept.get("lowest"),
+        highest=kept.get("highest"),
+        track=not kept.get("land", False),
+        fastest=kept.get("fastest"),
+    )
 
 
 def goto_horizontal(session: Session, _: Command, values: dict[str, Any]) -> Handling:
@@ -76,8 +82,9 @@ def goto_horizontal(session: Session, _: Command, values: dict[str, Any]) -> Han
     kept = session.kept
     if "az" not in kept or "alt" not in kept:
         raise NoTarget
-    yield GotoHorizontal(kept["az"], kept["alt"], lowest=kept.get("lowest"), highest=kept.get("highest"),
-                         fastest=kept.get("fastest"))
+    yield GotoHorizontal(
+        kept["az"], kept["alt"], lowest=kept.get("lowest"), highest=kept.get("highest"), fastest=kept.get("fastest")
+    )
 
 
 def sync(session: Session, _: Command, values: dict[str, Any]) -> Handling:

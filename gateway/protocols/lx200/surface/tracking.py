@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.errors import Fault, Invalid, NotAligned
-from gateway.operations import DriveRate, GetStatus, SetTracking, Status, Tracking, TrackRate
-from gateway.surface import Handling, Session, Start
-from gateway.tables import Command
+from gateway.core.errors import Fault, Invalid, NotAligned
+from gateway.core.operations import DriveRate, GetStatus, SetTracking, Status, Tracking, TrackRate
+from gateway.protocols.base.surface import FireAndForget, Handling, Session
+from gateway.protocols.wireformat.command_set import Command
 
 SIDEREAL_HERTZ = 60.16427
 #: What counts as sidereal, and how it is told; the highest frequency that can be told.
@@ -66,7 +66,7 @@ def land(session: Session, command: Command, values: dict[str, Any]) -> Handling
 def track(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """:AA :AP - tracking on, in the mount's own mode: its alignment must survive."""
     session.kept["land"] = False
-    yield Start(SetTracking(on=True))
+    yield FireAndForget(SetTracking(on=True))
 
 
 def named_rate(session: Session, command: Command, values: dict[str, Any]) -> Handling:

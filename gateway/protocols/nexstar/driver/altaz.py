@@ -8,15 +8,15 @@ as the mount tells them and the latitude: below 80 degrees of altitude they chan
 
 from __future__ import annotations
 
-from gateway.driver import Ask, Steps
-from gateway.errors import Busy, Refused, Unsupported
-from gateway.operations import Direction, Move, Pulse, Pulsed, Tracking
+from gateway.astro.spherical import following, northwards
+from gateway.core.errors import Busy, Refused, Unsupported
+from gateway.core.operations import Direction, Move, Pulse, Pulsed, Tracking
+from gateway.protocols.base.driver import Send, Steps
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.goto import stop_current_motion
 from gateway.protocols.nexstar.driver.position import axis_readings
 from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.protocols.nexstar.rates import SIDEREAL
-from gateway.spherical import following, northwards
 
 Pair = tuple[float, float]
 
@@ -98,7 +98,7 @@ def halt(mount: NexStar, axis: int) -> Steps:
         return
     if not pulsed:
         for number in (axis, 3 - axis):
-            yield Ask(f"slew_{_AXIS[number]}_pos", {"rate": 0})
+            yield Send(f"slew_{_AXIS[number]}_pos", {"rate": 0})
     yield from tracking.resume(mount)
 
 
@@ -152,10 +152,10 @@ def _add(mount: NexStar, axis: int, share: Pair, late: Pair = (0.0, 0.0)) -> Ste
     return heard[0]
 
 
-def _rate(mount: NexStar, axis: int, late: Pair, prompt: bool) -> Ask:
+def _rate(mount: NexStar, axis: int, late: Pair, prompt: bool) -> Send:
     """The sum for one axis: tracking, where it was on, and every share."""
     tracks = mount.following[axis - 1] if mount.suspended is Tracking.ALTAZ else 0.0
     total = tracks * (1.0 + late[0]) + sum(share[axis - 1] for share in mount.riding.values())
     fastest = float(mount.rates["fastest"])
     code = tracking.rate_code(min(abs(total), fastest) * 3600.0)
-    return Ask(f"rate_{_AXIS[axis]}_{'pos' if total >= 0.0 else 'neg'}", {"rate": code}, prompt=prompt)
+    return Send(f"rate_{_AXIS[axis]}_{'pos' if total >= 0.0 else 'neg'}", {"rate": code}, prompt=prompt)

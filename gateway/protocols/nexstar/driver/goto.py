@@ -5,9 +5,8 @@ A goto counts as under way from the moment the hand control acknowledged it; ``L
 
 from __future__ import annotations
 
-from gateway.driver import Ask, Later, Pause, Steps
-from gateway.errors import Fault, NoAnswer, NotAligned, Unsupported
-from gateway.operations import (
+from gateway.core.errors import Fault, NoAnswer, NotAligned, Unsupported
+from gateway.core.operations import (
     CancelGoto,
     Goto,
     GotoAxes,
@@ -22,6 +21,7 @@ from gateway.operations import (
     Tracking,
     Unpark,
 )
+from gateway.protocols.base.driver import Schedule, Send, Steps, Wait
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.position import axis_readings, to_mount
 from gateway.protocols.nexstar.driver.state import GotoState, NexStar
@@ -42,12 +42,12 @@ def goto(mount: NexStar, operation: Goto) -> Steps:
     if operation.track and mount.tracking is Tracking.OFF and tracking.native_mode(mount) and mount.knows("T"):
         yield from tracking.set_tracking(mount, SetTracking(on=True))
     ra, dec = to_mount(mount, operation.ra, operation.dec)
-    yield from _begin(mount, Ask("r" if mount.knows("r") else "R", {"ra": ra, "dec": dec}), None)
+    yield from _begin(mount, Send("r" if mount.knows("r") else "R", {"ra": ra, "dec": dec}), None)
 
 
 def need_alignment(mount: NexStar) -> Steps:
     """A hand control without alignment would only say ``#`` and do nothing, so it is asked first. Raises NotAligned."""
-    answer = yield Ask("J")
+    answer = yield Send("J")
     mount.aligned = bool(answer["aligned"])
     if not mount.aligned:
         raise NotAligned
@@ -60,10 +60,10 @@ def goto_axes(mount: NexStar, operation: GotoAxes) -> Steps:
 
 
 def _to_axes(mount: NexStar, az: float, alt: float, then: str | None) -> Steps:
-    yield from _begin(mount, Ask("b" if mount.knows("b") else "B", {"az": az, "alt": alt}), then)
+    yield from _begin(mount, Send("b" if mount.knows("b") else "B", {"az": az, "alt": alt}), then)
 
 
-def _begin(mount: NexStar, command: Ask, then: str | None) -> Steps:
+def _begin(mount: NexStar, command: Send, then: str | None) -> Steps:
     """Send what begins a goto. It counts as under way before that, for a stop must know of it."""
     mount.parked = False
     mount.goto = state = GotoState(since=mount.now(), then=then)
@@ -85,8 +85,8 @@ def _has_begun(mount: NexStar) -> Steps:
     """Whether a goto whose acknowledgement was lost is under way: ``L`` tells. Raises NoAnswer while nobody can."""
     for attempt in range(LOOKS):
         if attempt:
-            yield Pause(LOOK_AGAIN)
-        if (yield Ask("L"))["slewing"] == "1":
+            yield Wait(LOOK_AGAIN)
+        if (yield Send("L"))["slewing"] == "1":
             return True
     return False
 
@@ -99,11 +99,10 @@ def _forget_goto(mount: NexStar) -> None:
 
 
 def stop_current_motion(mount: NexStar) -> Steps:
-    """End what moves now: the newer goto wins, as at the keypad. Hand motion and pulses: rate 0; ``M`` until ``L`` = 0.
-    """
+    """End what moves now: the newer goto wins, as at the keypad. Hand motion and pulses: rate 0; ``M`` until ``L`` = 0."""
     mount.steps.clear()
     for axis in sorted({*mount.moving, *mount.pulsing, *((1, 2) if mount.riding else ())}):
-        yield Ask(f"slew_{'azm' if axis == 1 else 'alt'}_pos", {"rate": 0})
+        yield Send(f"slew_{'azm' if axis == 1 else 'alt'}_pos", {"rate": 0})
         mount.moving.pop(axis, None)
     mount.pulsing.clear()
     mount.riding.clear()
@@ -111,13 +110,13 @@ def stop_current_motion(mount: NexStar) -> Steps:
     if mount.goto is not None and mount.goto.seeks:
         yield from _stop_seeking(mount)
     elif mount.goto is not None:
-        yield Ask("M")
+        yield Send("M")
         deadline = mount.now() + CANCEL_WAIT
         while mount.now() < deadline:
-            answer = yield Ask("L")
+            answer = yield Send("L")
             if answer["slewing"] == "0":
                 break
-            yield Pause(0.1)
+            yield Wait(0.1)
         _forget_goto(mount)
     if mount.suspended is not None:
         if mount.suspended is not Tracking.OFF:
@@ -133,16 +132,16 @@ def cancel_goto(mount: NexStar, _: CancelGoto) -> Steps:
         yield from tracking.resume(mount)
         return
     _forget_goto(mount)
-    yield Ask("M")
+    yield Send("M")
     if going is not None and mount.rate.name != "sidereal":
-        yield Later(0.0, Arrived(then=""))  # the hand control goes on at the sidereal rate
+        yield Schedule(0.0, Arrived(then=""))  # the hand control goes on at the sidereal rate
 
 
 def _stop_seeking(mount: NexStar) -> Steps:
     """Rate 0 ends a search for the switches, which ``M`` does not know of."""
     mount.goto, mount.home_state = None, 0
     for axis in ("azm", "alt"):
-        yield Ask(f"slew_{axis}_pos", {"rate": 0})
+        yield Send(f"slew_{axis}_pos", {"rate": 0})
 
 
 def slewing(mount: NexStar, _: Slewing) -> Steps:
@@ -150,7 +149,7 @@ def slewing(mount: NexStar, _: Slewing) -> Steps:
     state = mount.goto
     if state is not None and state.seeks:
         return (yield from _still_seeking(mount, state))
-    answer = yield Ask("L")
+    answer = yield Send("L")
     moving = answer["slewing"] == "1"
     if mount.goto is not state:
         return mount.goto is not None or moving  # another one was begun, or this one was stopped, meanwhile
@@ -167,18 +166,18 @@ def slewing(mount: NexStar, _: Slewing) -> Steps:
         _forget_goto(mount)
         return False
     mount.goto = None
-    yield Later(0.0, Arrived(then=state.then or ""))
+    yield Schedule(0.0, Arrived(then=state.then or ""))
     return False
 
 
 def _still_seeking(mount: NexStar, state: GotoState) -> Steps:
     """AUX 0x12 of both motors."""
     for device in MOTORS:
-        if (yield Ask("level_done", {"device": device}))["done"] != FOUND:
+        if (yield Send("level_done", {"device": device}))["done"] != FOUND:
             return mount.goto is not None
     if mount.goto is state:
         mount.goto = None
-        yield Later(0.0, Arrived(then="home"))
+        yield Schedule(0.0, Arrived(then="home"))
     return mount.goto is not None
 
 
@@ -193,9 +192,9 @@ def _arrived(mount: NexStar, state: GotoState) -> Steps:
     """Whether a short goto was over before it was first looked at."""
     if mount.now() - state.since < 1.0:
         return False
-    before = yield Ask("E")
-    yield Pause(0.3)
-    after = yield Ask("E")
+    before = yield Send("E")
+    yield Wait(0.3)
+    after = yield Send("E")
     return before == after and mount.now() - state.since > 1.5
 
 
@@ -212,10 +211,10 @@ def arrived(mount: NexStar, operation: Arrived) -> Steps:
             raise Unsupported("It stands at its park position, but this hand control keeps tracking.")
         mount.parked, mount.suspended = True, None
         try:
-            yield Ask("T", {"mode": 0})
+            yield Send("T", {"mode": 0})
         except NoAnswer:
             if operation.left > 1:
-                yield Later(TELL_AGAIN, Arrived("park", operation.left - 1))
+                yield Schedule(TELL_AGAIN, Arrived("park", operation.left - 1))
             raise
         mount.tracking = Tracking.OFF
     elif operation.then == "home":
@@ -260,7 +259,7 @@ def _seek_switches(mount: NexStar) -> Steps:
     mount.parked, mount.home_state = False, 2
     mount.goto = GotoState(since=mount.now(), then="home", seeks=True)
     for device in MOTORS:
-        yield Ask("level_start", {"device": device})
+        yield Send("level_start", {"device": device})
 
 
 def home_state(mount: NexStar, _: HomeState) -> Steps:

@@ -7,9 +7,9 @@ instead of rest. The other motor just turns and rests.
 
 from __future__ import annotations
 
-from gateway.driver import Ask, Remark, Steps
-from gateway.errors import Busy
-from gateway.operations import Tracking
+from gateway.core.errors import Busy
+from gateway.core.operations import Tracking
+from gateway.protocols.base.driver import Remark, Send, Steps
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.state import SAME_GUIDING, NexStar
 from gateway.protocols.nexstar.rates import SIDEREAL
@@ -41,21 +41,23 @@ def begin(mount: NexStar, axis: int, sign: int, fraction: float) -> Steps:
     if key is not None:
         if axis == 1 and mount.drive == "replaced":
             yield from tracking.keep_rate(mount)
-        yield Ask(f"slew_{name}_{side}", {"rate": key}, prompt=True)
+        yield Send(f"slew_{name}_{side}", {"rate": key}, prompt=True)
         return mount.key_speed(key) / SIDEREAL
     drive = tracking.drive_speed(mount) if axis == 1 else 0.0
     steps = round((drive + sign * asked) * _STEPS)
     side = "pos" if steps >= 0 else "neg"
     before, mount.drive = mount.drive, "replaced" if axis == 1 else mount.drive  # a stop must know of it before
     try:
-        yield Ask(f"rate_{name}_{side}", {"rate": abs(steps)}, prompt=True)
+        yield Send(f"rate_{name}_{side}", {"rate": abs(steps)}, prompt=True)
     except Busy:  # it was never sent
         mount.drive = before
         raise
     turns = abs(steps / _STEPS - drive)
     if abs(turns - asked) > SAID_FROM * asked:
-        yield Remark(f"guiding at {asked * 3600:.2f} arcseconds a second goes as {turns * 3600:.2f}: "
-                     "these motors count quarters of an arcsecond")
+        yield Remark(
+            f"guiding at {asked * 3600:.2f} arcseconds a second goes as {turns * 3600:.2f}: "
+            "these motors count quarters of an arcsecond"
+        )
     return turns / SIDEREAL
 
 
@@ -64,7 +66,7 @@ def end(mount: NexStar, axis: int) -> Steps:
     if axis == 1 and mount.drive == "replaced":
         yield from tracking.keep_rate(mount)
         return
-    yield Ask(f"slew_{'azm' if axis == 1 else 'alt'}_pos", {"rate": 0})
+    yield Send(f"slew_{'azm' if axis == 1 else 'alt'}_pos", {"rate": 0})
 
 
 def lasts(ms: int, asked: float, turns: float) -> float:

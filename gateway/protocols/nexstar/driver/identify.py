@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from gateway.driver import Ask, Steps
-from gateway.errors import Fault, NoDevice
-from gateway.operations import Identity, Operation, Tracking
+from gateway.core.errors import Fault, NoDevice
+from gateway.core.operations import Identity, Operation, Tracking
+from gateway.protocols.base.driver import Send, Steps
 from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.protocols.nexstar.driver.tracking import read_status
 from gateway.protocols.nexstar.versions import GT_FIRST, STARSENSE_END, STARSENSE_OLDEST, STARSENSE_VARIANT, counts_as
-from gateway.tables import show_version
+from gateway.protocols.wireformat.command_set import show_version
 
 #: From this version on a hand control may be a StarSense as well.
 ASKED_AGAIN_FROM = (5, 28)
@@ -20,7 +20,7 @@ PARTS = {"gps": 176, "rtc": 178}
 
 def identity(mount: NexStar, _: Operation) -> Steps:
     """Get Version, variant, model, motor firmware; then how the mount stands. -> Identity."""
-    answer = yield Ask("V")
+    answer = yield Send("V")
     raw = (answer["major"], answer["minor"])
     mount.version_text = show_version(raw)
     mount.version, mount.shown, mount.starsense = raw, raw, False
@@ -43,8 +43,9 @@ def who(mount: NexStar) -> Identity:
     """The mount in words."""
     variant = "StarSense" if mount.starsense else "NexStar"
     motors = tuple(show_version(version) for version in mount.motors.values())
-    return Identity(product=f"Celestron {variant}", version=mount.version_text, model=mount.model or "unknown",
-                    motors=motors)
+    return Identity(
+        product=f"Celestron {variant}", version=mount.version_text, model=mount.model or "unknown", motors=motors
+    )
 
 
 def _variant(mount: NexStar) -> Steps:
@@ -53,13 +54,13 @@ def _variant(mount: NexStar) -> Steps:
     Nothing else has counted there, so one that does not say what it is hibernates.
     """
     try:
-        mount.starsense = (yield Ask("v"))["variant"] == STARSENSE_VARIANT
+        mount.starsense = (yield Send("v"))["variant"] == STARSENSE_VARIANT
     except Fault:
         mount.starsense = mount.version is not None and mount.version < STARSENSE_END
 
 
 def _model(mount: NexStar) -> Steps:
-    answer = yield Ask("m")
+    answer = yield Send("m")
     mount.number = answer["model"]
     by_id = {row["id"]: name for name, row in mount.protocol.models.items()}
     mount.model = by_id.get(answer["model"], f"unknown ({answer['model']})")
@@ -68,7 +69,7 @@ def _model(mount: NexStar) -> Steps:
 def _motors(mount: NexStar) -> Steps:
     for device in (AZM, ALT, FOCUSER):
         try:
-            answer = yield Ask("device_version", {"device": device})
+            answer = yield Send("device_version", {"device": device})
         except Fault:
             continue
         version = (answer["major"], answer["minor"])
@@ -79,7 +80,7 @@ def _motors(mount: NexStar) -> Steps:
     if mount.model is None:
         for part, device in PARTS.items():
             try:
-                yield Ask("device_version", {"device": device})
+                yield Send("device_version", {"device": device})
             except NoDevice:
                 continue
             mount.found.add(part)

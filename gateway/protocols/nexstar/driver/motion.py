@@ -7,9 +7,9 @@ a chain of small gotos.
 
 from __future__ import annotations
 
-from gateway.driver import Ask, Later, Steps
-from gateway.errors import Busy, Fault, Unsupported
-from gateway.operations import (
+from gateway.astro.spherical import fold_declination, wrap180
+from gateway.core.errors import Busy, Fault, Unsupported
+from gateway.core.operations import (
     Backlash,
     Direction,
     Focus,
@@ -26,13 +26,13 @@ from gateway.operations import (
     Stop,
     Tracking,
 )
+from gateway.protocols.base.driver import Schedule, Send, Steps
 from gateway.protocols.nexstar.driver import altaz, guide_speed, tracking
 from gateway.protocols.nexstar.driver.goto import Arrived, need_alignment, stop_current_motion
 from gateway.protocols.nexstar.driver.position import pier_side
 from gateway.protocols.nexstar.driver.state import NexStar, Stepping
 from gateway.protocols.nexstar.driver.unguided import times_pulses, unguided
 from gateway.protocols.nexstar.rates import SIDEREAL
-from gateway.spherical import fold_declination, wrap180
 
 FOCUSER = 18
 LONGEST_PULSE = 2550
@@ -103,9 +103,9 @@ def move_axis(mount: NexStar, operation: MoveAxis) -> Steps:
     mount.moving[axis] = max(mount.speed(rate), mount.moving.get(axis, 0.0))  # until it has taken the new rate
     try:
         if variable is not None:
-            yield Ask(f"rate_{_AXIS[axis]}_{side}", {"rate": tracking.rate_code(variable * 3600.0)}, prompt=True)
+            yield Send(f"rate_{_AXIS[axis]}_{side}", {"rate": tracking.rate_code(variable * 3600.0)}, prompt=True)
         else:
-            yield Ask(f"slew_{_AXIS[axis]}_{side}", {"rate": mount.key_for(rate)}, prompt=True)
+            yield Send(f"slew_{_AXIS[axis]}_{side}", {"rate": mount.key_for(rate)}, prompt=True)
     except Busy:  # it was never sent
         mount.moving = before
         if not before and mount.suspended is not None:
@@ -132,7 +132,7 @@ def halt(mount: NexStar, operation: Halt) -> Steps:
     stepped = mount.steps.pop(operation.axis, None)
     if mount.stepping:
         if stepped is not None:
-            yield Ask("M")  # the last small goto may lead far in azimuth; the other axis takes its next one by itself
+            yield Send("M")  # the last small goto may lead far in azimuth; the other axis takes its next one by itself
         return
     if operation.axis in mount.riding:
         yield from altaz.halt(mount, operation.axis)
@@ -163,26 +163,27 @@ def stop(mount: NexStar, _: Stop) -> Steps:
     going = mount.goto
     if going is not None:
         mount.home_state = 0 if going.then == "home" else mount.home_state
-        yield Ask("M")
+        yield Send("M")
         mount.goto = None
     if not mount.stepping:
         for axis in sorted(_AXIS, key=lambda axis: -mount.moving.get(axis, 0.0)):
-            yield Ask(f"slew_{_AXIS[axis]}_pos", {"rate": 0})
+            yield Send(f"slew_{_AXIS[axis]}_pos", {"rate": 0})
     mount.moving.clear()
     if going is None:
-        yield Ask("M")
+        yield Send("M")
     yield from _end_pulses(mount, [1, 2])
-    yield from (tracking.resume(mount) if mount.suspended is not None or going is not None
-                else tracking.keep_rate(mount))
+    yield from (
+        tracking.resume(mount) if mount.suspended is not None or going is not None else tracking.keep_rate(mount)
+    )
     if going is not None and mount.rate.name != "sidereal":
-        yield Later(0.0, Arrived(then=""))  # the hand control goes on at the sidereal rate
+        yield Schedule(0.0, Arrived(then=""))  # the hand control goes on at the sidereal rate
 
 
 def _end_pulses(mount: NexStar, axes: list[int]) -> Steps:
     """A motor times its guide pulse itself: one of rate 0 takes the place of one that still runs."""
     for axis in axes:
         if mount.pulse_ends.pop(axis, 0.0) > mount.now():
-            yield Ask("pulse", {"device": 15 + axis, "rate": 0, "ticks": 1})
+            yield Send("pulse", {"device": 15 + axis, "rate": 0, "ticks": 1})
 
 
 # --- hand controls before 1.6 -----------------------------------------------------------------------------------
@@ -202,11 +203,11 @@ def step_on(mount: NexStar, _: StepOn) -> Steps:
     """``E``, then ``R`` a little further on; again until halted. West lowers the right ascension."""
     if not mount.steps:
         return
-    answer = yield Ask("E")
+    answer = yield Send("E")
     ra, dec = answer["ra"], fold_declination(0.0, answer["dec"])[1]
     west, north = _step(mount, 1, -ra), _step(mount, 2, dec)
-    yield Ask("R", {"ra": ra - west, "dec": max(-90.0, min(90.0, dec + north))})
-    yield Later(STEP_EVERY, StepOn())
+    yield Send("R", {"ra": ra - west, "dec": max(-90.0, min(90.0, dec + north))})
+    yield Schedule(STEP_EVERY, StepOn())
 
 
 def _step(mount: NexStar, axis: int, here: float) -> float:
@@ -256,7 +257,7 @@ def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
         piece = min(operation.ms, LONGEST_PULSE)
         percent, ticks = guide_speed.motor_pulse(piece, fraction)
         mount.pulse_ends[axis] = mount.now() + piece / 1000.0
-        yield Ask("pulse", {"device": 15 + axis, "rate": sign * percent, "ticks": ticks}, prompt=True)
+        yield Send("pulse", {"device": 15 + axis, "rate": sign * percent, "ticks": ticks}, prompt=True)
         return Pulsed(piece / 1000.0, ends=True, left=operation.ms - piece)
     mount.pulsing.add(axis)
     turns = yield from guide_speed.begin(mount, axis, sign, fraction)
@@ -269,7 +270,7 @@ def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
 def backlash(mount: NexStar, operation: Backlash) -> Steps:
     """AUX 0x10 and 0x11."""
     for side in {1: ("pos",), -1: ("neg",)}.get(operation.sense, ("pos", "neg")):
-        yield Ask(f"set_backlash_{side}", {"device": 15 + operation.axis, "value": operation.value})
+        yield Send(f"set_backlash_{side}", {"device": 15 + operation.axis, "value": operation.value})
 
 
 def periodic_error(mount: NexStar, operation: PeriodicError) -> Steps:
@@ -278,7 +279,7 @@ def periodic_error(mount: NexStar, operation: PeriodicError) -> Steps:
         raise Unsupported("This mount has no periodic error correction.")
     if operation.axis == 2:
         raise Unsupported("Only the right-ascension motor has a periodic error correction.")
-    yield Ask("pec_playback", {"device": 16, "on": int(operation.on is not False)})
+    yield Send("pec_playback", {"device": 16, "on": int(operation.on is not False)})
 
 
 def focus(mount: NexStar, operation: Focus) -> Steps:
@@ -286,4 +287,4 @@ def focus(mount: NexStar, operation: Focus) -> Steps:
     if not mount.focuser:
         raise Unsupported("No focuser answers on this mount.")
     rate = _FOCUS_KEYS[operation.speed] if operation.direction else 0
-    yield Ask("move_neg" if operation.direction > 0 else "move_pos", {"device": FOCUSER, "rate": rate})
+    yield Send("move_neg" if operation.direction > 0 else "move_pos", {"device": FOCUSER, "rate": rate})

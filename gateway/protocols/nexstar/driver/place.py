@@ -9,11 +9,11 @@ from __future__ import annotations
 import calendar
 from datetime import UTC, datetime, timedelta
 
-from gateway.driver import Ask, Steps
-from gateway.errors import Fault, NoDevice, Unsupported
-from gateway.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Moment, Place, SetClock, SetSite
+from gateway.astro.spherical import wrap180
+from gateway.core.errors import Fault, NoDevice, Unsupported
+from gateway.core.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Moment, Place, SetClock, SetSite
+from gateway.protocols.base.driver import Send, Steps
 from gateway.protocols.nexstar.driver.state import NexStar
-from gateway.spherical import wrap180
 
 #: A time that had to wait so many seconds for the line was late: it is set again, so often at most.
 SET_LATE, SET_TRIES = 2.0, 3
@@ -24,7 +24,7 @@ FARTHEST = 15.0
 def get_site(mount: NexStar, _: GetSite) -> Steps:
     """``w``; else the GPS unit; else the site of the settings. -> Place."""
     if mount.knows("w"):
-        answer = yield Ask("w")
+        answer = yield Send("w")
         mount.site = Place(answer["latitude"], answer["longitude"])
         return mount.site
     try:
@@ -45,13 +45,13 @@ def set_site(mount: NexStar, operation: SetSite) -> Steps:
     if not mount.knows("W") or operation.latitude is None or operation.longitude is None:
         raise Unsupported("This hand control takes no site.")
     yield from _not_aligned(mount)
-    yield Ask("W", {"latitude": operation.latitude, "longitude": wrap180(operation.longitude)})
+    yield Send("W", {"latitude": operation.latitude, "longitude": wrap180(operation.longitude)})
     mount.site = Place(operation.latitude, operation.longitude)
 
 
 def _not_aligned(mount: NexStar) -> Steps:
     """A StarSense is asked first: somebody may have aligned it since anybody looked. Raises Unsupported."""
-    if mount.starsense and (yield Ask("J"))["aligned"]:
+    if mount.starsense and (yield Send("J"))["aligned"]:
         mount.aligned = True
         raise Unsupported("A StarSense that is told site or time while it is aligned loses its alignment.")
 
@@ -64,20 +64,20 @@ def unix_of(year: int, month: int, day: int, hour: int, minute: int, second: int
 def get_clock(mount: NexStar, _: GetClock) -> Steps:
     """``i`` or ``h``; else the clock of a CGE; else the GPS unit. -> Moment."""
     if mount.knows("i"):
-        a = yield Ask("i")
+        a = yield Send("i")
         return _moment(a, a["quarters"] / 4.0)
     if mount.knows("h"):
-        a = yield Ask("h")
+        a = yield Send("h")
         return _moment(a, float(a["zone"]))
     for part in ("gps", "rtc"):
         if not (mount.has(part) and mount.knows(f"{part}_date")):
             continue
         try:
-            if part == "gps" and not (yield Ask("gps_linked"))["linked"]:
+            if part == "gps" and not (yield Send("gps_linked"))["linked"]:
                 continue
-            day = yield Ask(f"{part}_date")
-            year = yield Ask(f"{part}_year")
-            time = yield Ask(f"{part}_time")
+            day = yield Send(f"{part}_date")
+            year = yield Send(f"{part}_year")
+            time = yield Send(f"{part}_time")
         except Fault:
             continue
         return _moment({**day, **year, **time}, 0.0, century=0)
@@ -88,13 +88,13 @@ def gps(mount: NexStar, _: GetGps) -> Steps:
     """GPS unit 176 -> Gps. Raises NoDevice."""
     if not mount.has("gps") or not mount.knows("gps_linked"):
         raise NoDevice("This mount has no GPS unit.")
-    if not (yield Ask("gps_linked"))["linked"]:
+    if not (yield Send("gps_linked"))["linked"]:
         return Gps(linked=False)
-    latitude = (yield Ask("gps_latitude"))["latitude"]
-    longitude = (yield Ask("gps_longitude"))["longitude"]
-    day = yield Ask("gps_date")
-    year = yield Ask("gps_year")
-    time = yield Ask("gps_time")
+    latitude = (yield Send("gps_latitude"))["latitude"]
+    longitude = (yield Send("gps_longitude"))["longitude"]
+    day = yield Send("gps_date")
+    year = yield Send("gps_year")
+    time = yield Send("gps_time")
     return Gps(True, Place(latitude, wrap180(longitude)), _moment({**day, **year, **time}, 0.0, century=0).unix)
 
 
@@ -105,7 +105,7 @@ def clock_from_gps(mount: NexStar, _: ClockFromGps) -> Steps:
         raise NoDevice("The GPS is not linked.")
     offset, dst = 0.0, None
     if mount.knows("h"):
-        present = yield Ask("h")
+        present = yield Send("h")
         offset, dst = float(present["zone"] + present["dst"]), present["dst"]
     yield from set_clock(mount, SetClock(seen.unix, offset, dst))
 
@@ -115,8 +115,9 @@ def _moment(fields: dict[str, int], zone: float, century: int = 2000) -> Moment:
     if fields.get("dst", 0) > 1 or not -FARTHEST < offset < FARTHEST:
         raise Unsupported(f"The hand control's zone is impossible: {zone:g} hours, daylight saving {fields['dst']}.")
     try:
-        local = unix_of(century + fields["year"], fields["month"], fields["day"],
-                        fields["hour"], fields["minute"], fields["second"])
+        local = unix_of(
+            century + fields["year"], fields["month"], fields["day"], fields["hour"], fields["minute"], fields["second"]
+        )
     except ValueError as error:
         raise Unsupported(f"The hand control's clock is impossible: {error}.") from None
     return Moment(unix=local - offset * 3600.0, offset=offset, dst=fields.get("dst"))
@@ -134,7 +135,7 @@ def set_clock(mount: NexStar, operation: SetClock) -> Steps:
         name, zone, fields = "I", quarters / 4.0, {"quarters": quarters}
     elif mount.knows("H"):
         hours = _zone(operation.offset - dst)
-        present = yield Ask("h")
+        present = yield Send("h")
         if operation.dst is None and present["zone"] + present["dst"] == operation.offset:
             hours, dst = present["zone"], present["dst"]
         name, zone, fields = "H", float(hours), {"zone": hours}
@@ -147,8 +148,19 @@ def set_clock(mount: NexStar, operation: SetClock) -> Steps:
         yield from _not_aligned(mount)
         asked = mount.now()
         local = datetime.fromtimestamp(round(operation.unix + asked - began), UTC) + timedelta(hours=zone + dst)
-        yield Ask(name, {"hour": local.hour, "minute": local.minute, "second": local.second, "month": local.month,
-                         "day": local.day, "year": local.year % 100, "dst": dst, **fields})
+        yield Send(
+            name,
+            {
+                "hour": local.hour,
+                "minute": local.minute,
+                "second": local.second,
+                "month": local.month,
+                "day": local.day,
+                "year": local.year % 100,
+                "dst": dst,
+                **fields,
+            },
+        )
         if mount.now() - asked < SET_LATE:
             return
 
@@ -160,6 +172,6 @@ def _zone(offset: float) -> int:
 
 def _set_rtc(unix: float) -> Steps:
     moment = datetime.fromtimestamp(round(unix), UTC)
-    yield Ask("rtc_set_date", {"month": moment.month, "day": moment.day})
-    yield Ask("rtc_set_year", {"year": moment.year})
-    yield Ask("rtc_set_time", {"hour": moment.hour, "minute": moment.minute, "second": moment.second})
+    yield Send("rtc_set_date", {"month": moment.month, "day": moment.day})
+    yield Send("rtc_set_year", {"year": moment.year})
+    yield Send("rtc_set_time", {"hour": moment.hour, "minute": moment.minute, "second": moment.second})

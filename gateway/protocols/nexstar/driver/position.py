@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from gateway.driver import Ask, Steps
-from gateway.operations import Equatorial, Horizontal, HorizontalPosition, PierSide, Position, Sync
+from gateway.astro.spherical import fold_declination, wrap180, wrap360
+from gateway.core.operations import Equatorial, Horizontal, HorizontalPosition, PierSide, Position, Sync
+from gateway.protocols.base.driver import Send, Steps
 from gateway.protocols.nexstar.driver.state import POLE_AXES, NexStar
 from gateway.protocols.nexstar.driver.tracking import native_mode
-from gateway.spherical import fold_declination, wrap180, wrap360
 
 
 def position(mount: NexStar, _: Position) -> Steps:
     """``e`` or ``E``, folded past the pole, with the offset of a sync that the hand control could not take."""
-    answer = yield Ask("e" if mount.knows("e") else "E")
+    answer = yield Send("e" if mount.knows("e") else "E")
     mount.beyond_pole = abs(wrap180(answer["dec"])) > 90.0
     ra, dec = fold_declination(answer["ra"], answer["dec"])
     ra, dec = fold_declination(ra + mount.offset[0], dec + mount.offset[1])
@@ -19,9 +19,9 @@ def position(mount: NexStar, _: Position) -> Steps:
     return mount.last
 
 
-def axis_readings(mount: NexStar) -> Ask:
+def axis_readings(mount: NexStar) -> Send:
     """The readings of the axes, as precisely as this version tells them."""
-    return Ask("z" if mount.knows("z") else "Z")
+    return Send("z" if mount.knows("z") else "Z")
 
 
 def horizontal_position(mount: NexStar, _: HorizontalPosition) -> Steps:
@@ -42,7 +42,7 @@ def pier_side(mount: NexStar, _: PierSide) -> Steps:
     if not mount.german:
         return "E"
     if mount.knows("p"):
-        answer = yield Ask("p")
+        answer = yield Send("p")
         return answer["side"]
     answer = yield axis_readings(mount)
     return "W" if wrap180(answer["alt"] - POLE_AXES[1]) > 0.0 else "E"
@@ -56,8 +56,8 @@ def to_mount(mount: NexStar, ra: float, dec: float) -> tuple[float, float]:
 def sync(mount: NexStar, operation: Sync) -> Steps:
     """``s`` or ``S``; before 4.10 an offset kept here and added to everything the mount says."""
     if mount.knows("s"):
-        yield Ask("s", {"ra": operation.ra, "dec": operation.dec})
+        yield Send("s", {"ra": operation.ra, "dec": operation.dec})
         return
-    answer = yield Ask("e" if mount.knows("e") else "E")
+    answer = yield Send("e" if mount.knows("e") else "E")
     ra, dec = fold_declination(answer["ra"], answer["dec"])
     mount.offset = (wrap180(wrap360(operation.ra) - ra), operation.dec - dec)

@@ -6,9 +6,9 @@ something else about tracking meanwhile.
 
 from __future__ import annotations
 
-from gateway.driver import Ask, Later, Steps
-from gateway.errors import NoAnswer
-from gateway.operations import Operation, SetTracking, Sleep, Unpark, Wake
+from gateway.core.errors import NoAnswer
+from gateway.core.operations import Operation, SetTracking, Sleep, Unpark, Wake
+from gateway.protocols.base.driver import Schedule, Send, Steps
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.goto import unpark
 from gateway.protocols.nexstar.driver.state import NexStar
@@ -21,7 +21,7 @@ def sleep(mount: NexStar, _: Sleep) -> Steps:
     """``x`` where the firmware has it, else tracking off."""
     if mount.knows("x"):
         try:
-            yield Ask("x")
+            yield Send("x")
         except NoAnswer:
             if not mount.asleep:  # else it sleeps already, and does not answer that either
                 raise
@@ -48,8 +48,8 @@ def awake(mount: NexStar, _: Awake) -> Steps:
 def wake(mount: NexStar, _: Wake) -> Steps:
     """``y`` where the firmware has it, else tracking on."""
     if mount.knows("y"):
-        yield Ask("y")
+        yield Send("y")
         mount.asleep, mount.woken = False, True
-        yield Later(AWAKE, Awake())
+        yield Schedule(AWAKE, Awake())
     else:
         yield from tracking.set_tracking(mount, SetTracking(on=True))

@@ -7,9 +7,8 @@ from typing import Any, cast
 
 from msgspec import Struct, ValidationError, convert, to_builtins
 
-from gateway.driver import Ask, Driver, Steps
-from gateway.errors import Fault
-from gateway.operations import (
+from gateway.core.errors import Fault
+from gateway.core.operations import (
     Equatorial,
     GotoAxes,
     Home,
@@ -25,11 +24,12 @@ from gateway.operations import (
     Tracking,
     TrackRate,
 )
-from gateway.protocols.nexstar.driver import itself
+from gateway.protocols.base.driver import Driver, Send, Steps
+from gateway.protocols.nexstar.driver import hand_control as itself
 from gateway.protocols.nexstar.driver.unguided import unguided
 from gateway.protocols.nexstar.rates import SIDEREAL, key_speed, rate_tables
 from gateway.protocols.nexstar.versions import numbered
-from gateway.tables import Version, load, parse_version
+from gateway.protocols.wireformat.command_set import Version, load, parse_version
 
 
 class Settings(Struct, frozen=True):
@@ -83,8 +83,13 @@ class NexStar(Driver):
     ends = frozenset({"M", "slew_azm_pos", "slew_alt_pos", "pulse"})
     sync_aligns = False
 
-    def __init__(self, now: Callable[[], float], settings: Settings = Settings(), model: str | None = None,
-                 version: str | None = None) -> None:
+    def __init__(
+        self,
+        now: Callable[[], float],
+        settings: Settings = Settings(),
+        model: str | None = None,
+        version: str | None = None,
+    ) -> None:
         from gateway.protocols.nexstar.driver import SPECIALS  # the specials know this class
 
         rate_tables()  # read now: when the first arrow comes there may be no file left that can be opened
@@ -247,7 +252,7 @@ class NexStar(Driver):
 
     def greet(self) -> Steps:
         """``K``, which no Meade takes for anything."""
-        yield Ask("K", {"echo": 0x78})
+        yield Send("K", {"echo": 0x78})
 
     @property
     def shifted(self) -> bool:

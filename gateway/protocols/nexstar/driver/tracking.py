@@ -6,9 +6,8 @@ axis moves and put back once after the last one has stopped (NexStar protocol, S
 
 from __future__ import annotations
 
-from gateway.driver import Ask, Later, Remark, Steps
-from gateway.errors import NoDevice, Refused, Unsupported
-from gateway.operations import (
+from gateway.core.errors import NoDevice, Refused, Unsupported
+from gateway.core.operations import (
     DriveRate,
     GetStatus,
     GuideRate,
@@ -19,6 +18,7 @@ from gateway.operations import (
     Tracking,
     TrackRate,
 )
+from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
 from gateway.protocols.nexstar.driver.state import NexStar
 
 _CODES = {0: Tracking.OFF, 1: Tracking.ALTAZ, 2: Tracking.EQ_NORTH, 3: Tracking.EQ_SOUTH}
@@ -27,8 +27,10 @@ _SPECIAL = {"sidereal": 0xFFFF, "solar": 0xFFFE, "lunar": 0xFFFD}
 _SIDEREAL_ARCSECONDS = 15.041067
 #: What the motors' own drive rates turn at, arcseconds a second.
 _DRIVES = {"sidereal": _SIDEREAL_ARCSECONDS, "solar": 15.0, "lunar": 14.685}
-_ASSUMED = ("the hand control does not tell how it tracks: after motion it is put back to {}, as the mount is built; "
-            "where that is wrong, say it by the key mode")
+_ASSUMED = (
+    "the hand control does not tell how it tracks: after motion it is put back to {}, as the mount is built; "
+    "where that is wrong, say it by the key mode"
+)
 VERIFY_AFTER = 1.0
 
 
@@ -46,7 +48,7 @@ def code_of(mount: NexStar, mode: Tracking) -> int:
 
 def read_status(mount: NexStar) -> Steps:
     """Ask ``J`` and, where the version has it, ``t``."""
-    answer = yield Ask("J")
+    answer = yield Send("J")
     if mount.aligned and not answer["aligned"]:
         _forget(mount)
     mount.aligned = bool(answer["aligned"])
@@ -55,7 +57,7 @@ def read_status(mount: NexStar) -> Steps:
     else:
         mount.offset = (0.0, 0.0)
     if mount.knows("t"):
-        answer = yield Ask("t")
+        answer = yield Send("t")
         _learn(mount, mode_of(mount, answer["mode"]))
     elif mount.tracking is None and mount.settings.mode is not None:
         _learn(mount, Tracking(mount.settings.mode))
@@ -109,7 +111,7 @@ def send_mode(mount: NexStar, mode: Tracking) -> Steps:
         raise Unsupported("This hand control cannot change tracking.")
     if mode is not Tracking.OFF and native_mode(mount) is None:
         yield Remark(_ASSUMED.format(mode.value))
-    yield Ask("T", {"mode": code_of(mount, mode)})
+    yield Send("T", {"mode": code_of(mount, mode)})
     mount.drive = "own"
     _learn(mount, mode)
     if mode.equatorial and mount.rate.name != "sidereal":
@@ -148,13 +150,13 @@ def suspend(mount: NexStar) -> Steps:
     if mount.suspended is not None or not mount.knows("T"):
         return None
     if mount.knows("t"):
-        answer = yield Ask("t")
+        answer = yield Send("t")
         _learn(mount, mode_of(mount, answer["mode"]))
     mount.suspended = mount.tracking or (_built_for(mount) if mount.aligned else Tracking.OFF)
     if mount.suspended is Tracking.OFF:
         return None
     began = mount.now()
-    yield Ask("T", {"mode": 0})
+    yield Send("T", {"mode": 0})
     mount.tracking, mount.drive = Tracking.OFF, "own"
     return mount.now() - began
 
@@ -165,7 +167,7 @@ def resume(mount: NexStar) -> Steps:
     if mode is None or mode is Tracking.OFF:
         mount.suspended = None
         return
-    if mount.in_doubt and not (yield Ask("J"))["aligned"]:
+    if mount.in_doubt and not (yield Send("J"))["aligned"]:
         mount.suspended = None  # it has been switched off since the last run: it must not begin to track by itself
         return
     yield from send_mode(mount, mode)
@@ -173,7 +175,7 @@ def resume(mount: NexStar) -> Steps:
     mount.suspended = None  # not before: what is lost here must be resumed by the next one
     mount.checks_left = 1
     if mount.knows("t"):
-        yield Later(VERIFY_AFTER, VerifyTracking(mode=mode.value))
+        yield Schedule(VERIFY_AFTER, VerifyTracking(mode=mode.value))
 
 
 def keep_rate(mount: NexStar) -> Steps:
@@ -200,7 +202,7 @@ def verify(mount: NexStar, operation: VerifyTracking) -> Steps:
         return
     mount.checks_left -= 1
     wanted = Tracking(operation.mode)
-    answer = yield Ask("t")
+    answer = yield Send("t")
     if mode_of(mount, answer["mode"]) is not wanted:
         yield from send_mode(mount, wanted)
 
@@ -219,7 +221,7 @@ def track_rate(mount: NexStar, operation: TrackRate) -> Steps:
     if mount.suspended is not None or (mount.tracking or Tracking.OFF) is Tracking.OFF:
         return  # it is sent when tracking comes back
     if operation.name == "sidereal":
-        yield Ask("T", {"mode": code_of(mount, mode)})
+        yield Send("T", {"mode": code_of(mount, mode)})
         mount.drive = "own"
     else:
         yield from _send_rate(mount)
@@ -240,14 +242,14 @@ def drive_speed(mount: NexStar) -> float:
 def _send_rate(mount: NexStar) -> Steps:
     sense = "neg" if mount.native_mode is Tracking.EQ_SOUTH else "pos"
     if mount.rate.name is not None:
-        yield Ask(f"rate_azm_{sense}", {"rate": _SPECIAL[mount.rate.name]})
+        yield Send(f"rate_azm_{sense}", {"rate": _SPECIAL[mount.rate.name]})
         mount.drive = "told"
         return
     arcseconds = _SIDEREAL_ARCSECONDS * (mount.rate.factor or 0.0)
     try:
-        yield Ask(f"fine_rate_{sense}", {"device": 16, "rate": round(arcseconds * 1024)})
+        yield Send(f"fine_rate_{sense}", {"device": 16, "rate": round(arcseconds * 1024)})
     except NoDevice:
-        yield Ask(f"rate_azm_{sense}", {"rate": rate_code(arcseconds)})
+        yield Send(f"rate_azm_{sense}", {"rate": rate_code(arcseconds)})
     mount.drive = "told"
 
 
@@ -258,7 +260,7 @@ def rate_code(arcseconds: float) -> int:
 
 def guide_rate(mount: NexStar, operation: GuideRate) -> Steps:
     """-> the autoguide rate as a fraction of sidereal (AUX 0x47)."""
-    answer = yield Ask("guide_rate", {"device": 15 + operation.axis})
+    answer = yield Send("guide_rate", {"device": 15 + operation.axis})
     return answer["rate"] / 256.0
 
 
@@ -267,6 +269,6 @@ def set_guide_rate(mount: NexStar, operation: SetGuideRate) -> Steps:
     mount.guide_rates[operation.axis] = max(0.0, min(1.0, operation.rate))
     value = max(0, min(255, round(operation.rate * 256)))
     try:
-        yield Ask("set_guide_rate", {"device": 15 + operation.axis, "rate": value})
+        yield Send("set_guide_rate", {"device": 15 + operation.axis, "rate": value})
     except NoDevice as fault:
         raise Unsupported("The motors keep no guide rate; what is guided through the gateway goes at it.") from fault

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gateway.errors import Fault, Refused, Unsupported
-from gateway.operations import Tracking
+from gateway.core.errors import Fault, Refused, Unsupported
+from gateway.core.operations import Tracking
 
 if TYPE_CHECKING:
     from gateway.protocols.nexstar.driver.state import NexStar

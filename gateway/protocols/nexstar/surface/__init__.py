@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any
 
-from gateway.frames import Framing
+from gateway.protocols.base.frames import Framing
+from gateway.protocols.base.surface import Special
 from gateway.protocols.nexstar.framing import Framer
 from gateway.protocols.nexstar.surface import devices, identity, motion, place, pointing
 from gateway.protocols.nexstar.versions import STARSENSE_VARIANT, numbered
-from gateway.surface import Special
-from gateway.tables import Version, load, show_version
+from gateway.protocols.wireformat.command_set import Version, load, show_version
 
 #: row word -> function; the same word may stand in several modules, so it is written ``module.function``.
 SPECIALS: dict[str, Special] = {
@@ -32,8 +32,13 @@ def presented(model: str | None, version: str | None) -> dict[str, Any]:
     """The model's constants as a hand control of that version tells them."""
     name = model or FORK
     number = numbered(version or VERSION)
-    return {**load("nexstar").models[name], "name": name, "version": number.shown, "counts_as": number.counts_as,
-            "variant": number.variant}
+    return {
+        **load("nexstar").models[name],
+        "name": name,
+        "version": number.shown,
+        "counts_as": number.counts_as,
+        "variant": number.variant,
+    }
 
 
 def fitting(equatorial: bool, german: bool | None, gps: bool, version: str | None) -> dict[str, Any]:

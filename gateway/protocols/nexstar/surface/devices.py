@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from gateway.errors import Asleep, Fault, Invalid, NoAnswer, NoDevice, Unsupported
-from gateway.operations import Focus, GetClock, GetGps, GetSite, Gps, Home, HomeState, Moment, Place, SetClock
-from gateway.protocols.nexstar.surface.begin import begin
-from gateway.surface import Handling, Possible, Session, Start
-from gateway.tables import Command, parse_version
+from gateway.core.errors import Asleep, Fault, Invalid, NoAnswer, NoDevice, Unsupported
+from gateway.core.operations import Focus, GetClock, GetGps, GetSite, Gps, Home, HomeState, Moment, Place, SetClock
+from gateway.protocols.base.surface import FireAndForget, Handling, Possible, Session
+from gateway.protocols.nexstar.surface.acknowledged import begin
+from gateway.protocols.wireformat.command_set import Command, parse_version
 
 MOTORS = {16: 1, 17: 2}
 GPS, RTC = 176, 178
@@ -101,8 +101,14 @@ def universal_time(session: Session, command: Command, values: dict[str, Any]) -
 
 def _calendar(unix: float) -> dict[str, int]:
     now = datetime.fromtimestamp(unix, UTC)
-    return {"month": now.month, "day": now.day, "year": now.year, "hour": now.hour, "minute": now.minute,
-            "second": now.second}
+    return {
+        "month": now.month,
+        "day": now.day,
+        "year": now.year,
+        "hour": now.hour,
+        "minute": now.minute,
+        "second": now.second,
+    }
 
 
 def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -141,7 +147,7 @@ def move_focuser(session: Session, command: Command, values: dict[str, Any]) -> 
     if values["device"] != FOCUSER:
         raise NoDevice
     if rate == 0:
-        yield Start(Focus(0))
+        yield FireAndForget(Focus(0))
     elif rate > len(FOCUS_SPEEDS):
         raise Invalid
     else:

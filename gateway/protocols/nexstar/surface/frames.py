@@ -8,7 +8,8 @@ is presented as a fork by its name, azimuth and altitude stay those of the sky, 
 
 from __future__ import annotations
 
-from gateway.operations import (
+from gateway.astro.spherical import wrap180, wrap360
+from gateway.core.operations import (
     AxisPosition,
     GetSite,
     GetStatus,
@@ -17,9 +18,8 @@ from gateway.operations import (
     Horizontal,
     HorizontalPosition,
 )
-from gateway.operations import Status as MountStatus
-from gateway.spherical import wrap180, wrap360
-from gateway.surface import Handling, Session
+from gateway.core.operations import Status as MountStatus
+from gateway.protocols.base.surface import Handling, Session
 
 
 def german(session: Session) -> bool:

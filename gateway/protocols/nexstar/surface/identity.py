@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.surface import Session
-from gateway.tables import Command
+from gateway.protocols.base.surface import Session
+from gateway.protocols.wireformat.command_set import Command
 
 
 def version(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.errors import Asleep, Busy, Fault, Invalid, NoAnswer, Unsupported
-from gateway.operations import (
+from gateway.core.errors import Asleep, Busy, Fault, Invalid, NoAnswer, Unsupported
+from gateway.core.operations import (
     Backlash,
     GetStatus,
     GuideRate,
@@ -22,12 +22,12 @@ from gateway.operations import (
     TrackRate,
     Wake,
 )
+from gateway.protocols.base.surface import FireAndForget, Handling, Session
 from gateway.protocols.nexstar.rates import key_speed, rate_tables
-from gateway.protocols.nexstar.surface.begin import begin
+from gateway.protocols.nexstar.surface.acknowledged import begin
 from gateway.protocols.nexstar.surface.devices import motor
 from gateway.protocols.nexstar.versions import STARSENSE_LONG_MODE, STARSENSE_VARIANT
-from gateway.surface import Handling, Session, Start
-from gateway.tables import Command, parse_version
+from gateway.protocols.wireformat.command_set import Command, parse_version
 
 _TRACKING = {0xFFFF: "sidereal", 0xFFFE: "solar", 0xFFFD: "lunar"}
 _MODES = {0: Tracking.OFF, 1: Tracking.ALTAZ, 2: Tracking.EQ_NORTH, 3: Tracking.EQ_SOUTH}
@@ -47,7 +47,7 @@ def fixed(session: Session, command: Command, values: dict[str, Any]) -> Handlin
     """AUX 0x24, 0x25 - a hand-control key 1-9; 0 stops the axis. Raises Invalid for a key that there is not."""
     axis, sense = _axis_and_sense(command)
     if values["rate"] == 0:
-        yield Start(Halt(axis))
+        yield FireAndForget(Halt(axis))
     elif values["rate"] <= _KEYS:
         yield from begin(MoveAxis(axis, sense, _key(session, values["rate"])))
     else:
@@ -75,7 +75,7 @@ def _rate(axis: int, sense: int, degrees: float, tracking: str | None) -> Handli
     if tracking is not None:
         yield from begin(TrackRate(name=tracking))
     elif degrees == 0:
-        yield Start(Halt(axis))
+        yield FireAndForget(Halt(axis))
     else:
         yield from begin(MoveAxis(axis, sense, Rate(degrees=degrees)))
 
@@ -161,8 +161,12 @@ def set_backlash(session: Session, command: Command, values: dict[str, Any]) -> 
     axis = motor(values)
     if values["value"] > _FULL_BACKLASH:
         raise Invalid
-    yield from _set(session, _backlash_name(command, axis), values["value"],
-                    Backlash(axis, values["value"], 1 if command.name.endswith("pos") else -1))
+    yield from _set(
+        session,
+        _backlash_name(command, axis),
+        values["value"],
+        Backlash(axis, values["value"], 1 if command.name.endswith("pos") else -1),
+    )
 
 
 def backlash(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:

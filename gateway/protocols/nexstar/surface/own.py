@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from gateway.protocols.base.surface import Session
 from gateway.protocols.nexstar.surface.devices import MOTORS
-from gateway.surface import Session
 
 #: Told by the gateway of the motors, which it moves, and by every other device itself.
 _AXES = frozenset({"axis_position", "axis_done"})

@@ -6,10 +6,10 @@ import calendar
 from datetime import UTC, datetime
 from typing import Any
 
-from gateway.errors import Fault
-from gateway.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite
-from gateway.surface import Handling, Possible, Session
-from gateway.tables import Command
+from gateway.core.errors import Fault
+from gateway.core.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite
+from gateway.protocols.base.surface import Handling, Possible, Session
+from gateway.protocols.wireformat.command_set import Command
 
 
 def site(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -45,8 +45,17 @@ def clock(session: Session, command: Command, values: dict[str, Any]) -> Handlin
     else:
         zone = round((offset - dst) * 4) / 4 if quarters else float(int(offset - dst + 100.5) - 100)
     local = datetime.fromtimestamp(moment.unix + (zone + dst) * 3600.0, UTC)
-    return {"hour": local.hour, "minute": local.minute, "second": local.second, "month": local.month,
-            "day": local.day, "year": local.year % 100, "zone": int(zone), "quarters": round(zone * 4), "dst": dst}
+    return {
+        "hour": local.hour,
+        "minute": local.minute,
+        "second": local.second,
+        "month": local.month,
+        "day": local.day,
+        "year": local.year % 100,
+        "zone": int(zone),
+        "quarters": round(zone * 4),
+        "dst": dst,
+    }
 
 
 def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -57,8 +66,9 @@ def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Han
         session.refused = f"{command.help}: no such year, zone or daylight saving"
         return
     try:
-        local = datetime(2000 + values["year"], values["month"], values["day"], values["hour"], values["minute"],
-                         values["second"])
+        local = datetime(
+            2000 + values["year"], values["month"], values["day"], values["hour"], values["minute"], values["second"]
+        )
     except ValueError as error:
         session.refused = f"{command.help}: {error}"
         return

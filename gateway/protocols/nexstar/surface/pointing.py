@@ -8,22 +8,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.errors import Asleep, Fault, NoAnswer, Unsupported
-from gateway.operations import (
-    CancelGoto,
-    GetStatus,
-    Goto,
-    PierSide,
-    SiderealTime,
-    Slewing,
-    Sync,
-)
-from gateway.protocols.nexstar.surface.begin import begin
+from gateway.astro.spherical import fold_declination, wrap180
+from gateway.core.errors import Asleep, Fault, NoAnswer, Unsupported
+from gateway.core.operations import CancelGoto, GetStatus, Goto, PierSide, SiderealTime, Slewing, Sync
+from gateway.protocols.base.surface import FireAndForget, Handling, Session
+from gateway.protocols.nexstar.surface.acknowledged import begin
 from gateway.protocols.nexstar.surface.devices import motor
 from gateway.protocols.nexstar.surface.frames import german, readings, to_mount
-from gateway.spherical import fold_declination, wrap180
-from gateway.surface import Handling, Session, Start
-from gateway.tables import Command
+from gateway.protocols.wireformat.command_set import Command
 
 
 def axes(session: Session, command: Command, values: dict[str, Any]) -> Handling:
@@ -65,7 +57,7 @@ def slewing(session: Session, command: Command, values: dict[str, Any]) -> Handl
 
 def cancel(session: Session, command: Command, values: dict[str, Any]) -> Handling:
     """M - gotos only: motion at a rate goes on until rate 0."""
-    yield Start(CancelGoto())
+    yield FireAndForget(CancelGoto())
 
 
 def aligned(session: Session, command: Command, values: dict[str, Any]) -> Handling:

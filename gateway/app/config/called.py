@@ -1,0 +1,71 @@
+"""What owners call a mount: ``6se``, ``CPC 1100``, ``Celestron AVX``, ``lx90``, besides a protocol and a model.
+
+The words are data: ``called.toml`` of each protocol. They are understood wherever a protocol or a model is written.
+What a word leaves open stays open: ``celestron`` is a protocol without a model.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Mapping, Sequence
+from functools import cache
+
+from gateway.protocols.wireformat.command_set import load
+
+PROTOCOLS = ("lx200", "nexstar")
+#: The row of what leaves the model open.
+ANY = "any"
+#: What may stand before the word that tells the mount.
+_MAKERS = re.compile("^(celestron|meade|orion)?(nexstar)?(?=.)")
+
+
+def device(text: str) -> str | None:
+    """``PROTOCOL[:MODEL]`` for what a person wrote in its place, without a version; None for no mount's name."""
+    head, colon, rest = text.partition(":")
+    if not colon:
+        return head if head in PROTOCOLS else _found(_every(), head)
+    protocol = head if head in PROTOCOLS else _found(_every(), head)
+    if protocol not in PROTOCOLS:
+        return None
+    if not rest or rest in load(protocol).models:
+        return f"{protocol}:{rest}" if rest else protocol
+    own = {word: found for word, found in _every().items() if found.startswith(f"{protocol}:")}
+    return _found(own, rest) or f"{protocol}:{rest}"
+
+
+def suggestion(word: str) -> str:
+    """What a word was probably meant to be; else what each maker's mounts speak."""
+    known = [*PROTOCOLS, *(model for protocol in PROTOCOLS for model in load(protocol).models)]
+    plain = _plain(word)
+    for choices in (known, sorted(_every())):
+        if close := difflib.get_close_matches(plain if choices is not known else word, choices, 1, 0.7):
+            return f"did you mean {close[0]!r}?"
+    return (
+        "write nexstar for a Celestron, lx200 for a Meade, or the name of the mount: 6se, cpc, avx, lx90, etx "
+        "(mount-gateway --help lists the models)"
+    )
+
+
+@cache
+def _every() -> Mapping[str, str]:
+    """Every word without blanks and marks, and what it stands for."""
+    rows = {_plain(model): f"{protocol}:{model}" for protocol in PROTOCOLS for model in load(protocol).models}
+    for protocol in PROTOCOLS:
+        for model, words in called(protocol).items():
+            rows |= dict.fromkeys(words, protocol if model == ANY else f"{protocol}:{model}")
+    return rows | {protocol: protocol for protocol in PROTOCOLS}
+
+
+def called(protocol: str) -> dict[str, Sequence[str]]:
+    """The words for each model of a protocol. Raises MappingError."""
+    return {model: row["words"] for model, row in load(protocol).extra("called.toml").items()}
+
+
+def _found(words: Mapping[str, str], written: str) -> str | None:
+    plain = _plain(written)
+    return words.get(plain) or words.get(_MAKERS.sub("", plain))
+
+
+def _plain(word: str) -> str:
+    return re.sub("[^a-z0-9]", "", word.lower())

@@ -1,0 +1,167 @@
+"""What no single value tells: endpoints that mean something, limits in order, names that fit, nothing taken twice."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from gateway.app.config.endpoints import nearest, parse_endpoint
+from gateway.app.config.keys import Config, MountConfig
+from gateway.app.config.lines import Place
+from gateway.app.config.places import right
+from gateway.app.config.programs import programs
+from gateway.clients.access import networks
+from gateway.core.errors import UserError
+
+_EVERY_ADDRESS = ("0.0.0.0", "::")
+#: What a surface listens on, rather than opens.
+_LISTENING = ("tcp://", "rfc2217://")
+
+
+class Mistake(NamedTuple):
+    """Where it is, and the rest of the line."""
+
+    place: Place
+    words: str
+
+
+def mistakes(config: Config) -> Iterator[Mistake]:
+    """What is wrong with a configuration whose values are all of the right kind, most telling first."""
+    yield from _endpoints(config)
+    for number, mount in enumerate(config.mount):
+        if mount.lowest >= mount.highest:
+            yield Mistake(
+                ("mount", number, "lowest"), f"{mount.lowest:g}: write less than highest, which is {mount.highest:g}"
+            )
+        yield from _park(number, mount)
+    yield from _names(config)
+    yield from _clients(config)
+    yield from _access(config)
+    yield from _taken_twice(config)
+    if not config.surface:
+        yield Mistake(
+            ("surface",), "at least one surface is needed, where programs connect: --surface lx200@tcp://127.0.0.1:4030"
+        )
+
+
+def _park(number: int, mount: MountConfig) -> Iterator[Mistake]:
+    """A NexStar has no park position of its own, and a Meade has no other."""
+    try:
+        protocol = parse_endpoint(mount.at).protocol
+    except UserError:
+        return  # that is told of the endpoint
+    if mount.park == "mount" and protocol == "nexstar":
+        yield Mistake(("mount", number, "park"), "a NexStar has no park position of its own; write AZ,ALT or nothing")
+    elif isinstance(mount.park, tuple) and protocol == "lx200":
+        yield Mistake(
+            ("mount", number, "park"),
+            'a Meade parks where it was told at its keypad; write "mount" to '
+            "allow that whatever lowest and highest say",
+        )
+
+
+def _endpoints(config: Config) -> Iterator[Mistake]:
+    for place, at in _all(config):
+        try:
+            where = parse_endpoint(at).where
+            if meant := right(where, place[0] == "surface"):
+                yield Mistake(place, f"{at}: write {at.partition('@')[0]}@{meant}")
+                continue
+            if place[0] == "surface" and where.startswith(_LISTENING):
+                from gateway.transport.tcp import split_address
+
+                split_address(where)
+        except UserError as error:
+            yield Mistake(place, str(error))
+
+
+def _all(config: Config) -> Iterator[tuple[Place, str]]:
+    """Every endpoint and where it is written."""
+    yield from ((("mount", number, "at"), mount.at) for number, mount in enumerate(config.mount))
+    yield from ((("surface", number, "at"), surface.at) for number, surface in enumerate(config.surface))
+
+
+def _names(config: Config) -> Iterator[Mistake]:
+    """Several mounts are told apart by name, and every surface says which is its own."""
+    names = [mount.name for mount in config.mount]
+    if not names:
+        yield Mistake(("mount",), "at least one mount is needed")
+    for number, name in enumerate(names):
+        if name is None and len(names) > 1:
+            yield Mistake(("mount", number, "name"), "is needed where there are several mounts")
+        elif name is not None and name in names[:number]:
+            yield Mistake(("mount", number, "name"), f"{name!r} is the name of another mount already")
+    known = [name for name in names if name is not None]
+    for number, surface in enumerate(config.surface):
+        if surface.mount is None and len(names) > 1:
+            yield Mistake(
+                ("surface", number, "mount"), f"is needed where there are several; write one of {', '.join(known)}"
+            )
+        elif surface.mount is not None and surface.mount not in known:
+            hint = nearest(surface.mount, known) if known else "the mount has no name"
+            yield Mistake(("surface", number, "mount"), f"no mount is called {surface.mount!r}; {hint}")
+    for number, mount in enumerate(config.mount):
+        if config.surface and not config.of(mount):
+            yield Mistake(("mount", number), f"no [[surface]] has mount = {mount.name!r}, so nobody can reach it")
+
+
+def _clients(config: Config) -> Iterator[Mistake]:
+    for number, surface in enumerate(config.surface):
+        if surface.client in ("auto", "any"):
+            continue
+        known = [*programs(parse_endpoint(surface.at).protocol), "auto", "any"]
+        if surface.client not in known:
+            words = f"{surface.client!r}: no such program is known; {nearest(surface.client, known)}"
+            yield Mistake(("surface", number, "client"), words)
+
+
+def _access(config: Config) -> Iterator[Mistake]:
+    """Networks that are some, and only where connections come from hosts."""
+    for number, surface in enumerate(config.surface):
+        for key, value in (("allow", surface.allow), ("read-only", surface.read_only)):
+            if not isinstance(value, list):
+                continue
+            place: Place = ("surface", number, key)
+            if not parse_endpoint(surface.at).where.startswith(("tcp://", "rfc2217://")):
+                words = "true or false" if key == "read-only" else "it on a surface at tcp://"
+                yield Mistake(place, f"nobody comes from a network here; write {words}")
+            try:
+                networks(value)
+            except UserError as error:
+                yield Mistake(place, str(error))
+
+
+def _taken_twice(config: Config) -> Iterator[Mistake]:
+    """Nothing can be opened twice, neither by two mounts nor by two surfaces."""
+    seen: list[tuple[str, str]] = []
+    for place, at in _all(config):
+        where = parse_endpoint(at).where
+        if where == "sim":
+            continue
+        address = _address(where, place[0] == "surface")
+        if any(_meet(address, other) for other in seen):
+            yield Mistake(
+                place,
+                f"{where} is taken by another {'mount or surface' if '://' not in where else 'one'} "
+                "already; every one needs a place of its own",
+            )
+        seen.append(address)
+
+
+def _address(where: str, listening: bool) -> tuple[str, str]:
+    """What must differ: (host, port) of what listens, else the thing and nothing."""
+    if listening and where.startswith(_LISTENING):
+        from gateway.transport.tcp import split_address
+
+        host, port = split_address(where)
+        return host.replace("localhost", "127.0.0.1"), f"tcp {port}"
+    if "://" in where:
+        return where, ""
+    return os.path.abspath(os.path.expanduser(where.removeprefix("pty:"))), ""
+
+
+def _meet(one: tuple[str, str], other: tuple[str, str]) -> bool:
+    if one[1] != other[1] or one[1] == "tcp 0":
+        return False
+    return one[0] == other[0] or (one[1] != "" and (one[0] in _EVERY_ADDRESS or other[0] in _EVERY_ADDRESS))

@@ -1,0 +1,123 @@
+"""The keys as rows a program can use: for flags, messages, the example and the documentation."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
+
+import msgspec
+
+from gateway.app.config.keys import TABLES
+
+
+class Key(NamedTuple):
+    """One key: ``right`` says what a value must be, ``choices`` are all it may be where they are few."""
+
+    name: str
+    words: str
+    shown: str
+    right: str
+    choices: tuple[str, ...]
+    kind: Any
+    default: Any
+    example: Any
+    flag: bool
+    required: bool
+    #: Whether the value is a list, which a flag writes with commas.
+    several: bool
+
+    @property
+    def help(self) -> str:
+        """The words together with the default, where there is one to tell."""
+        if self.default is None or isinstance(self.default, bool | list):
+            return self.words
+        shown = f"{self.default:g}" if isinstance(self.default, float) else self.default
+        return f"{self.words} (default {shown})"
+
+
+@lru_cache
+def keys(table: str) -> tuple[Key, ...]:
+    """The keys of ``mount``, ``surface``, or those outside any table (an empty name)."""
+    struct = TABLES[table]
+    hints = get_type_hints(struct, include_extras=True)
+    return tuple(_key(field, hints[field.name]) for field in msgspec.structs.fields(struct) if _meta(hints[field.name]))
+
+
+def named(table: str, name: str) -> Key | None:
+    """The key of that name in a table; None where there is none."""
+    return next((key for key in keys(table) if key.name == name), None)
+
+
+def _key(field: Any, hint: Any) -> Key:
+    meta = _meta(hint)
+    assert meta is not None and meta.extra is not None
+    kind, choices, right = get_args(hint)[0], _choices(hint), _right(hint)
+    default = None if field.required else field.default
+    if field.default_factory is not msgspec.NODEFAULT:
+        default = field.default_factory()
+    return Key(
+        name=field.encode_name,
+        words=meta.description or "",
+        shown=meta.extra["shown"] or "|".join(choices),
+        right=right,
+        choices=choices,
+        kind=Annotated[kind, meta],
+        default=default,
+        example=default if meta.extra["example"] is None else meta.extra["example"],
+        flag=meta.extra["flag"],
+        required=field.required,
+        several=any(get_origin(part) in (tuple, list) for part, _ in _plain(hint)),
+    )
+
+
+def _meta(hint: Any) -> msgspec.Meta | None:
+    """The description that a key was declared with."""
+    return next((item for item in getattr(hint, "__metadata__", ()) if item.extra is not None), None)
+
+
+def _plain(hint: Any) -> Iterator[tuple[Any, list[msgspec.Meta]]]:
+    """The types a value may have, each with its limits, without None."""
+    if get_origin(hint) is Annotated:
+        inner, *metas = get_args(hint)
+        for kind, more in _plain(inner):
+            yield kind, [*metas, *more]
+    elif get_origin(hint) in (Union, types.UnionType):
+        for part in get_args(hint):
+            yield from _plain(part)
+    elif hint is not type(None):
+        yield hint, []
+
+
+def _choices(hint: Any) -> tuple[str, ...]:
+    return tuple(word for kind, _ in _plain(hint) if get_origin(kind) is Literal for word in get_args(kind))
+
+
+def _right(hint: Any) -> str:
+    """What a value must be, in words."""
+    return " or ".join(_words(kind, metas) for kind, metas in _plain(hint))
+
+
+def _words(kind: Any, metas: list[msgspec.Meta]) -> str:
+    if get_origin(kind) is Literal:
+        return f"one of {', '.join(get_args(kind))}"
+    if get_origin(kind) is tuple:
+        return f"[{', '.join(_right(part) for part in get_args(kind))}]"
+    if get_origin(kind) is list:
+        return f"a list, each {_right(get_args(kind)[0])}"
+    if kind is bool:
+        return "true or false"
+    if kind in (int, float):
+        return ("a whole number" if kind is int else "a number") + _range(metas)
+    return f'{next((meta.title for meta in metas if meta.title), "text")} in "quotes"'
+
+
+def _range(metas: list[msgspec.Meta]) -> str:
+    """The limits in words: `` from 1 to 9``."""
+    limits: dict[str, Any] = {}
+    for meta in metas:
+        limits |= {name: getattr(meta, name) for name in ("ge", "gt", "le", "lt") if getattr(meta, name) is not None}
+    low = f" from {limits['ge']:g}" if "ge" in limits else f" more than {limits['gt']:g}" if "gt" in limits else ""
+    high = f" to {limits['le']:g}" if "le" in limits else f" below {limits['lt']:g}" if "lt" in limits else ""
+    return low + (" and up" if low and "gt" in limits and high else "") + high

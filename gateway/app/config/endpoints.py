@@ -1,0 +1,140 @@
+"""Endpoints and places, as a person types them.
+
+An endpoint is ``PROTOCOL[:MODEL[/VERSION]]@WHERE``; a place is ``LAT,LON`` in degrees.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+
+import msgspec
+
+from gateway.app.config import called
+from gateway.app.config.called import PROTOCOLS
+from gateway.core.errors import UserError
+from gateway.protocols.nexstar.versions import STARSENSE, STARSENSE_NEWEST, STARSENSE_OLDEST, is_starsense, numbered
+from gateway.protocols.wireformat.command_set import load, parse_version, show_version
+
+__all__ = ["PROTOCOLS", "Endpoint", "misplaced", "nearest", "parse_device", "parse_endpoint", "parse_site"]
+
+OLDEST, NEWEST = (1, 2), (6, 0)
+
+
+class Endpoint(msgspec.Struct, frozen=True):
+    """One end of the gateway: a protocol, maybe a model and a version, and where it is."""
+
+    protocol: str
+    where: str
+    model: str | None = None
+    version: str | None = None
+
+    def __str__(self) -> str:
+        version = f"/{self.version}" if self.version else ""
+        if self.model is None and is_starsense(self.version):
+            return f"{self.protocol}:{version[1:].replace('-', '/')}@{self.where}"
+        return f"{self.protocol}{':' + self.model if self.model else ''}{version}@{self.where}"
+
+
+def parse_endpoint(text: str) -> Endpoint:
+    """Raises UserError for an unknown protocol, model or version."""
+    what, at, where = text.partition("@")
+    if not at or not where:
+        raise UserError(f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_whole(text.strip('@'))}")
+    return parse_device(what, where)
+
+
+def _whole(text: str) -> str:
+    """Examples made of the half of an endpoint that was written."""
+    if called.device(text.partition("/")[0]):
+        return f"{text}@/dev/ttyUSB0"
+    if text.startswith(("/dev/", "COM", "tcp://", "socket://", "rfc2217://", "pty:")) or text == "sim":
+        return f"nexstar@{text} (Celestron) or lx200@{text} (Meade)"
+    return "nexstar@/dev/ttyUSB0"
+
+
+def parse_device(what: str, where: str = "") -> Endpoint:
+    """``PROTOCOL[:MODEL[/VERSION]]``, or what owners call a mount in the place of either; a StarSense hand control is a
+    version or a model of its own. Raises UserError."""
+    name, slash, version = what.partition("/")
+    device = called.device(name)
+    if device is None:
+        raise UserError(f"{name!r} is no protocol ({', '.join(PROTOCOLS)}) and no model; {called.suggestion(name)}")
+    protocol, _, model = device.partition(":")
+    if protocol == "nexstar" and model == STARSENSE:
+        model, version = "", f"{STARSENSE}-{version}" if slash else STARSENSE
+    words = [*load(protocol).models, *([STARSENSE] if protocol == "nexstar" else [])]
+    if model and model not in words:
+        other = called.device(model)
+        right = f"write {other}" if other else nearest(model, words)
+        raise UserError(f"{protocol} has no model {model!r}; {right}")
+    return Endpoint(protocol, where, model or None, _version(protocol, version) if version else None)
+
+
+def _version(protocol: str, text: str) -> str:
+    """The version as it is written. Raises UserError for one that there never was."""
+    if protocol == "nexstar" and is_starsense(text):
+        try:
+            return numbered(text).written
+        except ValueError:
+            oldest, newest = show_version(STARSENSE_OLDEST), show_version(STARSENSE_NEWEST)
+            raise UserError(
+                f"{text!r}: a StarSense has versions from {oldest} on; write it like {STARSENSE}-{newest}"
+            ) from None
+    try:
+        version = parse_version(text)
+    except ValueError:
+        raise UserError(f"{text!r} is no version; write it like 4.21") from None
+    if protocol == "nexstar" and not (OLDEST <= version < NEWEST or version[0] >= 100):
+        raise UserError(
+            f"{text!r}: hand controls have versions from 1.2 to 5.x, a GT from 100.0 on, a StarSense "
+            f"from {STARSENSE}-{show_version(STARSENSE_OLDEST)} on"
+        )
+    return text
+
+
+def nearest(word: str, choices: Sequence[str]) -> str:
+    """What a mistyped word was probably meant to be, else all that it could be."""
+    close = difflib.get_close_matches(word, choices, 1)
+    return f"did you mean {close[0]!r}?" if close else f"write one of {', '.join(choices)}"
+
+
+def parse_site(text: str) -> tuple[float, float]:
+    """``LAT,LON`` in degrees, north and east positive, or as maps write it: ``48°08'N,11°36'E``. Raises UserError."""
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) == 2 and parts[0][-1:].upper() in ("E", "W") and parts[1][-1:].upper() in ("N", "S"):
+        parts.reverse()
+    try:
+        latitude, longitude = (float(part) for part in parts)
+    except ValueError:
+        latitude, longitude = _as_on_maps(text, parts)
+    if wrong := misplaced(latitude, longitude):
+        raise UserError(f"{text!r}: {wrong}")
+    return latitude, longitude
+
+
+def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
+    """A latitude and a longitude with minutes, or with the letter of their side. Raises UserError.
+
+    Only here astropy is loaded, which takes a second: whoever writes plain numbers does not wait for it.
+    """
+    wrong = UserError(f"{text!r} is no site; write LAT,LON, north and east positive: 45.5,-122.7 or 45°30'N,122°42'W")
+    if len(parts) != 2 or any("h" in part.lower() for part in parts):
+        raise wrong
+    from astropy.coordinates import Latitude, Longitude
+
+    try:
+        latitude, longitude = Latitude(parts[0], unit="deg"), Longitude(parts[1], unit="deg", wrap_angle="180d")
+    except (ValueError, TypeError):
+        raise wrong from None
+    return round(float(latitude.deg), 9), round(float(longitude.deg), 9)
+
+
+def misplaced(latitude: float, longitude: float) -> str:
+    """What is wrong with a place in degrees; empty when nothing is."""
+    if -90 <= latitude <= 90 and -180 <= longitude <= 360:
+        return ""
+    words = "latitude is -90 to 90, longitude -180 to 180 (east positive)"
+    if -90 <= longitude <= 90 and -180 <= latitude <= 360:
+        words += f"; the latitude comes first: {longitude:g},{latitude:g}?"
+    return words

@@ -1,0 +1,204 @@
+"""``gateway.toml`` and flags become a ``Config``, or one line that says where the mistake is.
+
+A ``Source`` remembers where every value was written, so that a message can name the line of the file or the flag.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_left
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import tomli
+
+from gateway.app.config.characters import misspelt
+from gateway.app.config.checks import Mistake, mistakes
+from gateway.app.config.describing import keys, named
+from gateway.app.config.endpoints import misplaced, nearest
+from gateway.app.config.keys import TABLES, Config
+from gateway.app.config.lines import Place, line_of
+from gateway.core.errors import UserError
+
+#: What a person may have meant where the parser tells only what it found.
+_HINTS = {
+    "Invalid value": '; text is written in "quotes", a number with a point: 0.5',
+    "Cannot overwrite": "; it is there already, further up",
+    "Cannot declare": "; it is there already, further up: several surfaces are [[surface]], several mounts [[mount]]",
+}
+
+#: What word processors and web pages make of plain quotes.
+_CURLY = set("\u201c\u201d\u201e\u2018\u2019\u201a\u00ab\u00bb")
+
+#: What the parser gives up at that TOML itself allows.
+_BEYOND: dict[type[Exception], str] = {
+    RecursionError: "this is nested too deep; no key here needs more than [ ] around a few values",
+    ValueError: "this number has thousands of digits; no key here takes such a number",
+}
+
+
+class Source(msgspec.Struct):
+    """Where the values come from: a file's name and text, and the flags that were given."""
+
+    name: str
+    text: str = ""
+    flags: dict[Place, str] = {}
+
+    def where(self, place: Place) -> str:
+        """``--lowest``, ``gateway.toml:12``, or the name alone. Places count mounts even where there is just one."""
+        ways = [place[:length] for length in range(len(place), 0, -1)]
+        for way in ways:
+            if way in self.flags:
+                return self.flags[way]
+        for way in ways:
+            line = line_of(self.text, self._written(way)) if self.text else None
+            if line is not None:
+                return f"{self.name}:{line}"
+        return self.name
+
+    def origin(self, place: Place) -> str | None:
+        """The flag or the line that sets exactly this; None when nothing does."""
+        if place in self.flags:
+            return self.flags[place]
+        line = line_of(self.text, self._written(place)) if self.text else None
+        overridden = any(place[:length] in self.flags for length in range(1, len(place)))
+        return None if line is None or overridden else f"{self.name}:{line}"
+
+    def _written(self, place: Place) -> Place:
+        """The place as the file has it: a single ``[mount]`` has no number."""
+        single = place[:2] == ("mount", 0) and isinstance(tomli.loads(self.text).get("mount"), dict)
+        return (place[0], *place[2:]) if single else place
+
+
+def read_tables(path: Path) -> tuple[dict[str, Any], Source]:
+    """The tables of a file, and where they come from. Raises UserError with the file and the line."""
+    try:
+        text = path.read_text("utf-8-sig")
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path}: this is no UTF-8 text ({error.reason} at byte {error.start})") from None
+    try:
+        tables = tomli.loads(text)
+    except tomli.TOMLDecodeError as error:
+        hint = next((words for start, words in _HINTS.items() if error.msg.startswith(start)), "")
+        if set(text.split("\n")[error.lineno - 1]) & _CURLY:
+            hint = '; the quotes here are typographic ones: write plain ones, as in "nexstar@/dev/ttyUSB0"'
+        raise UserError(f"{path}:{error.lineno}: column {error.colno}: {error.msg}{hint}") from None
+    except (RecursionError, ValueError) as error:
+        raise UserError(f"{path}:{_broken_off(text)}: {_BEYOND[type(error)]}") from None
+    source = Source(str(path), text)
+    if isinstance(tables.get("mount"), dict):
+        tables["mount"] = [tables["mount"]]
+    if isinstance(tables.get("surface"), dict):
+        raise UserError(f"{source.where(('surface',))}: [surface]: write [[surface]], there may be several of them")
+    return tables, source
+
+
+def _broken_off(text: str) -> int:
+    """The line, from 1, at which the parser gives up a text that it could not read for another reason than a mistake."""
+    lines = text.split("\n")
+
+    def given_up(line: int) -> bool:
+        try:
+            tomli.loads("\n".join(lines[:line]))
+        except tomli.TOMLDecodeError:  # cut within a statement of several lines
+            return False
+        except (RecursionError, ValueError):
+            return True
+        return False
+
+    return bisect_left(range(1, len(lines)), True, key=given_up) + 1
+
+
+def make_config(tables: dict[str, Any], source: Source) -> Config:
+    """Plain tables, ``mount`` being a list of them -> what they say. Raises UserError that names place and key."""
+    for place, words in misspelt(tables):
+        raise _line(source, Mistake(place[:3] if place[0] in TABLES else place[:1], words))
+    try:
+        config = msgspec.convert(tables, Config)
+    except msgspec.ValidationError as error:
+        raise _mistake(tables, source, *_read_error(str(error))) from None
+    for mistake in mistakes(config):
+        raise _line(source, mistake)
+    return config
+
+
+def _read_error(message: str) -> tuple[Place, str | None, str]:
+    """The library's message -> the place, a key that is unknown or missing there, and which of the two."""
+    where = re.search(r" - at `\$\.?([^`]*)`$", message)
+    steps = re.findall(r"[^.\[\]]+|\[\d+\]", where.group(1) if where else "")
+    place = tuple(int(step[1:-1]) if step.startswith("[") else step for step in steps)
+    field = re.search(r"(unknown|missing required) field `([^`]*)`", message)
+    return (place, field.group(2), field.group(1)) if field else (place, None, "")
+
+
+def _mistake(tables: dict[str, Any], source: Source, place: Place, field: str | None, what: str) -> UserError:
+    """One line for what the library did not accept."""
+    table = str(place[0]) if place and place[0] in TABLES else ""
+    if field is None:
+        return _wrong(tables, source, table, place)
+    if what == "unknown":
+        home = next((name for name in TABLES if name != table and named(name, field)), None)
+        known = [key.name for key in keys(table)] + ([] if table else ["mount", "surface"])
+        hint = nearest(field, known) if home is None else f"it belongs under {_title(home)}"
+        return _line(source, Mistake((*place, field), f"there is no such key; {hint}"))
+    key = named(table, field)
+    if key is None or (table == "mount" and not source.text):
+        return UserError(
+            f"{source.name}: which mount? Write --mount nexstar@/dev/ttyUSB0 (mount-gateway detect finds "
+            "the port), or --config FILE with a gateway.toml"
+        )
+    return _line(source, Mistake((*place, field), f'is needed: {key.words}; for example "{key.example}"'))
+
+
+def _wrong(tables: dict[str, Any], source: Source, table: str, place: Place) -> UserError:
+    """A value of the wrong type or out of its range, or something else in the place of a table."""
+    key = named(table, str(place[2] if table and len(place) > 2 else place[0]))
+    if key is None:
+        return _line(source, Mistake(place, f"write {_title(table)} and KEY = VALUE under it"))
+    whole = place[:3] if table else place[:1]
+    value = _value(tables, whole)
+    return _line(source, Mistake(whole, f"{_show(value)}: write {key.right}{_swapped(key.name, value)}"))
+
+
+def _value(tables: Any, place: Place) -> Any:
+    for step in place:
+        tables = tables[step]
+    return tables
+
+
+def _swapped(name: str, value: Any) -> str:
+    """The hint for a place whose two numbers stand the wrong way round."""
+    if name != "site" or not isinstance(value, list | tuple) or len(value) != 2:
+        return ""
+    numbers = all(isinstance(part, int | float) for part in value)
+    words = misplaced(value[0], value[1]).partition("; ")[2] if numbers else ""
+    return f"; {words}" if words else "; the latitude comes first"
+
+
+def _line(source: Source, mistake: Mistake) -> UserError:
+    """``gateway.toml:12: [mount] lowest: …``."""
+    table, key = mistake.place[0], mistake.place[-1]
+    where = source.where(mistake.place)
+    if where.startswith("--"):
+        return UserError(
+            f"{where} {mistake.words}" if mistake.words[:1] in "'0123456789-" else f"{where}: {mistake.words}"
+        )
+    title = f"{_title(str(table))} " if table in TABLES else ""
+    name = key if isinstance(key, str) and (len(mistake.place) > 2 or key not in TABLES) else ""
+    return UserError(f"{where}: {f'{title}{name}'.strip()}: {mistake.words}")
+
+
+def _title(table: str) -> str:
+    return "[[surface]]" if table == "surface" else "[mount]" if table == "mount" else "the first lines of the file"
+
+
+def _show(value: Any) -> str:
+    """A value as TOML has it, shortened."""
+    try:
+        text = repr(value).lower() if isinstance(value, bool) else repr(value)
+    except ValueError:  # Python prints no number of thousands of digits
+        return "this number"
+    return text if len(text) <= 60 else f"{text[:57]}..."

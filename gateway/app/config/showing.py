@@ -1,0 +1,89 @@
+"""Configurations as text, made from the keys: the one in effect, a commented example, the table of the keys in docs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+from gateway.app.config.describing import Key, keys
+from gateway.app.config.keys import Config, SurfaceConfig
+from gateway.app.config.lines import Place
+from gateway.app.config.programs import settled, wanted_by
+from gateway.app.config.reading import Source
+
+
+def effective(config: Config, source: Source) -> str:
+    """What ``run`` would go by, as ``gateway.toml``; what is no default says where it comes from."""
+    lines = ["# The configuration in effect. What is no default says where it comes from.", ""]
+    lines += [_line(key, getattr(config, key.name), source.origin((key.name,))) for key in keys("")]
+    for number, mount in enumerate(config.mount):
+        lines += ["", "[mount]" if len(config.mount) == 1 else "[[mount]]"]
+        lines += _table("mount", mount, source, ("mount", number))
+    for number, surface in enumerate(config.surface):
+        lines += ["", "[[surface]]"]
+        lines += _table("surface", surface, source, ("surface", number))
+    return "\n".join(lines) + "\n"
+
+
+def _table(table: str, struct: Any, source: Source, place: Place) -> Iterator[str]:
+    by_program: dict[str, str] = {}
+    if isinstance(struct, SurfaceConfig):
+        by_program = {need.key: need.why for need in wanted_by(struct)}
+        struct = settled(struct)
+    for key in keys(table):
+        value = getattr(struct, key.name.replace("-", "_"))
+        origin = source.origin((*place, key.name))
+        if key.name == "at" and origin is None:
+            origin = source.origin(place)
+        if origin is None and key.name in by_program:
+            origin = f"client {struct.client}: {by_program[key.name]}"
+        yield _line(key, value, origin)
+
+
+def _line(key: Key, value: Any, origin: str | None) -> str:
+    if value is None:
+        return f"# {key.name}: not set"
+    changed = origin is not None and (value != key.default or key.required)
+    return f"{key.name} = {toml(value)}" + (f"  # {origin}" if changed else "")
+
+
+def example() -> str:
+    """A complete ``gateway.toml``: every key with its words. What has no default is commented out."""
+    lines = ["# gateway.toml: every key there is. A flag of the same name wins over the file.", ""]
+    lines += _sample("")
+    lines += [
+        "",
+        "# Several mounts: write [[mount]] for each, with a name, and the name in every [[surface]].",
+        "[mount]",
+        *_sample("mount"),
+    ]
+    lines += ["", "# As many as there are places where programs connect.", "[[surface]]", *_sample("surface")]
+    return "\n".join(lines) + "\n"
+
+
+def _sample(table: str) -> Iterator[str]:
+    for key in keys(table):
+        choice = f" ({', '.join(key.choices)})" if key.choices else ""
+        yield f"# {key.words}{choice}"
+        off = "" if key.required or key.default is not None else "#"
+        yield f"{off}{key.name} = {toml(key.example)}"
+
+
+def table() -> str:
+    """Every key as a Markdown table."""
+    lines = ["| table | key | what it says | it is | default |", "|---|---|---|---|---|"]
+    for name, title in (("", ""), ("mount", "`[mount]`"), ("surface", "`[[surface]]`")):
+        for key in keys(name):
+            default = "needed" if key.required else "" if key.default is None else f"`{toml(key.default)}`"
+            lines.append(f"| {title} | `{key.name}` | {key.words} | {key.right} | {default} |")
+    return "\n".join(lines) + "\n"
+
+
+def toml(value: Any) -> str:
+    """A value as TOML writes it."""
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(toml(part) for part in value)}]"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return repr(value).lower()

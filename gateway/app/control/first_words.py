@@ -1,0 +1,89 @@
+"""What a person should know once the mount has said who, where and when it is: one line for each, the worst last.
+
+What was found, and by whose site and clock the gateway goes; then whatever does not fit: another model than was named,
+a mount that is not aligned, sites and clocks that contradict each other.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from msgspec import Struct
+
+from gateway.app.control.gather import LATELY, clock, gather, site
+from gateway.core import operations as op
+from gateway.mount.controller import MountController
+from gateway.mount.safety_inputs import doubts_of
+
+
+class Said(Struct, frozen=True):
+    """A line; ``warns``: something is to be done about it."""
+
+    text: str
+    warns: bool = False
+
+
+def first_words(controller: MountController, model: str | None, version: str | None) -> Iterator[Said]:
+    """``model`` and ``version`` are those that were named, None where nobody has."""
+    identity: op.Identity | None = controller.snapshot.value(op.GetIdentity)
+    status: op.Status | None = controller.snapshot.value(op.GetStatus)
+    if identity is None:
+        return
+    yield Said(f"found {gather(controller, '', '', ()).found}")
+    where = f"site {site(controller)}" if site(controller) else "site not known"
+    yield Said(f"{where}; clock {clock(controller) or 'not known'}")
+    if words := _another(controller, identity, model, version):
+        yield Said(words, warns=True)
+    if status is not None and not status.aligned:
+        yield Said(
+            "the mount is not aligned: where it points means nothing yet, and no limit can be watched; align it "
+            "at its hand control",
+            warns=True,
+        )
+    if not site(controller):
+        yield Said(
+            "nobody has told the site: gotos are not checked against the horizon; --site LAT,LON tells it "
+            "(north and east are positive)",
+            warns=True,
+        )
+    if words := doubts_of(controller):
+        yield Said(words.removeprefix("WARNING: "), warns=True)
+
+
+def _another(controller: MountController, identity: op.Identity, model: str | None, version: str | None) -> str:
+    """A model or version that was named and that the mount says it is not."""
+    told = controller.driver.told_model(identity)
+    if model is not None and told is not None and told != model:
+        return (
+            f"the mount was named as {model}, and says that it is {told}: leave the model out, it is asked for, or "
+            f"write {told}"
+        )
+    if version is not None and identity.version[:1].isdecimal() and _numbers(version) != _numbers(identity.version):
+        return (
+            f"the hand control was named as version {version}, and says that it is {identity.version}: leave the "
+            "version out, it is asked for"
+        )
+    return ""
+
+
+def _numbers(version: str) -> list[int]:
+    """``starsense-1.20`` and ``1.20`` are one."""
+    return [int(number) for number in re.findall(r"\d+", version)]
+
+
+def last_words(controller: MountController, moved: bool) -> Said | None:
+    """What a person should know at the end; ``moved``: something was to be stopped. None where no mount was found."""
+    status: op.Status | None = controller.snapshot.value(op.GetStatus)
+    if controller.snapshot.value(op.GetIdentity) is None:
+        return None
+    if controller.motions.owed:
+        return Said("the mount has not acknowledged the stop: look at it, and switch it off if it moves", warns=True)
+    words = "stopped the mount" if moved else "the mount was not moving"
+    if status is None:
+        return Said(words)
+    how, age = (
+        "off" if status.tracking is op.Tracking.OFF else "on",
+        controller.snapshot.age(op.GetStatus, controller.now()),
+    )
+    return Said(f"{words}; tracking is {how}" if age <= LATELY else f"{words}; tracking was {how} when it last said so")

@@ -1,0 +1,130 @@
+"""Gathers what is known of a mount into one value, which everybody tells from: nothing is asked for it.
+
+What is wanted and by whom, what the owner allows, what was seen last, how the line is, what was refused lately.
+"""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from gateway.app.status import Rate, State, StatusLine, on_the_sky
+from gateway.core import operations as op
+from gateway.mount.motion.wanted import ByHand, Slew
+from gateway.mount.safety.rules.dead_man import HostActivity
+from gateway.mount.site.sources import shown
+
+if TYPE_CHECKING:
+    from gateway.mount.controller import MountController
+
+#: How long ago something may have happened, seconds; how many are told.
+LATELY, MOST = 60.0, 10
+WORDS = {op.Direction.NORTH: "north", op.Direction.SOUTH: "south", op.Direction.EAST: "east",
+         op.Direction.WEST: "west"}  # fmt: skip
+
+
+def look(controller: MountController, name: str, mount: str, programs: int, rate: Rate | None = None) -> StatusLine:
+    """What fits on the status line."""
+    now, snapshot = controller.now(), controller.snapshot
+    identity = snapshot.value(op.GetIdentity)
+    called = mount if identity is None else identity.model or identity.product
+    return StatusLine(
+        name or called, controller.line.state, controller.line.reason, snapshot.value(op.Position), snapshot.age(op.Position, now),
+        controller.slewing, bool(controller.motions.axes), snapshot.value(op.GetStatus), programs,
+        0.0 if rate is None else rate.per_second(now, controller.line.answers), controller.driver.asleep, controller.hold.on,
+    )  # fmt: skip
+
+
+def gather(controller: MountController, name: str, mount: str, programs: Sequence[str]) -> State:
+    """Everything; ``programs`` are the hosts of those that are here, and ``name`` is the mount's, where it has one."""
+    identity: op.Identity | None = controller.snapshot.value(op.GetIdentity)
+    who = (identity.product, identity.model, identity.version) if identity else ("", "", "")
+    return State(
+        look(controller, name, mount, len(programs)),
+        mount,
+        *who,
+        tuple(_wanted(controller)),
+        tuple(_allowed(controller)),
+        site(controller),
+        clock(controller),
+        tuple(sorted(programs)),
+        controller.line.typical,
+        controller.line.answers,
+        tuple(_lately(controller)),
+    )
+
+
+def site(controller: MountController) -> str:
+    """The site that counts, and who says so."""
+    sites = controller.sources.sites()
+    return f"{shown(sites[0].place)}, told by {sites[0].source}" if sites else ""
+
+
+def clock(controller: MountController) -> str:
+    """The time that counts, and who says so."""
+    best = controller.sources.best_time()
+    try:
+        moment = datetime.datetime.fromtimestamp(best.unix, datetime.UTC)
+    except (OverflowError, OSError, ValueError):  # a mount may tell any year
+        return ""
+    return f"{moment:%Y-%m-%d %H:%M:%S} UTC, told by {best.source}"
+
+
+def _wanted(controller: MountController) -> Iterator[str]:
+    """What the mount was told to do, by whom, and what waits for its turn."""
+    wanted = controller.motions.wanted
+    if wanted.owed:
+        yield "a stop, which the mount has not acknowledged yet"
+    if isinstance(wanted.motion, Slew):
+        yield f"{_goto(controller, wanted.motion.operation)}{_by(wanted.motion.by, controller.now() - wanted.motion.since)}"
+    elif controller.slewing:
+        yield "it slews, and nobody here has asked for it: perhaps at the hand control"
+    for axis, motion in wanted.motion if isinstance(wanted.motion, ByHand) else ():
+        yield f"{_arrow(motion.operation, axis)}{_by(motion.by, controller.now() - motion.since)}"
+    for order in wanted.pending:
+        if not order.follow_up and order.number != wanted.active:
+            yield f"{type(order.operation).__name__}, not begun yet{_by(order.by, controller.now() - order.since)}"
+
+
+def _goto(controller: MountController, operation: op.Operation) -> str:
+    if isinstance(operation, op.Goto):
+        goal = controller.derived.from_mount(op.Equatorial(operation.ra, operation.dec))
+        return f"a goto to {on_the_sky(goal)}"
+    if isinstance(operation, op.GotoHorizontal | op.GotoAxes):
+        return f"a goto to azimuth {operation.az:.1f}°, altitude {operation.alt:.1f}°"
+    return "the way to its park position" if isinstance(operation, op.Park) else "the way home"
+
+
+def _arrow(operation: op.Move | op.MoveAxis, axis: int) -> str:
+    if isinstance(operation, op.Move):
+        return f"an arrow {WORDS[operation.direction]}"
+    return f"motor {axis} {'forwards' if operation.sense > 0 else 'backwards'}"
+
+
+def _by(by: HostActivity | None, seconds: float) -> str:
+    return f", asked for {seconds:.0f} s ago" + (f" by {by.who}" if by is not None else "")
+
+
+def _allowed(controller: MountController) -> Iterator[str]:
+    limits = controller.policy.limits
+    yield f"altitude {limits.lowest:g}° to {limits.highest:g}°"
+    if limits.sun > 0.0:
+        yield f"no nearer to the Sun than {limits.sun:g}°"
+    if limits.hour_angle is not None:
+        yield f"no more than {limits.hour_angle / 15.0:g} h past the meridian"
+    yield f"syncs of up to {limits.sync:g}°"
+    if controller.hold.on:
+        yield "held: nothing moves it until mount-gateway stop --release"
+
+
+def _lately(controller: MountController) -> Iterator[str]:
+    """What was refused in the last minute, and what was done with the mount for a reason; the same words counted."""
+    now = controller.transcript.clock()
+    counted: dict[tuple[str, str], tuple[int, float]] = {}
+    for word in controller.transcript.lately:
+        if now - word.time <= LATELY:
+            key = word.side, word.text
+            counted[key] = (counted.pop(key, (0, 0.0))[0] + 1, word.time)
+    for (side, text), (count, at) in list(counted.items())[-MOST:]:
+        yield f"{now - at:.0f} s ago, {side}: {text}{f' ({count} times)' if count > 1 else ''}"

@@ -1,0 +1,83 @@
+"""What a gateway does at an order from outside: stop, hold, release.
+
+``stopped``, ``held`` and ``released`` are only said of a mount for which that is so and was seen; everything else is
+``failed`` and the reason, in words for the person who gave the order.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+
+from gateway.app.control.server import Order
+from gateway.app.recording.entrance import Entrance
+from gateway.app.state import hold as on_disk
+from gateway.app.state.store import StateStore
+from gateway.core.errors import Fault
+from gateway.mount.controller import MountController
+from gateway.mount.readings.rest import SIGHT, come_to_rest
+
+STOPPED, HELD, RELEASED = "stopped", "held", "released"
+#: Seconds that a mount has to acknowledge a stop; a hand control takes 3.5 for one answer at worst.
+ACKNOWLEDGED = 5.0
+#: Seconds after which whoever gave an order need not wait any longer.
+LONGEST = ACKNOWLEDGED + SIGHT + 2.0
+
+
+def orders(controller: MountController, keeping: StateStore, entrance: Entrance = Entrance()) -> Mapping[str, Order]:
+    """By word."""
+
+    async def stop() -> str:
+        return await entrance.order(lambda: stopped(controller))
+
+    async def hold() -> str:
+        entrance.tell("h", lambda: _hold(controller, True))
+        answer, trouble = await asyncio.gather(
+            entrance.order(lambda: stopped(controller)), _on_disk(keeping, held=True)
+        )
+        if answer != STOPPED:
+            return f"failed not stopped: {answer.removeprefix('failed ')}; it is held from now on{trouble}"
+        return f"failed it is stopped and held{trouble}" if trouble else HELD
+
+    async def release() -> str:
+        trouble = await _on_disk(keeping, held=False)
+        entrance.tell("u", lambda: _hold(controller, False))
+        return f"failed it is released{trouble}" if trouble else RELEASED
+
+    return {"stop": stop, "hold": hold, "release": release}
+
+
+def _hold(controller: MountController, on: bool) -> None:
+    controller.hold.on = on
+
+
+async def stopped(controller: MountController) -> str:
+    """Stop, and look at the mount until it rests -> ``stopped`` or ``failed REASON``."""
+    try:
+        async with asyncio.timeout(ACKNOWLEDGED):
+            await controller.stop()
+    except (TimeoutError, Fault) as fault:
+        if controller.driver.asleep and controller.line.state != "down":
+            return STOPPED  # it stands still, and hears of nothing
+        why = controller.line.reason or str(fault) or f"no answer from the mount within {ACKNOWLEDGED:.0f} s"
+        owed = "; the stop is owed, and the first thing that it is sent when it answers again" * controller.motions.owed
+        return f"failed {why}{owed}"
+    try:
+        await come_to_rest(controller)
+    except Fault as fault:
+        return f"failed {fault}"
+    return STOPPED
+
+
+async def _on_disk(keeping: StateStore, *, held: bool) -> str:
+    """Have the hold outlive this gateway, or end with it -> nothing, or what went wrong, to be said of it."""
+    try:
+        async with asyncio.timeout(ACKNOWLEDGED):
+            await keeping.in_thread(on_disk.hold if held else on_disk.release, keeping.directory)
+    except OSError as error:  # a disk that hangs is one, too
+        where = keeping.directory / on_disk.NAME
+        why = error.strerror or "the disk does not answer"
+        if held:
+            return f", but a restart of the gateway forgets that: {where} cannot be written ({why})"
+        return f", but a restart of the gateway holds it again: {where} cannot be removed ({why})"
+    return ""

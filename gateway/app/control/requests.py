@@ -1,0 +1,210 @@
+"""The desk where a person's wishes from the command line are taken, and carried out as a program's would be.
+
+They pass the same limits and are refused by the same rules. What a wish has begun belongs to it: to take it back ends
+that and nothing that somebody else has asked for since. A move ends by a clock here, whatever becomes of who wished it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import msgspec
+
+from gateway.app.control import commands as wishes
+from gateway.app.control.gather import WORDS, gather
+from gateway.app.control.refusals import no
+from gateway.app.status import State, on_the_sky
+from gateway.core import operations as op
+from gateway.core.errors import Busy, Fault, Invalid, Stopped
+from gateway.mount.controller import MountController
+from gateway.mount.motion.wanted import ByHand, Slew
+from gateway.mount.readings.arrival import missed
+from gateway.mount.safety.rules.dead_man import HostActivity
+
+#: What an answer begins with: carried out, still under way, not carried out.
+DONE, UNDER_WAY, FAILED = "done", "under way", "failed"
+#: Seconds after which a motion that was wished for is not begun any more: nobody waits for it.
+PATIENCE = 10.0
+#: Seconds that the mount is given to tell how it is, before what it said last is told.
+SIGHT = 1.5
+#: Wishes that are remembered.
+REMEMBERED = 64
+
+
+class Begun:
+    """A wish: whose connection it counts as, the stops when it came, where it leads, whether it was taken back."""
+
+    def __init__(self, life: HostActivity, stops: int) -> None:
+        self.life, self.stops = life, stops
+        self.goal: op.Equatorial | None = None
+        self.parks = False
+        self.ended = asyncio.Event()
+
+
+class Desk:
+    """``carry_out`` takes a wish. ``programs`` tells the hosts that are here, ``name`` and ``mount`` what it is."""
+
+    def __init__(
+        self, controller: MountController, name: str, mount: str, programs: Callable[[], Sequence[str]]
+    ) -> None:
+        self._controller, self._name, self._mount, self._programs = controller, name, mount, programs
+        self._begun: dict[str, Begun] = {}
+
+    def state(self) -> State:
+        """What is known, without asking the mount."""
+        return gather(self._controller, self._name, self._mount, self._programs())
+
+    async def carry_out(self, line: str) -> str:
+        """-> ``done WORDS``, ``under way WORDS`` or ``failed REASON``; a look is answered with a ``State`` as JSON."""
+        try:
+            wish = wishes.read(line)
+        except ValueError:
+            return f"{FAILED} the gateway does not understand this: it is of another version than the command"
+        if isinstance(wish, wishes.See):
+            await self._look()
+            return msgspec.json.encode(self.state()).decode()
+        if isinstance(wish, wishes.Follow):
+            return await self._follow(wish.number)
+        if isinstance(wish, wishes.End):
+            return await self._end(wish.number)
+        begun = self._remember(wish.number, type(wish).__name__.lower())
+        try:
+            return f"{DONE} {await self._do(wish, begun)}"
+        except Fault as fault:
+            controller = self._controller
+            controller.transcript.refused(begun.life.who, f"{type(wish).__name__}: {fault}")
+            return f"{FAILED} {no(fault, controller.policy.limits)}"
+
+    def _remember(self, number: str, command: str) -> Begun:
+        begun, presence = self._begun.get(number), self._controller.presence
+        if begun is None:
+            begun = self._begun[number] = Begun(presence.arrive(f"mount-gateway {command}"), self._controller.stops)
+            if len(self._begun) > REMEMBERED:
+                presence.leave(self._begun.pop(next(iter(self._begun))).life)
+        return begun
+
+    # --- carrying out -----------------------------------------------------------------------------------------------
+
+    async def _do(self, wish: Any, begun: Begun) -> str:
+        match wish:
+            case wishes.Goto():
+                begun.goal = await self._place(wish.where)
+                await self._order(op.Goto(begun.goal.ra, begun.goal.dec), begun)
+                return f"it goes to {on_the_sky(begun.goal)}"
+            case wishes.Sync():
+                goal = await self._place(wish.where)
+                await self._order(op.Sync(goal.ra, goal.dec), begun)
+                return f"it points to {on_the_sky(goal)} from now on"
+            case wishes.Park():
+                begun.parks = True
+                await self._order(op.Park(), begun)
+                return "it goes to its park position"
+            case wishes.Unpark():
+                await self._order(op.Wake() if self._controller.driver.asleep else op.Unpark(), begun)
+                return "it is in service again, and tracks"
+        return await self._move(wish, begun)
+
+    async def _order(self, operation: op.Operation, begun: Begun) -> None:
+        """Raises Fault."""
+        if begun.ended.is_set():
+            raise Busy("It was taken back.")
+        try:
+            async with asyncio.timeout(PATIENCE + 1.0):
+                await self._controller.perform(operation, begun.stops, begun.life, PATIENCE)
+        except TimeoutError:
+            raise Busy from None
+
+    async def _place(self, where: wishes.Where) -> op.Equatorial:
+        """Of date. Raises Fault."""
+        if isinstance(where, wishes.Body):
+            reads: op.Operation = op.MoonPlace() if where.name.lower() == "moon" else op.PlanetPlace(where.name)
+        elif not (-90.0 <= where.dec <= 90.0 and 0.0 <= where.ra <= 360.0):
+            raise Invalid("There is no such place on the sky.")
+        elif where.j2000:
+            reads = op.OfDate(where.ra % 360.0, where.dec)
+        else:
+            return op.Equatorial(where.ra % 360.0, where.dec)
+        found: op.Equatorial = await self._controller.perform(reads)
+        return found
+
+    async def _move(self, wish: wishes.Move, begun: Begun) -> str:
+        """Press, wait, release. Raises Fault."""
+        controller, longest = self._controller, self._controller.policy.silence
+        if not 0.0 < wish.seconds <= longest or not 1 <= wish.key <= 9:
+            raise Invalid(f"An arrow may be pressed for up to {longest:g} s (--dead-man) at a rate of 1 to 9.")
+        operation = op.Move(wish.direction, op.Rate(key=wish.key))
+        try:
+            await self._order(operation, begun)
+            since = controller.now()
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(wish.seconds):
+                    await begun.ended.wait()
+            lasted, stopped = controller.now() - since, begun.stops != controller.stops
+        finally:
+            if self._moves(begun):
+                await controller.perform(op.Halt(operation.axis), None, begun.life)
+        if stopped:
+            raise Stopped
+        return f"it was moved {WORDS[wish.direction]} for {lasted:.1f} s"
+
+    # --- how it goes ------------------------------------------------------------------------------------------------
+
+    def _moves(self, begun: Begun) -> bool:
+        """Whether something that this wish has begun is under way, or waits to be."""
+        wanted = self._controller.motions.wanted
+        moving = [wanted.motion.by] if isinstance(wanted.motion, Slew) else []
+        if isinstance(wanted.motion, ByHand):
+            moving = [motion.by for _, motion in wanted.motion]
+        return any(by is begun.life for by in (*moving, *(order.by for order in wanted.pending)))
+
+    async def _follow(self, number: str) -> str:
+        begun, controller = self._begun.get(number), self._controller
+        if begun is None:
+            return f"{FAILED} the gateway knows nothing of it: it may have been started anew"
+        await self._look()
+        seen = self.state().look
+        follows = begun.parks and any(
+            order.follow_up for order in controller.motions.wanted.pending
+        )  # its tracking goes off
+        if self._moves(begun) or follows:
+            return f"{UNDER_WAY} {on_the_sky(seen.position) if seen.position else ''}"
+        if controller.stops != begun.stops:
+            return f"{FAILED} it was stopped on the way"
+        if begun.goal is not None and seen.position is not None and (words := missed(begun.goal, seen.position)):
+            return f"{FAILED} {words}, or another goto came"
+        if begun.parks:
+            return f"{DONE} it is parked"
+        return f"{DONE} it is there{': ' + on_the_sky(seen.position) if seen.position else ''}"
+
+    async def _end(self, number: str) -> str:
+        controller, begun = self._controller, self._remember(number, "stop")
+        begun.ended.set()  # if it has not come yet, it is not begun later
+        if not self._moves(begun):
+            return f"{DONE} nothing that was begun here is under way"
+        wanted = controller.motions.wanted
+        halts: list[op.Operation] = (
+            [op.Halt(axis) for axis, motion in wanted.motion if motion.by is begun.life]
+            if isinstance(wanted.motion, ByHand)
+            else []
+        )
+        if not halts and all(order.by is begun.life for order in wanted.waiting_gotos):  # else another takes its place
+            halts = [op.CancelGoto()]
+        try:
+            for halt in halts:
+                await controller.perform(halt, None, begun.life)
+        except Fault as fault:
+            return f"{FAILED} the mount has not acknowledged the stop: {no(fault, controller.policy.limits)}"
+        return f"{DONE} the mount was stopped"
+
+    async def _look(self) -> None:
+        """Have the mount tell how it is, where it answers soon."""
+        controller = self._controller
+        if controller.line.state != "up" or controller.driver.asleep:
+            return
+        with contextlib.suppress(Fault, TimeoutError):
+            async with asyncio.timeout(SIGHT):
+                for read in (op.Position(), op.Slewing(), op.GetStatus()):
+                    await controller.perform(read)

@@ -1,0 +1,147 @@
+"""A gateway's side: orders come in as datagrams, and each is answered when it has been carried out.
+
+No order needs a file descriptor. Who does not hear an answer asks again with the same number, and is told the same:
+an order is carried out once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import secrets
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import msgspec
+
+from gateway.app.control.endpoints import ENDING, ControlEndpoint, sweep
+from gateway.app.control.messages import WAIT, parts, seal, unseal
+from gateway.app.state.file import write_whole
+from gateway.core.errors import Fault
+from gateway.system.runtime_folders import occupy
+
+#: Carries out an order -> the answer. Raises Fault, whose words are then the answer.
+Order = Callable[[], Awaitable[str]]
+#: Orders that are remembered for who did not hear the answer.
+REMEMBERED = 64
+ENDING_WORDS = "failed the gateway is ending, and stops its mount at that; ask again to be sure"
+
+Asked = dict[str, asyncio.Task[str]]
+
+
+class Control(asyncio.DatagramProtocol):
+    """``orders`` are what can be asked for, by word; ``folders`` where it is written how to, the state folder first.
+
+    ``wish`` takes what stands behind the word ``wish``; ``called`` is the mount's own name, where it has one.
+    """
+
+    def __init__(
+        self,
+        folders: Sequence[Path],
+        name: str,
+        mount: str,
+        orders: Mapping[str, Order],
+        wish: Callable[[str], Awaitable[str]] | None = None,
+        called: str = "",
+    ) -> None:
+        self.paths = [folder / f"{name}.{os.getpid()}{ENDING}" for folder in folders]
+        self._state = str(folders[0].absolute())
+        self._mount, self._orders, self._wish, self._called = mount, orders, wish, called
+        self._secret = secrets.token_hex(16)
+        self._transport: asyncio.DatagramTransport | None = None
+        self._asked: Asked = {}
+        self._occupied: list[int] = []
+
+    async def open(self) -> None:
+        """Raises OSError where no port can be had, or its number cannot be written anywhere."""
+        for path in self.paths:
+            with contextlib.suppress(OSError):
+                sweep(path.parent)
+        loop = asyncio.get_running_loop()
+        transport, _ = await loop.create_datagram_endpoint(lambda: self, local_addr=("127.0.0.1", 0))
+        self._transport = transport
+        port = transport.get_extra_info("sockname")[1]
+        door = msgspec.json.encode(
+            ControlEndpoint(self._mount, os.getpid(), port, self._secret, self._state, self._called)
+        )
+        failed: list[OSError] = []
+        for path in self.paths:
+            try:
+                write_whole(path, door, flush=False)
+            except OSError as error:
+                failed.append(error)
+        if len(failed) == len(self.paths):
+            raise failed[0]
+        self._occupied = [number for path in self.paths[1:] if (number := occupy(path.parent)) is not None]
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        """An order, or noise."""
+        found = unseal(self._secret, data)
+        if found is None or not found[1].startswith("ask "):
+            return
+        number, word = found[0], found[1].removeprefix("ask ")
+        task = self._asked.get(number)
+        if task is None:
+            if len(self._asked) >= REMEMBERED and not self._forget():
+                return
+            task = self._asked[number] = asyncio.get_running_loop().create_task(self._carry_out(word))
+        elif not task.done():
+            self._send(number, WAIT, addr)
+            return
+        self._send(number, WAIT, addr)
+        task.add_done_callback(lambda done: self._answer(number, "" if done.cancelled() else done.result(), addr))
+
+    def error_received(self, exc: Exception) -> None:
+        """Whoever asked is gone."""
+
+    def _forget(self) -> bool:
+        """The oldest order that is done; False where none is."""
+        old = next((number for number, task in self._asked.items() if task.done()), None)
+        if old is None:
+            return False
+        del self._asked[old]
+        return True
+
+    async def _carry_out(self, word: str) -> str:
+        order = self._orders.get(word)
+        first, _, line = word.partition(" ")
+        try:
+            if first == "wish" and self._wish is not None:
+                return await self._wish(line)
+            if order is None:
+                return f"failed this gateway knows no order {word!r}; it may be of another version"
+            return await order()
+        except asyncio.CancelledError:
+            return ENDING_WORDS
+        except Fault as fault:
+            return f"failed {fault}"
+        except Exception as error:  # a defect must not look like a gateway that is gone
+            return f"failed internal error, please report it: {error!r}"
+
+    def _answer(self, number: str, answer: str, addr: Any) -> None:
+        for part in parts(answer):
+            self._send(number, part, addr)
+
+    def _send(self, number: str, text: str, addr: Any) -> None:
+        if self._transport is not None and not self._transport.is_closing():
+            self._transport.sendto(seal(self._secret, number, text), addr)
+
+    async def close(self) -> None:
+        """Nobody is listened to any more; who still waits is told."""
+        for path in self.paths:
+            with contextlib.suppress(OSError):
+                path.unlink(missing_ok=True)
+        while self._occupied:
+            os.close(self._occupied.pop())
+        if self._transport is None:
+            return
+        waiting = [task for task in self._asked.values() if not task.done()]
+        for task in waiting:
+            task.cancel()
+        if waiting:
+            await asyncio.wait(cast("list[asyncio.Task[Any]]", waiting), timeout=1.0)
+            await asyncio.sleep(0)
+        self._transport.close()
+        self._transport = None

@@ -1,0 +1,68 @@
+"""Announcing: programs on the network find the surfaces that listen there, without anybody typing an address.
+
+Two ways, both silent unless asked: SkyFi's question and answer, by which SkySafari looks for its Wi-Fi adapters, and
+mDNS (DNS-SD, "Bonjour"), where the extra ``mdns`` is installed. A surface that only this computer reaches is nobody
+else's business, and is never announced. That an announcement fails is told, and costs nothing else.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from gateway.app.discovery.mdns import Publisher, publish
+from gateway.app.discovery.offer import Offer, offered
+from gateway.app.discovery.skyfi import PORT, answer_skyfi
+
+__all__ = ["Announcement", "Offer", "offered"]
+
+
+class Announcement:
+    """What is announced until it is closed. ``warn`` is told what a user must know, ``note`` what one may."""
+
+    def __init__(self, warn: Callable[[str], Any], note: Callable[[str], Any]) -> None:
+        self._warn, self._note = warn, note
+        self._skyfi: asyncio.DatagramTransport | None = None
+        self._publishing: asyncio.Task[None] | None = None
+        self._publisher: Publisher | None = None
+
+    async def answer(self, offers: Sequence[Offer], host: str = "0.0.0.0", port: int = PORT) -> None:
+        """Answer SkySafari's question for a SkyFi from now on, if there is anything to find."""
+        if not any(offer.reached_by_ipv4 for offer in offers):
+            return
+        try:
+            self._skyfi = await answer_skyfi(offers, host, port)
+        except OSError as error:
+            self._warn(f"SkySafari will not find this gateway by itself: UDP port {port}: {error.strerror or error}")
+
+    @property
+    def skyfi_port(self) -> int:
+        """The UDP port that is answered on; 0 when none is."""
+        return 0 if self._skyfi is None else int(self._skyfi.get_extra_info("sockname")[1])
+
+    def publish(self, offers: Sequence[Offer], interfaces: Sequence[str] | None = None) -> None:
+        """Begin to answer for the offers by mDNS: on all interfaces, or on those with these addresses."""
+        if offers:
+            self._publishing = asyncio.get_running_loop().create_task(self._publish(offers, interfaces))
+
+    async def _publish(self, offers: Sequence[Offer], interfaces: Sequence[str] | None) -> None:
+        try:
+            self._publisher = publish(interfaces)
+            await self._publisher.add(offers)
+        except ImportError:
+            self._note("not announced by mDNS, for which zeroconf is needed: pip install 'mount-gateway[mdns]'")
+        except Exception as error:  # a library's own kinds, and the system's: no network, no multicast …
+            self._note(f"not announced by mDNS: {error}")
+
+    async def close(self) -> None:
+        """Take everything back."""
+        if self._skyfi is not None:
+            self._skyfi.close()
+        if self._publishing is not None:
+            self._publishing.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._publishing
+        if self._publisher is not None:
+            await self._publisher.close()

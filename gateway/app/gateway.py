@@ -1,0 +1,456 @@
+"""Putting a gateway together: a mount, its hub, and the ports its surfaces are presented on.
+
+The only place, with ``simulators.py``, where the names of protocols are known to the upper floors: a third protocol is
+one more entry in ``DRIVERS`` and ``FACES``.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from msgspec.structs import replace
+
+from gateway.app.config import Endpoint, MountConfig, SurfaceConfig, parse_endpoint
+from gateway.app.config.programs import as_settings, programs, recognisable, settled, wanted_by
+from gateway.app.control import Control
+from gateway.app.control.orders import orders
+from gateway.app.control.requests import Desk
+from gateway.app.mount_claim import MountClaim
+from gateway.app.recording.entrance import Entrance
+from gateway.app.state.file import FORMAT, MarkerContent, SavedState, to_shared
+from gateway.app.state.store import PreviousRun, StateStore, recall, selected_site
+from gateway.app.watchdog import Watchdog, WatchedMount
+from gateway.astro.ephemeris import Sky
+from gateway.clients.acceptor import ClientProfile, ConnectionAcceptor, SurfaceBinding
+from gateway.clients.access import Access, networks
+from gateway.clients.equinox import J2000
+from gateway.core import operations as op
+from gateway.core.errors import Fault, UserError
+from gateway.core.wire_log import Transcript
+from gateway.mount.controller import MountController, Policy
+from gateway.mount.link.queue import MountLink
+from gateway.mount.link.transaction import ReplyRules
+from gateway.mount.safety.limits import Limits
+from gateway.mount.shutdown import stop_commands
+from gateway.mount.site.site_clock import SiteClock
+from gateway.protocols.base.driver import Driver
+from gateway.protocols.base.frames import Framing
+from gateway.protocols.wireformat.command_set import load
+from gateway.system.runtime_folders import folders
+from gateway.transport import Listener, open_port
+from gateway.transport.tcp import exposed
+from gateway.transport.wires import SerialTransport, Transport, on_the_wire
+
+#: Of a NexStar whose owner has not chosen any, as a part of sidereal: its motors' own.
+GUIDE_RATE = 0.5
+#: A driver, what it does later by itself, and how its line talks.
+Driven = tuple[Driver, dict[type[Any], Callable[[Any, Any], Any]], ReplyRules]
+
+
+def _nexstar_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float]) -> Driven:
+    from gateway.protocols.nexstar.driver import FOLLOW_UPS
+    from gateway.protocols.nexstar.driver.state import NexStar, Settings
+    from gateway.protocols.nexstar.reply_rules import NexStarDialogue
+
+    settings = Settings(
+        site=config.site,
+        mode=config.mode,
+        guide_rate=config.guide_rate or GUIDE_RATE,
+        guide_directions=config.guide_directions,
+        park=config.park if isinstance(config.park, tuple) else None,
+        aux_home=config.aux_home,
+        lowest=config.lowest,
+    )
+    return NexStar(now, settings, endpoint.model, endpoint.version), dict(FOLLOW_UPS), NexStarDialogue()
+
+
+def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> SurfaceBinding:
+    from gateway.protocols.base.surface import Surface
+    from gateway.protocols.lx200.framing import Framer
+    from gateway.protocols.lx200.surface import SPECIALS
+    from gateway.protocols.lx200.surface.opening import BEGINNING
+    from gateway.protocols.lx200.surface.own import stands_against
+
+    protocol = load("lx200")
+    name = endpoint.model or "autostar"
+    settings = {"precision": config.precision or "high", "limits": limits, "sync_text": config.sync_text}
+    model = {**protocol.models[name], "name": name}
+    halts = {
+        b":Q%c#" % letter: (op.Halt(axis), frozenset(b":M%c#" % other for other in letters))
+        for axis, letters in ((1, b"ew"), (2, b"ns"))
+        for letter in letters
+    }
+    surface = Surface(protocol, SPECIALS)
+    surface.stands_against = stands_against
+    return SurfaceBinding(
+        "LX200",
+        surface,
+        lambda now: Framing(Framer(), now),
+        BEGINNING,
+        frozenset({b":Q#", b":I#"}),
+        model,
+        settings,
+        halts=halts,
+        ends=(b":Q",),
+    )
+
+
+def _meade_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float]) -> Driven:
+    from gateway.protocols.lx200.driver import FOLLOW_UPS
+    from gateway.protocols.lx200.driver.state import Lx200Driver
+    from gateway.protocols.lx200.reply_rules import MeadeDialogue
+
+    return Lx200Driver(now, endpoint.model, config.guide_rate), dict(FOLLOW_UPS), MeadeDialogue()
+
+
+def _nexstar_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> SurfaceBinding:
+    from gateway.protocols.base.surface import Surface
+    from gateway.protocols.nexstar.surface import SPECIALS, fitting, framing, lacks, presented
+    from gateway.protocols.nexstar.surface.devices import no_response, passes
+    from gateway.protocols.nexstar.surface.opening import BEGINNING
+    from gateway.protocols.nexstar.surface.own import stands_against
+
+    model = presented(endpoint.model, endpoint.version)
+    fit = None if endpoint.model else lambda polar, german, gps: fitting(polar, german, gps, endpoint.version)
+    surface = Surface(load("nexstar"), SPECIALS, no_response)
+    surface.passes, surface.lacks, surface.stands_against = passes, lacks, stands_against
+    still = (bytes((motor, way, 0)) for motor in (16, 17) for way in (36, 37, 6, 7))
+    return SurfaceBinding(
+        "NexStar", surface, framing, BEGINNING, frozenset(), model, {"precision": "high"}, fit=fit, ends=(b"M", *still)
+    )
+
+
+DRIVERS: dict[str, Callable[[Endpoint, MountConfig, Callable[[], float]], Driven]] = {
+    "lx200": _meade_driver,
+    "nexstar": _nexstar_driver,
+}
+FACES: dict[str, Callable[[Endpoint, SurfaceConfig, Limits], SurfaceBinding]] = {
+    "lx200": _lx200_face,
+    "nexstar": _nexstar_face,
+}
+
+
+def speech(protocol: str) -> tuple[Callable[[Callable[[], float]], Framing], ReplyRules]:
+    """How a protocol's commands are cut out of bytes, and how its replies are taken apart."""
+    face = FACES[protocol](Endpoint(protocol, "-"), SurfaceConfig(at="-"), Limits())
+    return face.framing, DRIVERS[protocol](Endpoint(protocol, "-"), MountConfig(at="-"), time.monotonic)[2]
+
+
+def policy(config: MountConfig) -> Policy:
+    """What the operator has decided, as the hub takes it."""
+    return Policy(
+        config.limits,
+        config.site_time,
+        config.equinox,
+        own_park=config.park is not None,
+        unaligned=config.unaligned,
+        silence=config.dead_man,
+        silence_closed=config.dead_man_closed,
+    )
+
+
+def access(surface: SurfaceConfig, config: MountConfig) -> Access:
+    """Who may come in, who may only look, and what nobody may, as the operator has it. Raises UserError."""
+    looks = surface.read_only
+    return Access(
+        None if surface.allow is None else networks(surface.allow),
+        looks if isinstance(looks, bool) else networks(looks),
+        surface.max_clients,
+        config.hibernate,
+    )
+
+
+def manners(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[ClientProfile]:
+    """The programs that are told by their first bytes on a surface, and what is different for them."""
+    for first, program in recognisable(surface).items():
+        needs = as_settings(wanted_by(surface, program))
+        equinox = j2000 if needs.pop("equinox", None) == "j2000" else None
+        yield ClientProfile(first, programs(protocol)[program].name, needs, equinox)
+
+
+def tell_of_motions(controller: MountController, watched: WatchedMount) -> None:
+    """Let the watchdog know before the mount is set moving, and when its stop becomes another one."""
+    before, changed = controller.before_motion, controller.changed
+
+    async def before_motion() -> None:
+        watched.begin()
+        await before()
+
+    def also_changed() -> None:
+        watched.renew()
+        changed()
+
+    controller.before_motion, controller.changed = before_motion, also_changed
+
+
+def shows_itself(mount: Endpoint, surface: Endpoint) -> bool:
+    """Whether what is presented on a surface is the mount itself: the same protocol, and no model was named."""
+    return mount.protocol == surface.protocol and surface.model is None and surface.version is None
+
+
+def own_face(controller: MountController, face: SurfaceBinding) -> None:
+    """Present the mount itself, as it has told what it is."""
+    face.model.update(controller.driver.presented())
+    face.surface.as_written = controller.line.dialogue.as_written
+
+
+class Gateway:
+    """One mount and its surfaces, open for clients until it is closed. Several share nothing but the sky.
+
+    ``warn`` is told what the user should know at once.
+    """
+
+    def __init__(
+        self,
+        config: MountConfig,
+        surfaces: Sequence[SurfaceConfig],
+        transcript: Transcript | None = None,
+        sky: Sky | None = None,
+        clock: Callable[[], float] = time.time,
+        warn: Callable[[str], None] | None = None,
+        watchdog: Watchdog | None = None,
+    ) -> None:
+        self.config, self.surfaces, self.clock = config, [settled(surface) for surface in surfaces], clock
+        self.watchdog = watchdog
+        self.watched: WatchedMount | None = None
+        self.transcript = transcript or Transcript(clock)
+        self.warn = warn or (lambda text: self.transcript.note("state", text))
+        self.sky = sky or Sky()
+        self.mount = parse_endpoint(config.at)
+        self.endpoints = [parse_endpoint(surface.at) for surface in surfaces]
+        if self.mount.protocol not in DRIVERS:
+            raise UserError(f"{self.mount}: {self.mount.protocol} mounts cannot be driven; {' or '.join(DRIVERS)} can")
+        for endpoint in self.endpoints:
+            if endpoint.protocol not in FACES:
+                raise UserError(f"{endpoint}: no {endpoint.protocol} surface; write {' or '.join(FACES)}")
+        self.receptions: list[ConnectionAcceptor] = []
+        self.ports: list[Listener] = []
+        self.faces: list[tuple[str, SurfaceBinding]] = []
+        self.fitted = asyncio.Event()
+        self.controller: MountController | None = None
+        #: What an earlier run has kept, and the files it is kept in; a replay has none.
+        self.past = PreviousRun(SavedState(FORMAT))
+        self.keeping: StateStore | None = None
+        self.control: Control | None = None
+        #: Where wishes from the command line are taken.
+        self.desk: Desk | None = None
+        self.claim: MountClaim | None = None
+        #: How everything comes in that comes from outside.
+        self.entrance = Entrance()
+
+    def remember(self) -> None:
+        """Take up what an earlier run has kept on disk, and keep it on. Raises UserError for a mount that is taken."""
+        self.claim = MountClaim(self.mount, self.warn)
+        marked = MarkerContent(str(self.mount), self.config.baud)
+        self.keeping = StateStore(self.mount.protocol, self.mount.where, marked, self.config.state, self.warn)
+        self.past = self.keeping.past
+
+    async def open(self) -> None:
+        """Open the ports and the line. Raises UserError."""
+        if self.keeping is None:
+            self.remember()
+        self._watch()
+        self.prepare(lambda dialogue, transcript: MountLink(self.entrance.wire(self._wire()), dialogue, transcript))
+        for endpoint, surface, reception in zip(self.endpoints, self.surfaces, self.receptions, strict=True):
+            try:
+                self.ports.append(await open_port(endpoint.where, self.entrance.arrive(reception), surface.baud))
+            except UserError:
+                await self.close()
+                raise
+        for port, surface, reception in zip(self.ports, self.surfaces, self.receptions, strict=True):
+            reception.presets.where = port.where  # with the number of the port that was taken
+            if exposed(port.where) and surface.allow is None and surface.read_only is not True:
+                self.warn(
+                    f"{port.where}: there is no password, whoever can reach this port can move the mount; "
+                    'allow = ["192.168.1.0/24"] on this surface, or --allow 192.168.1.0/24, lets in only those'
+                )
+        if self.controller is not None and self.controller.hold.on:
+            self.entrance.tell("h", lambda: None)
+        await self.entrance.begin(self.begin)
+        await self._admit()
+
+    def _watch(self) -> None:
+        """Have the watchdog process stop the mount when this one cannot. A simulated mount here ends with this one."""
+        if self.watchdog is None or self.mount.where == "sim":
+            return
+
+        def commands() -> list[bytes]:
+            assert self.controller is not None
+            wire = self.controller.line.wire.name
+            return [
+                on_the_wire(wire, command)
+                for command in stop_commands(self.controller.driver, self.controller.line.dialogue)
+            ]
+
+        def busy() -> bool:
+            return self.controller is not None and self.controller.motions.busy
+
+        lock = self.keeping.lock_path if self.keeping is not None else None
+        self.watched = self.watchdog.mount(self.title, lock, commands, busy, self._was_stopped)
+
+    def _was_stopped(self) -> None:
+        """The watchdog process has stopped the mount while this one did not run: go on from what is seen."""
+        self.warn(
+            f"{self.title}: this gateway did not run for a while and its watchdog process stopped the mount; "
+            "the gateway goes on from where the mount is now"
+        )
+        self.entrance.tell("d", self.was_stopped)
+
+    def was_stopped(self) -> None:
+        """Another process has stopped the mount."""
+        assert self.controller is not None
+        self.controller.line.distrust()
+        self.controller.begin_stop()
+
+    def prepare(self, make_line: Callable[[ReplyRules, Transcript], MountLink]) -> None:
+        """Put everything together; nothing is opened yet."""
+        config, loop = self.config, asyncio.get_running_loop()
+        driver, follow_ups, dialogue = DRIVERS[self.mount.protocol](self.mount, config, loop.time)
+        driver.hurry = config.speed
+        shared = to_shared(self.past.kept) if self.keeping is None else self.keeping.shared
+        site = op.Place(*config.site) if config.site else selected_site(shared)
+        observatory = SiteClock(loop.time, self.clock, site)
+        self.controller = MountController(
+            driver,
+            follow_ups,
+            make_line(dialogue, self.transcript),
+            self.sky,
+            observatory,
+            self.transcript,
+            policy(config),
+        )
+        if self.keeping is None:
+            recall(self.controller, self.past)
+        else:
+            self.keeping.attach(self.controller)
+        if self.watched is not None:
+            tell_of_motions(self.controller, self.watched)
+        self.desk = Desk(self.controller, self.config.name or "", str(self.mount), self.programs)
+        self.controller.before_motion = self.entrance.waiting(self.controller.before_motion)
+        changed = (lambda: None) if self.keeping is None else self.keeping.changed
+        own: list[SurfaceBinding] = []
+        self.controller.identification.told = lambda: self._show_itself(own)
+        for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
+            face = FACES[endpoint.protocol](endpoint, surface, config.limits)
+            face.surface.verbatim = endpoint.protocol == self.mount.protocol
+            if shows_itself(self.mount, endpoint):
+                face = replace(face, fit=None)
+                own.append(face)
+            j2000 = J2000(self.sky, observatory.unix)
+            face = replace(
+                face,
+                equinox=j2000 if surface.equinox == "j2000" else None,
+                manners=tuple(manners(endpoint.protocol, surface, j2000)),
+            )
+            self.receptions.append(
+                ConnectionAcceptor(
+                    self.controller,
+                    face,
+                    shared,
+                    self.clock,
+                    changed,
+                    number,
+                    access(surface, config),
+                    endpoint.where,
+                    self.warn,
+                )
+            )
+            self.faces.append((endpoint.protocol, face))
+
+    def _show_itself(self, faces: list[SurfaceBinding]) -> None:
+        """The mount has said what it is, for the first time or anew."""
+        assert self.controller is not None
+        for face in faces:
+            own_face(self.controller, face)
+
+    def begin(self, refresh: bool = True) -> None:
+        """Open the line and find out what is on it; ``refresh``: keep what clients ask for fresh."""
+        assert self.controller is not None
+        self.controller.start(refresh)
+        self.controller.spawn(self._fit())
+
+    async def _admit(self) -> None:
+        """Let ``mount-gateway stop`` and its like in."""
+        assert self.controller is not None and self.keeping is not None
+        where = [self.keeping.directory, *folders()[0]]
+        desk = self.desk
+        assert desk is not None
+        self.control = Control(
+            where,
+            self.keeping.name,
+            str(self.mount),
+            orders(self.controller, self.keeping, self.entrance),
+            lambda line: self.entrance.wish(line, desk.carry_out),
+            self.config.name or "",
+        )
+        try:
+            await self.control.open()
+        except OSError as error:
+            self.warn(f"mount-gateway stop will not find this gateway: {error}")
+
+    async def _fit(self) -> None:
+        """Present what fits the mount, where the user named no model."""
+        assert self.controller is not None
+        await self.controller.identified.wait()
+        while True:
+            try:
+                equatorial = (await self.controller.read(op.GetStatus())).equatorial
+                break
+            except Fault:
+                await asyncio.sleep(1.0)
+        for _, face in self.faces:
+            if face.fit is not None:
+                face.model.update(face.fit(equatorial, self.controller.driver.german, self.controller.driver.gps))
+        self.fitted.set()
+
+    def programs(self) -> list[str]:
+        """The hosts of the programs that are here."""
+        return [host for reception in self.receptions for host in reception.here()]
+
+    def names(self) -> list[str]:
+        """One ``PROTOCOL:MODEL@WHERE`` per open port, followed by the mount's name where it has one."""
+        name = f" {self.config.name}" if self.config.name else ""
+        return [
+            f"{protocol}:{face.model['name']}@{port.where}{name}"
+            for (protocol, face), port in zip(self.faces, self.ports, strict=True)
+        ]
+
+    def _wire(self) -> Transport:
+        if self.mount.where == "sim":
+            from gateway.app.simulated import simulated_wire
+
+            return simulated_wire(self.mount, self.config)
+        return SerialTransport(self.mount.where, self.config.baud, self.watched)
+
+    @property
+    def title(self) -> str:
+        """What messages call the mount."""
+        return f"{self.config.name}: {self.mount}" if self.config.name else str(self.mount)
+
+    async def found(self, seconds: float) -> bool:
+        """Wait until the mount has said who it is -> whether it did in time."""
+        assert self.controller is not None
+        try:
+            async with asyncio.timeout(seconds):
+                await self.fitted.wait()
+        except TimeoutError:
+            return False
+        return True
+
+    async def close(self) -> None:
+        """Stop motion, close the ports and the line."""
+        try:
+            while self.ports:
+                await self.ports.pop().close()
+        finally:  # whatever went wrong there, the mount is stopped
+            if self.controller is not None:
+                await self.entrance.end(self.controller.close)
+            if self.keeping is not None:
+                await self.keeping.close()
+            if self.control is not None:
+                await self.control.close()
+            if self.claim is not None:
+                self.claim.release()

@@ -1,0 +1,113 @@
+"""What runs here and can be asked to stop, what was left in motion, and what of that cannot be known.
+
+``stop`` may only say that there is nothing to stop when it has looked everywhere: into the state folder, into the
+folders that live as long as a session, and at the processes of this computer. Whatever it could not see is a doubt, a
+whole sentence with what can be done about it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from msgspec import Struct
+
+from gateway.app.control import ControlEndpoint
+from gateway.app.control import endpoints as doors
+from gateway.app.state.file import MarkerContent, read_mark
+from gateway.system import processes
+from gateway.system.runtime_folders import folders, of_others, user, user_name
+
+
+class Found(Struct):
+    """``gateways`` can be asked; the gateways that left ``marks`` were killed in motion."""
+
+    gateways: list[tuple[Path, ControlEndpoint]]
+    marks: list[MarkerContent]
+    doubts: list[str]
+
+
+class Scope(Struct, frozen=True):
+    """A state folder; without ``alone`` also the gateways of this user (root: of all users) that have another one."""
+
+    folder: Path
+    alone: bool = False
+
+
+def unseen(scope: Scope) -> list[processes.Process]:
+    """The gateways among the processes that cannot be asked, and may be meant."""
+    if scope.alone and _sure_of(scope.folder):
+        return []
+    known = {door.pid for _, door in _all_doors(scope.folder)[0]}
+    return [process for process in processes.gateways() if process.pid not in known]
+
+
+def reachable(process: processes.Process) -> bool:
+    """Whether this user should be able to ask a gateway, once it is ready for that."""
+    return user() in (0, process.user)
+
+
+def look(scope: Scope) -> Found:
+    """Look into every folder. Nothing is sent to anybody."""
+    seen, doubts = _all_doors(scope.folder)
+    here = os.path.realpath(scope.folder)
+    gateways: dict[tuple[int, int], tuple[Path, ControlEndpoint]] = {}
+    for path, door in seen:
+        if not scope.alone or path.parent == scope.folder or os.path.realpath(door.state) == here:
+            gateways.setdefault((door.pid, door.port), (path, door))
+    marks = [mark for mark in map(read_mark, sorted(scope.folder.glob("*.moving"))) if mark is not None]
+    return Found(list(gateways.values()), marks, doubts)
+
+
+def _all_doors(folder: Path) -> tuple[list[tuple[Path, ControlEndpoint]], list[str]]:
+    """Of every gateway that this user may ask, and what could not be looked into."""
+    found: list[tuple[Path, ControlEndpoint]] = []
+    doubts = []
+    try:
+        found += doors(folder)
+    except FileNotFoundError:
+        pass
+    except OSError as error:
+        doubts.append(
+            f"{folder}: {error.strerror}: whether a gateway of that folder runs, or was killed in motion, "
+            "cannot be seen; stop as the user that the gateway runs as"
+        )
+    for own in folders()[0]:
+        found += _readable(own, user())
+    for other, owner in of_others():
+        found += _readable(other, owner)
+    return found, doubts
+
+
+def _readable(folder: Path, owner: int | None) -> Sequence[tuple[Path, ControlEndpoint]]:
+    try:
+        return doors(folder, owner)
+    except OSError:
+        return []
+
+
+def _sure_of(folder: Path) -> bool:
+    """Whether a gateway with this state folder would have left its door there, for this user to see.
+
+    The folder is this user's (to root all are), and takes files.
+    """
+    try:
+        if os.name != "posix":
+            return os.access(folder, os.W_OK)
+        room = os.statvfs(folder)
+        mine = user() in (0, os.lstat(folder).st_uid)
+        return mine and os.access(folder, os.W_OK) and room.f_bavail > 0 and (room.f_files == 0 or room.f_favail > 0)
+    except OSError:
+        return False
+
+
+def doubt(process: processes.Process) -> str:
+    """A gateway that cannot be asked, in words."""
+    if reachable(process):
+        return (
+            f"a gateway runs as process {process.pid} and cannot be asked: it is of an older version, or had no "
+            f"folder to write to; kill {process.pid} ends it, which stops its mount"
+        )
+    whose = user_name(process.user)
+    return f"a gateway of {whose} runs as process {process.pid}: stop it as {whose}, or as root"

@@ -1,0 +1,1 @@
+"""Recording a session: everything that comes in from outside, with its time."""

@@ -1,0 +1,227 @@
+"""Writing a recording: a transcript's sink, and a file that only its owner can read and that does not grow for ever.
+
+A file that has become long is put aside as FILE.1, the older ones as FILE.2 and so on; the oldest is deleted. So is an
+earlier run's recording put aside, never written over. When the disk is full the recording ends there with a line that
+says so, and the person is told at once: what was written can be played again, and the night goes on.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import stat
+import sys
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from gateway.app.recording.format import (
+    FORMAT,
+    MARK,
+    MOUNT,
+    RECORDER,
+    STOPPED,
+    WITHOUT_TURNS,
+    escape,
+    is_recording,
+    part_of,
+)
+from gateway.app.recording.turns import TurnLoop
+from gateway.core.errors import UserError
+from gateway.core.wire_log import Entry
+
+#: A file that has grown to this many bytes is put aside; so many files are kept, the one being written among them.
+LONGEST, KEPT = 10_000_000, 20
+#: Only the owner reads a recording: the site's coordinates are in it.
+PRIVATE = 0o600
+#: Bytes that are given up, where a disk is full, for the line that says so.
+ROOM = 300
+#: Writes that are remembered, so that a recording can end between two of them.
+REMEMBERED = 64
+
+
+class Recorder:
+    """Writes a file. ``now`` is the event loop's clock; ``say`` is told what a person should know at once.
+
+    On a loop whose turns can be told apart the turns are written down as well. Raises UserError for a file that cannot
+    be written.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        now: Callable[[], float],
+        settings: dict[str, Any],
+        longest: int = LONGEST,
+        keep: int = KEPT,
+        say: Callable[[str], object] = lambda text: None,
+        loop: asyncio.AbstractEventLoop | None = None,
+    ) -> None:
+        self._path, self._now, self._longest, self._keep, self._say = path, now, longest, keep, say
+        self._turns = loop if isinstance(loop, TurnLoop) else None
+        self._began = now()
+        self._settings = {**settings, "python": "{}.{}".format(*sys.version_info)}
+        if self._turns is not None:
+            self._settings |= {"began": settings["began"] - self._turns.elapsed, "elapsed": self._turns.elapsed}
+            self._turns.on_time.append(self._turn)
+        self._file = -1
+        self._lines: list[str] = []
+        self._size = 0
+        self._ends: deque[int] = deque(maxlen=REMEMBERED)
+        self._told = False
+        try:
+            _make_way(path, keep)
+            self._open(first=True)
+        except OSError as error:
+            self._give_up()
+            raise UserError(f"cannot record to {path}: {error.strerror}") from None
+
+    @property
+    def _at(self) -> float:
+        """Seconds since the beginning."""
+        return self._turns.elapsed if self._turns is not None else self._now() - self._began
+
+    def _open(self, first: bool) -> None:
+        """Begin a file. Raises OSError."""
+        self._file, self._size = _open_private(self._path), 0
+        self._ends.clear()
+        number = WITHOUT_TURNS if self._turns is None else FORMAT
+        settings = {**self._settings, "from": 0.0 if first else round(self._at, 6)}
+        self._write(f"{MARK}{number}\n# {json.dumps(settings)}\n")
+
+    def _write(self, text: str) -> None:
+        """Write to the file, all of it. Raises OSError."""
+        data = text.encode("latin-1", "replace")
+        while data:
+            written = os.write(self._file, data)
+            data = data[written:]
+            self._size += written
+        self._ends.append(self._size)
+
+    # --- what is written --------------------------------------------------------------------------------------------
+
+    def put(self, entry: Entry) -> None:
+        """Write an entry, where it is one of those that a recording holds."""
+        side, arrow, data, note = entry.side, entry.arrow, entry.data, entry.note
+        if arrow == "raw":
+            if side == MOUNT or self._turns is None:  # else it was written down when it entered
+                self.line(side, "<" if side == MOUNT else ">", escape(data))
+        elif arrow in ("<", ">"):
+            if arrow == (">" if side == MOUNT else "<"):  # the others were cut out of raw chunks
+                self.line(side, arrow, escape(data))
+        elif arrow != "x":  # what was dropped is among what came
+            self.line(side, arrow, note.replace("\n", " "))
+
+    def line(self, side: str, arrow: str, text: str = "") -> None:
+        """Write one thing that happened."""
+        if self._file < 0:
+            return
+        if self._turns is not None and not self._lines:
+            self._turns.call_soon(self.flush)
+        self._lines.append(f"{self._at:.6f} {side.replace(' ', '_')} {arrow} {text}".rstrip(" ") + "\n")
+        if self._turns is None and (arrow != ">" or side == MOUNT):
+            self.flush()
+
+    def _turn(self) -> None:
+        """Time has gone on."""
+        assert self._turns is not None
+        self.line(RECORDER, "t", str(self._turns.turn))
+
+    def flush(self) -> None:
+        """Write what has not been written yet."""
+        text = "".join(self._lines)
+        self._lines.clear()
+        if self._file < 0 or not text:
+            return
+        try:
+            self._write(text)
+            if self._size >= self._longest:
+                self._put_aside()
+        except OSError as error:  # a full disk must not end the night
+            self._end_early(error.strerror or str(error))
+
+    # --- the end of a file ------------------------------------------------------------------------------------------
+
+    def _put_aside(self) -> None:
+        """Begin the next file. Raises OSError."""
+        os.close(self._file)
+        self._file = -1
+        full = _make_way(self._path, self._keep)
+        self._open(first=False)
+        if full and not self._told:
+            self._told = True
+            self._say(
+                f"the recording {self._path} has filled {self._keep} files: from now on the oldest is deleted "
+                "whenever a new one begins, and it can no longer be replayed from its beginning; "
+                "record-keep says how many files are kept"
+            )
+
+    def _end_early(self, reason: str) -> None:
+        """The file takes no more: end it where it can still be played, and tell."""
+        cut = next((end for end in reversed(self._ends) if end <= self._size - ROOM), None)
+        with contextlib.suppress(OSError):
+            if cut is not None and stat.S_ISREG(os.fstat(self._file).st_mode):
+                os.ftruncate(self._file, cut)
+                os.lseek(self._file, cut, os.SEEK_SET)
+                self._write(self._last(f"{STOPPED}, it could not be written any more: {reason}"))
+        self._give_up()
+        self._say(
+            f"the recording {self._path} could not be written any more and ends here: {reason}. The gateway goes "
+            "on without it; make room on the disk and start the gateway again to record on"
+        )
+
+    def _last(self, words: str) -> str:
+        return f"{self._at:.6f} {RECORDER} ! {words}\n"
+
+    def _give_up(self) -> None:
+        """Nothing is written from now on."""
+        file, self._file = self._file, -1
+        self._lines.clear()
+        if self._turns is not None and self._turn in self._turns.on_time:
+            self._turns.on_time.remove(self._turn)
+        if file >= 0:
+            with contextlib.suppress(OSError):
+                os.close(file)
+
+    def close(self) -> None:
+        """Write the last line; nothing is written from now on."""
+        if self._turns is not None and self._file >= 0:
+            self._lines.append(self._last("ends here: the gateway has ended"))
+        self.flush()
+        self._give_up()
+
+
+def _make_way(path: Path, keep: int) -> bool:
+    """Put aside what is there, as FILE.1 and so on -> whether the oldest had to be deleted. Raises OSError, UserError.
+
+    What is no recording is left alone.
+    """
+    if not path.exists() or not path.is_file():
+        return False
+    if path.stat().st_size and not is_recording(path):
+        raise UserError(f"cannot record to {path}: there is a file that is no recording; it is left alone")
+    parts = [path]
+    while part_of(path, len(parts)).exists():
+        parts.append(part_of(path, len(parts)))
+    full = len(parts) >= keep
+    for number in range(len(parts) - 1, -1, -1):
+        part = parts[number]
+        if number + 1 >= keep:
+            part.unlink()
+            continue
+        if not part.is_symlink() and stat.S_IMODE(part.stat().st_mode) & ~PRIVATE:
+            part.chmod(PRIVATE)
+        part.replace(part_of(path, number + 1))
+    return full
+
+
+def _open_private(path: Path) -> int:
+    """A file for writing that only its owner can read, whatever the umask. Raises OSError."""
+    file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0), PRIVATE)
+    with contextlib.suppress(OSError, AttributeError):  # Windows has no such modes
+        if stat.S_ISREG(os.fstat(file).st_mode):
+            os.fchmod(file, PRIVATE)
+    return file

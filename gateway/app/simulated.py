@@ -1,0 +1,140 @@
+"""Simulated mounts, in this process or for other programs to connect to."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from typing import Any
+
+from gateway.app.config import Endpoint, MountConfig
+from gateway.core.errors import UserError
+from gateway.transport import Arrive, Listener, open_port
+from gateway.transport.handler import HangUp
+from gateway.transport.serial_pace import Pace
+from gateway.transport.wires import BAUD, SimulatedTransport
+
+DEFAULT_MODEL = {"nexstar": "6-8se", "lx200": "autostar"}
+DEFAULT_SITE = (45.0, 10.0)
+#: Places whose bytes take no time of their own.
+NETWORK = ("tcp:", "rfc2217:")
+
+
+def parse_time(text: str) -> float:
+    """ISO 8601 -> Unix seconds; without a zone it is UTC. Raises UserError."""
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        raise UserError(f"{text!r} is no time; write it like 2026-01-15T22:00:00Z") from None
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def running_clock(start: float | None) -> Callable[[], float]:
+    """This computer's clock, or one that began at ``start`` just now."""
+    if start is None:
+        return time.time
+    began = time.monotonic()
+    return lambda: start + time.monotonic() - began
+
+
+def make_simulator(
+    endpoint: Endpoint,
+    *,
+    clock: Callable[[], float],
+    site: tuple[float, float] = DEFAULT_SITE,
+    aligned: bool = True,
+    speed: float = 1.0,
+    **settings: Any,
+) -> Any:
+    """The simulated mount that an endpoint names; ``settings`` are those of one protocol's simulator alone.
+
+    Raises UserError for a version the model never had.
+    """
+    model = endpoint.model or DEFAULT_MODEL[endpoint.protocol]
+    if endpoint.protocol == "lx200":
+        from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
+
+        return SimulatedLx200(model, clock=clock, site=site, aligned=aligned, speed=speed, **settings)
+    from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
+
+    return SimulatedHandControl(
+        model, endpoint.version, clock=clock, site=site, aligned=aligned, speed=speed, **settings
+    )
+
+
+def simulated_wire(endpoint: Endpoint, config: MountConfig) -> SimulatedTransport:
+    """A mount ``…@sim`` as the wire of a gateway."""
+    simulator = make_simulator(endpoint, clock=time.time, site=config.site or DEFAULT_SITE, speed=config.speed)
+    return SimulatedTransport(f"sim {endpoint.protocol}", simulator.connection, config.latency)
+
+
+class _Caller:
+    """One connection to a simulated mount: all of them talk to the same one, each answer after the latency.
+
+    With ``baud`` its bytes take their time in both directions.
+    """
+
+    ended = False
+
+    def __init__(self, simulator: Any, latency: float, baud: int | None, write: Callable[[bytes], Any]) -> None:
+        self._latency, self._write = latency, write
+        #: Answers that are under way.
+        self._owed = 0
+        self._answer: Callable[[bytes], bytes] = simulator.connection(self._later)
+        self.feed: Callable[[bytes], None] = self._heard
+        self._paces: list[Pace] = []
+        if baud is not None:
+            self._paces = [Pace(baud, self._heard), Pace(baud, write)]
+            self.feed, self._write = self._paces[0].send, self._paces[1].send
+
+    def _later(self, seconds: float, answer: bytes) -> None:
+        """Some answers come after a while."""
+        self._owed += 1
+        asyncio.get_running_loop().call_later(self._latency + seconds, self._give, answer)
+
+    def _give(self, answer: bytes) -> None:
+        self._owed -= 1
+        self._write(answer)
+
+    def _heard(self, data: bytes) -> None:
+        answer = self._answer(data)
+        if answer and self._latency:
+            self._later(0.0, answer)
+        elif answer:
+            self._write(answer)
+
+    @property
+    def answered(self) -> bool:
+        """Whether no answer is under way."""
+        return not self._owed
+
+    def gone(self) -> None:
+        """A mount does not know who listens."""
+
+    def serial(self, change_rate: Callable[[int], int]) -> None:
+        """A simulated mount stays at the rate it was opened with."""
+
+    def network(self, hang_up: HangUp) -> None:
+        """A mount listens to whoever speaks to it."""
+
+    def close(self) -> None:
+        self._write = lambda data: None
+        for pace in self._paces:
+            pace.close()
+
+
+async def serve_simulator(simulator: Any, places: list[str], latency: float, baud: int | None = None) -> list[Listener]:
+    """Open a simulated mount for other programs, as many at once as come; all of them see the same one.
+
+    Serial ports and pseudo-terminals have the pace of 9600 baud, or of ``baud``: then they understand that rate only.
+    TCP ports have the pace of ``baud``, else none.
+    """
+
+    def arrivals(pace: int | None) -> Arrive:
+        return lambda name, host, write: _Caller(simulator, latency, pace, write)
+
+    return [
+        await open_port(place, arrivals(baud or (None if place.startswith(NETWORK) else BAUD)), baud)
+        for place in places
+    ]

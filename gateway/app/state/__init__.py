@@ -1,0 +1,1 @@
+"""What is kept on disk: settings of the mount, the hold, the marker of a motion."""

@@ -1,0 +1,156 @@
+"""What a real hand control keeps over power-off, in a file for each mount.
+
+A file is always whole: written beside, flushed to the disk, renamed. One that cannot be read is moved aside and is
+never in the way of starting. Nothing here waits, and nothing here knows a loop: ``keeping.py`` decides when to write.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+import msgspec
+import platformdirs
+from msgspec import Meta, Struct
+
+from gateway.mount.safety.rules.sync_sum import SyncSum
+
+FORMAT: Final = 1
+#: Longest name of a mount's files: with an ending it must fit a directory entry.
+LONGEST = 120
+
+Byte = Annotated[int, Meta(ge=0, le=255)]
+#: Names of values of the two motors in what clients have in common.
+MOTORS = ("backlash ", "guide rate ")
+
+
+class NamedSite(Struct, omit_defaults=True):
+    """One of the four: degrees, north and east positive. A name is 1 to 15 printable characters without ``#``."""
+
+    name: Annotated[str, Meta(pattern=r"^[ -\"$-~]{1,15}$")] | None = None
+    latitude: Annotated[float, Meta(ge=-90, le=90)] | None = None
+    longitude: Annotated[float, Meta(ge=-360, le=360)] | None = None
+
+
+class SavedState(Struct, omit_defaults=True):
+    """A state file. ``mount`` is the driver's own: where home is, whether the mount is parked."""
+
+    format: Literal[1]
+    sites: dict[Literal["0", "1", "2", "3"], NamedSite] = {}
+    site: Annotated[int, Meta(ge=0, le=3)] | None = None
+    #: Time zone in hours and daylight saving, as a hand control's client has set them.
+    zone: tuple[Annotated[float, Meta(ge=-14, le=14)], Literal[0, 1]] | None = None
+    pec: bool | None = None
+    motors: dict[str, Byte] = {}
+    mount: dict[str, Any] = {}
+    #: How far the syncs since the mount's alignment have moved the sky together.
+    synced: SyncSum = SyncSum()
+
+
+class MarkerContent(Struct):
+    """A motion mark: the mount that moves, how to reach it, and what its driver must know to stop it."""
+
+    mount: str
+    baud: int
+    memory: dict[str, Any] = {}
+
+
+# --- where ------------------------------------------------------------------------------------------------------
+
+
+def directory(configured: str | None = None) -> Path:
+    """Where state is kept: as configured, else systemd's ``STATE_DIRECTORY``, else the user's own place for it."""
+    given = configured or os.environ.get("STATE_DIRECTORY", "").split(":" if os.name == "posix" else os.pathsep)[0]
+    return Path(given).expanduser() if given else Path(platformdirs.user_state_path("mount-gateway", appauthor=False))
+
+
+def file_name(protocol: str, where: str) -> str:
+    """What a mount's files are called, without ending: ``nexstar@dev_ttyUSB0``."""
+    return f"{protocol}@{re.sub(r'[^A-Za-z0-9.-]+', '_', where).strip('_.')}"[:LONGEST]
+
+
+# --- writing and reading ----------------------------------------------------------------------------------------
+
+
+def write_whole(path: Path, data: bytes, *, flush: bool = True) -> None:
+    """Replace a file in one step, readable for its user only. Raises OSError.
+
+    With ``flush`` it survives a power cut at any instant, too; without, a killed process only, in a fraction of the
+    time. There is one writer for a path, so what a killed one left beside it is simply overwritten.
+    """
+    beside = path.with_name(f".{path.name}.new")
+    number = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    with open(number, "wb") as file:
+        file.write(data)
+        if flush:
+            file.flush()
+            os.fsync(file.fileno())
+    os.replace(beside, path)
+    if flush and os.name == "posix":
+        number = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(number)
+        finally:
+            os.close(number)
+
+
+def encode(kept: SavedState) -> bytes:
+    """As it stands in the file, for people to read."""
+    return msgspec.json.format(msgspec.json.encode(kept, order="sorted"), indent=2) + b"\n"
+
+
+def read_kept(path: Path) -> SavedState:
+    """An absent file is an empty state. Raises OSError, and ValueError for a file that is not one of these."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=SavedState)
+    except FileNotFoundError:
+        return SavedState(FORMAT)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        raise ValueError(str(error)) from None
+
+
+def read_mark(path: Path) -> MarkerContent | None:
+    """A mark that cannot be read is a mark all the same: its mount is then not known. None where there is none."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=MarkerContent)
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, RecursionError):  # the library's errors are ValueErrors
+        return MarkerContent("", 9600)
+
+
+def move_aside(path: Path) -> Path:
+    """Out of the way, for a person to look at. Raises OSError."""
+    bad = path.with_name(f"{path.name}.bad")
+    os.replace(path, bad)
+    return bad
+
+
+# --- between the file and what clients have in common -----------------------------------------------------------
+
+
+def to_shared(kept: SavedState) -> dict[str, Any]:
+    """What all clients of a mount begin with."""
+    sites = {
+        index: {name: value for name, value in msgspec.structs.asdict(site).items() if value is not None}
+        for index, site in kept.sites.items()
+    }
+    single = {"site": kept.site, "zone": kept.zone, "pec": kept.pec}
+    known = {name: value for name, value in kept.motors.items() if name.startswith(MOTORS)}
+    return {"sites": sites, **{name: value for name, value in single.items() if value is not None}, **known}
+
+
+def from_shared(shared: dict[str, Any], mount: dict[str, Any], synced: SyncSum = SyncSum()) -> SavedState:
+    """The lasting part of it; the rest (a pulse under way, a drive rate) ends with the gateway."""
+    return SavedState(
+        FORMAT,
+        sites={index: NamedSite(**site) for index, site in shared["sites"].items() if site},
+        site=shared.get("site"),
+        zone=shared.get("zone"),
+        pec=shared.get("pec"),
+        motors={name: value for name, value in shared.items() if name.startswith(MOTORS)},
+        mount=mount,
+        synced=synced,
+    )

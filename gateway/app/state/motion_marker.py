@@ -1,0 +1,105 @@
+"""The motion mark: a file that exists while the mount moves because the gateway told it to.
+
+A process that is killed cannot stop its mount; the mark is how the next one, or ``mount-gateway stop``, learns that it
+must. It is written before the motion is sent, without waiting for the disk: it outlives the process, which is all that
+is asked, and it never holds a motion up for more than ``PATIENCE``.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from gateway.app.state.file import MarkerContent, write_whole
+
+#: Seconds. A write takes a fraction of a millisecond; a disk that is busy must not delay an arrow noticeably.
+PATIENCE = 0.02
+LOOK, QUIET = 1.0, 5.0
+
+InThread = Callable[..., Awaitable[Any]]
+
+
+class MotionMarker:
+    """``content`` tells what to write, ``busy`` whether the mount may be moving."""
+
+    def __init__(
+        self,
+        path: Path,
+        content: Callable[[], MarkerContent],
+        busy: Callable[[], bool],
+        warn: Callable[[str], None],
+        in_thread: InThread = asyncio.to_thread,
+        *,
+        there: bool = False,
+    ) -> None:
+        self.path, self._content, self._busy, self._warn, self._in_thread = path, content, busy, warn, in_thread
+        self._wanted: bytes | None = b"" if there else None
+        self._there = self._wanted
+        self._quiet = 0.0
+        self._writing: asyncio.Task[None] | None = None
+        self._watching: asyncio.Task[None] | None = None
+        if there:
+            self._watch()
+
+    async def before_motion(self) -> None:
+        """The mark is there, or at least under way, when this returns."""
+        marked = self._there is not None and self._wanted is not None
+        self._want(msgspec.json.encode(self._content()))
+        self._quiet = 0.0
+        self._watch()
+        if not marked and self._writing is not None:
+            await asyncio.wait({self._writing}, timeout=PATIENCE)
+
+    def renew(self) -> None:
+        """What must be known to stop the mount has changed: its tracking has been put off, for example."""
+        if self._wanted is not None:
+            self._want(msgspec.json.encode(self._content()))
+
+    def _want(self, content: bytes | None) -> None:
+        """Make the file so. Whatever is wanted last wins, in order, on one thread at a time."""
+        self._wanted = content
+        if self._writing is None and self._there != content:
+            self._writing = asyncio.get_running_loop().create_task(self._write())
+
+    async def _write(self) -> None:
+        try:
+            while self._there != self._wanted:
+                content = self._wanted
+                try:
+                    await self._in_thread(self._put, content)
+                except OSError as error:
+                    self._warn(f"motions are not marked: {error}")
+                self._there = content
+        finally:
+            self._writing = None
+
+    def _put(self, content: bytes | None) -> None:
+        if content is None:
+            self.path.unlink(missing_ok=True)
+        else:
+            write_whole(self.path, content, flush=False)
+
+    def _watch(self) -> None:
+        if self._watching is None or self._watching.done():
+            self._watching = asyncio.get_running_loop().create_task(self._until_quiet())
+
+    async def _until_quiet(self) -> None:
+        """Take the mark away once nothing has moved for a while; a guiding program moves all the time."""
+        self._quiet = 0.0
+        while self._quiet < QUIET:
+            await asyncio.sleep(LOOK)
+            self._quiet = 0.0 if self._busy() else self._quiet + LOOK
+        self._want(None)
+
+    async def close(self) -> None:
+        """Take the mark away, unless the mount could not be stopped: then it is for whoever comes next."""
+        if self._watching is not None:
+            self._watching.cancel()
+        if not self._busy():
+            self._want(None)
+        if self._writing is not None:
+            await asyncio.wait({self._writing})

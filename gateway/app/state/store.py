@@ -1,0 +1,214 @@
+"""Keeping: a mount's state file and motion mark while its gateway runs.
+
+What has changed is written soon, on a thread; a burst of changes is few writes. A directory that cannot be written to
+costs one line of warning and the keeping, nothing else. Two gateways never share a file: the second one keeps its state
+in memory.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from msgspec import Struct
+
+from gateway.app.state import hold
+from gateway.app.state.file import (
+    FORMAT,
+    MarkerContent,
+    SavedState,
+    directory,
+    encode,
+    file_name,
+    from_shared,
+    move_aside,
+    read_kept,
+    read_mark,
+    to_shared,
+    write_whole,
+)
+from gateway.app.state.motion_marker import InThread, MotionMarker
+from gateway.core.operations import Place
+from gateway.mount.controller import MountController
+from gateway.mount.safety.rules.sync_sum import SyncSum
+from gateway.system.locks import PidLock, Taken
+
+#: Seconds between two writes of the file while changes go on.
+PAUSE = 1.0
+
+
+class PreviousRun(Struct, frozen=True):
+    """What an earlier run has kept, and the mark it left behind when it ended in motion."""
+
+    kept: SavedState
+    left: MarkerContent | None = None
+
+
+def recall(controller: MountController, past: PreviousRun) -> None:
+    """Take up what an earlier run has remembered; what it left moving is stopped first."""
+    controller.driver.recall(past.kept.mount, moving=False)
+    controller.synced = past.kept.synced
+    if past.left is not None:
+        controller.driver.recall(past.left.memory, moving=True)
+        controller.motions.owe_stop()
+
+
+def selected_site(shared: dict[str, Any]) -> Place | None:
+    """The site that was selected last, when it is complete: it stands in for a mount that knows none."""
+    stored = shared["sites"].get(str(shared.get("site", 0)), {})
+    if "latitude" not in stored or "longitude" not in stored:
+        return None
+    return Place(stored["latitude"], stored["longitude"])
+
+
+class StateStore:
+    """``shared`` is what all clients have in common. ``held`` tells whether the files are this gateway's."""
+
+    def __init__(
+        self,
+        protocol: str,
+        where: str,
+        marked: MarkerContent,
+        configured: str | None,
+        warn: Callable[[str], None],
+        in_thread: InThread = asyncio.to_thread,
+    ) -> None:
+        self.directory, self.name = directory(configured), file_name(protocol, where)
+        self.path = self.directory / f"{self.name}.json"
+        self.held = False
+        #: A simulated mount in this process ends with it, so there is nothing to stop, and nobody to warn of another.
+        self._simulated = where == "sim"
+        self._marked, self.in_thread = marked, in_thread
+        self._warn, self._warned = warn, False
+        self._lock = PidLock(self.lock_path)
+        self._take()
+        kept = self._read()
+        self.shared: dict[str, Any] = to_shared(kept)
+        self._marks = self.held and not self._simulated
+        self.past = PreviousRun(kept, read_mark(self._mark_path) if self._marks else None)
+        self._written = encode(kept)
+        self._memory: Callable[[bool], dict[str, Any]] = lambda moving: kept.mount
+        self._synced: Callable[[], SyncSum] = lambda: kept.synced
+        self._mark: MotionMarker | None = None
+        self._dirty = False
+        self._closing = asyncio.Event()
+        self._writer: asyncio.Task[None] | None = None
+
+    @property
+    def lock_path(self) -> Path:
+        """The file that names the process which these files belong to; another number in it is another gateway."""
+        return self.directory / f"{self.name}.lock"
+
+    @property
+    def _mark_path(self) -> Any:
+        return self.directory / f"{self.name}.moving"
+
+    def _say(self, text: str) -> None:
+        """Once: a disk that is full stays full for a while."""
+        if not self._warned:
+            self._warned = True
+            self._warn(text)
+
+    # --- beginning --------------------------------------------------------------------------------------------------
+
+    def _take(self) -> None:
+        """Become the one who writes these files."""
+        try:
+            self.directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+            self._lock.acquire()
+            self.held = True
+        except Taken as by:
+            if not self._simulated:
+                self._say(f"another gateway holds {self.path} ({by}); this one keeps its state in memory")
+        except OSError as error:
+            self._say(
+                f"{self.directory} cannot be written to ({error.strerror or error}): what a hand control keeps "
+                "over power-off is kept in memory only; --state PATH names another folder"
+            )
+
+    def _read(self) -> SavedState:
+        try:
+            return read_kept(self.path)
+        except OSError as error:
+            if self.held:
+                self._say(f"state cannot be read: {error}")
+        except ValueError as error:
+            if self.held:
+                where = "left where it is"
+                with contextlib.suppress(OSError):
+                    where = f"moved to {move_aside(self.path).name}"
+                self._warn(f"{self.path} is no state of this version ({error}): {where}, beginning anew")
+        return SavedState(FORMAT)
+
+    def attach(self, controller: MountController) -> None:
+        """Let the hub tell of motions and changes; stop first what the last run left moving."""
+        self._memory = controller.driver.memory
+        self._synced = lambda: controller.synced
+        recall(controller, self.past)
+        controller.changed = self.changed
+        controller.hold.on = hold.is_held(self.directory)
+        if controller.hold.on:
+            self._warn(
+                f"{self._marked.mount}: the mount is held: no program moves it until mount-gateway stop --release"
+            )
+        if self._marks:
+            if self.past.left is not None:
+                self._warn(f"{self._marked.mount}: the last run ended in motion: it is stopped first")
+            self._mark = MotionMarker(
+                self._mark_path,
+                self._content,
+                lambda: controller.motions.busy,
+                self._say,
+                self.in_thread,
+                there=self.past.left is not None,
+            )
+            controller.before_motion = self._mark.before_motion
+
+    def _content(self) -> MarkerContent:
+        return MarkerContent(self._marked.mount, self._marked.baud, self._memory(True))
+
+    # --- saving -----------------------------------------------------------------------------------------------------
+
+    def changed(self) -> None:
+        """Something that is kept may have changed."""
+        if self._mark is not None:
+            self._mark.renew()
+        self._dirty = True
+        if self.held and self._writer is None and not self._closing.is_set():
+            self._writer = asyncio.get_running_loop().create_task(self._save())
+
+    async def _save(self) -> None:
+        """The first change at once, those that follow together."""
+        try:
+            while self._dirty:
+                self._dirty = False
+                if await self._write():
+                    with contextlib.suppress(TimeoutError):
+                        await asyncio.wait_for(self._closing.wait(), PAUSE)
+        finally:
+            self._writer = None
+
+    async def _write(self) -> bool:
+        """Write what is not in the file yet -> whether there was anything to write."""
+        data = encode(from_shared(self.shared, self._memory(False), self._synced()))
+        if data == self._written:
+            return False
+        self._written = data
+        try:
+            await self.in_thread(write_whole, self.path, data)
+        except OSError as error:
+            self._written = b""
+            self._say(f"state could not be written: {error}")
+        return True
+
+    async def close(self) -> None:
+        """Write what is left to write, and let go of the files. The mount has been stopped before."""
+        self._closing.set()
+        if self._writer is not None:
+            await asyncio.wait({self._writer})
+        if self._mark is not None:
+            await self._mark.close()
+        self._lock.release()

@@ -1,0 +1,202 @@
+"""The watchdog process: it stops what a gateway has set moving when that gateway dies or hangs.
+
+It runs as a script, on an interpreter without ``site``, and imports nothing of the gateway: so it is there before
+anything heavy is loaded and stays under 10 MiB. It holds duplicates of the gateway's lines to its mounts and reads
+single lines of ASCII from a socket: ``line``, ``gone``, ``moving``, ``rest``, ``beat`` (see ``client.py``). While
+nothing moves it sleeps. While something moves, ``SILENCE`` seconds without a word, or the end of the socket, mean that
+nobody looks after the mount any more: the stop of every mount that moves is sent, and repeated for some seconds. It
+ends with its gateway, and as soon as another gateway has taken the lock of a mount.
+"""
+
+from __future__ import annotations
+
+import _signal  # the modules ``signal`` and ``socket`` would cost more than a megabyte
+import _socket
+import os
+import select
+import sys
+import time
+
+#: Seconds without a heartbeat after which a gateway with something in motion counts as hung.
+SILENCE = 1.2
+#: Seconds between two commands of a stop: a hand control answers one before it hears the next.
+BETWEEN = 0.15
+#: A stop is sent so many times, at the most once in so many seconds: the line may have been in the middle of a command.
+TIMES, EVERY = 5, 1.0
+#: Whoever was itself not run for so long cannot say that the gateway was silent.
+FROZEN = 0.5
+
+
+class Mount:
+    """One mount: the duplicate of its line, who holds its lock, and the commands that stop it while it moves."""
+
+    def __init__(self, title: str, lock: str, descriptor: int) -> None:
+        self.title, self.lock, self.descriptor = title, lock, descriptor
+        self.holder = read(lock)
+        self.stop: list[bytes] = []
+
+    def taken_over(self) -> bool:
+        """Whether another gateway has taken this mount."""
+        return read(self.lock) != self.holder
+
+    def send(self, command: bytes) -> None:
+        """Write one command, unless the line is gone or takes nothing at the moment."""
+        try:
+            if select.select([], [self.descriptor], [], BETWEEN)[1]:
+                os.write(self.descriptor, command)
+        except OSError:
+            pass  # sent again a second later
+
+    def unlock(self) -> None:
+        """Let the next gateway open the port: the duplicate shares the lock of the one that is dead."""
+        import fcntl
+
+        try:
+            fcntl.flock(self.descriptor, fcntl.LOCK_UN)
+        except OSError:
+            pass  # a socket has none
+
+
+def read(path: str) -> bytes:
+    """What a lock file says of its holder; nothing where it cannot be read."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
+    except (OSError, ValueError):
+        return b""
+    try:
+        return os.read(descriptor, 100)
+    finally:
+        os.close(descriptor)
+
+
+class Watch:
+    """The mounts of one gateway, and what it says of them."""
+
+    def __init__(self, connection: _socket.socket, gateway: str) -> None:
+        self.connection, self.gateway = connection, gateway
+        self.mounts: dict[str, Mount] = {}
+        self.heard = 0.0
+        self._rest = b""
+
+    def run(self) -> None:
+        """Watch until the gateway has ended, and nothing of it moves any more."""
+        while True:
+            moving = [mount for mount in self.mounts.values() if mount.stop]
+            asked = time.monotonic()
+            left = max(0.0, self.heard + SILENCE - asked) if moving else None
+            if select.select([self.connection], [], [], left)[0]:
+                if not self.listen():
+                    self.has_ended(moving)
+                    return
+            elif left is not None and time.monotonic() - asked > left + FROZEN:
+                self.heard = time.monotonic()  # the whole computer stood still
+            else:
+                self.is_silent(moving)
+
+    def listen(self) -> bool:
+        """Take in what the gateway says -> whether it is still there."""
+        try:
+            data, ancillary, _, _ = self.connection.recvmsg(65536, _socket.CMSG_SPACE(64))
+        except OSError:
+            return False
+        descriptors = [
+            int.from_bytes(content[at : at + 4], sys.byteorder)
+            for _, kind, content in ancillary
+            if kind == _socket.SCM_RIGHTS
+            for at in range(0, len(content), 4)
+        ]
+        self.heard = time.monotonic()
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        for line in lines:
+            self.take(line.decode("ascii").split(" "), descriptors)
+        return bool(data)
+
+    def take(self, words: list[str], descriptors: list[int]) -> None:
+        """One line of the gateway."""
+        kind, number = [*words, ""][:2]
+        if kind == "line":
+            self.drop(number)
+            title, lock = (bytes.fromhex(word).decode() for word in words[2:4])
+            self.mounts[number] = Mount(title, lock, descriptors.pop(0))
+        elif kind == "gone":
+            self.drop(number)
+        elif number in self.mounts and kind in ("moving", "rest"):
+            self.mounts[number].stop = [bytes.fromhex(word) for word in words[2:]]
+
+    def drop(self, number: str) -> None:
+        """The gateway has closed this line."""
+        mount = self.mounts.pop(number, None)
+        if mount is not None:
+            os.close(mount.descriptor)
+
+    def has_ended(self, mounts: list[Mount]) -> None:
+        """The gateway is dead: stop its mounts for some seconds, each until another gateway has taken it."""
+        self.say(mounts, "has ended")
+        for mount in mounts:
+            mount.unlock()
+        times = 0
+        while mounts and times < TIMES:
+            began = time.monotonic()
+            send_stops(mounts)
+            time.sleep(max(0.0, began + EVERY - time.monotonic()))
+            mounts = [mount for mount in mounts if not mount.taken_over()]
+            times += 1
+
+    def is_silent(self, mounts: list[Mount]) -> None:
+        """The gateway hangs: stop its mounts for some seconds, or until it is heard again."""
+        self.say(mounts, f"was not heard of for {SILENCE:g} s")
+        for attempt in range(TIMES):
+            began = time.monotonic()
+            send_stops(mounts)
+            if attempt == 0:
+                self.report(mounts)
+            if select.select([self.connection], [], [], max(0.0, began + EVERY - time.monotonic()))[0]:
+                self.heard = time.monotonic()
+                return
+        for mount in mounts:
+            mount.stop = []
+
+    def say(self, mounts: list[Mount], why: str) -> None:
+        """One line for each on the gateway's stderr, if anybody still reads it."""
+        for mount in mounts:
+            text = (
+                f"mount-gateway watchdog: the gateway (process {self.gateway}) {why} while {mount.title} moved; "
+                "the mount is told to stop.\n"
+            )
+            try:
+                os.write(2, text.encode())
+            except OSError:
+                pass
+
+    def report(self, mounts: list[Mount]) -> None:
+        """Tell the gateway, for when it comes back to life, that its mounts were stopped."""
+        numbers = [number for number, mount in self.mounts.items() if mount in mounts]
+        try:
+            self.connection.send("".join(f"stopped {number}\n" for number in numbers).encode())
+        except OSError:
+            pass  # it is dead
+
+
+def send_stops(mounts: list[Mount]) -> None:
+    """The stops of all mounts side by side, command by command; whoever takes a mount meanwhile is not talked into."""
+    for place in range(max((len(mount.stop) for mount in mounts), default=0)):
+        for mount in mounts:
+            if place < len(mount.stop) and not mount.taken_over():
+                mount.send(mount.stop[place])
+        time.sleep(BETWEEN)
+
+
+def main() -> None:
+    """``process.py DESCRIPTOR PID``: watch the gateway at the other end of that socket."""
+    for number in (_signal.SIGINT, _signal.SIGTERM, _signal.SIGHUP, _signal.SIGQUIT, _signal.SIGTSTP, _signal.SIGPIPE):
+        _signal.signal(number, _signal.SIG_IGN)  # what ends the gateway must not end this before
+    try:
+        os.setsid()
+    except OSError:
+        pass  # it leads a session already
+    descriptor, gateway = int(sys.argv[1]), sys.argv[2]
+    Watch(_socket.socket(_socket.AF_UNIX, _socket.SOCK_STREAM, 0, descriptor), gateway).run()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,109 @@
+"""Messier, NGC, IC, Caldwell and UGC from OpenNGC, the database that the package pyongc brings.
+
+Read with sqlite3 instead of the package's own functions: those return one object at a time with numpy arrays, and
+searches by limits take them seconds. UGC numbers are those of the objects that have an NGC or IC number.
+"""
+
+from __future__ import annotations
+
+import math
+from contextlib import closing
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from gateway.astro.catalog.files import data_file
+from gateway.astro.catalog.objects import FAINTEST, QUALITIES, Entry, Wanted, quality
+
+#: OpenNGC's types as kinds; stars, doubles and what does not exist have none.
+_KINDS = {
+    "G": "G", "GPair": "G", "GTrpl": "G", "GGroup": "G", "PN": "P", "Neb": "D", "HII": "D", "EmN": "D", "RfN": "D",
+    "SNR": "D", "DrkN": "D", "Cl+N": "DO", "GCl": "C", "OCl": "O", "*Ass": "O", "*": "*", "**": "*", "Nova": "*",
+}  # fmt: skip
+#: What is searched for an unmeasured object's magnitude: only the widest limit finds it.
+_UNMEASURED = 20.0
+_COLUMNS = "name, type, ra, dec, coalesce(vmag, bmag), majax, minax, messier"
+#: A candidate, worked out by the database, which keeps angles in radians.
+_SEARCHED = f"id, ra * {math.degrees(1.0)!r} AS right, dec * {math.degrees(1.0)!r} AS up"
+_IDENTIFIERS = {"NGC": "NGC%04d", "IC": "IC%04d", "C": "C%03d", "UGC": "UGC%05d"}
+#: OpenNGC takes Messier's 102 for 101 seen twice; hand controls, Meade's among them, go to this galaxy in Draco.
+_IN_PLACE_OF = {102: ("NGC", 5866)}
+
+
+#: What a search compares: row of the database, right ascension, declination. Plain, because there are twelve thousand.
+Candidate = tuple[int, float, float]
+
+
+def look_up(catalog: str, number: int) -> Entry | None:
+    """An object of ``M``, ``NGC``, ``IC``, ``C`` or ``UGC``, under that name. Raises NotInstalled."""
+    called = f"{catalog}{number}"
+    if catalog == "M":
+        catalog, number = _IN_PLACE_OF.get(number, (catalog, number))
+    if catalog == "M":
+        found = _rows("messier = ? AND type != 'Dup' OR name = ?", f"{number:03d}", f"M{number:03d}")
+    else:
+        name = _IDENTIFIERS[catalog] % number
+        found = _rows("name = (SELECT name FROM objIdentifiers WHERE identifier = ?)", name)
+    if not found:
+        return None
+    row = found[0]
+    if row[1] == "Dup":
+        row = _original(row[0]) or row
+    return None if row[2] is None else _entry(row, called)
+
+
+def by_row(row: int) -> Entry:
+    """The object of a search's candidate. Raises NotInstalled."""
+    return _entry(_rows("id = ?", row)[0])
+
+
+def matching(wanted: Wanted) -> list[Candidate]:
+    """Everything within the limits, in the order of ``order``; not to be changed. Raises NotInstalled."""
+    return _matching(data_file("pyongc", "ongc.db"), wanted)
+
+
+@lru_cache(maxsize=2)
+def _matching(_: Path, wanted: Wanted) -> list[Candidate]:
+    types = [name for name, kinds in _KINDS.items() if set(kinds) & set(wanted.kinds)]
+    least = QUALITIES.index(wanted.quality)
+    faintest = min(wanted.faintest, FAINTEST[least]) if least < len(FAINTEST) else wanted.faintest
+    judged = ", coalesce(vmag, bmag), majax, minax" if least < len(FAINTEST) else ""
+    rows = _rows(
+        f"type IN ({', '.join('?' * len(types))}) AND ra IS NOT NULL "
+        f"AND coalesce(vmag, bmag, {_UNMEASURED}) BETWEEN ? AND ? AND coalesce(majax, 0) BETWEEN ? AND ? "
+        "ORDER BY CAST(right / 15.0 AS INTEGER), up DESC, id",
+        *types, wanted.brightest, faintest, wanted.smallest, wanted.largest, columns=_SEARCHED + judged,
+    )  # fmt: skip
+    if judged:
+        rows = [row[:3] for row in rows if QUALITIES.index(quality(*row[3:])) <= least]
+    return rows
+
+
+def order(candidate: Candidate) -> tuple[int, float, int]:
+    """How a search goes through the sky: hour by hour of right ascension, in each from north to south."""
+    row, ra, dec = candidate
+    return int(ra / 15.0), -dec, row
+
+
+def _original(name: str) -> tuple[Any, ...] | None:
+    """The object that a duplicate record stands for."""
+    numbers = _rows("name = ?", name, columns="ngc, ic, messier")[0]
+    for picture, number in zip(("NGC{}", "IC{}"), numbers, strict=False):
+        if number:
+            return next(iter(_rows("name = ?", picture.format(number))), None)
+    return next(iter(_rows("messier = ? AND type != 'Dup'", numbers[2])), None)
+
+
+def _entry(row: tuple[Any, ...], name: str | None = None) -> Entry:
+    own, kind, ra, dec, magnitude, size, width, messier = row
+    catalog, number = own[: len(own) - len(own.lstrip("ABCDEFGHIJKLMNOPQRSTUVWXYZ"))], own.lstrip("NGCI")
+    shown = f"M{int(messier)}" if messier else (f"{catalog}{int(number)}" if number.isdigit() else own)
+    return Entry(name or shown, _KINDS.get(kind, "?"), math.degrees(ra), math.degrees(dec), magnitude, size, width)
+
+
+def _rows(where: str, *values: Any, columns: str = _COLUMNS) -> list[tuple[Any, ...]]:
+    import sqlite3  # 10 ms that most gateways never need
+
+    path = data_file("pyongc", "ongc.db")
+    with closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as database:
+        return database.execute(f"SELECT {columns} FROM objects WHERE {where}", values).fetchall()

@@ -1,0 +1,185 @@
+"""Spherical astronomy with nothing but `math`: angles, horizon, sidereal time.
+
+Every angle is in degrees. Azimuth counts from north through east, hour angle is positive west of the
+meridian, longitude is positive EAST. Right ascension is in degrees too, never in hours.
+No function raises for finite arguments: latitudes and declinations beyond a pole fold over it, and where an
+angle has no meaning (the azimuth of the zenith, the right ascension of the pole) the answer is some finite
+number in range.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+Vector = tuple[float, float, float]
+Matrix = tuple[Vector, Vector, Vector]
+
+UNIX_AT_J2000 = 946728000.0  # 2000-01-01 12:00, as a Unix time
+SIDEREAL_RATE = 360.0 * 1.002737909350795 / 86400.0  # degrees of mean sidereal time in a second of UT1
+_TT_MINUS_UTC = 69.184  # since 2017; ten seconds of error here cost less than a milliarcsecond below
+_CENTURY = 36525.0 * 86400.0
+
+
+# -- angles ---------------------------------------------------------------------------------------------
+
+
+def wrap360(angle: float) -> float:
+    """The same direction in [0, 360)."""
+    wrapped = angle % 360.0
+    return 0.0 if wrapped == 360.0 else wrapped  # the remainder of -1e-20 rounds up to 360.0
+
+
+def wrap180(angle: float) -> float:
+    """The same direction in [-180, 180)."""
+    wrapped = math.remainder(angle, 360.0)
+    return -180.0 if wrapped == 180.0 else wrapped + 0.0  # + 0.0 turns -0.0 into 0.0
+
+
+def fold_declination(ra: float, dec: float) -> tuple[float, float]:
+    """(ra, dec) with dec in [-90, 90] and ra in [0, 360).
+
+    Past a pole the declination turns back, and the right ascension is that of the opposite hour circle.
+    """
+    dec = wrap180(dec)
+    if dec > 90.0:
+        return wrap360(ra + 180.0), 180.0 - dec
+    if dec < -90.0:
+        return wrap360(ra + 180.0), -180.0 - dec
+    return wrap360(ra), dec
+
+
+# -- vectors --------------------------------------------------------------------------------------------
+
+
+def to_vector(longitude: float, latitude: float) -> Vector:
+    """Unit vector of a direction: x to (0, 0), y to (90, 0), z to the north pole."""
+    lon, lat = math.radians(wrap180(longitude)), math.radians(wrap180(latitude))
+    return math.cos(lat) * math.cos(lon), math.cos(lat) * math.sin(lon), math.sin(lat)
+
+
+def from_vector(vector: Vector) -> tuple[float, float]:
+    """(longitude in [0, 360), latitude in [-90, 90]) of a vector of any length but 0.
+
+    Arc tangents, because an arc sine loses half its digits near the poles and fails just beyond 1.
+    """
+    x, y, z = vector
+    return wrap360(math.degrees(math.atan2(y, x))), math.degrees(math.atan2(z, math.hypot(x, y)))
+
+
+def rotate(matrix: Matrix, vector: Vector) -> Vector:
+    """The vector seen from the rotated frame: matrix times column."""
+    x, y, z = vector
+    a, b, c = matrix
+    return (a[0] * x + a[1] * y + a[2] * z, b[0] * x + b[1] * y + b[2] * z, c[0] * x + c[1] * y + c[2] * z)
+
+
+def transpose(matrix: Matrix) -> Matrix:
+    """The opposite rotation."""
+    a, b, c = matrix
+    return (a[0], b[0], c[0]), (a[1], b[1], c[1]), (a[2], b[2], c[2])
+
+
+def separation(lon1: float, lat1: float, lon2: float, lat2: float) -> float:
+    """Angle in [0, 180] between two directions, exact for the smallest and the largest (Vincenty)."""
+    difference = math.radians(wrap180(wrap180(lon2) - wrap180(lon1)))
+    a, b = math.radians(wrap180(lat1)), math.radians(wrap180(lat2))
+    across = math.cos(b) * math.sin(difference)
+    up = math.cos(a) * math.sin(b) - math.sin(a) * math.cos(b) * math.cos(difference)
+    along = math.sin(a) * math.sin(b) + math.cos(a) * math.cos(b) * math.cos(difference)
+    return math.degrees(math.atan2(math.hypot(across, up), along))
+
+
+#: The cosine of 89.4 degrees: nearer to where an angle means nothing its rate grows no more.
+_NEAR_ZENITH = 0.01
+
+
+# -- horizon --------------------------------------------------------------------------------------------
+
+
+def hour_angle_to_horizon(hour_angle: float, dec: float, lat: float) -> tuple[float, float]:
+    """(azimuth in [0, 360), altitude in [-90, 90]), geometric: no refraction."""
+    x, y, z = to_vector(hour_angle, dec)  # x to the meridian's equator, y west, z to the pole
+    phi = math.radians(wrap180(lat))
+    north = math.cos(phi) * z - math.sin(phi) * x
+    up = math.sin(phi) * z + math.cos(phi) * x
+    return from_vector((north, -y, up))
+
+
+def horizon_to_hour_angle(az: float, alt: float, lat: float) -> tuple[float, float]:
+    """(hour angle in [-180, 180), declination in [-90, 90]) of a geometric direction."""
+    hour_angle, dec = hour_angle_to_horizon(az, alt, lat)  # the formula is its own inverse
+    return wrap180(hour_angle), dec
+
+
+def following(az: float, alt: float, lat: float) -> tuple[float, float]:
+    """How (azimuth, altitude) of a star change as its hour angle grows, degrees a degree. Held finite in the zenith."""
+    a, h, phi = math.radians(az), math.radians(alt), math.radians(lat)
+    up = max(math.cos(h), _NEAR_ZENITH)
+    return math.sin(phi) - math.cos(phi) * math.cos(a) * math.sin(h) / up, math.cos(phi) * math.sin(a)
+
+
+def northwards(az: float, alt: float, lat: float) -> tuple[float, float]:
+    """How (azimuth, altitude) change as the declination grows, degrees a degree: the parallactic angle, in effect.
+
+    Held finite in the zenith and at the poles.
+    """
+    a, h, phi = math.radians(az), math.radians(alt), math.radians(lat)
+    across = -math.cos(phi) * math.sin(a)
+    along = math.sin(phi) * math.cos(h) - math.cos(phi) * math.sin(h) * math.cos(a)
+    from_pole = max(math.hypot(across, along), _NEAR_ZENITH)
+    return across / from_pole / max(math.cos(h), _NEAR_ZENITH), along / from_pole
+
+
+# -- time -----------------------------------------------------------------------------------------------
+
+
+def centuries(unix: float) -> float:
+    """Julian centuries of Terrestrial Time since J2000, for a Unix time (UTC).
+
+    Held within 50 centuries: the polynomials in it mean nothing beyond, and must not overflow.
+    """
+    return max(-50.0, min(50.0, (unix + _TT_MINUS_UTC - UNIX_AT_J2000) / _CENTURY))
+
+
+def obliquity(t: float) -> float:
+    """Mean obliquity of the ecliptic, IAU 2006; t in centuries of TT since J2000."""
+    return (84381.406 + t * (-46.836769 + t * (-0.0001831 + t * 0.0020034))) / 3600.0
+
+
+def nutation(t: float) -> tuple[float, float]:
+    """Nutation in longitude and in obliquity, in degrees: the four great terms of the IAU series.
+
+    Within 0.5" and 0.15" (Meeus, Astronomical Algorithms, chapter 22). t in centuries of TT since J2000.
+    """
+    node = math.radians(125.04452 - 1934.136261 * t)
+    twice_sun = 2.0 * math.radians(280.4665 + 36000.7698 * t)
+    twice_moon = 2.0 * math.radians(218.3165 + 481267.8813 * t)
+    longitude = (
+        -17.2064 * math.sin(node)
+        - 1.3171 * math.sin(twice_sun)
+        - 0.2276 * math.sin(twice_moon)
+        + 0.2075 * math.sin(2.0 * node)
+    )
+    tilt = (
+        9.2052 * math.cos(node)
+        + 0.5730 * math.cos(twice_sun)
+        + 0.0978 * math.cos(twice_moon)
+        - 0.0897 * math.cos(2.0 * node)
+    )
+    return longitude / 3600.0, tilt / 3600.0
+
+
+@lru_cache(256)  # within a moment it is asked for again and again
+def sidereal_time(unix: float, longitude_east: float) -> float:
+    """Apparent sidereal time in [0, 360), from UTC taken as UT1.
+
+    IAU 2006 mean sidereal time and the equation of the equinoxes from `nutation`: within 0.03 s of time, plus
+    UT1-UTC, which leap seconds keep below 0.9 s.
+    """
+    days = (unix - UNIX_AT_J2000) / 86400.0
+    t = centuries(unix)
+    rotation = 360.0 * (0.779057273264 + 0.00273781191135448 * days + days % 1.0)
+    precession = 0.014506 + t * (4612.156534 + t * (1.3915817 + t * (-0.00000044 - t * 0.000029956)))
+    equinoxes = nutation(t)[0] * math.cos(math.radians(obliquity(t)))
+    return wrap360(wrap360(rotation) + precession / 3600.0 + equinoxes + wrap180(longitude_east))

@@ -1,0 +1,71 @@
+"""What ``--help`` is made of: paragraphs that are filled, indented lines that stay, and the grammar of an endpoint.
+
+Models are only read when somebody asks for help: an epilog may be a function.
+"""
+
+from __future__ import annotations
+
+import argparse
+import textwrap
+from itertools import groupby
+from typing import Any, NoReturn
+
+from gateway.cli import suggestions as meant
+from gateway.core.errors import UserError
+
+EXIT_CODES = """\
+Exit codes:
+  0  ended as asked
+  1  no: no mount was found (detect), one could not be stopped (stop), no gateway runs or it has refused (status,
+     goto, sync, move, park), other bytes than recorded (replay), not as the tables say (tables --check)
+  2  it cannot be done as typed: a mistake, a port that is taken, no mount; one line on stderr says what and where
+"""
+
+WHERE = """\
+An endpoint is PROTOCOL[:MODEL[/VERSION]]@WHERE. Without a model a mount is asked what it is, and programs are
+presented one that fits.
+  PROTOCOL  lx200 (Meade) or nexstar (Celestron)
+  VERSION   of the hand control, like 4.21
+  WHERE     of a mount: /dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, or sim (a simulated one)
+            of a surface, where programs connect: tcp://HOST:PORT, pty:PATH (a virtual serial port), /dev/ttyS0
+"""
+
+
+class Layout(argparse.HelpFormatter):
+    """Descriptions and epilogs: lines that begin with a blank stay as they are, the others are paragraphs."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        filled: list[str] = []
+        for kept, group in groupby(text.splitlines(), lambda line: line[:1] in ("", " ")):
+            lines = list(group)
+            filled += lines if kept else textwrap.wrap(" ".join(lines), width)
+        return "\n".join(indent + line for line in filled)
+
+
+class Parser(argparse.ArgumentParser):
+    """One line for a mistake, as everywhere. ``epilog`` is a text, or a function that makes it."""
+
+    def __init__(self, *arguments: Any, epilog: Any = None, **others: Any) -> None:
+        super().__init__(*arguments, **{"formatter_class": Layout, **others})
+        self._late = epilog
+
+    def format_help(self) -> str:
+        """The help, with what stands under it."""
+        self.epilog = self._late() if callable(self._late) else self._late
+        return super().format_help()
+
+    def error(self, message: str) -> NoReturn:
+        under = self._late() if callable(self._late) else self._late
+        raise UserError(meant.plainly(message, self.prog, meant.example(under or "", self.prog)))
+
+
+def endpoints() -> str:
+    """How to write an endpoint, with every model there is."""
+    from gateway.app.config.endpoints import PROTOCOLS
+    from gateway.protocols.wireformat.command_set import load
+
+    lines = [WHERE + "models:"]
+    for protocol in PROTOCOLS:
+        names = textwrap.wrap(" ".join(load(protocol).models), 100, break_on_hyphens=False)
+        lines += [f"  {protocol if number == 0 else '':<9} {text}" for number, text in enumerate(names)]
+    return "\n".join(lines)

@@ -1,0 +1,1 @@
+"""Commands that look at ports, commands, tables and recordings."""

@@ -1,0 +1,85 @@
+"""``decode``: a recording, or a raw capture of a serial line, as a conversation in words."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from gateway.core.errors import UserError
+from gateway.system import streams
+
+
+def add(commands: Any) -> None:
+    """Put the command into the parser."""
+    decode = commands.add_parser(
+        "decode",
+        help="a recording or a capture of a serial line, in words",
+        description="Understands recordings of run --record, pyserial's spy://, socat -x, "
+        "and the bare bytes that a client sent.",
+        epilog="Example:\n  mount-gateway decode night.rec | less",
+    )
+    decode.add_argument("file", type=Path, metavar="FILE")
+    decode.add_argument("--protocol", choices=("lx200", "nexstar"), help="of a capture; without it, it is guessed")
+    decode.set_defaults(run=_decode)
+
+
+def _decode(arguments: argparse.Namespace) -> int:
+    from gateway.app.gateway import speech
+    from gateway.app.recording.format import MOUNT
+    from gateway.clients.wrong_preset import guess
+    from gateway.diagnostics.captures import Capture, Chunk, is_text
+    from gateway.diagnostics.decode import NoConversation, decode, folded
+
+    streams.tolerate()
+    path = arguments.file
+    capture = Capture(path)
+    recording = capture.recording
+    protocols: dict[str, str] = {}
+    surfaces: list[str] = []
+    began = None
+    if recording is not None:
+        began = recording.settings["began"]
+        protocols[MOUNT] = _protocol(recording.settings["config"]["mount"])
+        surfaces = [_protocol(surface) for surface in recording.settings["config"]["surface"]]
+    else:
+        sample = capture.sample()
+        if capture.bare and not arguments.protocol and is_text(sample):
+            raise UserError(
+                f"{path}: this is text, and no capture of a serial line; decode reads recordings of "
+                "run --record, pyserial's spy://, socat -x, and the bare bytes that a client sent "
+                "(with --protocol whatever they look like)"
+            )
+        protocol = arguments.protocol or guess(sample)
+        if protocol is None:
+            raise UserError(f"{path}: nothing in it was sent by a client; name the protocol with --protocol")
+        protocols["client"] = protocol
+
+    def introduced() -> Iterator[Chunk]:
+        """The chunks, where it is known of each connection on which surface it came in."""
+        for chunk in capture:
+            if chunk.arrow == "+":
+                number = int(chunk.data.split(b",")[0].split()[-1])
+                protocols[chunk.side] = surfaces[number - 1]
+            yield chunk
+
+    def talk(side: str) -> tuple[str, Any, Any]:
+        protocol = protocols.get(side, protocols.get(MOUNT, "lx200"))
+        return protocol, *speech(protocol)
+
+    lines = decode(introduced(), talk, began)
+    try:
+        for line in folded(lines) if capture.bare else lines:
+            print(line)
+    except NoConversation as error:
+        raise UserError(f"{path}: {error}") from None
+    if recording is not None and recording.cut:
+        print(recording.cut)
+    return 0
+
+
+def _protocol(settings: dict[str, Any]) -> str:
+    from gateway.app.config import parse_endpoint
+
+    return parse_endpoint(settings["at"]).protocol

@@ -1,0 +1,131 @@
+"""``detect``: which mount is on which serial port, and how to start a gateway with it.
+
+Exit code 0 when a mount was found, 1 when none was, 2 for a mistake.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gateway.core.errors import UserError
+
+if TYPE_CHECKING:
+    from gateway.diagnostics.detect import Finding
+
+NONE_FOUND = 1
+
+
+def add(commands: Any) -> None:
+    """Put the command into the parser."""
+    detect = commands.add_parser(
+        "detect", help="which mount is on which port, and how to start",
+        description="Looks for a mount on all serial ports, or on those given. A port is asked two harmless "
+                    "questions (Kx, then ACK), first at 9600 baud; nothing moves. Exit code 0: a mount was found, "
+                    "1: none.",
+        epilog="Examples:\n  mount-gateway detect\n  mount-gateway detect /dev/ttyUSB0 --write gateway.toml\n"
+               "  mount-gateway detect --network --write gateway.toml      for programs on a phone, too\n"
+               "  mount-gateway detect socket://192.168.1.50:4030",
+    )  # fmt: skip
+    detect.add_argument(
+        "port",
+        nargs="*",
+        metavar="PORT",
+        help="a device, a pyserial URL (socket://HOST:PORT, rfc2217://HOST:PORT), or with its protocol "
+        "lx200@/dev/ttyUSB0: some old classics do not answer ACK",
+    )
+    detect.add_argument(
+        "--network",
+        action="store_true",
+        help="the file that is written lets phones and other computers in, too, not only this one",
+    )
+    detect.add_argument("--json", action="store_true", help="for programs: a list, one object a port")
+    detect.add_argument("--write", type=Path, metavar="FILE", help="write a gateway.toml for the mount that was found")
+    detect.add_argument("--force", action="store_true", help="let --write replace a file")
+    detect.set_defaults(run=_detect)
+
+
+def _detect(arguments: argparse.Namespace) -> int:
+    import json
+
+    from gateway.cli.serve.serving import with_loop
+    from gateway.diagnostics.detect import here, look_at_all, named
+    from gateway.diagnostics.detect.advice import next_steps
+    from gateway.diagnostics.detect.report import block, values
+
+    if arguments.write is not None and not arguments.force and arguments.write.exists():
+        raise _there_already(arguments.write)
+    places = list({place.url: place for place in map(named, arguments.port)}.values()) if arguments.port else here()
+    if not places:
+        print("[]" if arguments.json else "no mount was found", flush=True)
+        _advise(next_steps([]), arguments.json)
+        return NONE_FOUND
+    if not arguments.json:
+        many = f"{len(places)} ports" if len(places) > 1 else "1 port"
+        print(f"looking at {many}, up to 25 s …", file=sys.stderr, flush=True)
+    findings: list[Finding] = []
+
+    async def serve() -> int:
+        findings.extend(await look_at_all(places))
+        return 0
+
+    with_loop(False, serve)
+    if arguments.json:
+        print(json.dumps([values(finding, arguments.network) for finding in findings], indent=2))
+    else:
+        print("\n\n".join(block(finding, arguments.network) for finding in findings))
+    mounts = [finding for finding in findings if finding.mount]
+    if mounts and arguments.write is not None:
+        _write(arguments.write, mounts, arguments.force, arguments.network)
+    _advise(next_steps(findings), arguments.json)
+    return 0 if mounts else NONE_FOUND
+
+
+def _advise(steps: list[str], json: bool) -> None:
+    """Say what to try next, where a person reads it."""
+    if steps and not json:
+        sys.stdout.flush()
+        print("What to try next:", *(f"  - {step}" for step in steps), sep="\n", file=sys.stderr)
+
+
+def _write(path: Path, mounts: list[Finding], force: bool, network: bool) -> None:
+    """Write the file whole or not at all. Raises UserError."""
+    from gateway.diagnostics.detect.report import toml
+
+    if len(mounts) > 1:
+        names = " and ".join(finding.place.url for finding in mounts)
+        raise UserError(f"--write {path}: there are mounts on {names}; name the one that is meant")
+    write_whole(path, toml(mounts[0], network), force)
+    who = (
+        "phones and other computers, too"
+        if network
+        else ("this computer only; --network lets phones and other computers in")
+    )
+    print(f"wrote {path}, for programs on {who}\nstart it with: mount-gateway run --config {path}", file=sys.stderr)
+
+
+def write_whole(path: Path, text: str, force: bool) -> None:
+    """Write a file whole or not at all, in the place of another one only by ``force``. Raises UserError."""
+    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    reserved = False
+    try:
+        if not force:
+            path.open("x").close()
+            reserved = True
+        draft.write_text(text, "utf-8")
+        os.replace(draft, path)
+    except FileExistsError:
+        raise _there_already(path) from None
+    except OSError as error:
+        for leftover in [draft, path][: 1 + reserved]:
+            with contextlib.suppress(OSError):
+                leftover.unlink()
+        raise UserError(f"{path}: {error.strerror}") from None
+
+
+def _there_already(path: Path) -> UserError:
+    return UserError(f"{path}: is there already; --force replaces it")

@@ -1,0 +1,57 @@
+"""``tables``: what becomes of every command, per model."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from gateway.core.errors import UserError
+
+
+def add(commands: Any) -> None:
+    """Put the command into the parser."""
+    tables = commands.add_parser(
+        "tables", help="what becomes of every command, per model",
+        description="Prints as Markdown what becomes of every command of both protocols (mappings/README.md holds the "
+                    "same), or of those on one mount.",
+        epilog="Examples:\n  mount-gateway tables --model 6se | less\n  mount-gateway tables --model nexstar:cge/3.02",
+    )  # fmt: skip
+    group = tables.add_mutually_exclusive_group()
+    group.add_argument("--write", action="store_true", help="write mappings/README.md")
+    group.add_argument("--check", action="store_true", help="fail when mappings/README.md is stale or a row is wrong")
+    tables.add_argument(
+        "--wire",
+        action="store_true",
+        help="with --check: play every row between all presented "
+        "models and all mounts on simulated ones, and fail on what is not as the tables say (minutes)",
+    )
+    group.add_argument("--model", metavar="MODEL[/VERSION]", help="only what becomes of them on one mount: cpc/4.21")
+    tables.set_defaults(run=_tables)
+
+
+def _model(words: str) -> str:
+    """A model by the word that is on the mount, as ``PROTOCOL:MODEL[/VERSION]``. Raises UserError."""
+    from gateway.app.config import parse_device
+
+    known = parse_device(words)
+    version = f"/{known.version}" if known.version else ""
+    return f"{known.protocol}:{known.model}{version}" if known.model else words
+
+
+def _tables(arguments: argparse.Namespace) -> int:
+    from gateway.diagnostics import command_tables as pairs
+
+    if arguments.wire and not arguments.check:
+        raise UserError("tables: --wire goes with --check")
+    if arguments.check:
+        failed = pairs.check()
+        if arguments.wire:
+            from gateway.diagnostics.rehearsal import wire
+
+            failed |= wire.check()
+        return failed
+    if arguments.write:
+        print(f"wrote {pairs.write()}")
+        return 0
+    print(pairs.one(_model(arguments.model)) if arguments.model else pairs.text())
+    return 0

@@ -1,0 +1,177 @@
+"""What the commands have in common that speak with a gateway which runs: which one is meant, and what it answers.
+
+The exit code is 0 when it was done, 1 when the gateway said no or none runs, 2 when it cannot be done as typed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import os
+import sys
+from collections.abc import Callable, Coroutine
+
+from gateway.app.control.endpoints import ControlEndpoint
+from gateway.core.errors import UserError
+from gateway.system import journal, streams
+
+#: Seconds within which a gateway has carried out whatever takes no time of its own.
+ANSWERED = 15.0
+#: Seconds between two looks at what is under way.
+EVERY = 1.0
+NOBODY = (
+    "no gateway runs here{which}; mount-gateway run starts one, and --state PATH names the folder of one that "
+    "systemd runs"
+)
+
+
+def add_which(command: argparse.ArgumentParser) -> None:
+    """The flags that say which gateway is meant."""
+    command.add_argument(
+        "--mount", metavar="NAME", help="which one, where several run: its name, its endpoint, or the part behind @"
+    )
+    command.add_argument(
+        "--state", metavar="PATH", help="only of this folder: where the gateway was told to keep its state"
+    )
+
+
+def add_wait(command: argparse.ArgumentParser) -> None:
+    """The flag that waits for the end of it."""
+    command.add_argument("--wait", action="store_true", help="wait until it is there; Ctrl-C stops it")
+
+
+def found(arguments: argparse.Namespace) -> list[ControlEndpoint]:
+    """The gateways that are meant, and run."""
+    from gateway.app.control.endpoints import listened
+    from gateway.app.reach import Scope, look
+    from gateway.app.state.file import directory
+
+    given = bool(arguments.state or os.environ.get("STATE_DIRECTORY"))
+    seen = look(Scope(directory(arguments.state), alone=given))
+    only = arguments.mount
+    return [
+        door
+        for _, door in seen.gateways
+        if listened(door) and (only is None or only in (door.name, door.mount, door.mount.partition("@")[2]))
+    ]
+
+
+def the_one(arguments: argparse.Namespace) -> ControlEndpoint | None:
+    """The gateway that is meant; None where none runs, which is said. Raises UserError where it could be several."""
+    doors = found(arguments)
+    if len(doors) > 1:
+        names = " or ".join(sorted(f"--mount {door.name or door.mount}" for door in doors))
+        raise UserError(f"{len(doors)} mounts run here; say which one is meant: {names}")
+    if not doors:
+        nobody(arguments)
+        return None
+    return doors[0]
+
+
+def nobody(arguments: argparse.Namespace) -> None:
+    """Say that no gateway runs."""
+    from gateway.app.reach import Scope, unseen
+    from gateway.app.state.file import directory
+    from gateway.system.runtime_folders import user_name
+
+    which = f" for {arguments.mount}" if arguments.mount else ""
+    streams.warn(NOBODY.format(which=which), journal.ERROR)
+    given = bool(arguments.state or os.environ.get("STATE_DIRECTORY"))
+    for process in unseen(Scope(directory(arguments.state), alone=given)):
+        whose = user_name(process.user)
+        streams.warn(
+            f"process {process.pid} is a gateway of {whose} that cannot be asked from here: ask as {whose} or "
+            "as root; if that is you, it is of an older version",
+            journal.ERROR,
+        )
+
+
+async def wished(door: ControlEndpoint, line: str, seconds: float = ANSWERED) -> str:
+    """What the gateway answers to a wish, ``failed REASON`` where nobody does."""
+    from gateway.app.control.client import ask
+
+    answer = await ask(door, f"wish {line}", seconds)
+    if answer is None:
+        return "failed the gateway has ended"
+    if answer.startswith("failed this gateway knows no order"):
+        return "failed this gateway is of an older version, and takes no wishes from the command line; start it anew"
+    return answer
+
+
+def told(answer: str) -> int:
+    """Say what came of a wish -> the exit code."""
+    how, _, words = answer.partition(" ")
+    plain = "".join(letter if letter.isprintable() else "?" for letter in words)
+    if how == "failed":
+        streams.warn(plain, journal.ERROR)
+        return 1
+    streams.tolerate()
+    streams.say(plain)
+    return 0
+
+
+def carried_out(work: Callable[[asyncio.Event], Coroutine[object, object, int]]) -> int:
+    """Run something that is handed an event which Ctrl-C sets -> the exit code."""
+    from gateway.cli.serve.signals import until_signal
+
+    async def run() -> int:
+        return await work(until_signal())
+
+    return asyncio.run(run())
+
+
+async def unless(done: asyncio.Event, work: Coroutine[object, object, str]) -> str | None:
+    """The answer; None when Ctrl-C came first."""
+    asking, end = asyncio.ensure_future(work), asyncio.ensure_future(done.wait())
+    await asyncio.wait([asking, end], return_when=asyncio.FIRST_COMPLETED)
+    end.cancel()
+    if asking.done():
+        return asking.result()
+    asking.cancel()
+    return None
+
+
+def wish_for(arguments: argparse.Namespace, number: str, line: str, wait: bool, seconds: float = ANSWERED) -> int:
+    """Have a wish carried out by the one gateway that is meant, and stop what it began when Ctrl-C comes."""
+    from gateway.app.control import commands as wishes
+
+    door = the_one(arguments)
+    if door is None:
+        return 1
+
+    async def work(done: asyncio.Event) -> int:
+        answer = await unless(done, wished(door, line, seconds))
+        if answer is not None and answer.startswith("done ") and wait:
+            if sys.stdout.isatty():
+                told(answer)
+            answer = await _followed(door, number, done)
+        if answer is not None:
+            return told(answer)
+        told(await wished(door, wishes.written(wishes.End(number))))
+        return 1
+
+    return carried_out(work)
+
+
+async def _followed(door: ControlEndpoint, number: str, done: asyncio.Event) -> str | None:
+    """What came of it in the end; None when Ctrl-C came first. A line on a terminal tells how it goes meanwhile."""
+    from gateway.app.control import commands as wishes
+    from gateway.cli.serve.live import Screen, find_terminal
+
+    screen = Screen(find_terminal())
+    line = wishes.written(wishes.Follow(number))
+    try:
+        while True:
+            answer = await unless(done, wished(door, line))
+            if answer is None or not answer.startswith("under way"):
+                return answer
+            screen.show(answer)
+            if await unless(done, _a_moment()) is None:
+                return None
+    finally:
+        screen.clear()
+
+
+async def _a_moment() -> str:
+    await asyncio.sleep(EVERY)
+    return ""

@@ -1,0 +1,121 @@
+"""``stop``: end every motion of every mount here, with or without a running gateway; hold the mounts, let them go.
+
+One line for each mount. Exit code 0 says that each was seen at rest, or that there is none; 1 that one could not be
+stopped or seen, or that it cannot be known what runs. Fit for systemd's ``ExecStopPost``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from gateway.core.errors import UserError
+from gateway.system import journal
+
+EXAMPLES = """\
+Examples:
+  mount-gateway stop
+  mount-gateway stop --hold       stop, and let no program move a mount until
+  mount-gateway stop --release
+  mount-gateway stop --state /var/lib/mount-gateway    of the gateway that systemd runs
+"""
+
+
+def add(commands: Any) -> None:
+    """Put the command into the parser."""
+    stop = commands.add_parser(
+        "stop", help="stop the mount: of every running gateway, and of one that was killed",
+        description="Ends every motion of every mount here, and looks at each until it rests. Exit code 0: every one "
+                    "was seen at rest, 1: one could not be stopped or seen, or it cannot be known what runs.",
+        epilog=EXAMPLES,
+    )  # fmt: skip
+    stop.add_argument("--mount", metavar="NAME", help="only this one: its name, its endpoint, or the part behind @")
+    stop.add_argument(
+        "--state", metavar="PATH", help="only of this folder: where the gateway was told to keep its state"
+    )
+    both = stop.add_mutually_exclusive_group()
+    both.add_argument(
+        "--hold",
+        action="store_true",
+        help="stop, and keep every mount from being moved until "
+        "--release, over restarts of the gateway and of the computer",
+    )
+    both.add_argument("--release", action="store_true", help="let programs move the mounts again")
+    stop.set_defaults(run=_stop)
+
+
+def _stop(arguments: argparse.Namespace) -> int:
+    from gateway.app.reach import Scope
+    from gateway.app.state.file import directory
+    from gateway.app.stop_command import order_all
+
+    word = "hold" if arguments.hold else "release" if arguments.release else "stop"
+    if arguments.mount and word != "stop":
+        raise UserError(f"stop --{word} is for all mounts of a state folder: leave --mount out")
+    given = bool(arguments.state or os.environ.get("STATE_DIRECTORY"))
+    scope = Scope(directory(arguments.state), alone=given)
+    good, bad = [], []
+    report = asyncio.run(order_all(scope, _as_gateways_have_it(arguments.mount), word))
+    for mount, answer in report.outcomes:
+        name = mount or "a mount that is not known any more"
+        if answer.startswith("failed "):
+            bad.append(f"{name}: {'not stopped: ' * (word == 'stop')}{answer.removeprefix('failed ')}")
+        else:
+            good.append(f"{name}: {answer}")
+    if word != "stop":
+        told, trouble = _on_disk(scope.folder, word)
+        good += [told] * bool(told)
+        bad += [trouble] * bool(trouble)
+    bad += report.doubts
+    if not (good or bad):
+        only = f" for {arguments.mount}" if arguments.mount else ""
+        good.append(NOTHING[word].format(only=only))
+    _say(good, sys.stdout, journal.INFO)
+    _say(bad, sys.stderr, journal.ERROR)
+    return 1 if bad else 0
+
+
+def _as_gateways_have_it(mount: str | None) -> str | None:
+    """A mount that was named by what its owner calls it, as the gateway calls it; any other text as it is."""
+    from gateway.app.config import parse_endpoint
+
+    if mount is None or "@" not in mount:
+        return mount
+    try:
+        return str(parse_endpoint(mount))
+    except UserError:
+        return mount
+
+
+NOTHING = {
+    "stop": "nothing to stop: no gateway runs{only}, and none ended in motion",
+    "release": "nothing to release: no gateway runs, and nothing is held",
+}
+
+
+def _on_disk(folder: Path, word: str) -> tuple[str, str]:
+    """Hold or release what is started later on a state folder -> what was done, and what could not be."""
+    from gateway.app.state import hold
+
+    try:
+        if word == "hold":
+            hold.hold(folder)
+            return f"held: no gateway moves a mount of {folder} until mount-gateway stop --release", ""
+        return (f"released: gateways may move the mounts of {folder} again" if hold.release(folder) else ""), ""
+    except OSError as error:
+        after = (
+            "a gateway that is started later will not know of the hold"
+            if word == "hold"
+            else ("a gateway that is started later is held again")
+        )
+        return "", f"{folder / hold.NAME}: {error.strerror}: {after}"
+
+
+def _say(lines: list[str], stream: Any, level: int) -> None:
+    for line in lines:
+        plain = "".join(letter if letter.isprintable() else "?" for letter in line)
+        print(f"{journal.level(level, stream)}{plain}", file=stream)

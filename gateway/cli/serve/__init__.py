@@ -1,0 +1,1 @@
+"""Commands that serve: a gateway, a demonstration, a simulated mount."""

@@ -1,0 +1,94 @@
+"""``demo``: a simulated mount to play with."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import socket
+import sys
+from typing import Any
+
+from gateway.app.config import Source, make_config
+from gateway.app.config.describing import keys
+from gateway.app.config.lines import Place
+from gateway.cli.serve.serving import serve_mounts, with_loop
+from gateway.cli.serve.settings import add_flag
+
+DEMO_PORT = 4030
+#: So many ports and names are tried after the first.
+OTHERS = 50
+#: The keys that the demo has as well.
+SHOWN = ("log", "night")
+
+
+def add(commands: Any) -> None:
+    """Put the command into the parser."""
+    demo = commands.add_parser(
+        "demo", help="a simulated mount to play with, on TCP 4030 and a virtual serial port",
+        description="Plays a mount and a gateway before it, so that a program can be tried out without either.",
+        epilog="Talk to it by hand:\n  nc 127.0.0.1 4030\n  :GR#    where is it? it answers with the right ascension",
+    )  # fmt: skip
+    demo.add_argument("--port", type=int, help="TCP port (default 4030, or the next free one; 0 takes any)")
+    demo.add_argument(
+        "--pty",
+        metavar="PATH",
+        help="virtual serial port (default /tmp/lx200, reversed /tmp/nexstar, or the next free name)",
+    )
+    demo.add_argument("--reverse", action="store_true", help="the other way: NexStar programs on a simulated Meade")
+    demo.add_argument("--speed", type=float, default=4.0, help="slews this many times faster than real (default 4)")
+    for key in keys(""):
+        if key.name in SHOWN:
+            add_flag(demo, key)
+    demo.set_defaults(run=_demo)
+
+
+def _demo(arguments: argparse.Namespace) -> int:
+    client, mount, words = ("lx200", "nexstar", "NexStar 6/8 SE, driven by whatever LX200")
+    if arguments.reverse:
+        client, mount, words = ("nexstar", "lx200:lx200gps", "LX200GPS, driven by whatever NexStar")
+    port, notes = arguments.port, []
+    if port is None and (port := free_port()) != DEMO_PORT:
+        notes.append(f"another program uses port {DEMO_PORT}; this demo takes port {port}")
+    surfaces = [{"at": f"{client}@tcp://127.0.0.1:{port}"}]
+    if sys.platform != "win32":
+        path = arguments.pty
+        if path is None and (path := free_name(f"/tmp/{client}")) != f"/tmp/{client}":
+            notes.append(f"there is a /tmp/{client} of another program already; this demo takes {path}")
+        surfaces.append({"at": f"{client}@pty:{path}"})
+    tables = {
+        "mount": [{"at": f"{mount}@sim", "speed": arguments.speed}],
+        "surface": surfaces,
+        **{name: value for name in SHOWN if (value := getattr(arguments, name)) is not None},
+    }
+    flags: dict[Place, str] = {
+        ("mount", 0, "speed"): "--speed",
+        ("surface", 0): "--port",
+        ("surface", 1): "--pty",
+        ("log",): "--log",
+    }
+    config = make_config(tables, Source("demo", flags=flags))
+    speed = "" if arguments.speed == 1 else f"\nIt slews {arguments.speed:g} times as fast as a real one."
+    banner = "\n".join([*notes, f"A simulated {words} program connects.{speed} Ctrl-C ends it."])
+    return with_loop(True, lambda: serve_mounts(config, banner))
+
+
+def free_port() -> int:
+    """The first of some ports, from the demo's own on, that nobody listens on; the demo's own where all are taken."""
+    for port in range(DEMO_PORT, DEMO_PORT + OTHERS):
+        with socket.socket() as tried:
+            if os.name == "posix":
+                tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            with contextlib.suppress(OSError):
+                tried.bind(("127.0.0.1", port))
+                tried.listen()
+                return port
+    return DEMO_PORT
+
+
+def free_name(path: str) -> str:
+    """The first of this name and those with a number behind it that nobody has; the name itself where all are taken."""
+    from gateway.transport.device_link import is_free
+
+    names = [path, *(f"{path}-{number}" for number in range(2, OTHERS))]
+    return next((name for name in names if is_free(name)), path)

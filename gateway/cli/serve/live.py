@@ -1,0 +1,149 @@
+"""What is seen of a gateway while it serves: a line on the terminal, and what systemd is told.
+
+Both look at what is known already: neither costs the mount's line an exchange, and where there is neither a terminal
+nor systemd nothing is done at all.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import sys
+from collections.abc import Coroutine, Sequence
+from typing import TYPE_CHECKING, Any, TextIO
+
+from gateway.app.status import Rate, StatusLine, status
+from gateway.diagnostics.log.layout import colours_of, painted
+from gateway.system import journal, streams
+from gateway.system.systemd import notify, wanted, watchdog
+
+if TYPE_CHECKING:
+    from gateway.app.gateway import Gateway
+
+#: Seconds between two looks, for the terminal and for systemd.
+EVERY, SELDOM = 1.0, 5.0
+
+
+class Screen:
+    """Where lines for a person go, and under them one that is rewritten in place, where there is a terminal for it."""
+
+    def __init__(self, terminal: TextIO | None, night: bool = False) -> None:
+        self.terminal = terminal
+        self._colours = colours_of(terminal, night) if terminal is not None and night else {}
+        self._shown = 0
+
+    @property
+    def columns(self) -> int:
+        """The room for a line that does not wrap."""
+        assert self.terminal is not None
+        with contextlib.suppress(OSError, ValueError):
+            return (os.get_terminal_size(self.terminal.fileno()).columns or 80) - 1
+        return 79
+
+    def show(self, text: str) -> None:
+        """Rewrite the line; not while somebody else has the terminal."""
+        if self.terminal is not None and _in_front(self.terminal):
+            rest = min(self._shown, self.columns) - len(text)
+            self._write(f"\r{painted(text, 'program', self._colours)}{' ' * rest}")
+            self._shown = len(text)
+
+    def clear(self) -> None:
+        """Take the line away, so that another one can be written in its place."""
+        if self.terminal is not None and self._shown:
+            self._write(f"\r{' ' * min(self._shown, self.columns)}\r")
+            self._shown = 0
+
+    def _write(self, text: str) -> None:
+        assert self.terminal is not None
+        plain = text.encode(self.terminal.encoding, "replace").decode(self.terminal.encoding)
+        with contextlib.suppress(OSError, ValueError):  # the terminal was closed
+            self.terminal.write(plain)
+            self.terminal.flush()
+
+    def say(self, text: str) -> None:
+        """A line on stdout."""
+        self.clear()
+        streams.say(text)
+
+    def warn(self, text: str) -> None:
+        """A line on stderr, where there still is one: a terminal that was closed must not keep a mount moving."""
+        self.clear()
+        streams.warn(text, journal.WARNING)
+
+
+def find_terminal() -> TextIO | None:
+    """stderr, else stdout, where it is a terminal that can go back to the beginning of a line."""
+    if os.environ.get("TERM") == "dumb":
+        return None
+    return next((stream for stream in (sys.stderr, sys.stdout) if stream.isatty()), None)
+
+
+def _in_front(terminal: TextIO) -> bool:
+    """Whether this program has the terminal: one that was started with ``&`` lets others write."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):  # not our terminal; Windows has no such thing
+        return os.tcgetpgrp(terminal.fileno()) == os.getpgrp()
+    return True
+
+
+class Onlooker:
+    """Looks at gateways, as often as it is asked to."""
+
+    def __init__(self, gateways: Sequence[Gateway]) -> None:
+        self._gateways = [(gateway, Rate()) for gateway in gateways]
+
+    def line(self, columns: int | None = None) -> str:
+        """How they all are, on one line."""
+        try:
+            return status([look(gateway, rate) for gateway, rate in self._gateways], columns)
+        except ValueError as error:  # a mount may say anything; the watchdog is fed all the same
+            return str(error)[:columns]
+
+    @property
+    def served(self) -> bool:
+        """Whether the line of every mount has somebody who works on it."""
+        return all(gateway.controller is not None and gateway.controller.line.served for gateway, _ in self._gateways)
+
+
+def look(gateway: Gateway, rate: Rate) -> StatusLine:
+    """What is known of a mount, without asking it."""
+    from gateway.app.control import gather
+
+    assert gateway.controller is not None
+    programs = sum(reception.programs() for reception in gateway.receptions)
+    return gather.look(gateway.controller, gateway.config.name or "", str(gateway.mount), programs, rate)
+
+
+def look_on(gateways: Sequence[Gateway], screen: Screen) -> list[asyncio.Task[None]]:
+    """Begin to show and to report, where somebody wants it; the tasks are to be cancelled at the end."""
+    work: list[Coroutine[Any, Any, None]] = []
+    if screen.terminal is not None:
+        work.append(_show(Onlooker(gateways), screen))
+    if wanted():
+        work.append(_report(Onlooker(gateways), screen))
+    return [asyncio.ensure_future(one) for one in work]
+
+
+async def _show(onlooker: Onlooker, screen: Screen) -> None:
+    while True:
+        await asyncio.sleep(EVERY)
+        screen.show(onlooker.line(screen.columns))
+
+
+async def _report(onlooker: Onlooker, screen: Screen) -> None:
+    """systemd hears that all is well as long as it is: this loop runs, and so does the worker of every line."""
+    patience = watchdog()
+    said, served = "", True
+    while True:
+        states = []
+        if patience is not None and onlooker.served:
+            states.append("WATCHDOG=1")
+        if served and not onlooker.served:
+            served = False
+            screen.warn("nobody works on the mount's line any more; please report it")
+        if (line := onlooker.line()) != said:
+            said = line
+            states.append(f"STATUS={line}")
+        if states:
+            notify(*states)
+        await asyncio.sleep(SELDOM if patience is None else min(SELDOM, patience / 3))

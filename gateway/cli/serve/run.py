@@ -1,0 +1,45 @@
+"""``run``: connect clients to mounts, as the command line and ``gateway.toml`` say."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from gateway.cli.help import EXIT_CODES, endpoints
+from gateway.cli.serve.serving import serve_mounts, start_watchdog, with_loop
+from gateway.cli.serve.settings import add_settings, settings
+
+EXAMPLES = """\
+Examples:
+  mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@tcp://127.0.0.1:4030
+      LX200 programs on this computer drive the Celestron that is plugged in
+  mount-gateway run --mount lx200@/dev/ttyUSB0 --surface nexstar@tcp://0.0.0.0:4030 --log
+      NexStar programs, on other computers too, drive a Meade; every word of it is shown
+  mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@pty:/tmp/lx200 --lowest 15
+      a program that wants a serial port gets /tmp/lx200; nothing is pointed lower than 15 degrees
+  mount-gateway run --config gateway.toml
+      all that from a file: mount-gateway config --example prints one
+"""
+
+
+def add(commands: Any) -> None:
+    """Put the command into the parser."""
+    run = commands.add_parser(
+        "run", help="connect programs to a mount, or to several",
+        description="Connects programs to a mount. Prints a line that begins with \"ready\" for every place where they "
+                    "can connect, and serves until Ctrl-C, which stops the mount first.",
+        epilog=lambda: f"{EXAMPLES}\n{endpoints()}\n\n{EXIT_CODES}",
+    )  # fmt: skip
+    add_settings(run)
+    run.add_argument("--loop", choices=("fast", "asyncio"), default="fast", help="event loop: uvloop where it exists")
+    run.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    config, _ = settings(arguments)
+    watchdog = start_watchdog(config)  # before anything heavy is imported
+    return with_loop(
+        arguments.loop == "fast",
+        lambda: serve_mounts(config, watchdog=watchdog),
+        any(mount.record for mount in config.mount),
+    )

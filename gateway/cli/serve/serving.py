@@ -1,0 +1,316 @@
+"""Serving until a signal comes: the event loop, the signals, and one gateway per mount from its ports to its mount.
+
+A mount that does not answer ends the program, with the reason. Where there are several, or with --wait, it is told of
+and waited for, and the others know nothing of it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import gc
+import sys
+import time
+from collections.abc import Awaitable, Callable, Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any, cast
+
+from gateway.app.config import Config, MountConfig, parse_endpoint
+from gateway.app.recording.turns import TurnLoop
+from gateway.cli.serve.live import Screen, find_terminal, look_on
+from gateway.cli.serve.meeting import SAID_AFTER, not_found, waiting
+from gateway.cli.serve.signals import before_suspension, until_signal
+from gateway.core.errors import Fault, UserError
+from gateway.core.wire_log import SKY_READY, Sink
+from gateway.system.file_limits import make_room
+from gateway.system.systemd import notify
+
+if TYPE_CHECKING:
+    from gateway.app.discovery import Offer
+    from gateway.app.gateway import Gateway
+    from gateway.app.recording.recorder import Recorder
+    from gateway.app.watchdog import Watchdog
+
+#: How long a mount may take to say its first word (a hand control's worst), the first that makes sense where bytes
+#: come, and all that it is asked.
+FIRST_WORD, FIRST_SENSE, FIND_MOUNT = 4.0, 10.0, 20.0
+#: How long a stop may take before the process is suspended.
+SUSPEND = 4.0
+#: What every mount talks at that nobody has set to anything else, baud.
+USUAL = 9600
+#: With --wait, how long the ready lines wait for the mount to say what fits it.
+QUICK = 0.5
+#: How the reason begins of a line whose port cannot be opened.
+CANNOT_OPEN = "cannot open"
+
+
+def with_loop(fast: bool, serve: Callable[[], Awaitable[int]], recorded: bool = False) -> int:
+    """Run on uvloop where it is installed, else on asyncio's own; ``recorded``: on one that can be played again."""
+    factory: Callable[[], asyncio.AbstractEventLoop] | None = TurnLoop if recorded else None
+    if fast and not recorded:
+        try:
+            import uvloop
+
+            factory = uvloop.new_event_loop
+        except ImportError:
+            factory = None
+    with asyncio.Runner(loop_factory=factory) as runner:
+        return runner.run(serve())  # type: ignore[arg-type]
+
+
+def start_watchdog(config: Config) -> Watchdog | None:
+    """The process that stops the mounts when this one cannot; None where it is not wanted, needed or possible."""
+    from gateway.app.watchdog import Watchdog
+    from gateway.app.watchdog.client import available
+
+    real = any(parse_endpoint(mount.at).where != "sim" for mount in config.mount)
+    return Watchdog() if config.watchdog and real and available() else None
+
+
+async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | None = None) -> int:
+    """Serve every mount until a signal comes -> the exit code. ``banner`` is said once the ports are open.
+
+    Raises UserError for a port that cannot be opened, and when no mount is found.
+    """
+    from gateway.app.discovery import Announcement, offered
+    from gateway.app.gateway import Gateway
+    from gateway.astro.ephemeris import Sky
+    from gateway.cli.serve.recorded import host_clock, record
+    from gateway.core.wire_log import Transcript
+
+    done, sky = until_signal(), Sky()
+    # beside the conversation of --log a line that is rewritten would only be in the way
+    screen = Screen(find_terminal() if config.status and not config.log else None, config.night)
+    if watchdog is not None:
+        watchdog.warn = screen.warn
+    gateways: list[Gateway] = []
+    recorders: list[Recorder] = []
+    onlookers: list[asyncio.Task[None]] = []
+    announcement = Announcement(screen.warn, lambda text: gateways[0].transcript.note("mount", text))
+
+    def offers() -> list[Offer]:
+        names = [name for gateway in gateways for name in gateway.names()] if config.discovery else []
+        return [offer for offer in offered(names) if offer.wide]
+
+    if words := make_room(_programs(config), len(config.mount) + len(config.surface)):
+        screen.warn(words)
+    for mount in config.mount:
+        transcript = Transcript(time.time)
+        if config.log:
+            transcript.sinks.append(_log(config, mount))
+        clock = host_clock() if mount.record else time.time
+        gateways.append(Gateway(mount, config.of(mount), transcript, sky, clock, screen.warn, watchdog))
+        gateways[-1].remember()
+        if mount.record:
+            recorders.append(record(mount.record, gateways[-1]))
+    before_suspension(lambda: _stand_still(gateways, screen))
+    try:
+        for gateway in gateways:
+            await gateway.open()
+        await announcement.answer(offers())
+        if banner:
+            screen.say(banner)
+        onlookers = look_on(gateways, screen)
+        patient = config.wait or len(gateways) > 1
+
+        def sky_ready() -> None:
+            gc.freeze()
+            sky.use()
+            for gateway in gateways:
+                gateway.transcript.note("mount", SKY_READY)
+
+        # once, when the first mount is found or not waited for
+        start_sky = cache(lambda: sky.start(_from_the_thread(sky_ready)))
+        to_be_ready = list(gateways)
+
+        def ready(gateway: Gateway) -> None:
+            for name in gateway.names():
+                screen.say(f"ready {name}")
+            for line in _from_elsewhere(gateway.names()):
+                screen.say(line)
+            onlookers.append(asyncio.ensure_future(_introduce(gateway, screen, len(gateways) > 1)))
+            to_be_ready.remove(gateway)
+            if not to_be_ready:
+                notify("READY=1")
+
+        await _unless(
+            done, asyncio.gather(*(_serve(gateway, patient, start_sky, ready, screen.warn) for gateway in gateways))
+        )
+        gc.freeze()  # what was made so far lives on: looking through it for garbage would hold up a stop
+        announcement.publish(offers())  # by now it is known which model fits the mount
+        await done.wait()
+    finally:
+        notify("STOPPING=1")
+        for task in onlookers:
+            task.cancel()
+        screen.clear()
+        moved = [gateway.controller is not None and gateway.controller.motions.busy for gateway in gateways]
+        await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
+        if done.is_set():
+            for gateway, busy in zip(gateways, moved, strict=True):
+                _part(gateway, busy, screen, len(gateways) > 1)
+        if watchdog is not None:
+            watchdog.close()
+        for recorder in recorders:
+            recorder.close()
+    return 0
+
+
+def _from_elsewhere(names: Sequence[str]) -> list[str]:
+    """What to type on a phone or on another computer to reach these surfaces; nothing for those that only this one
+    reaches."""
+    from gateway.app.discovery import offered
+    from gateway.app.discovery.addresses import in_words, to_type
+
+    return [in_words(offer, to_type(offer)) for offer in offered(names) if offer.wide]
+
+
+async def _introduce(gateway: Gateway, screen: Screen, several: bool) -> None:
+    """Once the mount has said who, where and when it is: what a person should know of that."""
+    from gateway.app.control.first_words import first_words
+
+    assert gateway.controller is not None
+    await gateway.controller.settled.wait()
+    for said in first_words(gateway.controller, gateway.mount.model, gateway.mount.version):
+        (screen.warn if said.warns else screen.say)(f"{gateway.title}: " * several + said.text)
+
+
+def _part(gateway: Gateway, moved: bool, screen: Screen, several: bool) -> None:
+    """At the end: what was done, and how the mount was left."""
+    from gateway.app.control.first_words import last_words
+
+    said = None if gateway.controller is None else last_words(gateway.controller, moved)
+    if said is not None:
+        (screen.warn if said.warns else screen.say)(f"{gateway.title}: " * several + said.text)
+
+
+def _log(config: Config, mount: MountConfig) -> Sink:
+    """What shows the conversation of one mount, or as much of it as is asked for."""
+    from gateway.app.gateway import speech
+    from gateway.diagnostics.log.printing import Rows, printer
+
+    surfaces = [parse_endpoint(surface.at).protocol for surface in config.of(mount)]
+    shown = config.log if isinstance(config.log, str) else "all"
+    rows = Rows(parse_endpoint(mount.at).protocol, surfaces, speech, shown, mount.name or "")
+    return printer(rows, sys.stderr, config.night)
+
+
+async def _stand_still(gateways: Sequence[Gateway], screen: Screen) -> None:
+    """Before this process is suspended: stop what moves, and say what was done."""
+    moving = [
+        (gateway.entrance, gateway.controller)
+        for gateway in gateways
+        if gateway.controller is not None and gateway.controller.motions.busy
+    ]
+    try:
+        async with asyncio.timeout(SUSPEND):
+            await asyncio.gather(*(entrance.stop(controller.stop) for entrance, controller in moving))
+        outcome = "the mount was stopped" if moving else "the mount was not moving"
+    except (Fault, TimeoutError):
+        outcome = "the mount has not acknowledged the stop; look at it"
+    for gateway in gateways:
+        if gateway.watched is not None:
+            gateway.watched.renew()  # else the watchdog process, which hears no more now, takes it for moving
+    screen.warn(f"suspended: {outcome}. Programs get no answers until the gateway goes on (fg, or bg)")
+
+
+def _programs(config: Config) -> int:
+    """How many programs may be connected at a time."""
+    return sum(surface.max_clients if "://" in parse_endpoint(surface.at).where else 1 for surface in config.surface)
+
+
+def _from_the_thread(work: Callable[[], object]) -> Callable[[], None]:
+    """What another thread may call to have something done on this one, as long as there is a loop."""
+    loop = asyncio.get_running_loop()
+    todo = (lambda: loop.enter(work)) if isinstance(loop, TurnLoop) else work
+
+    def call() -> None:
+        with contextlib.suppress(RuntimeError):  # the loop is closed: nobody wants to know
+            loop.call_soon_threadsafe(todo)
+
+    return call
+
+
+async def _unless(done: asyncio.Event, work: asyncio.Future[Any]) -> None:
+    """Wait for some work, or for the end of it all. Raises what the work raises."""
+    end = asyncio.ensure_future(done.wait())
+    await asyncio.wait(cast("list[asyncio.Future[Any]]", [end, work]), return_when=asyncio.FIRST_COMPLETED)
+    for future in (end, work):
+        future.cancel()
+    await asyncio.gather(end, return_exceptions=True)
+    with contextlib.suppress(asyncio.CancelledError):
+        await work
+
+
+async def _serve(
+    gateway: Gateway,
+    patient: bool,
+    start_sky: Callable[[], None],
+    ready: Callable[[Gateway], None],
+    warn: Callable[[str], None],
+) -> None:
+    """Find one mount and say that it is ready. Raises UserError for one that is not there, unless there is patience."""
+    if not patient:
+        await _find(gateway, warn)
+    start_sky()
+    found = not patient or await gateway.found(QUICK)
+    ready(gateway)
+    if not found and not await _found(gateway, warn):
+        assert gateway.controller is not None
+        reason = gateway.controller.line.reason or "no answer"
+        at = f" at {gateway.config.baud} baud (mounts talk at {USUAL})" * (gateway.config.baud != USUAL)
+        warn(f"{gateway.title}: {reason}{at}; trying on")
+
+
+async def _found(gateway: Gateway, warn: Callable[[str], None]) -> bool:
+    """Wait for the mount -> whether it is there; False as soon as there is little hope."""
+    assert gateway.controller is not None
+    line, now = gateway.controller.line, asyncio.get_running_loop().time
+    began, said = now(), False
+    while now() < began + FIND_MOUNT:
+        if await gateway.found(0.1):
+            return True
+        hope = FIRST_SENSE if line.talk.heard_ever else FIRST_WORD
+        if line.reason.startswith(CANNOT_OPEN) or (line.answers == 0 and now() > began + hope):
+            break
+        if not said and now() > began + SAID_AFTER and not line.reason.startswith(CANNOT_OPEN):
+            said = True
+            warn(waiting(gateway))
+    return gateway.controller.identification.met.is_set()  # what tells where it points is a mount
+
+
+async def _find(gateway: Gateway, warn: Callable[[str], None]) -> None:
+    """Wait for the mount; raise UserError that says what is there instead."""
+    if await _found(gateway, warn):
+        return
+    assert gateway.controller is not None
+    line, words = gateway.controller.line, not_found(gateway)
+    if line.reason.startswith(CANNOT_OPEN):
+        raise UserError(f"{gateway.title}: {line.reason}; {_instead(gateway, line.reason)}")
+    await line.close()
+    from gateway.diagnostics.detect import who_answers
+
+    found = await who_answers(gateway.mount.where, gateway.config.baud)
+    if found is None and gateway.config.baud != USUAL and await who_answers(gateway.mount.where, USUAL):
+        raise UserError(
+            f"{gateway.title}: the mount answers at {USUAL} baud, and not at {gateway.config.baud}: leave --baud out"
+        )
+    if found and found != gateway.mount.protocol:
+        raise UserError(f"{gateway.title}: the mount speaks {found}; write {found}@{gateway.mount.where}")
+    raise UserError(words)
+
+
+def _instead(gateway: Gateway, reason: str) -> str:
+    """What to do about a mount's port that cannot be opened."""
+    if "in use" not in reason:
+        return "mount-gateway detect shows which ports there are"
+    from gateway.diagnostics.detect.ports import holder
+    from gateway.system.locks import read_pid
+
+    keeping = gateway.keeping
+    if keeping is not None and not keeping.held and (other := read_pid(keeping.lock_path)):
+        return (
+            f"another mount-gateway (process {other}) has this mount: programs connect to that one; where they "
+            "need another --surface, end it and start it with that one, too"
+        )
+    return f"{holder(gateway.mount.where) or 'it'} has to be ended first"

@@ -1,0 +1,190 @@
+"""Flags and ``gateway.toml`` as one: every key of ``[mount]`` is a flag of the same name, and flags win.
+
+So is every key of a surface, where there is one surface that it can be meant for. Without a file and without a mount
+the gateway.toml of the folder one is in is read.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from gateway.app.config import Config, Source, make_config, read_tables
+from gateway.app.config.describing import Key, keys
+from gateway.app.config.endpoints import parse_site
+from gateway.core.errors import UserError
+from gateway.system import journal, streams
+
+#: The flags of ``--help`` by what they are about; a key that is in none of them is about the mount.
+GROUPS = {
+    "safety": (
+        "lowest",
+        "highest",
+        "sun",
+        "hour-angle-limit",
+        "sync-limit",
+        "unaligned",
+        "dead-man",
+        "dead-man-closed",
+        "watchdog",
+    ),
+    "how it runs": ("wait", "log", "night", "status", "record", "record-keep", "state"),
+    "simulated mounts": ("latency", "speed"),
+}
+MOUNT = "about the mount"
+SURFACE = "about the surface, where there is one (where there are several: in the file)"
+#: The file that is looked for where none is named.
+#: Keys that only a surface on a network can be meant by.
+OF_NETWORK = ("allow", "max-clients")
+#: A flag that may be true or a list stands for true with this.
+ALL = "all"
+HERE = Path("gateway.toml")
+
+
+def of_surface() -> list[Key]:
+    """The keys of a surface that no mount has as well."""
+    others = {key.name for key in (*keys("mount"), *keys(""))} | {"mount"}
+    return [key for key in keys("surface") if key.name not in others]
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Give a command the flags for everything that can be configured."""
+    ends = parser.add_argument_group("what is connected: these, or the same in a file")
+    ends.add_argument("--mount", metavar="ENDPOINT", help="for example nexstar@/dev/ttyUSB0, or nexstar@sim")
+    ends.add_argument(
+        "--surface",
+        metavar="ENDPOINT",
+        action="append",
+        default=[],
+        help="where programs connect: lx200@tcp://127.0.0.1:4030, lx200@pty:/tmp/lx200; may be repeated",
+    )
+    ends.add_argument("--config", type=Path, metavar="FILE", help="read gateway.toml; what is given here wins")
+    parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help="the same as --config FILE")
+    groups = {title: parser.add_argument_group(title) for title in (MOUNT, SURFACE, *GROUPS)}
+    for key in (*keys("mount"), *keys("")):
+        group = groups[next((title for title, names in GROUPS.items() if key.name in names), MOUNT)]
+        add_flag(group, key)
+    for key in of_surface():
+        add_flag(groups[SURFACE], key)
+
+
+def add_flag(group: Any, key: Key) -> None:
+    """The flag of a key. One that is true, false or one of some words may stand alone or have ``=WORD`` behind it."""
+    words = f"{key.words} (default: yes)" if key.default is True else key.words
+    if isinstance(key.default, bool) and key.choices:
+        group.add_argument(f"--{key.name}", nargs="?", const=True, metavar="|".join(key.choices), help=words)
+        group.add_argument(f"--no-{key.name}", dest=key.name, action="store_const", const=False, help=argparse.SUPPRESS)
+    elif isinstance(key.default, bool) and key.several:
+        group.add_argument(f"--{key.name}", nargs="?", const=ALL, metavar=f"{ALL},{key.shown}", help=words)
+    elif isinstance(key.default, bool):
+        group.add_argument(f"--{key.name}", action=argparse.BooleanOptionalAction, default=None, help=words)
+    elif key.flag:
+        group.add_argument(f"--{key.name}", metavar=key.shown.replace("|", ","), help=key.help)
+
+
+def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
+    """The file and the flags as one, and where every value comes from. Raises UserError."""
+    tables: dict[str, Any] = {}
+    source = Source("command line")
+    path = _file(arguments)
+    if path is not None:
+        tables, source = read_tables(path)
+    _put_flags(arguments, tables, source)
+    config = make_config(tables, source)
+    if path is HERE:
+        streams.warn(f"going by {HERE}, which is in this folder; --config FILE reads another one", journal.INFO)
+    return config, source
+
+
+def _file(arguments: argparse.Namespace) -> Path | None:
+    """The file to read: the one that is named, else the one that is here if no mount is named. Raises UserError."""
+    given: Path | None = arguments.config
+    alone: Path | None = arguments.file
+    if alone is not None:
+        if given is not None and given != alone:
+            raise UserError(f"{alone} and --config {given}: write one file")
+        if "@" in str(alone) and not alone.exists():
+            raise UserError(f"{alone}: write --mount before the mount, and --surface before where programs connect")
+        given = alone
+    return given or (HERE if not arguments.mount and HERE.is_file() else None)
+
+
+def _put_flags(arguments: argparse.Namespace, tables: dict[str, Any], source: Source) -> None:
+    given = {
+        key.name: _value(key, text)
+        for key in keys("mount")
+        if key.flag
+        for text in (getattr(arguments, key.name.replace("-", "_")),)
+        if text is not None
+    }
+    mounts = tables.get("mount", [{}])
+    several = isinstance(mounts, list) and len(mounts) > 1
+    if several and (given or arguments.mount or arguments.surface):
+        flag = next(iter([*given, *(["mount"] if arguments.mount else []), "surface"]))
+        raise UserError(f"--{flag}: {source.name} has several mounts; write it there, under the one it is meant for")
+    if arguments.mount:
+        given["at"] = arguments.mount
+    if given and isinstance(mounts, list) and mounts and isinstance(mounts[0], dict):
+        tables["mount"] = [mounts[0] | given]
+        source.flags |= {("mount", 0, key): f"--{'mount' if key == 'at' else key}" for key in given}
+    if arguments.surface:
+        tables["surface"] = [{"at": surface} for surface in arguments.surface]
+        source.flags |= {("surface", number): "--surface" for number in range(len(arguments.surface))}
+    _put_surface_flags(arguments, tables, source)
+    for key in keys(""):
+        value = getattr(arguments, key.name)
+        if value is not None:
+            tables[key.name] = value
+            source.flags[(key.name,)] = f"--{key.name}" if value else f"--no-{key.name}"
+
+
+def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, Any], source: Source) -> None:
+    """What the flags say of the one surface that they can be meant for. Raises UserError where there are several."""
+    given = {
+        key.name: _value(key, text)
+        for key in of_surface()
+        for text in (getattr(arguments, key.name.replace("-", "_")),)
+        if text is not None
+    }
+    surfaces = tables.get("surface", [])
+    if not isinstance(surfaces, list) or not all(isinstance(surface, dict) for surface in surfaces):
+        return  # that is told by whoever reads the tables
+    for name, value in given.items():
+        meant = [
+            number
+            for number, surface in enumerate(surfaces)
+            if len(surfaces) == 1 or name not in OF_NETWORK or _on_network(surface)
+        ]
+        if len(meant) > 1:
+            raise UserError(
+                f"--{name}: there are {len(meant)} surfaces; write {name} in gateway.toml, under the "
+                "[[surface]] that it is meant for (mount-gateway config --example shows how)"
+            )
+        if surfaces and not meant:
+            raise UserError(f"--{name}: none of these surfaces is on a network (tcp:// or rfc2217://)")
+        for number in meant:
+            tables["surface"] = surfaces = list(surfaces)
+            surfaces[number] = surfaces[number] | {name: value}
+            source.flags[("surface", number, name)] = f"--{name}"
+
+
+def _on_network(surface: dict[str, Any]) -> bool:
+    """Whether programs come to a surface from hosts."""
+    return str(surface.get("at")).partition("@")[2].startswith(("tcp://", "rfc2217://"))
+
+
+def _value(key: Key, text: Any) -> Any:
+    """A flag's text as the value that the file would have. Raises UserError."""
+    if key.name == "site":
+        return list(parse_site(text))
+    if text == ALL and isinstance(key.default, bool):
+        return True
+    value = text.split(",") if key.several and text not in key.choices else text
+    try:
+        return msgspec.to_builtins(msgspec.convert(value, key.kind, strict=False))
+    except msgspec.ValidationError:
+        right = key.right.replace(' in "quotes"', "").replace("[", "").replace("]", "")
+        raise UserError(f"--{key.name} {text!r}: write {right}") from None

@@ -1,0 +1,174 @@
+"""``sim``: a simulated mount for other programs."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+from math import inf
+from typing import Any, TextIO
+
+from gateway.app.config import parse_device, parse_site
+from gateway.app.config.endpoints import PROTOCOLS
+from gateway.app.config.places import right
+from gateway.cli.serve.serving import with_loop
+from gateway.cli.serve.signals import until_signal
+from gateway.core.errors import UserError
+from gateway.protocols.nexstar.versions import made_with
+from gateway.protocols.wireformat.command_set import load
+from gateway.system import streams
+
+
+def add(commands: Any) -> None:
+    """Put the command into the parser."""
+    sim = commands.add_parser("sim", help="a simulated mount for other programs", epilog=_epilog)
+    sim.add_argument("device", metavar="PROTOCOL[:MODEL[/VERSION]]", help="for example nexstar:cpc/4.21")
+    sim.add_argument("--at", action="append", metavar="WHERE", help="tcp://HOST:PORT or pty:PATH; may be repeated")
+    sim.add_argument("--latency", type=float, default=0.0, metavar="S", help="seconds to answer (a real one: 0.1-0.3)")
+    sim.add_argument(
+        "--baud",
+        type=int,
+        metavar="N",
+        help="the pace of the line, on TCP too; a pty or serial port "
+        "then understands this rate only (without it: the pace of 9600 there, none on TCP)",
+    )
+    sim.add_argument("--speed", type=float, default=1.0, help="slews this many times faster")
+    sim.add_argument("--time", metavar="ISO", help="begin at this UTC time")
+    sim.add_argument("--site", metavar="LAT,LON", default="45,10", help="default 45,10")
+    sim.add_argument("--unaligned", action="store_true", help="as after power-on, before the star alignment")
+    sim.add_argument("--truth", metavar="FILE.jsonl", help="write what the mount physically does, ten times a second")
+    sim.add_argument(
+        "--land-tells-altaz",
+        action="store_true",
+        help="lx200: in land mode :GW# tells AN1 also on a wedge, where it else tells PN1",
+    )
+    sim.add_argument(
+        "--tolerant",
+        action="store_true",
+        help="lx200: takes arguments in every spelling that programs send, not in the manual's alone",
+    )
+    sim.set_defaults(run=_sim)
+
+
+_EPILOG = """\
+Several programs may connect at once, by one --at or by several: all of them talk to the same mount.
+It behaves like a real one where that counts: its motors need about a second to reach full speed and run on as long
+after a stop, bytes on a pty or serial port take their time, and an LX200GPS that sleeps does not move. A Meade refuses
+arguments that its manual does not write so, as :Sg-10*45# or :SG+8#, unless it is --tolerant.
+
+--truth writes one JSON object a line, ten times a second of its time, from the motor axes as they are and from --site
+and --time. Nothing that a program tells the mount changes what site and time this goes by, and a sync does not move it:
+  t                     seconds, Unix time by the simulated mount's own clock
+  axis1, axis2          where the motor axes stand, degrees
+  altitude, azimuth     where the tube really points, degrees, without refraction
+  hour_angle            of the tube, degrees, positive west of the meridian
+  past_meridian         German mounts: degrees beyond the meridian, negative before it; null on others
+  sun_distance          from the Sun, up or not, degrees
+  rate1, rate2          how fast the axes turn, degrees a second
+  moving                whether a motor turns for anything but tracking, or still runs on after it
+  tracking              whether the motors follow the sky
+
+Examples:
+  mount-gateway sim nexstar:cpc --at tcp://127.0.0.1:5000 --latency 0.2
+  mount-gateway sim lx200:lx200gps --at pty:/tmp/meade --at tcp://127.0.0.1:5001 --truth night.jsonl
+"""
+
+
+def _epilog() -> str:
+    return f"{_EPILOG}\n{models()}"
+
+
+def models() -> str:
+    """Every model of both protocols, and the versions it was made with."""
+    lines = [
+        "models, and versions of the hand control (the last number is the default; others are possible, and",
+        "nexstar:starsense is a StarSense hand control on the default model):",
+    ]
+    for protocol in PROTOCOLS:
+        for name, row in load(protocol).models.items():
+            lines.append(f"  {protocol}:{name:<16} {' '.join(made_with(row))}".rstrip())
+    return "\n".join(lines)
+
+
+def _sim(arguments: argparse.Namespace) -> int:
+    from gateway.app.simulated import DEFAULT_MODEL, make_simulator, parse_time, running_clock
+
+    endpoint = parse_device(arguments.device)
+    if not (0 <= arguments.latency < inf and 0 < arguments.speed < inf):
+        raise UserError("sim: --latency is 0 or more seconds, --speed more than 0")
+    places = arguments.at or ["tcp://127.0.0.1:0"]
+    for place in places:
+        if meant := right(place, True):
+            raise UserError(f"sim: --at {place}: write --at {meant}")
+    if arguments.baud is not None and arguments.baud <= 0:
+        raise UserError("sim: --baud is a rate like 9600")
+    if arguments.land_tells_altaz and endpoint.protocol != "lx200":
+        raise UserError("sim: --land-tells-altaz is for lx200 mounts")
+    if arguments.tolerant and endpoint.protocol != "lx200":
+        raise UserError("sim: --tolerant is for lx200 mounts; the commands of a hand control have one form each")
+    chosen = {"land_tells_altaz": arguments.land_tells_altaz, "tolerant": arguments.tolerant}
+    settings = {name: True for name, value in chosen.items() if value}
+    start = parse_time(arguments.time) if arguments.time else None
+    simulator = make_simulator(
+        endpoint,
+        clock=running_clock(start),
+        site=parse_site(arguments.site),
+        aligned=not arguments.unaligned,
+        speed=arguments.speed,
+        **settings,
+    )
+    name = f"{endpoint.protocol}:{endpoint.model or DEFAULT_MODEL[endpoint.protocol]}"
+
+    async def serve() -> int:
+        return await _serve(simulator, name, places, arguments.latency, arguments.baud, arguments.truth)
+
+    return with_loop(True, serve)
+
+
+async def _serve(
+    simulator: Any, name: str, places: list[str], latency: float, baud: int | None, truth: str | None
+) -> int:
+    from gateway.app.simulated import serve_simulator
+
+    done = until_signal()
+    file = None if truth is None else _open(truth)
+    ports = await serve_simulator(simulator, places, latency, baud)
+    for port in ports:
+        streams.say(f"ready {name}@{port.where}")
+    try:
+        if file is None:
+            await done.wait()
+        else:
+            await _tell_truth(simulator, file, done)
+    finally:
+        for port in ports:
+            await port.close()
+    return 0
+
+
+def _open(path: str) -> TextIO:
+    """A file that is new or emptied; whoever reads along sees whole lines. Raises UserError."""
+    try:
+        return open(path, "w", encoding="ascii", buffering=1)
+    except OSError as error:
+        raise UserError(f"cannot write {path}: {error.strerror}") from None
+
+
+async def _tell_truth(simulator: Any, file: TextIO, done: asyncio.Event) -> None:
+    """Until a signal comes. Raises UserError when the file takes no more: half a truth would pass for a whole one."""
+    from gateway.protocols.mechanics.truth import sample
+
+    ending = asyncio.ensure_future(done.wait())
+    sampler = asyncio.ensure_future(sample(simulator, lambda seen: file.write(seen.line())))
+    try:
+        await asyncio.wait({ending, sampler}, return_when=asyncio.FIRST_COMPLETED)
+        if sampler.done():
+            await sampler
+        file.close()
+    except OSError as error:
+        raise UserError(f"cannot write {file.name}: {error.strerror}; the simulated mount has ended") from None
+    finally:
+        for task in (ending, sampler):
+            task.cancel()
+        with contextlib.suppress(OSError):
+            file.close()

@@ -1,0 +1,89 @@
+"""What was typed and is none of the commands and flags there are: what was probably meant.
+
+argparse's own words are for programmers. Here they become a line that says what is wrong and what would be right.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
+
+from gateway.core.errors import UserError
+
+#: argparse's words for a mistake, and ours.
+_PLAINLY = (
+    (r"argument ([-\w/]+): invalid float value: ('.*')", r"{0} {1}: write a number"),
+    (r"argument ([-\w/]+): invalid int value: ('.*')", r"{0} {1}: write a whole number"),
+    (r"argument (\S+): invalid choice: ('.*') \(choose from (.*)\)", r"{0} {1}: write one of {2}"),
+    (r"argument (--[-\w]+): expected one argument", r"{0}: what it is set to is missing behind it"),
+    (r"argument (--[-\w]+): not allowed with argument (--[-\w]+)", r"{0} and {1} cannot be had together"),
+    (r"the following arguments are required: (.*)", r"missing: {0}"),
+)
+
+
+def command(word: str, commands: Sequence[str]) -> UserError:
+    """For a first word that is none of the commands."""
+    if word.startswith("-"):
+        return UserError(
+            f"{word} belongs behind a command, for example: mount-gateway run {word} …; "
+            "mount-gateway --help lists the commands"
+        )
+    if word.endswith(".toml"):
+        return UserError(f"{word!r} is no command; did you mean mount-gateway run {word}?")
+    if "@" in word:
+        return UserError(f"{word!r} is no command; did you mean mount-gateway run --mount {word}?")
+    close = get_close_matches(word.lower(), commands, 1)
+    right = f"did you mean mount-gateway {close[0]}?" if close else f"the commands are {', '.join(commands)}"
+    return UserError(f"there is no command {word!r}; {right}")
+
+
+def plainly(message: str, prog: str, example: str) -> str:
+    """What argparse says, in plain words, with an example of the command where it has one."""
+    for found, ours in _PLAINLY:
+        if match := re.fullmatch(found, message):
+            parts = [part.replace("'", "") if number == 2 else part for number, part in enumerate(match.groups())]
+            message = ours.format(*parts)
+            if message.startswith("missing") and example:
+                return f"{message}; for example: {example}"
+            break
+    return f"{message} ({prog} --help tells more)"
+
+
+def example(text: str, prog: str) -> str:
+    """The first example of a command in what stands under its help; empty where there is none."""
+    return next((line.strip() for line in text.splitlines() if line.startswith(f"  {prog} ")), "")
+
+
+def extra(words: Sequence[str], asked: argparse.ArgumentParser, others: Iterable[argparse.ArgumentParser]) -> UserError:
+    """For words that a command takes nothing of: flags that it does not have, and words that stand alone."""
+    word = words[0].partition("=")[0]
+    name = asked.prog.rpartition(" ")[2]
+    if not word.startswith("-"):
+        if "@" in word and "--mount" in _flags(asked):
+            return UserError(f"{word}: write --mount before the mount, and --surface before where programs connect")
+        return UserError(f"{word!r}: {name} takes no such word ({asked.prog} --help tells more)")
+    own = sorted(flag for flag in _flags(asked) if flag.startswith("--"))
+    right = f"{asked.prog} --help lists them"
+    if has := [other.prog for other in others if word in _flags(other)]:
+        right = f"{' and '.join(has[:2])} {'has' if len(has) == 1 else 'have'} it"
+    elif key := _key(word):
+        right = key
+    elif close := get_close_matches(word, own, 1, 0.75):
+        right = f"did you mean {close[0]}?"
+    return UserError(f"{name} has no flag {word}; {right}")
+
+
+def _flags(parser: argparse.ArgumentParser) -> set[str]:
+    return {flag for action in parser._actions for flag in action.option_strings}
+
+
+def _key(flag: str) -> str:
+    """Where a key is written that is no flag; empty for what is no key either."""
+    from gateway.app.config.describing import named
+
+    title = next(
+        (title for table, title in (("mount", "[mount]"), ("surface", "[[surface]]")) if named(table, flag[2:])), ""
+    )
+    return title and (f"{flag[2:]} is written in gateway.toml, under {title}; mount-gateway config --example shows how")

@@ -1,0 +1,1 @@
+"""Programs: how they are let in, told apart, and answered in order."""

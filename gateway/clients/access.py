@@ -1,0 +1,108 @@
+"""Who may come in on a surface, and who may only look.
+
+The protocols know no users and no passwords: all that tells one program from another is the host it comes from. What a
+client that only looks may do is decided here, by kind of operation and for every protocol at once: it may read and it
+may stop, because a stop is never refused. What all clients have in common it sees as it is and cannot change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from ipaddress import IPv4Network, IPv6Address, IPv6Network, ip_address, ip_network
+from typing import NamedTuple
+
+from msgspec import Struct
+
+from gateway.core.errors import Fault, NotFromNetwork, ReadOnly, UserError
+from gateway.core.operations import CancelGoto, Focus, Halt, Operation, Read, Sleep, Stop
+
+Networks = tuple[IPv4Network | IPv6Network, ...]
+
+#: Different hosts of which it is said once that they were turned away.
+MOST_HOSTS = 1000
+
+
+class ConnectionRefused(Exception):
+    """A connection that is not served: it is closed at once and told nothing."""
+
+
+def networks(texts: Sequence[str]) -> Networks:
+    """``192.168.1.0/24``, or a single address. Raises UserError that says what would be right."""
+    found = []
+    for text in texts:
+        try:
+            found.append(ip_network(text))
+        except ValueError:
+            try:
+                right = str(ip_network(text, strict=False))
+            except ValueError:
+                right = "a network such as 192.168.1.0/24, or an address"
+            raise UserError(f"{text!r}: write {right}") from None
+    return tuple(found)
+
+
+#: Why a mount is not put to sleep by whoever comes over a network, and what would allow it.
+NO_HIBERNATION = (
+    "not over a network, because a mount that hibernates answers no program any more; "
+    "hibernate = true under [mount], or --hibernate, allows it"
+)
+
+
+class Access(Struct, frozen=True):
+    """The rules of one surface: the networks that may connect (None: all), who only looks, how many at a time.
+
+    ``hibernate``: whether who comes over a network may put the mount to sleep.
+    """
+
+    allow: Networks | None = None
+    read_only: bool | Networks = False
+    most: int = 400
+    hibernate: bool = False
+
+    def admits(self, host: str) -> bool:
+        """Whether this host may connect."""
+        return self.allow is None or _within(host, self.allow)
+
+    def only_looks(self, host: str) -> bool:
+        """Whether a client from this host moves and sets nothing."""
+        return self.read_only if isinstance(self.read_only, bool) else _within(host, self.read_only)
+
+
+class Refusal(NamedTuple):
+    """What a client is told, and the reason as the log has it."""
+
+    fault: Fault
+    why: str
+
+
+class Rights(Struct, frozen=True):
+    """What one client may ask for: whether it only looks, and whether it may put the mount to sleep."""
+
+    read_only: bool = False
+    hibernate: bool = True
+
+    def refusal(self, operation: Operation) -> Refusal | None:
+        """What becomes of an operation that may not be; None where it may."""
+        if self.read_only and not harmless(operation):
+            return Refusal(ReadOnly(), "read only")
+        if not self.hibernate and isinstance(operation, Sleep):
+            return Refusal(NotFromNetwork(), NO_HIBERNATION)
+        return None
+
+
+def _within(host: str, among: Networks) -> bool:
+    """Whether a host is one of these; what has no address, a serial line, never is."""
+    try:
+        address = ip_address(host)
+    except ValueError:
+        return False
+    if isinstance(address, IPv6Address) and address.ipv4_mapped is not None:
+        address = address.ipv4_mapped
+    return any(address in network for network in among)
+
+
+def harmless(operation: Operation) -> bool:
+    """Whether a client that only looks may ask for this: what reads, and what ends a motion."""
+    if isinstance(operation, Focus):
+        return operation.direction == 0
+    return isinstance(operation, Read | Stop | Halt | CancelGoto)

@@ -1,0 +1,53 @@
+"""Between an endpoint that counts in J2000 and the hub, which counts of date."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from msgspec.structs import replace
+
+from gateway.astro.ephemeris import Sky
+from gateway.core.operations import (
+    Choose,
+    Chosen,
+    Equatorial,
+    Goto,
+    MoonPlace,
+    OfCatalog,
+    OfDate,
+    Operation,
+    PlanetPlace,
+    Position,
+    Sync,
+)
+
+
+class Equinox(Protocol):
+    """Between a surface's coordinates and the hub's of date; None where they are the same."""
+
+    def inward(self, operation: Operation) -> Operation: ...
+    def outward(self, operation: Operation, value: Any) -> Any: ...
+
+
+class J2000:
+    """Turns a client's J2000 places into places of date, and answers the other way."""
+
+    def __init__(self, sky: Sky, unix: Callable[[], float]) -> None:
+        self._sky, self._unix = sky, unix
+
+    def inward(self, operation: Operation) -> Operation:
+        """What the client asked for, in coordinates of date."""
+        if isinstance(operation, Goto | Sync | OfCatalog | Choose):
+            ra, dec = self._sky.to_of_date(operation.ra, operation.dec, self._unix())
+            return replace(operation, ra=ra, dec=dec)
+        return operation
+
+    def outward(self, operation: Operation, value: Any) -> Any:
+        """What the hub answered, in J2000."""
+        if isinstance(value, Chosen) and value.place is not None:
+            place = Equatorial(*self._sky.to_j2000(value.place.ra, value.place.dec, self._unix()))
+            return replace(value, place=place)
+        if isinstance(operation, Position | OfDate | PlanetPlace | MoonPlace) and isinstance(value, Equatorial):
+            return Equatorial(*self._sky.to_j2000(value.ra, value.dec, self._unix()))
+        return value

@@ -1,0 +1,158 @@
+"""A wrong preset in a program: what comes in on a surface is the other protocol.
+
+Told by the tables, by the whole commands that bytes begin with. Nothing is turned away for it: a program may ask in
+another protocol first whether anybody speaks that, and go on in the surface's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from msgspec import Struct
+
+from gateway.core.wire_log import show
+from gateway.protocols.base.frames import Framing
+from gateway.protocols.wireformat.command_set import CommandSet, load
+
+#: Bytes between commands that ask for nothing in either protocol.
+IDLE = b"#\r\n\0 ?"
+#: Seconds in which a command of the surface's own protocol has to follow.
+PATIENCE = 3.0
+#: A host is told of once more where it has used the right protocol meanwhile, after so many seconds.
+AGAIN = 60.0
+#: Bytes of a connection that are looked at, and hosts that are remembered.
+ENOUGH, MOST = 64, 1000
+
+
+class Called(Struct, frozen=True):
+    """A protocol where a person reads it: with its article, and as programs call it when one chooses the telescope."""
+
+    name: str
+    preset: str
+
+
+PROTOCOLS = {"lx200": Called("an LX200", "Meade LX200"), "nexstar": Called("a NexStar", "Celestron NexStar")}
+
+
+def guess(sent: bytes) -> str | None:
+    """The protocol of what a client has sent, by what its commands look like; None when nothing was."""
+    if not sent:
+        return None
+    return "lx200" if sent.count(b":") + sent.count(b"\x06") > 0 and sent.lstrip(b"#")[:1] in b":\x06$" else "nexstar"
+
+
+def foreign(own: str, sent: bytes) -> tuple[str, bytes] | None:
+    """Another protocol whose commands these bytes are, and the first command; None when they are no such thing."""
+    for protocol in PROTOCOLS:
+        if protocol != own and (first := _first(load(protocol), sent.lstrip(IDLE))):
+            return protocol, first
+    return None
+
+
+def _first(protocol: CommandSet, sent: bytes) -> bytes:
+    """The first of some commands, of which the last may have been cut off; empty when there is anything else."""
+    first = protocol.first(sent)
+    rest = sent
+    while command := protocol.first(rest):
+        rest = rest[len(command) :].lstrip(IDLE)
+    return first if protocol.may_begin(rest) else b""
+
+
+def other(own: str, sent: bytes) -> str:
+    """What another protocol, whose commands these bytes are, is called; empty when they are no such thing."""
+    found = foreign(own, sent)
+    return PROTOCOLS[found[0]].preset if found else ""
+
+
+def advice(name: str, own: str, sent: bytes, where: str) -> str:
+    """What to tell of a connection that has said nothing else than this; empty where nothing can be made of it.
+
+    ``where`` is the surface's own place: another one beside it is offered.
+    """
+    found = foreign(own, sent)
+    if found is None:
+        return ""
+    protocol, first = found
+    theirs, ours = PROTOCOLS[protocol], PROTOCOLS[own]
+    return (
+        f"{name} sends `{show(first)}`: this looks like {theirs.name} program on {ours.name} surface. "
+        f'Choose "{ours.preset}" in the program, or add --surface {protocol}@{_beside(where)}'
+    )
+
+
+def _beside(where: str) -> str:
+    """A place like this one that another surface can have."""
+    start, colon, port = where.rpartition(":")
+    if "://" in where and colon and port.isdecimal():
+        return f"{start}:{(int(port) + 1) % 65536}"
+    return f"{where}-2"
+
+
+class Presets:
+    """Who speaks another protocol on one surface, which is at ``where``: ``warn`` is told so, once of every host.
+
+    ``framing`` cuts the surface's own commands, ``later`` calls a function after some seconds of the clock ``now``.
+    """
+
+    def __init__(
+        self,
+        own: str,
+        framing: Callable[[Callable[[], float]], Framing],
+        where: str,
+        now: Callable[[], float],
+        later: Callable[[float, Callable[[], None]], object],
+        warn: Callable[[str], None],
+    ) -> None:
+        self.own, self.where, self.now, self.later, self.warn = own, where, now, later, warn
+        self._framing = framing
+        self._spoke: dict[str, float] = {}
+        self._told: dict[str, float] = {}
+
+    def listen(self, name: str, host: str) -> FirstWords:
+        """To a new connection."""
+        return FirstWords(self, name, host, self._framing(self.now))
+
+    def spoke(self, host: str) -> None:
+        """A program has used the surface's own protocol."""
+        if len(self._spoke) >= MOST:
+            self._spoke.clear()
+        self._spoke[host] = self.now()
+
+    def spoke_since(self, host: str, began: float) -> bool:
+        """Whether one of this host has begun to use it at or after that time."""
+        return self._spoke.get(host, -1e9) >= began
+
+    def tell(self, name: str, host: str, sent: bytes) -> None:
+        """Nothing of the surface's own protocol has come with or after these bytes."""
+        words, told = advice(name, self.own, sent, self.where), self._told.get(host, -1e9)
+        again = host in self._told and (self.now() - told < AGAIN or not self.spoke_since(host, told))
+        if words and not again and len(self._told) < MOST:
+            self._told[host] = self.now()
+            self.warn(words)
+
+
+class FirstWords:
+    """Hears a connection's bytes from the first one on, until one command of the surface's own protocol is among them."""
+
+    def __init__(self, presets: Presets, name: str, host: str, framing: Framing) -> None:
+        self._presets, self._name, self._host, self._framing = presets, name, host, framing
+        self._sent = b""
+        #: Whether nothing more need be heard.
+        self.over = False
+
+    def hear(self, data: bytes) -> None:
+        """More bytes have come."""
+        presets = self._presets
+        if not self._sent:
+            began = presets.now()
+            presets.later(PATIENCE, lambda: self._decide(began))
+        self._sent = (self._sent + data)[:ENOUGH]
+        if any(load(presets.own).find(frame) is not None for frame in self._framing(data)):
+            presets.spoke(self._host)
+            self.over = True
+
+    def _decide(self, began: float) -> None:
+        """Its time is over; the program may be gone by now, and may have said more on another connection."""
+        if not self.over and not self._presets.spoke_since(self._host, began):
+            self._presets.tell(self._name, self._host, self._sent)
+        self.over = True

@@ -1,0 +1,1 @@
+"""Looking at a gateway from outside: the tables, rehearsals, recordings, captures, detection."""

@@ -1,0 +1,107 @@
+"""Who exactly it is, asked by the very driver that will drive it, over the line it will drive it by."""
+
+from __future__ import annotations
+
+import asyncio
+import statistics
+import time
+from typing import Any
+
+from msgspec import Struct
+
+from gateway.app.config import Endpoint, MountConfig
+from gateway.app.gateway import DRIVERS
+from gateway.core import operations as op
+from gateway.core.errors import Fault, NoAnswer
+from gateway.core.wire_log import Transcript
+from gateway.diagnostics.detect.capabilities import ways
+from gateway.diagnostics.detect.port_listener import PortListener
+from gateway.mount.link.queue import MountLink
+from gateway.protocols.base.driver import Driver, Send
+from gateway.protocols.base.run_driver import carry_out
+
+#: Seconds in all; a mount that answers takes less than two.
+LONGEST = 20.0
+#: How long a question that may stay unanswered is waited for: so many times the longest answer so far, but at least…
+#: A telescope that has answered in 30 ms will not take the second and a half that a stranger is given.
+TIMES, AT_LEAST = 4.0, 0.6
+POSITIONS = 2
+
+
+class Mount(Struct, frozen=True):
+    """A mount that was found. ``latency`` is the median of its answers in seconds; ``equinox`` is ``jnow`` or ``j2000``
+    by its version, ``aligned`` None when it could not say; ``ways`` are how the gateway will go about things."""
+
+    protocol: str
+    product: str
+    model: str
+    version: str
+    motors: tuple[str, ...]
+    latency: float
+    equinox: str
+    aligned: bool | None
+    equatorial: bool | None
+    tells_model: bool
+    tells_place: bool
+    ways: dict[str, str]
+
+
+class _Talk:
+    """Carries a driver's questions to a line, and keeps the time."""
+
+    def __init__(self, driver: Driver, line: MountLink) -> None:
+        self.driver, self.line = driver, line
+        self.took: list[float] = []
+
+    async def perform(self, operation: op.Operation) -> Any:
+        """The operation's answer. Raises Fault."""
+        return await carry_out(self.driver.perform(operation), self._exchange, lambda later: None)
+
+    async def _exchange(self, ask: Send) -> dict[str, Any]:
+        if ask.patience is not None and self.took:
+            ask = ask._replace(patience=min(ask.patience, max(AT_LEAST, TIMES * max(self.took))))
+        answer = await self.line.exchange(ask)
+        if self.driver.protocol.commands[ask.command].replies:
+            self.took.append(self.line.talk.took)
+        return answer
+
+
+async def identify(protocol: str, ear: PortListener, model: str | None = None, version: str | None = None) -> Mount:
+    """Let the protocol's driver find out what is on an open wire. Raises Fault when it does not get that far."""
+    now = asyncio.get_running_loop().time
+    driver, _, dialogue = DRIVERS[protocol](Endpoint(protocol, ear.name, model, version), MountConfig(at="-"), now)
+    line = MountLink(ear, dialogue, Transcript(time.time))
+    talk = _Talk(driver, line)
+    line.start()
+    try:
+        async with asyncio.timeout(LONGEST):
+            identity: op.Identity = await talk.perform(op.GetIdentity())
+            status: op.Status | None = await _maybe(talk, op.GetStatus())
+            for _ in range(POSITIONS):
+                await _maybe(talk, op.Position())
+    except TimeoutError:
+        raise NoAnswer from None
+    finally:
+        await line.close()
+    return Mount(
+        protocol=protocol,
+        product=identity.product,
+        model=identity.model,
+        version=identity.version,
+        motors=identity.motors,
+        latency=statistics.median(talk.took),
+        equinox=driver.equinox,
+        aligned=status.aligned if status else None,
+        equatorial=status.equatorial if status else None,
+        tells_model=identity.model in driver.protocol.models,
+        tells_place=driver.gps or any(driver.knows(name) for name in ("w", "Gt") if name in driver.protocol.commands),
+        ways=ways(driver),
+    )
+
+
+async def _maybe(talk: _Talk, operation: op.Operation) -> Any:
+    """An answer that the mount need not be able to give."""
+    try:
+        return await talk.perform(operation)
+    except Fault:
+        return None

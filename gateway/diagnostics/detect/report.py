@@ -1,0 +1,165 @@
+"""Findings in words, as values for programs, and as what to run: a command line and a ``gateway.toml``."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from typing import Any
+
+from gateway.diagnostics.detect.identify import Mount
+from gateway.diagnostics.detect.scan_port import USUAL, Finding
+from gateway.protocols.wireformat.command_set import parse_version
+
+SURFACES = {"nexstar": "lx200", "lx200": "nexstar"}
+PORT = 4030
+#: What a person must know who lets others in.
+ANYBODY = "anybody in your network can move the mount then: these protocols know no passwords"
+#: The version of a mount that tells none.
+UNTOLD = "?"
+WORDS = {
+    "silent": "nothing here: no answer",
+    "echo": "nothing here: what is sent comes back (a loopback plug, a cable with echo, a modem)",
+    "gps": "a GPS receiver talks here: no mount",
+    "talker": "something talks here by itself, unintelligibly: no mount; it was sent nothing",
+    "stranger": "something answers here, but not as a mount does",
+    "garbled": "something answers here, unintelligibly at every rate: no mount",
+    "downloader": "a Meade that waits for new firmware: switch it off and on to use it",
+    "busy": "not looked at",
+    "unopened": "cannot be opened",
+    "vanished": "the port vanished while it was looked at",
+    "mute": "a mount",
+}
+
+
+def block(finding: Finding, network: bool = False) -> str:
+    """One port, for people; ``network``: the file lets other computers in."""
+    about = f"  ({finding.place.about})" if finding.place.about else ""
+    lines = _mount_lines(finding, network) if finding.mount else [_nothing(finding)]
+    return "\n".join([f"{finding.place.url}{about}", *(f"  {line}".rstrip() for line in lines)])
+
+
+def _nothing(finding: Finding) -> str:
+    """Why there is no mount."""
+    words = WORDS[finding.state]
+    if finding.state == "silent" and finding.rates > 1:
+        words += f" at {USUAL} baud and {finding.rates - 1} other rates"
+    elif finding.state in ("gps", "stranger", "echo") and finding.baud not in (None, USUAL):
+        words += f" ({finding.baud} baud)"
+    return f"{words}: {finding.reason}" if finding.reason else words
+
+
+def _mount_lines(finding: Finding, network: bool) -> list[str]:
+    mount = finding.mount
+    assert mount is not None
+    baud = f"{finding.baud} baud; " if finding.baud else ""
+    motors = f"motors {', '.join(dict.fromkeys(mount.motors))}; " if mount.motors else ""
+    version = "tells no version" if mount.version == UNTOLD else f"version {mount.version}"
+    model = f"model {mount.model}" if mount.tells_model else "a model it cannot tell"
+    return [
+        f"{mount.product}, {version}, {model}; {motors}{baud}answers in {mount.latency * 1000:.0f} ms",
+        "; ".join(f"{name}: {words}" for name, words in mount.ways.items()),
+        f"equinox: {EQUINOX[mount.equinox]}",
+        *hints(finding),
+        "for programs on this computer:",
+        f"  {command(finding)}",
+        "for phones and other computers, too (anybody in your network can then move the mount):",
+        f"  {command(finding, network=True)}",
+        "gateway.toml (--write FILE makes it; with --network it is for phones and other computers, too):",
+        *(f"    {line}" for line in toml(finding, network).splitlines()),
+    ]
+
+
+EQUINOX = {
+    "jnow": "of date (jnow)",
+    "j2000": "by this version j2000 (Celestron's own driver says so, other programs say of date); "
+             "--equinox auto follows it, the default is jnow",
+}  # fmt: skip
+
+
+def hints(finding: Finding) -> list[str]:
+    """What a person should know or add before the first run."""
+    mount = finding.mount
+    assert mount is not None
+    found = []
+    if mount.aligned is False:
+        found.append("not aligned yet: align it at the hand control, it does no gotos before")
+    if mount.protocol == "nexstar" and not mount.tells_model:
+        if _before(mount, "2.2"):
+            found.append("if it is a NexStar GPS, write nexstar:nexstar-gps@ instead of nexstar@")
+        else:
+            found.append("an unknown model is driven as an alt-az fork")
+    if not mount.tells_place:
+        found.append("it cannot tell its site and mode: add --site LAT,LON --mode alt-az (or eq-north, eq-south)")
+    return found
+
+
+def _before(mount: Mount, version: str) -> bool:
+    return parse_version(mount.version) < parse_version(version)
+
+
+def endpoint(finding: Finding) -> str:
+    """The mount as an endpoint, with the model that the user named; or that of a classic, to save asking for it."""
+    mount, place = finding.mount, finding.place
+    assert mount is not None
+    if place.named is not None and place.named.protocol == mount.protocol:
+        return str(place.named)
+    model = f":{mount.model}" if mount.version == UNTOLD else ""
+    return f"{mount.protocol}{model}@{place.name}"
+
+
+def surface(finding: Finding, network: bool) -> str:
+    """Where programs connect: from this computer only, or from the network, too."""
+    assert finding.mount is not None
+    return f"{SURFACES[finding.mount.protocol]}@tcp://{'0.0.0.0' if network else '127.0.0.1'}:{PORT}"
+
+
+def command(finding: Finding, network: bool = False) -> str:
+    """The line that starts a gateway with this mount."""
+    assert finding.mount is not None
+    words = ["mount-gateway", "run", "--mount", endpoint(finding)]
+    if finding.baud not in (None, USUAL):
+        words += ["--baud", str(finding.baud)]
+    return shlex.join([*words, "--surface", surface(finding, network)])
+
+
+def toml(finding: Finding, network: bool = False) -> str:
+    """A ``gateway.toml`` that says the same."""
+    mount = finding.mount
+    assert mount is not None
+    who = f"# {mount.product} {mount.version}".removesuffix(f" {UNTOLD}")
+    rows = [who, "[mount]", f"at = {json.dumps(endpoint(finding))}"]
+    if finding.baud:
+        rows.append(f"baud = {finding.baud}")
+    if mount.equinox == "j2000":
+        rows.append('# equinox = "auto"  # j2000 for this version, by Celestron\'s own driver')
+    if not mount.tells_place:
+        rows += ["# site = [48.1, 11.6]  # latitude north, longitude east positive", '# mode = "alt-az"']
+    rows += ["", "[[surface]]", f"at = {json.dumps(surface(finding, network))}"]
+    if network:
+        rows += [f"# {ANYBODY}", '# allow = ["192.168.1.0/24", "127.0.0.1"]  # only these may connect']
+    else:
+        rows += [
+            f"# in its place, for phones and other computers, too; {ANYBODY}",
+            f"# at = {json.dumps(surface(finding, True))}",
+        ]
+    return "\n".join(rows) + "\n"
+
+
+def values(finding: Finding, network: bool = False) -> dict[str, Any]:
+    """One port, for programs: what is not known is null."""
+    mount = finding.mount
+    known: dict[str, Any] = {
+        "port": finding.place.url, "name": finding.place.name, "about": finding.place.about,
+        "state": "mount" if mount else finding.state, "words": "" if mount else _nothing(finding),
+        "baud": finding.baud, "seconds": round(finding.seconds, 2), "mount": None,
+    }  # fmt: skip
+    if mount is not None:
+        known["mount"] = {
+            "protocol": mount.protocol, "product": mount.product, "version": mount.version,
+            "model": mount.model if mount.tells_model else None, "motors": list(mount.motors),
+            "aligned": mount.aligned, "equatorial": mount.equatorial, "equinox": mount.equinox,
+            "latency": round(mount.latency, 4), "ways": mount.ways,
+            "endpoint": endpoint(finding), "run": command(finding), "run_network": command(finding, network=True),
+            "toml": toml(finding, network),
+        }  # fmt: skip
+    return known

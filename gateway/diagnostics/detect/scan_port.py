@@ -1,0 +1,124 @@
+"""One port, from opening to closing: at 9600 first; at other rates only where 9600 was silent, or what came back was no
+text and may be an answer at another rate. All ports are looked at at the same time."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+from collections.abc import Iterable
+
+from msgspec import Struct
+
+from gateway.core.errors import Fault
+from gateway.diagnostics.detect.identify import Mount, identify
+from gateway.diagnostics.detect.port_listener import PortListener, Tunable
+from gateway.diagnostics.detect.ports import SerialPortInfo, holder
+from gateway.diagnostics.detect.probe import AT_9600, ELSEWHERE, Patience, Verdict, overhear, probe
+from gateway.transport.wires import SerialTransport
+
+USUAL = 9600
+#: The other rates that a Meade can be set to (LX200 protocol, :SB; its 56.7K is 57600), and 115200 for what has come
+#: since; the likeliest first. At 4800 and 2400 a question is not harmless to a hand control that was only slow to wake:
+#: at its 9600 it would read ACK, or Kx, as ``x``, hibernation. They come last, and 9600 is asked again before.
+OTHERS = (19200, 38400, 57600, 115200, 1200, 14400, 28800, USUAL, 4800, 2400)
+#: Seconds to listen at one rate to somebody who talks unintelligibly at another: a GPS receiver speaks every second.
+EAVESDROP = 1.6
+#: Verdicts that leave open whether another rate is the right one.
+OPEN = (Verdict.SILENT, Verdict.GARBLED, Verdict.TALKER)
+BUSY = "busy"
+UNOPENED, VANISHED, MUTE = "unopened", "vanished", "mute"
+
+
+class Finding(Struct, frozen=True):
+    """What was found: ``state`` is a verdict's value, or why there is none: ``busy``, ``unopened``, ``vanished`` or
+    ``mute`` (a mount by its protocol, that did not say who it is). ``reason`` has more words, ``seconds`` it took."""
+
+    place: SerialPortInfo
+    state: str
+    baud: int | None = None
+    reason: str = ""
+    mount: Mount | None = None
+    rates: int = 0
+    seconds: float = 0.0
+
+
+async def look_at_all(places: Iterable[SerialPortInfo]) -> list[Finding]:
+    """Look at several ports at the same time."""
+    return await asyncio.gather(*(look(place) for place in places))
+
+
+async def look(
+    place: SerialPortInfo, wire: Tunable | None = None, first: Patience = AT_9600, others: Patience = ELSEWHERE
+) -> Finding:
+    """Look at one port. ``wire`` is for one that is no pyserial URL. Nothing that can be wrong with it is raised."""
+    who = holder(place.url) if wire is None else ""
+    if who:
+        return Finding(place, BUSY, reason=f"in use by {who}")
+    now = asyncio.get_running_loop().time
+    began = now()
+    ear = PortListener(wire or SerialTransport(place.url, USUAL))
+    try:
+        await ear.begin()
+    except Exception as error:  # pyserial has more kinds of failure than OSError
+        state = BUSY if getattr(error, "errno", None) == errno.EBUSY else UNOPENED
+        return Finding(place, state, reason=getattr(error, "strerror", None) or str(error), seconds=now() - began)
+    try:
+        verdict, baud, rates = await _at_every_rate(ear, place, first, others)
+        state, mount, reason = verdict.value, None, ""
+        if verdict in (Verdict.NEXSTAR, Verdict.LX200):
+            named = place.named if place.named and place.named.protocol == state else None
+            model, version = (named.model, named.version) if named else (None, None)
+            try:
+                mount = await identify(state, ear, model, version)
+            except Fault as fault:
+                if ear.lost:
+                    raise OSError(ear.lost) from None
+                reason, state = f"speaks {state}, but did not say who it is: {fault}", MUTE
+            except OSError:
+                raise
+            except Exception as error:  # a defect in a driver must cost one port, never the others
+                reason, state = f"speaks {state}; internal error, please report it: {error!r}", MUTE
+        return Finding(place, state, baud if place.has_rates else None, reason, mount, rates, now() - began)
+    except OSError as error:
+        return Finding(place, VANISHED, reason=str(error), seconds=now() - began)
+    finally:
+        await ear.end()
+
+
+async def _at_every_rate(
+    ear: PortListener, place: SerialPortInfo, first: Patience, others: Patience
+) -> tuple[Verdict, int, int]:
+    """-> what it is, at which rate, and how many rates were tried. Raises OSError when the port vanishes."""
+    protocol = place.named.protocol if place.named else None
+    verdict, baud, rates = await probe(ear, first, protocol), USUAL, 1
+    if not place.has_rates or verdict not in OPEN:
+        return verdict, baud, rates
+    talks, garbled = verdict is Verdict.TALKER, verdict is Verdict.GARBLED
+    for baud in OTHERS:
+        try:
+            ear.tune(baud)
+        except OSError:
+            await ear.tick()
+            continue  # a rate that this port does not have
+        rates += baud != USUAL
+        verdict = await (overhear(ear, EAVESDROP) if talks else probe(ear, others, protocol))
+        if verdict not in OPEN:
+            return verdict, baud, rates
+        garbled = garbled or verdict is Verdict.GARBLED
+    return Verdict.TALKER if talks else Verdict.GARBLED if garbled else Verdict.SILENT, USUAL, rates
+
+
+async def who_answers(url: str, baud: int) -> str | None:
+    """``"nexstar"``, ``"lx200"``, or None when nobody answers sensibly at this rate."""
+    ear = PortListener(SerialTransport(url, baud))
+    try:
+        await ear.begin()
+    except OSError:
+        return None
+    try:
+        verdict = await probe(ear, AT_9600)
+    except OSError:
+        return None
+    finally:
+        await ear.end()
+    return verdict.value if verdict in (Verdict.NEXSTAR, Verdict.LX200) else None

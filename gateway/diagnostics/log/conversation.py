@@ -1,0 +1,149 @@
+"""One side's commands and replies in words: every command named, every argument and reply told by the tables.
+
+A live gateway hands over what its framers have cut; a capture is cut here, as a surface does it. A reply is taken
+apart as a driver does it: by the command that it answers.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+from gateway.core.errors import Fault, Refused
+from gateway.diagnostics.log.words import in_words, steady
+from gateway.mount.link.transaction import ReplyRules
+from gateway.protocols.base.driver import Send
+from gateway.protocols.base.frames import Framing, Unterminated
+from gateway.protocols.wireformat.command_set import load
+
+#: Seconds between two bytes where a capture tells no times: enough that a byte which is no command costs no other one,
+#: and so few that no command falls apart.
+APART = 0.2
+#: Commands of one side whose replies may still be due, and bytes that may still become a reply.
+DUE, LONGEST = 256, 4096
+
+#: How a protocol's commands are cut out, by a clock that tells when bytes came.
+Cutting = Callable[[Callable[[], float]], Framing]
+
+
+class Heard(NamedTuple):
+    """A command or a reply. ``command`` is the row that it is of, empty for what no table knows.
+
+    It ``asks`` when it does nothing but ask, or is the answer to such a question; it ``fails`` when it says no, or is
+    nothing that anybody understands; ``values`` are those that stay the same as long as nothing happens.
+    """
+
+    data: bytes
+    words: str
+    command: str = ""
+    asks: bool = False
+    fails: bool = False
+    values: tuple[Any, ...] = ()
+
+
+def _briefly(meaning: str) -> str:
+    """What a command does, without what the manual explains besides."""
+    return re.split(r"[:;] | \(", meaning)[0]
+
+
+class Side:
+    """One side, and the replies that are still due to it."""
+
+    def __init__(self, protocol: str, framing: Cutting, dialogue: ReplyRules) -> None:
+        self._now = 0.0
+        self.protocol, self._framing, self._dialogue = protocol, framing(lambda: self._now), dialogue
+        self._due: deque[Send] = deque(maxlen=DUE)
+        self._rest = b""
+        #: How many commands were none that the protocol has; bytes of commands, and those of them that were some.
+        self.unknown = self.heard = self.understood = 0
+
+    # --- commands ---------------------------------------------------------------------------------------------------
+
+    def commands(self, data: bytes, at: float | None) -> Iterator[Heard]:
+        """The commands that these bytes complete, which came at that time (seconds) or nobody knows when."""
+        self.heard += len(data)
+        for frame in self._frames(data, at):
+            yield self.command(frame)
+
+    def _frames(self, data: bytes, at: float | None) -> Iterator[bytes]:
+        if at is not None:
+            self._now = at
+            yield from self._framing(data)
+            return
+        for number in range(len(data)):
+            self._now += APART
+            yield from self._framing(data[number : number + 1])
+
+    def command(self, frame: bytes) -> Heard:
+        """A whole command; the reply to it is due from now on."""
+        if isinstance(frame, Unterminated):
+            self._due += [Send(name) for name in frame.names[:1] if name and not frame.late]
+            return Heard(frame, "its end (#) is missing: refused", frame.names[0] if frame.names else "", fails=True)
+        found = load(self.protocol).find(frame)
+        if found is None:
+            self.unknown += 1
+            return Heard(frame, f"no command of the {self.protocol} protocol", fails=True)
+        command, picture = found
+        try:
+            values = picture.decode(frame)
+        except ValueError as error:
+            if command.replies:
+                self._due.append(Send(command.name))
+            return Heard(frame, f"{command.help}; not valid: {error}", command.name, fails=True)
+        self.understood += len(frame)
+        if command.replies:
+            self._due.append(Send(command.name, values))
+        fields = in_words(self.protocol, command.name, values)
+        words = f"{_briefly(command.help)}: {fields}" if fields else _briefly(command.help)
+        return Heard(frame, words, command.name, command.question)
+
+    # --- replies ----------------------------------------------------------------------------------------------------
+
+    def replies(self, data: bytes) -> Iterator[Heard]:
+        """The replies that these bytes complete, each to the oldest command that it fits."""
+        self._rest += data
+        while self._rest:
+            taken = self._take()
+            if taken is None and len(self._rest) <= LONGEST:
+                break
+            if taken is None:
+                taken = Heard(b"", "fits nothing that was asked", fails=True), len(self._rest)
+            heard, length = taken
+            yield heard._replace(data=self._rest[:length])
+            self._rest = self._rest[length:]
+
+    def _take(self) -> tuple[Heard, int] | None:
+        """What the bytes answer: the oldest command that they fit; those before it were never answered."""
+        for skipped, ask in enumerate(self._due):
+            taken = self._answer(ask, self._rest)
+            if taken is not None and taken[1]:
+                for _ in range(skipped + 1):
+                    self._due.popleft()
+                return self._reply(ask, *taken)
+        return None if self._due else (Heard(b"", "nobody asked", fails=True), len(self._rest))
+
+    def reply(self, data: bytes) -> Heard:
+        """A whole reply, of a side that asks one thing after the other: to the last command. No words where it is odd."""
+        ask = self._due[-1] if self._due else None
+        self._due.clear()
+        taken = self._answer(ask, data) if ask is not None else None
+        if ask is None or taken is None:
+            return Heard(data, "")
+        return self._reply(ask, *taken)[0]._replace(data=data)
+
+    def _answer(self, ask: Send, data: bytes) -> tuple[dict[str, Any] | Fault, int] | None:
+        try:
+            return self._dialogue.take(ask, data)
+        except ValueError as error:
+            return Refused(f"garbled: {error}"), len(data)
+
+    def _reply(self, ask: Send, outcome: dict[str, Any] | Fault, length: int) -> tuple[Heard, int]:
+        command = load(self.protocol).commands[ask.command]
+        if isinstance(outcome, Fault):
+            return Heard(b"", f"{command.name}: {outcome}", command.name, fails=True), length
+        values = {key: value for key, value in outcome.items() if key != "length"}
+        words = in_words(self.protocol, command.name, values) or "accepted"
+        lasting = steady(self.protocol, command.name, values)
+        return Heard(b"", f"{command.name}: {words}", command.name, command.question, values=lasting), length

@@ -1,0 +1,187 @@
+"""Which lines are shown: a question that is asked again and again is shown once, then counted.
+
+Only what does nothing but ask is ever left out, and only as long as the answers tell nothing new: places and clocks may
+run on, anything else that changes is shown. Whatever moves, sets, fails or is said besides is shown, and the next
+question after it is shown again. A program that comes anew for every question is one and the same.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from msgspec import Struct
+
+from gateway.core.wire_log import show
+from gateway.diagnostics.log.layout import Row
+
+#: Seconds after which it is told how often a question was asked meanwhile.
+EVERY = 10.0
+#: A connection of a host that has left within so many seconds goes on where that one has got to.
+BACK = 60.0
+#: Lines that are held back of one connection until it is known whether they are worth showing, at most.
+HELD = 32
+#: Hosts that are remembered.
+HOSTS = 64
+
+
+class Told(Struct, frozen=True):
+    """A line that may be shown, and what it is of: see ``Heard`` in ``conversation``; ``asked`` is what is answered."""
+
+    row: Row
+    host: str = ""
+    asks: bool = False
+    fails: bool = False
+    values: tuple[Any, ...] = ()
+    asked: bytes = b""
+
+
+class _Run:
+    """A question that was shown at ``since``, and how often it was answered since then."""
+
+    def __init__(self, since: float) -> None:
+        self.since, self.count = since, 0
+        self.values: tuple[Any, ...] | None = None
+        self.last = ""
+
+
+class _Party:
+    """One connection, or several of one host that follow one another."""
+
+    def __init__(self) -> None:
+        self.runs: dict[bytes, _Run] = {}
+        self.held: list[Row] = []
+        self.left = -1e9
+
+
+class Folding:
+    """Takes all lines in their order -> those to be shown now.
+
+    ``kept`` is what a person wants to see: "changes" leaves out all questions that are answered, "refusals" all that
+    succeeds.
+    """
+
+    def __init__(self, kept: str = "all", every: float = EVERY) -> None:
+        self._kept, self._every = kept, every
+        self._parties: dict[str, _Party] = {}
+        self._gone: dict[str, _Party] = {}
+
+    def take(self, told: Told) -> list[Row]:
+        """One more line."""
+        match told.row.arrow:
+            case "+":
+                return self._come(told)
+            case "-":
+                return self._go(told)
+            case ">":
+                return self._request(told)
+            case "<":
+                return self._reply(told)
+        return self._shown(self._party(told), told)
+
+    def _party(self, told: Told) -> _Party:
+        return self._parties.setdefault(told.row.side, _Party())
+
+    # --- who comes and goes -------------------------------------------------------------------------------------------
+
+    def _come(self, told: Told) -> list[Row]:
+        party = self._gone.pop(told.host, None)
+        here = any(side.rpartition(":")[0] == told.host for side in self._parties)
+        if party is None or here or told.row.time - party.left > BACK:
+            party = _Party()
+        self._parties[told.row.side] = party
+        if not party.runs and self._kept != "refusals":
+            return [told.row]
+        party.held = [told.row]
+        return []
+
+    def _go(self, told: Told) -> list[Row]:
+        party = self._parties.pop(told.row.side, None) or _Party()
+        party.left = told.row.time
+        self._gone[told.host] = party
+        if len(self._gone) > HOSTS:
+            del self._gone[next(iter(self._gone))]
+        silent = bool(party.held) and party.held[0].arrow == "+"
+        rows = self._unanswered(party)
+        if silent and not rows:
+            party.held.clear()
+            return []
+        return [*rows, *self._counted(party, told.row), told.row] if self._kept != "refusals" else rows
+
+    # --- what is said -------------------------------------------------------------------------------------------------
+
+    def _request(self, told: Told) -> list[Row]:
+        party = self._party(told)
+        rows = self._unanswered(party)
+        if told.fails:
+            return [*rows, *self._shown(party, told)]
+        if not told.asks:
+            if self._kept == "refusals":
+                party.held.append(told.row)
+                return rows
+            return [*rows, *self._shown(party, told)]
+        if told.row.data in party.runs or self._kept in ("changes", "refusals"):
+            party.held.append(told.row)
+            return rows
+        party.runs[told.row.data] = _Run(told.row.time)
+        return [*rows, *self._held(party), told.row]
+
+    def _reply(self, told: Told) -> list[Row]:
+        party = self._party(told)
+        if told.fails:
+            return self._shown(party, told)
+        if self._kept == "refusals" or (told.asks and self._kept == "changes"):
+            party.held = [row for row in party.held if row.arrow == "+"]
+            return []
+        run = party.runs.get(told.asked) if told.asks else None
+        if run is None:
+            return self._shown(party, told)
+        asked = next((row for row in party.held if row.arrow == ">"), None)
+        new, run.values = run.values != told.values, told.values
+        if asked is None or new:
+            counted = self._count(told.asked, run, asked) if asked is not None else []
+            run.since = told.row.time
+            return [*counted, *self._held(party), told.row]
+        party.held.remove(asked)
+        run.count, run.last = run.count + 1, told.row.words
+        return self._count(told.asked, run, told.row) if told.row.time - run.since >= self._every else []
+
+    def _unanswered(self, party: _Party) -> list[Row]:
+        """A request that was held back and has had no answer when the next one comes: that is worth knowing."""
+        if all(row.arrow == "+" for row in party.held):
+            return []
+        if self._kept == "refusals":
+            party.held = [row for row in party.held if row.arrow == "+"]
+            return []
+        return self._held(party)
+
+    def _shown(self, party: _Party, told: Told) -> list[Row]:
+        """Something else than a question: it is shown with what led to it, and the fold is at an end."""
+        rows = [*self._counted(party, told.row), *self._held(party), told.row]
+        party.runs.clear()
+        return rows
+
+    def _held(self, party: _Party) -> list[Row]:
+        rows, party.held = party.held[-HELD:], []
+        return rows
+
+    def _counted(self, party: _Party, by: Row) -> list[Row]:
+        """On one line, at the end of a fold, how often everything was asked that has not been told yet."""
+        counts = {show(asked): run.count for asked, run in party.runs.items() if run.count}
+        for run in party.runs.values():
+            run.count, run.since = 0, by.time
+        if not counts:
+            return []
+        words = "asked again meanwhile: " + ", ".join(f"{asked} {_times(count)}" for asked, count in counts.items())
+        return [Row(by.time, by.side, "=", b"", words, "again", by.name)]
+
+    def _count(self, asked: bytes, run: _Run, by: Row) -> list[Row]:
+        """How often a question was asked since it was shown, and the newest answer."""
+        if not run.count:
+            return []
+        words = f"{_times(run.count)} more in {by.time - run.since:.0f} s, now {run.last}"
+        run.count, run.since = 0, by.time
+        return [Row(by.time, by.side, "=", asked, words, "again", by.name)]
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"

@@ -1,0 +1,134 @@
+"""Lines: time, who, direction, bytes, meaning, as wide as there is room, in colours where a terminal shows some.
+
+A line that is too long goes on under itself, indented; no byte and no word is left out. With ``night`` all colours are
+shades of red, which do least to eyes that are used to the dark.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from datetime import UTC, datetime
+from typing import TextIO
+
+from msgspec import Struct
+
+from gateway.core.wire_log import show
+
+#: Columns where no terminal says how many there are, and the least that lines are made for.
+COLUMNS, LEAST = 80, 40
+#: Columns for who it is and for the bytes; what is longer moves the rest to the right, or to the next line.
+WHO, BYTES = 15, 18
+#: Words that would get less room than this behind the bytes stand under them.
+ROOM = 24
+#: What stands before a line that goes on.
+UNDER = "    "
+#: What a line is of -> how it is shown, as the numbers of ECMA-48's SGR; by night and by day.
+DAY = {"program": "36", "mount": "32", "note": "33", "no": "31", "again": "2", "event": "2"}
+NIGHT = {"program": "31", "mount": "31", "note": "1;31", "no": "1;31", "again": "2;31", "event": "2;31"}
+
+
+class Row(Struct, frozen=True):
+    """What one line tells. ``kind`` is a key of ``DAY``; ``name`` is the mount's, where there are several."""
+
+    time: float
+    side: str
+    arrow: str
+    data: bytes = b""
+    words: str = ""
+    kind: str = "event"
+    name: str = ""
+
+
+def stamp(unix: float) -> str:
+    """The time of the day, UTC, to the millisecond."""
+    return datetime.fromtimestamp(unix, UTC).strftime("%H:%M:%S.%f")[:-3]
+
+
+def plain(row: Row, timed: bool = True) -> str:
+    """On one line, however long."""
+    data = [show(row.data).ljust(BYTES)] if row.data else []
+    return " ".join([_head(row, timed), *data, row.words]).rstrip()
+
+
+def wrapped(row: Row, columns: int) -> list[str]:
+    """On as many lines as it takes."""
+    head, columns = _head(row, timed=True) + " ", max(columns, LEAST)
+    start: list[str] = []
+    if len(head) > columns - ROOM:  # the rest stands under it
+        start, head = _words(head.rstrip(), columns - len(UNDER)), UNDER
+    room, data = columns - len(head), show(row.data)
+    if not data:
+        lines = _words(row.words, room)
+    elif len(data.ljust(BYTES)) + 1 + len(row.words) <= room:
+        lines = [f"{data:<{BYTES}} {row.words}"]
+    else:
+        lines = _in_columns(data, row.words, room)
+    indent = " " * len(head)
+    if start:
+        return [line.rstrip() for line in (start[0], *(UNDER + line for line in (*start[1:], *lines)))]
+    return [line.rstrip() for line in (head + lines[0], *(indent + line for line in lines[1:]))]
+
+
+def _in_columns(data: str, words: str, room: int) -> list[str]:
+    """Bytes, and words beside them or under them."""
+    beside = BYTES + 1 if room - BYTES - 1 >= ROOM else 2
+    pieces = _pieces(data, room)
+    text = _words(words, room - beside)
+    if len(pieces) == 1 and len(data) <= BYTES and beside > 2:
+        return [f"{data:<{BYTES}} {text[0]}", *(" " * beside + line for line in text[1:])]
+    if len(pieces) == 1 and len(data) + 1 + len(words) <= room:
+        return [f"{data} {words}"]
+    return [*pieces, *(" " * beside + line for line in text)]
+
+
+def _head(row: Row, timed: bool) -> str:
+    """When, which mount, who, direction."""
+    clock = [stamp(row.time)] if timed else []
+    name = [f"{row.name:<8}"] if row.name else []
+    return " ".join([*clock, *name, f"{row.side:<{WHO}}", row.arrow])
+
+
+def _pieces(text: str, room: int) -> list[str]:
+    return [text[start : start + room] for start in range(0, len(text), room)] or [""]
+
+
+def _words(text: str, room: int) -> list[str]:
+    """Whole words on every line, but for a word that is longer than a line."""
+    lines = [""]
+    for word in text.split(" "):
+        joined = f"{lines[-1]} {word}" if lines[-1] else word
+        if len(joined) <= room:
+            lines[-1] = joined
+            continue
+        lines += _pieces(word, room)
+    return lines if lines[0] or len(lines) == 1 else lines[1:]
+
+
+# --- where they go --------------------------------------------------------------------------------------------------
+
+
+def columns_of(stream: TextIO) -> Callable[[], int]:
+    """How many columns there are, asked for every line: a window may be resized."""
+
+    def columns() -> int:
+        try:
+            return os.get_terminal_size(stream.fileno()).columns or COLUMNS
+        except (OSError, ValueError):
+            return COLUMNS
+
+    return columns
+
+
+def colours_of(stream: TextIO, night: bool) -> dict[str, str]:
+    """How kinds of lines are shown on a stream; nothing where it is no terminal, or nobody wants colours."""
+    shows = sys.platform != "win32" or "WT_SESSION" in os.environ
+    if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not shows or not stream.isatty():
+        return {}
+    return NIGHT if night else DAY
+
+
+def painted(line: str, kind: str, colours: dict[str, str]) -> str:
+    """The same line in the colour of its kind."""
+    return f"\x1b[{colours[kind]}m{line}\x1b[0m" if kind in colours else line

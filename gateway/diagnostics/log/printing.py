@@ -1,0 +1,104 @@
+"""The sink that prints: entries of the transcript become rows, and those that are wanted become lines of a stream."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import TextIO
+
+from gateway.clients.wrong_preset import guess, other
+from gateway.core.wire_log import Entry, show
+from gateway.diagnostics.log.conversation import Cutting, Heard, Side
+from gateway.diagnostics.log.folding import Folding, Told
+from gateway.diagnostics.log.layout import Row, colours_of, columns_of, painted, plain, wrapped
+from gateway.mount.link.transaction import ReplyRules
+from gateway.system import journal
+
+#: What a person need not see: bytes shown as commands, the hub's own decisions, a lost port that has a note besides.
+SILENT = ("raw", "r", "v")
+#: What arrows mean that are no bytes.
+EVENTS = {"+": "connected", "-": "gone", "^": "port opened", "v": "port lost"}
+#: What can be left out: either side, all that only asks, all that succeeds.
+SHOWN = ("all", "program", "mount", "changes", "refusals")
+
+MOUNT = "mount"
+#: A protocol -> how its commands are cut out, and how its replies are taken apart.
+Speech = Callable[[str], tuple[Cutting, ReplyRules]]
+
+
+class Rows:
+    """Entries -> what is to be told of them. ``surfaces`` are the protocols of the surfaces, in their order."""
+
+    def __init__(self, mount: str, surfaces: Sequence[str], speech: Speech, shown: str = "all", name: str = "") -> None:
+        self._mount, self._surfaces, self._speech, self._name = mount, surfaces, speech, name
+        self._shown = shown
+        self._folding = Folding(shown)
+        self._sides: dict[str, Side] = {}
+        self._asked: dict[str, bytes] = {}
+
+    def take(self, entry: Entry) -> Iterable[Row]:
+        """The rows that are to be shown now."""
+        ours = entry.side == MOUNT
+        if entry.arrow in SILENT or self._shown == (MOUNT if not ours else "program"):
+            return ()
+        host = entry.side.rpartition(":")[0] or entry.side
+        kind = "mount" if ours else "program"
+        if entry.arrow == "+":
+            self._begin(entry)
+        heard = self._heard(entry)
+        if entry.arrow not in "<>":
+            kind = {"!": "note", "x": "no"}.get(entry.arrow, "event")
+        row = Row(
+            entry.time, entry.side, entry.arrow, entry.data, heard.words, "no" if heard.fails else kind, self._name
+        )
+        asked = self._asked.get(entry.side, b"") if entry.arrow == "<" else b""
+        if entry.arrow == ">":
+            self._asked[entry.side] = bytes(entry.data)
+        elif entry.arrow == "-":
+            self._sides.pop(entry.side, None)
+            self._asked.pop(entry.side, None)
+        return self._folding.take(Told(row, host, heard.asks, heard.fails, heard.values, asked))
+
+    def _begin(self, entry: Entry) -> None:
+        """A program has come to a surface, whose number the entry tells."""
+        number = entry.note.partition(",")[0].rpartition(" ")[2]
+        if number.isdecimal() and 0 < int(number) <= len(self._surfaces):
+            self._sides[entry.side] = self._new(self._surfaces[int(number) - 1])
+
+    def _new(self, protocol: str) -> Side:
+        return Side(protocol, *self._speech(protocol))
+
+    def _heard(self, entry: Entry) -> Heard:
+        """What an entry says, in words."""
+        if entry.arrow not in "<>x":
+            return Heard(entry.data, ", ".join(filter(None, (EVENTS.get(entry.arrow, ""), _plain(entry.note)))))
+        side = self._sides.get(entry.side)
+        if side is None:
+            protocol = self._mount if entry.side == MOUNT else guess(entry.data) or self._mount
+            side = self._sides[entry.side] = self._new(protocol)
+        if entry.arrow == "x":
+            foreign = other(side.protocol, entry.data)
+            words = f"; {foreign} has such a command" if foreign else ""
+            return Heard(entry.data, f"dropped: {entry.note}{words}", fails=True)
+        if entry.note:
+            return Heard(entry.data, _plain(entry.note), fails=True)
+        return side.command(entry.data) if entry.arrow == ">" else side.reply(entry.data)
+
+
+def _plain(text: str) -> str:
+    """Words that may hold what a program has sent: it cannot rewrite the terminal."""
+    return "".join(char if char.isprintable() else show(char.encode("utf-8", "replace")) for char in text)
+
+
+def printer(rows: Rows, stream: TextIO, night: bool = False) -> Callable[[Entry], None]:
+    """A sink that writes to a stream; in systemd's journal a note has a higher level than what was said."""
+    notice, info = (journal.level(number, stream) for number in (journal.NOTICE, journal.INFO))
+    colours, columns = colours_of(stream, night), columns_of(stream)
+
+    def put(entry: Entry) -> None:
+        for row in rows.take(entry):
+            level = notice if row.arrow == "!" else info
+            for line in [plain(row, timed=False)] if level else wrapped(row, columns()):
+                stream.write(f"{level}{painted(line, row.kind, colours)}\n")
+        stream.flush()
+
+    return put

@@ -1,0 +1,201 @@
+"""What happens to one command: words and bytes on both sides, found by playing it through the whole gateway.
+
+The mount is a simulated one, aligned and tracking, in virtual time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from functools import cache
+
+from msgspec.structs import replace
+
+from gateway.app.config import Endpoint, parse_device
+from gateway.app.gateway import shows_itself, speech
+from gateway.app.recording.format import unescape
+from gateway.app.simulated import DEFAULT_MODEL
+from gateway.astro.ephemeris import Sky
+from gateway.core.errors import UserError
+from gateway.core.operations import GetStatus
+from gateway.core.wire_log import show
+from gateway.diagnostics.command_tables import STANDS_FOR, effective, outcome, taken
+from gateway.diagnostics.log.conversation import Side
+from gateway.diagnostics.log.words import in_words
+from gateway.diagnostics.rehearsal.play import Before, Play, Player, stage
+from gateway.diagnostics.rehearsal.samples import example
+from gateway.diagnostics.virtual_time import run
+from gateway.protocols.wireformat.command_set import KEEPS, Command, CommandSet, SurfaceRow, Version, load
+
+#: What programs that speak LX200 have said before, so that there is a target.
+TARGET = {"lx200": (":Sr05:34:32#", ":Sd+22*00:52#", ":Sa+50*00#", ":Sz200*00#")}
+#: How long a gateway is left alone before it is asked, seconds.
+IDLE = 3.0
+#: So many commands of a kind in a row are shown.
+MANY = 3
+
+
+def explain(surface: str, mount: str, typed: str) -> str:
+    """Lines of text. ``surface`` and ``mount`` are ``PROTOCOL[:MODEL[/VERSION]]``, or a model's word alone.
+
+    Raises UserError for one of them that does not exist, and for a command that the protocol does not have.
+    """
+    face, at = parse_device(surface), whole(parse_device(mount))
+    frame = unescape(typed)
+    protocol, driven = load(face.protocol), load(at.protocol)
+    found = protocol.find(frame)
+    if found is None:
+        raise UserError(f"{face.protocol} has no command {typed!r}{_hint(face.protocol, frame)}")
+    command, picture = found
+    row = protocol.surface.get(command.name)
+    lines = [f"{show(frame)}  {command.help}"]
+    if command.models is not None:
+        lines.append(f"  by the manual only on {', '.join(sorted(command.models))}")
+    if face.version and not command.known_to(None, effective(protocol, face.model or "", face.version)):
+        lines.append(f"  a hand control of version {face.version} does not know it and passes over all of it")
+        return "\n".join(lines)
+    if command.beyond:
+        lines.append(f"  beyond the manual: {command.beyond}")
+    try:
+        if said := in_words(face.protocol, command.name, picture.decode(frame)):
+            lines.append(f"  {said}")
+    except ValueError as error:
+        lines.append(f"  not valid: {error}")
+    play, presented = play_one(face, at, frame, row)
+    own = shows_itself(at, face)
+    seen = traits(replace(face, model=presented), command)
+    lines += _own(protocol, command.name) if own else _said(row, driven, at, seen)
+    said = f"after {' '.join((*row.after, *row.during))}, " if row and (row.after or row.during) else ""
+    lines.append(f"for example, {said}with the Crab nebula as the target and an aligned mount that tracks:")
+    return "\n".join([*lines, *shown(play, face.protocol, at.protocol)])
+
+
+@cache
+def sky() -> Sky:
+    """One for all rehearsals, with exact answers: loading it takes longer than most of them."""
+    loaded = Sky()
+    loaded.load()
+    return loaded
+
+
+def whole(mount: Endpoint) -> Endpoint:
+    """A mount with its model and version: what is not said is what a simulated one is."""
+    model = mount.model or DEFAULT_MODEL[mount.protocol]
+    versions = load(mount.protocol).models[model].get("versions", [None])
+    return replace(mount, model=model, version=mount.version or versions[-1])
+
+
+def counted(mount: Endpoint) -> Version | None:
+    """The version whose commands a whole mount has."""
+    return effective(load(mount.protocol), mount.model or "", mount.version) if mount.version else None
+
+
+def traits(face: Endpoint, command: Command) -> frozenset[str]:
+    """What a row may ask of a presented model: nothing where its version lacks the command."""
+    protocol, model = load(face.protocol), face.model or DEFAULT_MODEL[face.protocol]
+    version = effective(protocol, model, face.version) if face.version else None
+    return protocol.traits(model) if command.known_to(None, version) or command.beyond else frozenset()
+
+
+def before(face: Endpoint, row: SurfaceRow) -> Before:
+    """What a program has said before this command, and what just before."""
+    after = (*TARGET.get(face.protocol, ()), *row.after)
+    return Before(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
+
+
+def play_one(face: Endpoint, mount: Endpoint, frame: bytes, row: SurfaceRow | None) -> tuple[Play, str]:
+    """A frame played on a stage of its own -> that, and the model presented: where none is named, what fits."""
+
+    async def play() -> tuple[Play, str]:
+        async with stage(face, mount, sky()) as whole_gateway:
+            presented, controller = whole_gateway.face, whole_gateway.controller
+            if presented.fit is not None and not shows_itself(mount, face):
+                status = await controller.read(GetStatus())
+                presented.model.update(
+                    presented.fit(status.equatorial, controller.driver.german, controller.driver.gps)
+                )
+            await asyncio.sleep(IDLE)  # what the gateway has asked for itself is old by then, so the mount is asked
+            played = await Player(whole_gateway).play(frame, Before() if row is None else before(face, row))
+            return played, str(presented.model["name"])
+
+    result: tuple[Play, str] = run(play())
+    return result
+
+
+def _name(at: Endpoint) -> str:
+    model = str(at.model)
+    return f"{'an' if model[0] in 'aeil' else 'a'} {model}{f'/{at.version}' if at.version else ''}"
+
+
+def _said(row: SurfaceRow | None, driven: CommandSet, at: Endpoint, face: frozenset[str]) -> list[str]:
+    """What the tables say becomes of it on this mount."""
+    model, version = at.model, counted(at)
+    said = outcome(row, driven, model, version, aligned=True, face=face)
+    lines = [f"outcome on {_name(at)} mount: {_means(said)}"]
+    early = outcome(row, driven, model, version, aligned=False, face=face)
+    if early != said:
+        lines.append(f"  before the alignment: {early}")
+    wedged = outcome(row, driven, model, version, aligned=True, wedge=True, face=face)
+    if wedged != said:
+        lines.append(f"  on a wedge: {wedged}")
+    if row is not None and row.why:
+        lines.append(f"  {row.why}")
+    return lines + [f"  {way.why}" for way in taken(row, driven, model, version, aligned=True) if way.why]
+
+
+def _means(outcome: str) -> str:
+    """An outcome with what the word stands for."""
+    return f"{outcome} ({STANDS_FOR[outcome]})" if outcome in STANDS_FOR else outcome
+
+
+def _own(protocol: CommandSet, name: str) -> list[str]:
+    """What the tables say where a program of the mount's own protocol sees the mount itself."""
+    row = protocol.own.get(name)
+    who = f"the mount itself, {KEEPS[row.keep]}" if row is not None and row.keep else "the gateway"
+    return [f"answered by {who}", *([f"  {row.why}"] if row is not None and row.why else [])]
+
+
+def _hint(client: str, frame: bytes) -> str:
+    """What may be wrong with it."""
+    other = "nexstar" if client == "lx200" else "lx200"
+    if load(other).find(frame) is not None:
+        return f"; it is one of {other}: write explain {other} {client}"
+    if client == "lx200":
+        bare = frame.strip(b":#")
+        if load(client).find(whole := b":" + bare + b"#") is not None:
+            return f"; did you mean '{show(whole)}'? {'Its # is missing' if frame[:1] == b':' else 'Its : is missing'}"
+        return ""
+    alike = [command for command in load(client).commands.values() if command.request.literal[:1] == frame[:1]]
+    return f"; {alike[0].help} is written like '{show(example(alike[0]))}'" if alike else ""
+
+
+def shown(play: Play, face: str, mount: str) -> list[str]:
+    """A play as lines: what it means, what goes to the mount up to the reply, what changes the mount after it."""
+    program, driven = Side(face, *speech(face)), Side(mount, *speech(mount))
+    lines: list[str] = []
+    answered, last, again = False, "", 0
+    for event in play.events:
+        line = ""
+        if event.kind == "reply":
+            answered = True
+        elif event.kind == "means":
+            line = f"  the gateway understands: {event.words}"
+        elif event.kind == "act" or (event.kind == "look" and not answered):
+            heard = driven.command(event.data)
+            line = f"    to the mount: {show(event.data)}  {heard.words}"
+            again = again + 1 if heard.command == last else 0
+            last = heard.command
+            if again == MANY:
+                line = "    to the mount: and so on"
+            elif again > MANY:
+                continue
+        elif event.kind == "note":
+            line = f"    {event.words}"
+        elif event.kind == "baud":
+            line = f"  a serial port goes on at {event.words} baud"
+        if line and line not in lines[-1:]:
+            lines.append(line)
+    program.command(play.frame)
+    words = program.reply(play.reply).words.partition(": ")[2] if play.reply else ""
+    same = words.strip('"') == show(play.reply).removesuffix("#")  # a name says itself
+    about = "" if same or words in ("", "accepted") else f"  ({words})"
+    return [*lines, f"reply: {show(play.reply) if play.reply else 'none'}{about}"]

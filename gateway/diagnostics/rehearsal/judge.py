@@ -1,0 +1,161 @@
+"""Whether what was seen of a command is what the tables say of it.
+
+The words of the tables are taken at their meaning: *translated* is seen on the wire, what is *kept* is kept and sends
+nothing, a *refused* one says no in its own form, and where it has none the log does. What a command sends is listed
+beside it, and what the log has to say about it is in its remark. A difference is a line of words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from gateway.core.errors import Unsupported
+from gateway.core.operations import Read, named
+from gateway.diagnostics.command_tables import outcome, remarks, sent, taken
+from gateway.diagnostics.rehearsal.play import Play
+from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
+from gateway.protocols.wireformat.command_set import Command, CommandSet, SurfaceRow, Version
+
+#: Notes that are about the mount or the site, not about a command.
+PRECISIONS = ("high", "low")
+_ASIDE = (
+    "WARNING",
+    "the mount tells no time",
+    "astronomy ",
+    "not aligned: positions",
+    "the hand control does not tell how it tracks",
+)
+
+
+class Case(NamedTuple):
+    """Which row was played, between which model presented and which mount, in which state."""
+
+    command: Command
+    row: SurfaceRow | None
+    #: The presented model's traits.
+    face: frozenset[str]
+    driven: CommandSet
+    model: str
+    version: Version | None
+    aligned: bool
+    #: The fork stands on a wedge.
+    wedge: bool
+    #: What is presented does not know it and passes over it.
+    lacking: bool
+
+    @property
+    def said(self) -> str:
+        """What the tables say becomes of it."""
+        return outcome(
+            self.row, self.driven, self.model, self.version, aligned=self.aligned, wedge=self.wedge, face=self.face
+        )
+
+
+def writes(row: SurfaceRow | None) -> bool:
+    """Whether a row may ask for something that changes the mount."""
+    kinds = [named(name) for name in (row.operations if row is not None else [])]
+    return any(kind is not None and not issubclass(kind, Read) for kind in kinds)
+
+
+def differences(case: Case, play: Play, surface: Surface, asked: frozenset[str]) -> Iterator[str]:
+    """All in which a play is not what the tables say; ``asked`` are the commands that the mount has been sent."""
+    if play.lines != b"".join(play.wire):
+        yield "explain shows other bytes than the mount has heard"
+    if case.lacking:
+        if play.wire or play.reply:
+            yield "the presented model does not know it, and something is done or answered"
+        return
+    said = case.said
+    listed = sent(case.row, case.driven, case.model, case.version, aligned=case.aligned, wedge=case.wedge)
+    changing = [found[0].name if (found := case.driven.find(data)) else repr(data) for data in play.wire]
+    unlisted = sorted({name for name in changing if name not in listed})
+    if said != "translated" and changing:
+        yield f"{said}, and yet {', '.join(sorted(set(changing)))} goes to the mount"
+    elif unlisted:
+        yield f"{', '.join(unlisted)} goes to the mount, and is not listed"
+    if said == "translated":
+        if writes(case.row) and not changing:
+            yield "translated, and nothing that changes the mount is sent"
+        if not writes(case.row) and not asked.intersection(listed):
+            yield "translated, and the mount has never been asked"
+    yield from _answered(case, play, surface, said)
+    answers = _answers(play)
+    denied = bool(answers) and all(_mount_says_no(case.driven, *pair) for pair in answers)
+    if denied and not is_no(case.command, play.reply, surface, play.frame) and not _notes(play):
+        yield "the mount says no, and nobody is told"
+
+
+def _answers(play: Play) -> list[tuple[bytes, bytes]]:
+    """What changes the mount, each with its answer, where the mount gives one."""
+    waiting: bytes | None = None
+    found = []
+    for event in play.events:
+        if event.kind in ("act", "look"):
+            waiting = event.data if event.kind == "act" else None
+        elif event.kind == "answer" and waiting is not None:
+            found.append((waiting, event.data))
+            waiting = None
+    return found
+
+
+def _mount_says_no(mount: CommandSet, request: bytes, answer: bytes) -> bool:
+    """Whether the mount has refused: a form for that, or a device that does not respond, which is one byte too long."""
+    command = mount.find(request)
+    if command is None:
+        return False
+    forms = command[0].replies
+    refused = any(reply.fault and form.matcher.fullmatch(answer) for reply, form in forms)
+    widths = {form.width for _, form in forms if form.width is not None}
+    return refused or (bool(widths) and mount.name == "nexstar" and len(answer) > max(widths))
+
+
+def _notes(play: Play) -> list[str]:
+    """What the log has to say that is about the command."""
+    return [event.words for event in play.of("note") if not event.words.startswith(_ASIDE)]
+
+
+def _answered(case: Case, play: Play, surface: Surface, said: str) -> Iterator[str]:
+    """What the reply and the log say, beside the outcome."""
+    command, row = case.command, case.row
+    notes = _notes(play)
+    no = is_no(command, play.reply, surface, play.frame)
+    if said == "missing":
+        yield "missing"
+    elif said == "refused":
+        if _has_no(command, surface, play.frame):
+            if not no:
+                yield f"refused, and the reply {play.reply!r} is no no"
+        elif not notes:
+            yield "refused, and neither the reply nor the log says so"
+    elif said == "silent":
+        if play.reply:
+            yield f"silent, and yet {play.reply!r} is said"
+    elif no:
+        yield f"{said}, and yet the reply is no: {play.reply!r}"
+    elif not play.reply and any(
+        form.fault is None and form.when in (None, *case.face, *PRECISIONS) for form, _ in command.replies
+    ):
+        yield f"{said}, and yet there is no reply"
+    elif said == "kept" and not command.replies and not (play.kept or (play.learnt and writes(row))):
+        yield "kept, and nothing is kept"
+    ways = taken(row, case.driven, case.model, case.version, aligned=case.aligned, wedge=case.wedge)
+    if (notes or said == "refused") and not remarks(row, ways):
+        yield f"no remark on it, and the log says: {'; '.join(notes) or 'nothing'}"
+
+
+def _no_form(surface: Surface, frame: bytes) -> bytes:
+    """What the surface says to a command that cannot be done on any mount; empty where it has no form for that."""
+    form = surface.unanswered(frame, Unsupported())
+    return b"" if form == ACKNOWLEDGED else form
+
+
+def _has_no(command: Command, surface: Surface, frame: bytes) -> bool:
+    """Whether the protocol has a form for no."""
+    return any(reply.fault for reply, _ in command.replies) or bool(_no_form(surface, frame))
+
+
+def is_no(command: Command, reply: bytes, surface: Surface, frame: bytes) -> bool:
+    """Whether a reply says no."""
+    forms = [form for answer, form in command.replies if answer.fault]
+    return bool(reply) and (any(form.matcher.fullmatch(reply) for form in forms) or reply == _no_form(surface, frame))

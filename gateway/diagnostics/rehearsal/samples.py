@@ -1,0 +1,58 @@
+"""An example of every command, so that all of them can be played: ordinary values at the time and place of a rehearsal.
+
+A field is filled by what its command needs, else by its name, else by the first value that its form can carry; so a new
+row has an example without being listed here.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, date, datetime
+from typing import Any
+
+from gateway.core.errors import MappingError
+from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.fields import Codec
+
+#: 2026-01-28 21:00 UTC: a night with the Moon, the Crab nebula and Jupiter well up at the place of a simulated mount.
+START = 1769634000.0
+_NOW = datetime.fromtimestamp(START + 60.0, UTC)
+#: The Crab nebula.
+TARGET = (83.633, 22.0145)
+#: What belongs to a name, whichever command has it.
+_BY_NAME: dict[str, Any] = {
+    "ra": TARGET[0], "dec": TARGET[1], "az": 200.0, "alt": 50.0, "latitude": 44.5, "longitude": 11.0,
+    "date": _NOW.date(), "time": _NOW.hour * 3600.0 + _NOW.minute * 60.0, "offset": -1.0, "hertz": 60.0, "limit": 20.0,
+    "number": 42, "site": 2, "direction": "n", "ms": 500, "name": "HOM", "types": "GPDCO",
+    "stamp": _NOW.strftime("%y%m%d%H%M%S"), "hour": _NOW.hour, "minute": _NOW.minute, "second": 0, "month": _NOW.month,
+    "day": _NOW.day, "quarters": 0, "zone": 0, "dst": 0, "device": 16, "position": 30.0, "mode": 0, "ticks": 50,
+    "on": 1, "echo": 120,
+}  # fmt: skip
+#: What one command needs.
+_BY_COMMAND: dict[tuple[str, str], Any] = {
+    ("H", "year"): _NOW.year % 100, ("I", "year"): _NOW.year % 100, ("rtc_set_year", "year"): _NOW.year,
+    ("SE", "latitude"): 17.0, ("Se", "longitude"): 59.0, ("Lo", "catalog"): 1, ("Ls", "catalog"): 3,
+    ("LS", "number"): 32349, ("move_pos", "device"): 18, ("move_neg", "device"): 18, ("RA", "rate"): 2.0,
+    ("RE", "rate"): 2.0, ("Rg", "rate"): 7.5, ("Sw", "rate"): 4, ("F", "speed"): 3, ("set_guide_rate", "rate"): 128,
+    ("axis_goto", "device"): 17, ("axis_goto_slow", "device"): 17,
+    ("fine_rate_pos", "rate"): 153600, ("fine_rate_neg", "rate"): 153600,
+    **{(f"rate_{axis}_{sense}", "rate"): 600 for axis in ("azm", "alt") for sense in ("pos", "neg")},
+}  # fmt: skip
+_ANYTHING = (5, 7.5, 1, "A", "text", *"SEWTP0", "12", "n", date(2026, 1, 28))
+
+
+def example(command: Command) -> bytes:
+    """A request of this command. Raises MappingError for a field that nothing can be written into."""
+    values = {name: _value(command, name, field) for name, field in command.request.fields.items()}
+    return command.request.encode(values)
+
+
+def _value(command: Command, name: str, field: Codec) -> Any:
+    """Something that the field can carry and that can be read again."""
+    wanted = (_BY_COMMAND.get((command.name, name)), _BY_NAME.get(name), *_ANYTHING)
+    for value in (value for value in wanted if value is not None):
+        try:
+            field.decode(field.encode(value))
+        except (ValueError, TypeError, AttributeError):
+            continue
+        return value
+    raise MappingError("commands.toml", command.name, f"no example of its field {name!r} can be written")

@@ -1,0 +1,165 @@
+"""A stage: a whole gateway in one process on virtual time, a client at one end, a simulated mount at the other.
+
+The parts are those of a real one, put together as ``assembly`` does; only ports, files and the watchdog are missing.
+``wire`` is what the mount itself heard, taken at its end of the line and not from the gateway's own records.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
+from gateway.app.gateway import DRIVERS, FACES, own_face, policy, shows_itself
+from gateway.app.simulated import DEFAULT_SITE, make_simulator
+from gateway.astro.ephemeris import Sky
+from gateway.clients.acceptor import ConnectionAcceptor, SurfaceBinding
+from gateway.clients.access import Access
+from gateway.core import operations as op
+from gateway.core.wire_log import Entry, Transcript
+from gateway.mount.controller import MountController
+from gateway.mount.link.queue import MountLink
+from gateway.mount.site.site_clock import SiteClock
+from gateway.transport.wires import SimulatedTransport
+
+
+def _nobody() -> None:
+    """What has changed is kept by nobody."""
+
+
+class Stage:
+    """``sim`` is the simulated mount, ``hub`` the gateway's, ``client()`` a new connection. Needs a running loop.
+
+    ``start`` is Unix time; ``ramps`` False is a mount whose motors change their speed at once; ``on`` a stage that has
+    ended, whose mount is used again; ``simulated`` are further settings of the simulator. The driver finds out which
+    mount it is, and where it is ``named`` it was told before, as on a command line.
+    """
+
+    def __init__(
+        self,
+        mount: str | None,
+        version: str | None = None,
+        *,
+        start: float,
+        driven: str = "nexstar",
+        presented: str = "lx200",
+        surface: str | None = None,
+        surface_version: str | None = None,
+        site: tuple[float, float] = DEFAULT_SITE,
+        latency: float = 0.05,
+        aligned: bool = True,
+        speed: float = 1.0,
+        config: dict[str, Any] | None = None,
+        host_ahead: float = 0.0,
+        on: Stage | None = None,
+        access: Access = Access(),
+        ramps: bool = True,
+        sky: Sky | None = None,
+        named: bool = False,
+        simulated: dict[str, Any] | None = None,
+    ) -> None:
+        loop = asyncio.get_running_loop()
+        self._began: float = loop.time() if on is None else on._began
+        self.clock: Callable[[], float] = lambda: start + loop.time() - self._began
+        self.host: Callable[[], float] = lambda: self.clock() + host_ahead
+        self.settings = MountConfig(at="-", **(config or {}))
+        endpoint = Endpoint(driven, "sim", mount, version)
+        self.sim: Any = (
+            on.sim
+            if on
+            else make_simulator(
+                endpoint, clock=self.clock, site=site, aligned=aligned, speed=speed, ramps=ramps, **(simulated or {})
+            )
+        )
+        self.transcript = Transcript(self.clock)
+        self.entries: list[Entry] = []
+        self.transcript.sinks.append(self.entries.append)
+        known = endpoint if named else Endpoint(driven, "sim")
+        driver, follow_ups, dialogue = DRIVERS[driven](known, self.settings, loop.time)
+        self.driver: Any = driver
+        driver.hurry = speed
+        self.wire: list[bytes] = []
+        line = MountLink(
+            SimulatedTransport("sim", self._listening(self.sim.connection), latency), dialogue, self.transcript
+        )
+        given = self.settings.site
+        self.observatory = SiteClock(loop.time, self.host, op.Place(*given) if given else None)
+        self.controller = MountController(
+            driver, follow_ups, line, sky or Sky(), self.observatory, self.transcript, policy(self.settings)
+        )
+        shown = Endpoint(presented, "-", surface, surface_version)
+        self.face: SurfaceBinding = FACES[presented](shown, SurfaceConfig(at="-"), self.settings.limits)
+        self.face.surface.verbatim = presented == driven
+        if shows_itself(Endpoint(driven, "sim"), shown):
+            self.controller.identification.told = lambda: own_face(self.controller, self.face)
+        self.shared, changed = self.remember()
+        self.reception = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, changed, access=access)
+
+    def remember(self) -> tuple[dict[str, Any], Callable[[], None]]:
+        """What all clients have in common, and what to call when it has changed: here nothing outlives the stage."""
+        return {"sites": {}}, _nobody
+
+    def _listening(self, connect: Callable[..., Any]) -> Callable[..., Any]:
+        """The same way into the mount, where what it is sent is noted."""
+
+        def connection(later: Callable[[float, bytes], None]) -> Callable[[bytes], bytes]:
+            feed = connect(later)
+
+            def heard(data: bytes) -> bytes:
+                self.wire.append(data)
+                answer: bytes = feed(data)
+                return answer
+
+            return heard
+
+        return connection
+
+    async def __aenter__(self) -> Any:
+        self.controller.start()
+        await self.controller.settled.wait()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.controller.close()
+
+    def client(self, host: str = "127.0.0.1") -> Visitor:
+        return Visitor(self, host)
+
+    def sent(self) -> list[bytes]:
+        """Every request that went to the mount so far."""
+        return [entry.data for entry in self.entries if entry.side == "mount" and entry.arrow == ">"]
+
+
+class Visitor:
+    """One connection."""
+
+    def __init__(self, stage: Any, host: str) -> None:
+        self.heard = b""
+        self._guest = stage.reception.arrive(host, host, self._hear)
+
+    def _hear(self, data: bytes) -> None:
+        self.heard += data
+
+    @property
+    def answered(self) -> bool:
+        """Whether everything said so far has been answered, as far as it is answered at all."""
+        return bool(self._guest.answered)
+
+    async def ask(self, data: bytes, seconds: float = 10.0, *, until: bytes = b"") -> bytes:
+        """Send bytes and wait for the reply: up to ``until``, else for whatever comes first; b"" after ``seconds``."""
+        self.heard = b""
+        self._guest.feed(data)
+        end = asyncio.get_running_loop().time() + seconds
+        while asyncio.get_running_loop().time() < end:
+            if self.heard and (not until or self.heard.endswith(until)):
+                break
+            await asyncio.sleep(0.01)
+        return self.heard
+
+    def tell(self, data: bytes) -> None:
+        """Send bytes that have no reply."""
+        self._guest.feed(data)
+
+    def close(self) -> None:
+        self._guest.close()

@@ -1,0 +1,300 @@
+"""Replaying a recording: its times are the clock, its mount bytes are the mount, its clients ask again.
+
+Every client must receive the bytes that it received then. A recording that tells at which turns of the event loop all
+came is played turn by turn (``retracing``). Of an older one, or one of another version, the order is guessed: the line
+sends its requests in the recorded order and at the recorded times, and the hub decides as it did.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import msgspec
+
+from gateway import __version__
+from gateway.app.config import MountConfig, SurfaceConfig
+from gateway.app.gateway import Gateway
+from gateway.app.recording.format import MOUNT, WITHOUT_TURNS, Event, Recording
+from gateway.app.state.store import PreviousRun
+from gateway.core import operations as op
+from gateway.core.errors import UserError
+from gateway.core.wire_log import SKY_READY, Entry, Transcript
+from gateway.diagnostics.replay.recorded_mount import ROUNDED, RecordedLine, RecordedLoop, RecordedWire
+from gateway.diagnostics.replay.retraced import RetracedLoop
+from gateway.diagnostics.replay.retracing import Difference, Retracing, surface_and_host
+from gateway.diagnostics.virtual_time import run
+from gateway.mount.link.queue import MountLink
+from gateway.mount.link.transaction import ReplyRules
+from gateway.transport import ConnectionHandler
+from gateway.transport.wires import SimulatedTransport
+
+#: Turns of the event loop in which everything has come to rest that one event has set going.
+TURNS = 60
+#: What the gateway is given to end after the last event, seconds.
+AFTERWARDS = 1.0
+
+
+class Outcome(NamedTuple):
+    """``strayed`` are the moments at which the gateway asked the mount something else than it did then.
+
+    ``guessed`` tells why the order of events could not be followed exactly; empty when it was.
+    """
+
+    clients: int
+    replies: int
+    requests: int
+    differences: list[Difference]
+    strayed: list[str]
+    guessed: str = ""
+
+
+def replay(recording: Recording) -> Outcome:
+    """Play a recording again. Raises UserError for one whose beginning is missing."""
+    if recording.settings["from"]:
+        raise UserError(
+            f"{recording.parts[0]}: the recording's beginning is missing, it was deleted when the files "
+            "became too many (record-keep) or is in files that are not here: it can be decoded, "
+            "or replayed with --sim"
+        )
+    why = _guess(recording)
+    if not why:
+        with asyncio.Runner(loop_factory=RetracedLoop) as runner:
+            return runner.run(_retrace(recording))
+    events = list(recording)
+    outcome: Outcome = run(_replay(recording, events), lambda: RecordedLoop(events))
+    return outcome._replace(guessed=why)
+
+
+def _guess(recording: Recording) -> str:
+    """Why the order in which things took effect must be guessed; empty when it can be followed."""
+    if recording.format == WITHOUT_TURNS:
+        return "the recording is of an older format, which does not tell the order in which commands took effect"
+    recorded = recording.settings.get("version"), recording.settings.get("python")
+    here = __version__, "{}.{}".format(*sys.version_info)
+    if recorded != here:
+        return "it was recorded by mount-gateway {} on Python {}, and this is {} on {}".format(*recorded, *here)
+    return ""
+
+
+async def _retrace(recording: Recording) -> Outcome:
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, RetracedLoop)
+    played = Retracing(_gateway(recording, loop.time), loop)
+    await played.run(recording)
+    return Outcome(played.clients, played.replies, played.wire.requests, played.differences, played.wire.strayed)
+
+
+def _gateway(recording: Recording, clock: Callable[[], float]) -> Gateway:
+    """The gateway that was recorded, as it was set up. Raises UserError."""
+    config = recording.settings["config"]
+    try:
+        mount = msgspec.convert(config["mount"], MountConfig)
+        surfaces = msgspec.convert(config["surface"], list[SurfaceConfig])
+        past = msgspec.convert(recording.settings["past"], PreviousRun)
+    except (msgspec.ValidationError, KeyError, TypeError) as error:
+        raise UserError(f"recording: its settings do not suit this version of mount-gateway: {error}") from None
+    gateway = Gateway(mount, surfaces, clock=clock)
+    gateway.past = past
+    return gateway
+
+
+async def _replay(recording: Recording, events: list[Event]) -> Outcome:
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, RecordedLoop)
+
+    def now() -> float:
+        return loop.time() - loop.began
+
+    wire = RecordedWire(events, now)
+    gateway = _gateway(recording, lambda: float(recording.settings["began"]) + now())
+    lines: list[RecordedLine] = []
+
+    def line(dialogue: ReplyRules, transcript: Transcript) -> MountLink:
+        lines.append(RecordedLine(wire, dialogue, transcript))
+        return lines[0]
+
+    gateway.prepare(line)
+    assert gateway.controller is not None
+    clients = _Clients(gateway)
+    gateway.begin(refresh=False)  # the recording decides
+    asked = 0
+    for cause, requests in _causes(events):
+        await loop.until(cause.at)
+        at_once = sum(at <= cause.at + ROUNDED for at in requests)
+        lines[0].allow(at_once)
+        if cause.side == MOUNT:
+            _mount(cause, asked, gateway, wire)
+        elif cause.arrow == "r":
+            gateway.controller.spawn(gateway.controller.refresh.renew(getattr(op, cause.data.decode())))
+        else:
+            clients.play(cause)
+        await _rest()
+        for at in requests[at_once:]:
+            await loop.until(at)
+            lines[0].allow(1)
+            await _rest()
+        asked += len(requests)
+    await asyncio.sleep(AFTERWARDS)
+    await gateway.close()
+    total = sum(1 for event in events if event.side == MOUNT and event.arrow == ">")
+    replies = sum(1 for event in events if event.side != MOUNT and event.arrow == "<")
+    return Outcome(len(clients.all), replies, total, clients.compare(events), wire.strayed)
+
+
+def replay_on_simulator(recording: Recording, show: Callable[[str], object]) -> None:
+    """The recorded clients on a simulated mount of the recorded kind; every line of the conversation is shown."""
+    run(_on_simulator(recording, show))
+
+
+async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> None:
+    from gateway.app.gateway import speech
+    from gateway.app.simulated import DEFAULT_SITE, make_simulator
+    from gateway.diagnostics.log.layout import plain
+    from gateway.diagnostics.log.printing import Rows
+
+    loop = asyncio.get_running_loop()
+    began = loop.time()
+
+    def now() -> float:
+        return loop.time() - began
+
+    def clock() -> float:
+        return float(recording.settings["began"]) + now()
+
+    gateway = _gateway(recording, clock)
+
+    rows = Rows(gateway.mount.protocol, [endpoint.protocol for endpoint in gateway.endpoints], speech)
+
+    def put(entry: Entry) -> None:
+        for row in rows.take(entry):
+            show(plain(row))
+
+    gateway.transcript.sinks.append(put)
+    simulator = make_simulator(gateway.mount, clock=clock, site=gateway.config.site or DEFAULT_SITE)
+    gateway.prepare(
+        lambda dialogue, transcript: MountLink(SimulatedTransport("sim", simulator.connection), dialogue, transcript)
+    )
+    gateway.sky.load()
+    clients = _Clients(gateway)
+    gateway.begin()
+    for event in recording:
+        await asyncio.sleep(max(0.0, event.at - now()))
+        if event.side != MOUNT:
+            clients.play(event)
+    await asyncio.sleep(AFTERWARDS)
+    await gateway.close()
+
+
+def _causes(events: list[Event]) -> Iterator[tuple[Event, list[float]]]:
+    """What came from outside, each with the times of the requests to the mount until something else came."""
+    cause: Event | None = None
+    requests: list[float] = []
+    for event in events:
+        if event.side == MOUNT and event.arrow == ">":
+            requests.append(event.at)
+        elif event.arrow in ("<^v!" if event.side == MOUNT else "+->er"):
+            if cause is not None:
+                yield cause, requests
+            cause, requests = event, []
+    if cause is not None:
+        yield cause, requests
+
+
+async def _rest() -> None:
+    """Let everything that one event has set going come to rest."""
+    for _ in range(TURNS):
+        await asyncio.sleep(0)
+
+
+def _mount(event: Event, asked: int, gateway: Gateway, wire: RecordedWire) -> None:
+    """Make what the mount did happen again, ``asked`` requests from the beginning."""
+    match event.arrow:
+        case "<":
+            wire.deliver(asked, event.data)
+        case "v":
+            wire.lost(event)
+        case "!" if event.data == SKY_READY.encode():
+            gateway.sky.load()
+
+
+class _Talk(NamedTuple):
+    """One connection, and what it is told now."""
+
+    name: str
+    guest: ConnectionHandler
+    told: bytearray
+
+
+class _Then(NamedTuple):
+    """What a connection was told then, and (offset, seconds) of every reply."""
+
+    told: bytearray
+    times: list[tuple[int, float]]
+
+
+class _Clients:
+    """The recorded connections, by name; a name may be used again once it is gone."""
+
+    def __init__(self, gateway: Gateway) -> None:
+        self._gateway = gateway
+        self._here: dict[str, _Talk] = {}
+        self.all: list[_Talk] = []
+
+    def play(self, event: Event) -> None:
+        """Make what a client did happen again."""
+        match event.arrow:
+            case "+":
+                self._come(event)
+            case "-" if event.side in self._here:
+                self._here.pop(event.side).guest.close()
+            case "e" if event.side in self._here:
+                self._here[event.side].guest.gone()
+            case ">" if event.side in self._here:
+                self._here[event.side].guest.feed(event.data)
+
+    def _come(self, event: Event) -> None:
+        number, host = surface_and_host(event)
+        now = bytearray()
+        reception = self._gateway.receptions[number - 1]
+        talk = _Talk(event.side, reception.come(event.side, host, now.extend), now)  # it was not turned away then
+        if self._gateway.endpoints[number - 1].where.startswith(("tcp://", "rfc2217://")):
+            talk.guest.network(lambda last: None)  # a stranger's bytes are in no recording
+        self._here[event.side] = talk
+        self.all.append(talk)
+
+    def compare(self, events: list[Event]) -> list[Difference]:
+        """What every client was told then against now: one difference for each that was told something else."""
+        then: dict[str, _Then] = {}
+        talks = iter(self.all)
+        pairs: list[tuple[_Talk, _Then]] = []
+        for event in events:
+            if event.side == MOUNT:
+                continue
+            if event.arrow == "+":
+                then[event.side] = _Then(bytearray(), [])
+                pairs.append((next(talks), then[event.side]))
+            elif event.arrow == "-":
+                then.pop(event.side, None)  # what comes for it later goes nowhere
+            elif event.arrow == "<" and event.side in then:
+                then[event.side].times.append((len(then[event.side].told), event.at))
+                then[event.side].told.extend(event.data)
+        return [found for talk, heard in pairs if (found := _difference(talk, heard))]
+
+
+def _difference(talk: _Talk, then: _Then) -> Difference | None:
+    if then.told == talk.told:
+        return None
+    at = next(
+        (i for i, (a, b) in enumerate(zip(then.told, talk.told, strict=False)) if a != b),
+        min(len(then.told), len(talk.told)),
+    )
+    start, when = max((item for item in then.times if item[0] <= at), default=(0, 0.0))
+    return Difference(talk.name, when, bytes(then.told[start : start + 24]), bytes(talk.told[start : start + 24]))
+
+
+def in_words(found: list[Difference]) -> list[str]:
+    """One line each."""
+    return [f"{item.at:.3f} s, {item.client}: then {item.then!r}, now {item.now!r}" for item in found]

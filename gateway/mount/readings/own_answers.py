@@ -1,0 +1,112 @@
+"""What the mount itself answers to programs of its own protocol: asked once for all who want to know it.
+
+How long an answer serves everybody is said in the tables (``KEEPS`` in ``gateway/tables.py``). What the gateway has
+told otherwise, because a program has set it and the mount has not taken it, stands against the mount's word.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from typing import TYPE_CHECKING
+
+from msgspec import Struct
+
+from gateway.core import operations as op
+from gateway.core.errors import Fault, NoDevice, Silence, Unsupported
+from gateway.mount.link.queue import READ
+from gateway.mount.readings.cache import MISSING
+
+if TYPE_CHECKING:
+    from gateway.mount.controller import MountController
+
+#: Seconds that an answer serves everybody.
+LASTS = {"fixed": math.inf, "state": 1.0, "site": 1.0}
+#: Different questions whose answers are remembered: programs may ask for devices without end.
+REMEMBERED = 200
+
+
+class _Heard(Struct, frozen=True):
+    """The mount's bytes, or the fault that was its answer, and the loop time from which on it is asked again."""
+
+    answer: bytes | Fault
+    until: float
+
+
+class OwnAnswers:
+    """``tell`` gives what is at hand, ``read`` asks the mount; ``forget`` when it may be another mount."""
+
+    def __init__(self, controller: MountController) -> None:
+        self._controller = controller
+        self._heard: dict[op.Own, _Heard] = {}
+        self._asking: dict[op.Own, asyncio.Task[bytes]] = {}
+
+    def forget(self, everything: bool = False) -> None:
+        """Something was set, or the mount was found anew: what may have changed is asked again.
+
+        Nor is the answer to a question that was asked before told to anybody who asks from now on.
+        """
+        self._asking = {}
+        self._heard = (
+            {} if everything else {key: heard for key, heard in self._heard.items() if math.isinf(heard.until)}
+        )
+
+    def tell(self, operation: op.Own) -> bytes:
+        """The mount's answer, when it is at hand; MISSING when it must be waited for."""
+        heard = self._fresh(operation)
+        told: bytes = MISSING
+        if heard is not None and isinstance(heard.answer, bytes) and not self._stands_against(operation):
+            told = heard.answer
+        return told
+
+    async def read(self, operation: op.Own) -> bytes:
+        """The mount's answer; an exchange belongs to all who ask meanwhile. Raises Fault."""
+        if self._stands_against(operation):
+            raise Unsupported
+        heard = self._fresh(operation)
+        if heard is None:
+            task = self._asking.get(operation)
+            if task is None:
+                task = self._asking[operation] = self._controller.spawn(self._ask(operation))
+                task.add_done_callback(lambda done: self._asked(operation, done))
+            answer: bytes = await self._controller.turnstile.outcome(task)
+            return answer
+        if isinstance(heard.answer, Fault):
+            raise type(heard.answer)(str(heard.answer))
+        return heard.answer
+
+    def _asked(self, operation: op.Own, task: asyncio.Task[bytes]) -> None:
+        if self._asking.get(operation) is task:
+            del self._asking[operation]
+        if not task.cancelled():
+            task.exception()  # whoever still waits gets it; nobody waiting is no error
+
+    async def _ask(self, operation: op.Own) -> bytes:
+        await self._controller.identified.wait()
+        lasts = LASTS.get(operation.keep, 0.0)
+        try:
+            answer: bytes = await self._controller.drive(self._controller.driver.perform(operation), READ)
+        except (NoDevice, Silence) as fault:
+            # A mount that does not know a question will not know it in a second either, and silence takes long to hear.
+            self._remember(operation, type(fault)(str(fault)), math.inf if isinstance(fault, Silence) else lasts)
+            raise
+        self._remember(operation, answer, lasts)
+        return answer
+
+    def _remember(self, operation: op.Own, answer: bytes | Fault, lasts: float) -> None:
+        if lasts and operation in self._asking:
+            self._heard.pop(operation, None)
+            self._heard[operation] = _Heard(answer, self._controller.now() + lasts)
+        if len(self._heard) > REMEMBERED:
+            del self._heard[next(iter(self._heard))]
+
+    def _fresh(self, operation: op.Own) -> _Heard | None:
+        heard = self._heard.get(operation)
+        return heard if heard is not None and self._controller.now() < heard.until else None
+
+    def _stands_against(self, operation: op.Own) -> bool:
+        """Whether programs are told another site or clock here than the mount has."""
+        observatory = self._controller.observatory
+        if operation.keep == "clock":
+            return observatory.kept_clock is not None
+        return operation.keep == "site" and observatory.set_site() is not None

@@ -1,0 +1,106 @@
+"""Whether the mount is seen to rest: two looks at it that agree within what tracking explains.
+
+On the sky a drive that is on keeps the place, and one that is off lets the sky pass. That alone would not see an axis
+that turns the tube about where it points (at the pole, in the zenith), so the axes are looked at as well. How fast the
+mount may be and not be seen follows from how finely it tells its position: the looks are so far apart.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from math import cos, radians
+from typing import TYPE_CHECKING, NamedTuple
+
+from gateway.astro.spherical import separation, wrap180
+from gateway.core import operations as op
+from gateway.core.errors import Asleep, Fault, NoAnswer
+
+if TYPE_CHECKING:
+    from gateway.mount.controller import MountController
+
+#: Seconds that a mount has to come to rest after it acknowledged a stop: running on takes up to two.
+SIGHT = 8.0
+#: Seconds between two looks that are compared, at least, and from one look to the next.
+APART, BREATH = 0.7, 0.2
+ARCSECOND = 1.0 / 3600.0
+#: Degrees a second: of the sky over a drive that is off; what is slower than the other is not noticed; how much other
+#: drive rates (solar, lunar) differ from the stars'.
+SKY, CREEP, DRIVES = 15.041 * ARCSECOND, 30.0 * ARCSECOND, 3.0 * ARCSECOND
+#: Degrees a second that an axis may turn; so many times the sky's rate where azimuth must follow it past the zenith,
+#: and no faster even there.
+TURNS, ZENITH, FASTEST = 0.1, 3.0, 2.5
+
+
+class PositionSample(NamedTuple):
+    """Where it pointed, degrees, where its axes stood, and how fast the first of them may turn, degrees a second."""
+
+    at: float
+    seen: op.Equatorial
+    axes: tuple[float, float]
+    turns: float
+
+
+async def come_to_rest(controller: MountController, seconds: float = SIGHT) -> None:
+    """Look at the mount until it is seen to rest. Raises Fault that says what was seen, or could not be.
+
+    One that hibernates said so itself, and is not asked.
+    """
+    looks: deque[PositionSample] = deque()
+    rate, trouble = None, Fault("it has not told where it is")
+    apart = max(APART, controller.driver.resolution / CREEP)
+    try:
+        async with asyncio.timeout(seconds):
+            while True:
+                try:
+                    looks.append(await _look(controller))
+                except Asleep:
+                    return
+                except NoAnswer as fault:
+                    looks.clear()
+                    trouble = fault
+                except Fault as fault:
+                    trouble = fault
+                while len(looks) > 1 and looks[-1].at - looks[1].at >= apart:
+                    looks.popleft()
+                if len(looks) > 1 and looks[-1].at - looks[0].at >= apart:
+                    rate = _unexplained(looks[0], looks[-1], 1.25 * controller.driver.resolution)
+                    if rate == 0.0 and not controller.moving:
+                        return
+                await asyncio.sleep(BREATH)
+    except TimeoutError:
+        pass
+    if controller.moving:
+        raise Fault("it was stopped, and a program has set it moving again; mount-gateway stop --hold keeps it at rest")
+    if rate is None:
+        raise Fault(f"the stop was sent, and nobody can see whether it rests: {trouble}")
+    raise Fault(f"it acknowledged the stop and still moves after {seconds:.0f} s, {rate:.3f} degrees a second")
+
+
+async def _look(controller: MountController) -> PositionSample:
+    """Ask the mount anew. Raises Fault."""
+    status: op.Status = await controller.read(op.GetStatus())
+    seen: op.Equatorial = await controller.anew(op.Position())
+    at = controller.now()
+    if controller.driver.way(op.AxisPosition) or not status.equatorial:
+        kind = op.AxisPosition if controller.driver.way(op.AxisPosition) else op.HorizontalPosition
+        there: op.Horizontal = await controller.anew(kind())
+        axes = (there.az, there.alt)
+    else:
+        axes = (seen.ra, seen.dec)
+    turns = TURNS
+    if not status.equatorial and status.tracking is not op.Tracking.OFF:
+        turns = min(FASTEST, max(TURNS, ZENITH * SKY / max(abs(cos(radians(axes[1]))), 1e-6)))
+    return PositionSample(at, seen, axes, turns)
+
+
+def _unexplained(before: PositionSample, after: PositionSample, fine: float) -> float:
+    """How fast it moves beyond what tracking explains, degrees a second; 0 where that is less than ``fine`` degrees."""
+    elapsed = after.at - before.at
+    (ra, dec), (last_ra, last_dec) = (before.seen.ra, before.seen.dec), (after.seen.ra, after.seen.dec)
+    kept, passed = separation(ra, dec, last_ra, last_dec), separation(ra + SKY * elapsed, dec, last_ra, last_dec)
+    moved = min(kept, passed) - DRIVES * elapsed
+    first = abs(wrap180(after.axes[0] - before.axes[0])) - max(before.turns, after.turns) * elapsed
+    second = abs(wrap180(after.axes[1] - before.axes[1])) - TURNS * elapsed
+    most = max(moved, first, second)
+    return most / elapsed if most > fine else 0.0

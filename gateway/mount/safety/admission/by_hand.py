@@ -1,0 +1,120 @@
+"""What moves the mount by hand, guides it or lets it track again: does it lead beyond a limit at once?
+
+A motion is judged by its first stretch (``by_hand.py``), tracking by the next minute, and only where the mount stands
+beyond a limit already: what leads out of there is allowed, what leads farther is refused in words.
+"""
+
+from __future__ import annotations
+
+from msgspec.structs import replace
+
+from gateway.astro.spherical import SIDEREAL_RATE
+from gateway.core import operations as op
+from gateway.core.errors import Fault, PastMeridian
+from gateway.mount.safety.admission.first_stretch import (
+    Start,
+    as_motion,
+    check_either_way,
+    check_turns,
+    knows_meridian,
+    turn,
+)
+from gateway.mount.safety.admission.questions import Questions, over, tilt
+from gateway.mount.safety.inputs import MountInputs
+from gateway.mount.safety.limits import Limits
+from gateway.mount.safety.rules.altitude import leaving
+from gateway.mount.safety.rules.meridian import past_meridian
+from gateway.mount.safety.watch import LimitWatch
+
+#: A position older than that says nothing about where a motion begins.
+OLD_POSITION = 6.0
+#: How far ahead tracking is looked at, seconds.
+A_WHILE = 60.0
+
+
+class HandAdmission:
+    """Asked for every motion by hand, every guide pulse, and when tracking is to go on."""
+
+    def __init__(self, mount: MountInputs, ask: Questions, watch: LimitWatch) -> None:
+        self._mount, self._ask, self._watch = mount, ask, watch
+
+    async def check(self, operation: op.Move | op.MoveAxis) -> None:
+        """Raises BelowHorizon, TooHigh, NearSun or PastMeridian when it would be too late to stop it there."""
+        mount = self._mount
+        start = await self._start()
+        if start is None:
+            return
+        limits = mount.limits()
+        if isinstance(operation, op.Move):
+            limits = limits.narrowed(operation.lowest, operation.highest)
+        by_hand = {**mount.moving().by_hand, operation.axis: operation}
+        turns = {axis: turn(mount, moving) for axis, moving in by_hand.items()}
+        await self._check(limits, start, by_hand, turns)
+
+    async def check_pulse(self, pulse: op.Pulse | op.PulseAxis) -> None:
+        """A guide pulse that leads beyond a limit, or farther beyond it. Raises the same."""
+        start = await self._start()
+        if start is not None:
+            motion, degrees = as_motion(pulse)
+            await self._check(self._mount.limits(), start, {motion.axis: motion}, {motion.axis: degrees})
+
+    async def check_tracking(self) -> None:
+        """Tracking that is off and would lead farther beyond a limit. Raises BelowHorizon, TooHigh or PastMeridian."""
+        mount, limits = self._mount, self._mount.limits()
+        start = await self._start()
+        if start is None or start.status.tracking is not op.Tracking.OFF or mount.moving().anything:
+            return
+        astrometry, seen = mount.astrometry, start.seen
+        soon = replace(seen, ra=seen.ra - SIDEREAL_RATE * A_WHILE)  # where it stands over the ground in a while
+        before, after = astrometry.horizon(seen).alt + start.tilt, astrometry.horizon(soon).alt + start.tilt
+        try:
+            if leaving(limits, before, after, 0.0):
+                limits.check_altitude(before)
+            if limits.hour_angle is not None and start.status.equatorial and knows_meridian(mount, start.side):
+                now = past_meridian(astrometry.sidereal_time() - seen.ra, start.side)
+                then = past_meridian(astrometry.sidereal_time() - soon.ra, start.side)
+                if now > limits.hour_angle and then > now:
+                    raise PastMeridian
+        except Fault as fault:
+            raise type(fault)(f"{fault} Tracking stays off, for it leads farther there.") from None
+
+    async def _check(
+        self, limits: Limits, start: Start, by_hand: dict[int, op.Move | op.MoveAxis], turns: dict[int, float]
+    ) -> None:
+        try:
+            check_either_way(self._mount, limits, start, turns)
+        except Fault:  # where one way is forbidden it counts which way the motors really turn the tube
+            for axis, moving in by_hand.items():
+                turns[axis] *= await self._sense(moving, start.status)
+            check_turns(self._mount, limits, start, turns)
+
+    async def _start(self) -> Start | None:
+        """Where the mount stands; None where no limit can be reckoned."""
+        mount, readings = self._mount, self._mount.readings
+        if not mount.site_known:
+            return None
+        # Programs switch tracking off before a slew, and nothing is known of it after that.
+        status: op.Status = readings.value(op.GetStatus) or await self._ask.read(op.GetStatus())
+        if not status.aligned:
+            return None
+        seen, age = readings.value(op.Position), readings.age(op.Position, mount.now())
+        if seen is None or age > OLD_POSITION:
+            seen = await self._ask.read(op.Position())
+        elif mount.now() - age < self._watch.rests_since and not mount.moving().by_hand:  # it was seen on its way
+            seen = await self._ask.anew(op.Position())
+        watched = mount.limits().hour_angle is not None and status.equatorial and mount.driver.german
+        side = await self._ask.tube_side() if watched else None
+        return Start(seen, status, await tilt(mount, self._ask, self._watch), side)
+
+    async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
+        """-1 where what is positive for a motor is not so on the sky: in the south, beyond the pole or the zenith."""
+        mount, by_motor = self._mount, isinstance(operation, op.MoveAxis)
+        if mount.driver.stepping:
+            return 1
+        pole = -1 if status.equatorial and mount.astrometry.place().latitude < 0 else 1
+        if operation.axis == 1:
+            return pole if by_motor else 1
+        told_directions = not mount.driver.way(op.AxisPosition)  # a Meade
+        if status.equatorial and not by_motor and not told_directions:
+            return 1  # the driver sees to it
+        return (1 if told_directions else pole) * (-1 if await over(mount, self._ask, self._watch) else 1)

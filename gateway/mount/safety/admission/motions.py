@@ -1,0 +1,248 @@
+"""Before a motion: is it allowed, and in which form can this mount carry it out?
+
+Nothing moves a mount that is held (``held.py``). Checked are the target of every goto, park and home, the ways that
+lead to it (``slew_paths.py``), what is moved by hand, guided or to track again (``hand_admission.py``), and how far a
+sync moves the sky. What happens afterwards is watched (``watch.py``).
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from gateway.astro.axes import Pair
+from gateway.astro.spherical import separation
+from gateway.core import operations as op
+from gateway.core.errors import BelowHorizon, Fault, NearSun, NotAligned, Refused, TooHigh, Unsupported
+from gateway.mount.safety.admission import slew_paths
+from gateway.mount.safety.admission.by_hand import HandAdmission
+from gateway.mount.safety.admission.contradictions import check_contradictions
+from gateway.mount.safety.admission.path_shapes import clear
+from gateway.mount.safety.admission.questions import Questions, over, tilt
+from gateway.mount.safety.inputs import MountInputs
+from gateway.mount.safety.limits import Limits
+from gateway.mount.safety.rules.aligned import needs_alignment
+from gateway.mount.safety.rules.held import Hold
+from gateway.mount.safety.rules.meridian import check_hour_angle, check_shaft
+from gateway.mount.safety.rules.park import CHOOSE, check_own_park
+from gateway.mount.safety.rules.sync_sum import SyncSum, check_sum, check_sync
+from gateway.mount.safety.watch import LimitWatch
+from gateway.mount.site.sources import BestSources
+
+#: Seconds that a sync waits for the end of a goto, and between two looks at it.
+NEARLY, PAUSE = 2.5, 0.2
+
+
+class Admission:
+    """``admit`` is asked for every motion, in its turn; ``synced`` tells how far syncs have moved the sky so far."""
+
+    def __init__(
+        self,
+        mount: MountInputs,
+        ask: Questions,
+        watch: LimitWatch,
+        sources: BestSources,
+        synced: Callable[[], SyncSum],
+        hold: Hold,
+    ) -> None:
+        self._mount, self._ask, self._watch = mount, ask, watch
+        self._sources, self._synced, self._hold = sources, synced, hold
+        self._by_hand = HandAdmission(mount, ask, watch)
+
+    async def admit(self, operation: op.Operation) -> op.Operation:
+        """An operation that the limits allow, in the form that this mount can carry out. Raises Fault."""
+        self._hold.admit(operation)
+        self._watch.dips = False
+        await self._check_aligned(operation)
+        if isinstance(operation, op.Move | op.MoveAxis):
+            await self._by_hand.check(operation)
+        elif isinstance(operation, op.Pulse | op.PulseAxis):
+            await self._by_hand.check_pulse(operation)
+        elif isinstance(operation, op.SetTracking) and operation.on:
+            await self._by_hand.check_tracking()
+        elif isinstance(operation, op.Park | op.Home):
+            try:
+                await self._check_own_place(operation)
+            except Fault:
+                self._mount.driver.not_sent_home()
+                raise
+        elif isinstance(operation, op.GotoHorizontal):
+            return await self._admit_horizontal(operation)
+        elif isinstance(operation, op.GotoAxes):
+            if not self._mount.driver.way(op.AxisPosition) and (await self._status()).equatorial:
+                return await self.admit(self._mount.astrometry.from_axes(operation, not self._mount.driver.german))
+            await self._check_axes(operation, self._mount.limits())
+        elif isinstance(operation, op.Goto):
+            return await self._admit_goto(operation)
+        elif isinstance(operation, op.Sync):
+            return await self._admit_sync(operation)
+        elif isinstance(operation, op.Choose):
+            return self._mount.astrometry.to_mount(operation)
+        return operation
+
+    async def still_allowed(self) -> None:
+        """Whether what moves by hand may go on. Raises BelowHorizon, TooHigh or NearSun."""
+        moving = next(iter(self._mount.moving().by_hand.values()), None)
+        if moving is not None:  # the other axis is looked at with it
+            await self._by_hand.check(moving)
+
+    async def _status(self) -> op.Status:
+        status: op.Status = await self._ask.read(op.GetStatus())
+        return status
+
+    async def _check_aligned(self, operation: op.Operation) -> None:
+        """Raises NotAligned."""
+        if not needs_alignment(operation, self._mount.driver.sync_aligns, self._mount.unaligned):
+            return
+        if not (await self._status()).aligned:
+            anew: op.Status = await self._ask.anew(op.GetStatus())  # it may be so since a moment ago
+            if not anew.aligned:
+                raise NotAligned
+
+    # --- syncs ------------------------------------------------------------------------------------------------------
+
+    async def _admit_sync(self, operation: op.Sync) -> op.Operation:
+        mount, limits = self._mount, self._mount.limits()
+        await self._goto_ends()
+        if mount.moving().anything:
+            raise Refused("The mount moves: nothing is centred, sync when it rests.")
+        status = await self._status()
+        if status.aligned:
+            here: op.Equatorial = await self._ask.read(op.Position())
+            wanted = op.Equatorial(operation.ra, operation.dec)
+            check_sync(limits, here, wanted)
+            check_sum(limits.sync, self._synced(), here, wanted, status.equatorial)
+        return mount.astrometry.to_mount(operation)
+
+    async def _goto_ends(self) -> None:
+        """Wait a moment for the end of a goto: programs that compare positions take it for over a little too early."""
+        mount = self._mount
+        until = mount.now() + NEARLY
+        while True:
+            moving = mount.moving()
+            if not moving.slewing or moving.by_hand or mount.now() >= until:
+                return
+            if not await self._ask.anew(op.Slewing()):
+                return
+            await asyncio.sleep(PAUSE)
+
+    # --- gotos ------------------------------------------------------------------------------------------------------
+
+    async def _admit_goto(self, operation: op.Goto) -> op.Operation:
+        mount = self._mount
+        limits = mount.limits().narrowed(operation.lowest, operation.highest)
+        goal = op.Equatorial(operation.ra, operation.dec)
+        await self._check_target(limits, goal)
+        await self._check_way(limits, goal)
+        doubted = limits.at_any_altitude() if self._watch.altitude_axis.tells else limits
+        check_contradictions(self._sources, mount.astrometry.sky, doubted, goal)
+        return mount.astrometry.to_mount(operation)
+
+    async def _admit_horizontal(self, operation: op.GotoHorizontal) -> op.Operation:
+        mount = self._mount
+        mount.limits().narrowed(operation.lowest, operation.highest).check_altitude(operation.alt)
+        fork = not (await self._status()).equatorial
+        if fork and mount.driver.way(op.GotoAxes) and not mount.driver.displaced:
+            return await self.admit(op.GotoAxes(operation.az, operation.alt, operation.fastest))
+        return await self.admit(mount.astrometry.equatorial(operation))
+
+    async def _check_own_place(self, operation: op.Park | op.Home) -> None:
+        """Where park or home leads to. What the owner has chosen may lie at any altitude, but not near the Sun."""
+        mount, limits = self._mount, self._mount.limits()
+        if isinstance(operation, op.Park):
+            await self._status()  # how the mount stands decides where it is parked
+            if mount.own_park:
+                limits = limits.at_any_altitude()
+        there = mount.driver.destination(operation)
+        if there is None:
+            check_own_park(operation, limits)
+            return
+        try:
+            await self._check_axes(there, limits)
+        except (BelowHorizon, TooHigh) as fault:
+            raise type(fault)(f"{fault} {CHOOSE}" if isinstance(operation, op.Park) else str(fault)) from None
+
+    async def _check_target(self, limits: Limits, goal: op.Equatorial) -> None:
+        mount = self._mount
+        altitude = mount.astrometry.altitude(goal.ra, goal.dec)
+        if altitude is None:
+            mount.transcript.note_once("mount", "site unknown: gotos are not checked against the horizon")
+            return
+        limits.check_altitude(altitude + await tilt(self._mount, self._ask, self._watch))
+        status = mount.readings.value(op.GetStatus)
+        if status is not None and status.equatorial and mount.driver.tube_side("E") is None:
+            check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
+
+    async def _check_axes(self, wanted: op.GotoAxes, limits: Limits) -> None:
+        """Axis readings: a place over the horizon on a fork, one on the sky on an equatorial mount whose site is known."""
+        mount = self._mount
+        if not (await self._status()).equatorial:
+            limits.check_altitude(wanted.alt)
+            if mount.site_known:
+                goal = mount.astrometry.equatorial(op.GotoHorizontal(wanted.az, wanted.alt))
+                await self._check_way(limits, op.Equatorial(goal.ra, goal.dec), (wanted.az, wanted.alt))
+            return
+        try:
+            goal = mount.astrometry.from_axes(wanted, wedge=not mount.driver.german)
+        except Unsupported:
+            mount.transcript.note_once("mount", "site unknown: axis gotos are not checked")
+            return
+        limits.check_altitude(mount.astrometry.horizon(op.Equatorial(goal.ra, goal.dec)).alt)
+        if mount.driver.german:
+            check_shaft(limits, wanted.az)
+        else:
+            check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
+        await self._check_way(limits, op.Equatorial(goal.ra, goal.dec), (wanted.az, wanted.alt))
+
+    async def _check_way(self, limits: Limits, goal: op.Equatorial, axes: Pair | None = None) -> None:
+        """Raises NearSun. ``axes`` are the readings that a fork or a German mount goes to, where they are given.
+
+        A way out of the circle is clear as long as it comes no nearer than it begins. Before the alignment nobody knows
+        where the tube is, so only the target counts. A way that leads beyond an altitude limit is begun all the same (a
+        German mount seldom has another) and watched like a motion by hand, unless it does so at once: then it raises
+        BelowHorizon or TooHigh.
+        """
+        mount, astrometry = self._mount, self._mount.astrometry
+        limit, suns = mount.suns.limit, mount.suns.up()
+        if any(distance < limit for distance in mount.suns.distances(goal)):
+            raise NearSun
+        status = await self._status()
+        if not status.aligned or not (suns or status.equatorial or limits.highest < 90.0):
+            return
+        others = await self._pointing()
+        here: op.Equatorial = await self._ask.read(op.Position())
+        german = mount.driver.german is True
+        possible = slew_paths.possible(astrometry, german, status.equatorial, here, goal, axes, others)
+        for sun in suns:
+            allowed = min(limit, separation(here.ra, here.dec, sun.ra, sun.dec) - 0.01)
+            place = slew_paths.reading(astrometry, sun, status.equatorial)
+            if not all(clear(start, turned, place, allowed) for start, turned in possible):
+                raise NearSun("The way there passes too close to the Sun.")
+        forbidden = slew_paths.circles(astrometry, limits, status.equatorial, True in others)
+        stretch = mount.timing.reaction * mount.fastest
+        for altitude, place, radius in forbidden:
+            begins = ((start, _first(turned, stretch)) for start, turned in possible)
+            if not any(clear(*way, place, min(radius, separation(*way[0], *place) - 0.01)) for way in begins):
+                limits.check_altitude(altitude)
+        self._watch.dips = not all(clear(*way, place, radius) for _, place, radius in forbidden for way in possible)
+
+    async def _pointing(self) -> set[bool]:
+        """In which of the two ways the axes point where the mount is: the first (False), the other one, or who knows.
+
+        The other one is the W side of the pier in the north; of a fork, over the pole or the zenith. A hand control
+        that was synced there may take it for the first way, so there both count.
+        """
+        mount = self._mount
+        site = mount.astrometry.observatory.site()
+        if not mount.driver.german or site is None:
+            return {False, not mount.driver.german and await over(self._mount, self._ask, self._watch)}
+        # under way it tells the side of its goal
+        under_way = mount.moving().slewing and await self._ask.anew(op.Slewing())
+        side = None if under_way else await self._ask.tube_side()
+        return {False, True} if side is None else {(side == "W") == (site.latitude >= 0.0)}
+
+
+def _first(turned: Pair, stretch: float) -> Pair:
+    """No more than the first degrees of either axis."""
+    first, second = (max(-stretch, min(stretch, degrees)) for degrees in turned)
+    return first, second

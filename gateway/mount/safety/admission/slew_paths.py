@@ -1,0 +1,128 @@
+"""The ways that a goto may take, as readings of the two axes: where they begin and how far each of them turns.
+
+What a mount tells leaves open at times in which of the two ways its axes point where it is, and which way round they
+go: then there are several. All readings of a polar mount are counted like a German one's, so that one Sun, one zenith
+and one nadir serve every build. Angles are degrees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import copysign
+from typing import NamedTuple
+
+from gateway.astro.axes import Build, Geometry, Pair
+from gateway.astro.spherical import wrap180
+from gateway.core import operations as op
+from gateway.mount.safety.limits import Limits
+from gateway.mount.site.astrometry import SiteAstrometry
+
+Way = tuple[Pair, Pair]
+#: By how much a sync may have displaced what the axes of a fork read from where they point.
+DISPLACED = 15.0
+
+
+class Circle(NamedTuple):
+    """What is too high or too low: so many degrees around readings, and the altitude of these."""
+
+    altitude: float
+    middle: Pair
+    radius: float
+
+
+def circles(astrometry: SiteAstrometry, limits: Limits, equatorial: bool, over: bool) -> list[Circle]:
+    """The forbidden ones. A fork in alt-az goes straight up or down: only back over the zenith (``over``) it comes
+    higher than both ends of its way.
+    """
+    if astrometry.observatory.site() is None:
+        return []
+    zenith, nadir = (0.0, 90.0), (0.0, -90.0)
+    if equatorial:
+        geometry = _geometry(astrometry, Build.GERMAN)
+        zenith, nadir = geometry.axes(0.0, geometry.latitude, False), geometry.axes(180.0, -geometry.latitude, False)
+    high = Circle(90.0, zenith, (90.0 - limits.highest) * (equatorial or over))
+    low = Circle(-90.0, nadir, (90.0 + limits.lowest) * equatorial)
+    return [circle for circle in (high, low) if circle.radius > 0.0]
+
+
+def reading(astrometry: SiteAstrometry, sun: op.Equatorial, equatorial: bool) -> Pair:
+    """The Sun as the axes of this mount would read, pointing at it the first of the two ways."""
+    if equatorial:
+        return _geometry(astrometry, Build.GERMAN).axes(_hour_angle(astrometry, sun), sun.dec, False)
+    seen = astrometry.horizon(sun) if astrometry.observatory.site() is not None else op.Horizontal(sun.ra, sun.dec)
+    return seen.az, seen.alt
+
+
+def possible(
+    astrometry: SiteAstrometry,
+    german: bool,
+    equatorial: bool,
+    here: op.Equatorial,
+    goal: op.Equatorial,
+    axes: Pair | None,
+    others: set[bool],
+) -> list[Way]:
+    """The ways from here to the goal, or to ``axes`` where the readings are given that the mount is to go to.
+
+    ``others`` says whether the axes may be at the first of the two ways to point (False), at the other one, or both.
+    """
+    if not equatorial:
+        return [way for other in others for way in _either_way_round(_fork(astrometry, here, goal, axes, other))]
+    german = german and astrometry.observatory.site() is not None
+    geometry = _geometry(astrometry, Build.GERMAN if german else Build.WEDGE)
+    ways = [_polar(astrometry, geometry, here, goal, axes, other) for other in others]
+    return ways if german else [round_ for way in ways for round_ in _either_way_round(way)]
+
+
+def _fork(astrometry: SiteAstrometry, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, other: bool) -> Way:
+    """Of an alt-az fork; without a site, as if on a wedge. At the zenith only ``axes`` tell where it turns to."""
+    if astrometry.observatory.site() is None:
+        start, end = op.Horizontal(here.ra, here.dec), op.Horizontal(goal.ra, goal.dec)
+    else:
+        start = astrometry.horizon(here)
+        end = op.Horizontal(*axes) if axes is not None else astrometry.horizon(goal)
+    first, second = _pointing(start.az, start.alt, other)
+    return (first, second), (wrap180(end.az - first), end.alt - second)
+
+
+def _polar(
+    astrometry: SiteAstrometry,
+    geometry: Geometry,
+    here: op.Equatorial,
+    goal: op.Equatorial,
+    axes: Pair | None,
+    other: bool,
+) -> Way:
+    """Of an equatorial mount; a German one goes to the side of its goal."""
+    begin, end = _hour_angle(astrometry, here), _hour_angle(astrometry, goal)
+    if geometry.build is Build.GERMAN:
+        there = axes or geometry.axes(end, goal.dec, geometry.other_side(end))
+    elif axes is not None:
+        there = axes[0] - geometry.axes(0.0, 0.0, False)[0], axes[1]
+    else:
+        there = geometry.pole * end, geometry.pole * goal.dec
+    start = _pointing(geometry.pole * begin, geometry.pole * here.dec, other)
+    return start, (geometry.travel(1, start[0], there[0]), geometry.travel(2, start[1], there[1]))
+
+
+def _pointing(first: float, second: float, other: bool) -> Pair:
+    """One of the two pairs of readings that point at a place; the other one is over the pole, or over the zenith."""
+    return (first + 180.0, 180.0 - second) if other else (first, second)
+
+
+def _either_way_round(way: Way) -> Iterator[Way]:
+    """With half a turn before it the first axis may go round the other side, too."""
+    start, (first, second) = way
+    yield way
+    if abs(first) > 180.0 - DISPLACED:
+        yield start, (first - copysign(360.0, first), second)
+
+
+def _geometry(astrometry: SiteAstrometry, build: Build) -> Geometry:
+    place = astrometry.observatory.site()
+    return Geometry(build, place.latitude if place is not None else 0.0)
+
+
+def _hour_angle(astrometry: SiteAstrometry, seen: op.Equatorial) -> float:
+    """From the meridian; without a site, from some hour circle."""
+    return wrap180((astrometry.sidereal_time() if astrometry.observatory.site() is not None else 0.0) - seen.ra)

@@ -1,0 +1,1 @@
+"""One rule a file: what it is given, and what it says."""

@@ -1,0 +1,49 @@
+"""How far all syncs since the alignment have moved the sky together: small ones add up.
+
+The limits go by where the mount believes to point. Each sync may be off by the limit for syncs (``sync-limit``), and so
+may their sum, but no more: four of 14 degrees would put the horizon 56 degrees away. On an equatorial mount a sync
+near the pole that is small on the sky turns the whole sky about it, so there right ascension counts in full. A new
+alignment begins anew.
+"""
+
+from __future__ import annotations
+
+from math import cos, hypot, radians
+
+from msgspec import Struct
+
+from gateway.astro.spherical import separation, wrap180
+from gateway.core.errors import SyncTooFar
+from gateway.core.operations import Equatorial
+from gateway.mount.safety.limits import Limits
+
+
+class SyncSum(Struct, frozen=True, omit_defaults=True):
+    """The net offset, degrees towards the east (on the sky, or of the first axis of an equatorial mount) and north."""
+
+    east: float = 0.0
+    north: float = 0.0
+
+    @property
+    def size(self) -> float:
+        """Degrees."""
+        return hypot(self.east, self.north)
+
+    def added(self, present: Equatorial, wanted: Equatorial, equatorial: bool = False) -> SyncSum:
+        """With one more sync: from where the mount believed to point to where it was told to."""
+        middle = 1.0 if equatorial else cos(radians((present.dec + wanted.dec) / 2.0))
+        return SyncSum(self.east + wrap180(wanted.ra - present.ra) * middle, self.north + wanted.dec - present.dec)
+
+
+def check_sync(limits: Limits, present: Equatorial, wanted: Equatorial) -> None:
+    """Raises SyncTooFar for a sync that would move the sky by more than the limit."""
+    distance = separation(present.ra, present.dec, wanted.ra, wanted.dec)
+    if distance > limits.sync:
+        raise SyncTooFar(f"Sync refused: {distance:.0f} degrees from the present position.")
+
+
+def check_sum(limit: float, so_far: SyncSum, present: Equatorial, wanted: Equatorial, equatorial: bool) -> None:
+    """Raises SyncTooFar for a sync that takes the net offset beyond the limit, unless it makes it smaller."""
+    then = so_far.added(present, wanted, equatorial)
+    if then.size > limit and then.size > so_far.size:
+        raise SyncTooFar(f"Sync refused: {then.size:.0f} degrees off with those since the alignment.")

@@ -1,0 +1,77 @@
+"""The end of a gateway: nothing moves afterwards, and the mount tracks as its user had it.
+
+The stop is sent and waited for. Where no answer comes, or nobody serves the line any more, its bytes go out all the
+same. Then what outlives a stop is waited for: a hand control may have to be told twice to track again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import copy
+from typing import TYPE_CHECKING
+
+from gateway.core import operations as op
+from gateway.core.errors import Fault
+from gateway.mount.link.transaction import ReplyRules
+from gateway.protocols.base.driver import Driver, Send
+
+if TYPE_CHECKING:
+    from gateway.mount.controller import MountController
+
+#: Seconds for the stop, and for what must follow it; between two commands whose answers nobody waits for.
+STOP, SETTLE, BLIND = 4.0, 2.5, 0.2
+#: Seconds in which the mount may tell how it was left, for whoever ended the gateway to read.
+LEFT = 1.0
+
+
+async def end_motion(controller: MountController) -> None:
+    """Stop whatever moves and put tracking back; takes seconds at most, and raises nothing."""
+    controller.motions.no_more()  # what still waits in a connection is not begun any more
+    moved = controller.motions.busy and controller.line.state != "opening"
+    if moved:
+        await _stop(controller)
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(SETTLE):
+            await controller.motions.settle()
+    if moved and not controller.motions.owed and controller.line.state == "up":
+        with contextlib.suppress(TimeoutError, Fault):
+            async with asyncio.timeout(LEFT):
+                await controller.anew(op.GetStatus())
+
+
+async def _stop(controller: MountController) -> None:
+    await asyncio.sleep(0)  # a loop that is torn down has cancelled the line as well
+    try:
+        async with asyncio.timeout(STOP if controller.line.served else 0.0):
+            await controller.stop()
+    except (TimeoutError, Fault):
+        controller.transcript.note("mount", "the stop at shutdown was not answered: sent once more")
+        await _stop_blindly(controller)
+
+
+async def _stop_blindly(controller: MountController) -> None:
+    """The bytes of a stop, without waiting for answers."""
+    with contextlib.suppress(Exception):  # the last thing tried
+        for command in stop_commands(controller.driver, controller.line.dialogue):
+            controller.line.talk.send(command)
+            await asyncio.sleep(BLIND)
+
+
+def stop_commands(driver: Driver, dialogue: ReplyRules, ends_only: bool = False) -> list[bytes]:
+    """The bytes of a stop as things are now, for whoever cannot wait for answers; the driver itself learns nothing.
+
+    With ``ends_only`` without what is put back after the motion: perhaps the mount was switched off meanwhile.
+    """
+    twin = copy.copy(driver)
+    for name, value in vars(driver).items():
+        if isinstance(value, dict | set):
+            setattr(twin, name, value.copy())
+    steps, commands = twin.perform(op.Stop()), []
+    with contextlib.suppress(Exception):  # it ends with StopIteration, or where an answer would be needed to go on
+        step = next(steps)
+        while True:
+            if isinstance(step, Send) and not (ends_only and step.command not in driver.ends):
+                commands.append(dialogue.encode(step))
+            step = steps.send({})
+    return commands

@@ -1,0 +1,296 @@
+"""Tells the mount what was set, as soon as it can hear it; what it has not heard yet is owed (``mount/site/owed.py``).
+
+Site and clock are told one after the other, never mixed with each other, and only while the policy and the alignment
+allow it. Nothing is told to another mount than the one it was meant for, nor over a value that somebody else has given
+the mount meanwhile. What is given up is said in the log, and reads tell the mount's own value again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from typing import TYPE_CHECKING
+
+from gateway.core import operations as op
+from gateway.core.errors import Busy, Fault, NoAnswer, Unsupported
+from gateway.mount.link.queue import READ, SETTING
+from gateway.mount.site.owed import (
+    BUSY,
+    LOOK,
+    TRIES,
+    Kind,
+    Owed,
+    Setting,
+    clock_is_ours,
+    in_vain,
+    kind_of,
+    later,
+    next_setting,
+    owing,
+    site_is_ours,
+    without,
+)
+
+if TYPE_CHECKING:
+    from gateway.mount.controller import MountController
+
+#: In words, for the log.
+_NAMES: dict[type[op.Operation], str] = {
+    op.SetSite: "site",
+    op.SetClock: "clock",
+    op.SetGuideRate: "guide rate",
+    op.Backlash: "backlash",
+    op.PeriodicError: "periodic error correction",
+}
+#: A clock that shows what was set, but for the seconds that it took, needs not be told again.
+CLOCK_SAME = 2.0
+#: Of so many that were sent before, a part may still be what the mount tells.
+REMEMBERED = 8
+
+
+class SyncSettings:
+    """``owe`` takes what is to be told; ``doubt`` when the line comes up, ``resume`` when the mount is known again."""
+
+    def __init__(self, controller: MountController) -> None:
+        self._controller, self._observatory = controller, controller.observatory
+        self._owed: Owed = {}
+        #: What was sent since the mount told last what it has, by kind; and what is being sent.
+        self._sent: dict[Kind, tuple[Setting, ...]] = {}
+        self._telling: Kind | None = None
+        self._ready = False
+        self._mount: tuple[str, str] | None = None
+        self._news = asyncio.Event()
+        self._task: asyncio.Task[None] | None = None
+
+    @property
+    def owed(self) -> Owed:
+        """What the mount has not been told yet."""
+        return self._owed
+
+    def owes(self, operation: op.Operation) -> bool:
+        """Whether the mount is being told one of this kind, or is still to be told."""
+        return kind_of(operation) in self._owed
+
+    @property
+    def sets_sky(self) -> bool:
+        """Whether a site or a clock is among it."""
+        return any(kind in (op.SetSite, op.SetClock) for kind, _ in self._owed)
+
+    # --- what is owed -----------------------------------------------------------------------------------------------
+
+    def owe(self, operation: op.Operation, left: int = TRIES, due: float = 0.0) -> None:
+        """Have the mount told, the newest of a kind only."""
+        self._owed = owing(self._owed, Setting(operation, self._controller.now(), left, due))
+        if self._controller.line.state in ("down", "opening"):
+            self._note(operation, "the mount does not hear now and is told when it does")
+        self._begin()
+
+    async def now_or_later(self, operation: op.Operation) -> None:
+        """Tell the mount at once; where it cannot hear, also when it can. Raises Fault."""
+        self._owed = {kind: one for kind, one in self._owed.items() if kind != kind_of(operation)}
+        sent = self._hears()
+        try:
+            await self._controller.drive(self._controller.driver.perform(operation), SETTING)
+        except (Busy, NoAnswer) as fault:
+            tried = sent and isinstance(fault, NoAnswer)
+            self.owe(operation, TRIES - 1 if tried else TRIES, self._controller.now() + BUSY)
+            raise
+
+    def doubt(self) -> None:
+        """The line has come up: what is on it, and what happened meanwhile, is found out first."""
+        self._ready = False
+
+    def resume(self) -> None:
+        """The mount has said who it is, and where and when."""
+        identity: op.Identity | None = self._controller.snapshot.value(op.GetIdentity)
+        now = (identity.product, identity.model) if identity is not None else None
+        if self._mount is not None and now is not None and now != self._mount:
+            for setting in self._owed.values():
+                self._give_up(setting, "another mount is on the line")
+        self._mount = now or self._mount
+        self._ready = True
+        self._begin()
+
+    def heard(self, value: op.Place | op.Moment) -> bool:
+        """Take what the mount tells of its site or clock -> whether somebody has changed it there: then that counts."""
+        told, clock = self._observatory, isinstance(value, op.Moment)
+        kind = kind_of(op.SetClock(0.0, 0.0) if clock else op.SetSite())
+        owed, sent = self._owed.get(kind), self._sent.get(kind, ())
+        if isinstance(value, op.Moment):
+            ours = clock_is_ours(sent, told.running(told.mount_clock), value, self._controller.now())
+            changed = told.mount_says_clock(value, ours)
+        else:
+            changed = told.mount_says_site(value, site_is_ours(sent, told.mount_site, value))
+        if kind != self._telling:
+            self._sent.pop(kind, None)
+        if changed:
+            self._controller.snapshot.version += 1
+            self._controller.transcript.note(
+                "mount", f"the {'clock' if clock else 'site'} was changed at the mount; it is in force here, too"
+            )
+            if owed is not None:
+                self._owed = without(self._owed, owed)
+        return changed
+
+    # --- telling ----------------------------------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        self._news.set()
+        if self._owed and (self._task is None or self._task.done()):
+            self._task = self._controller.spawn(self._run())
+
+    def _hears(self) -> bool:
+        return self._ready and self._controller.line.state == "up" and not self._controller.driver.asleep
+
+    def _disturbs(self, setting: Setting, now: float) -> bool:
+        """A date that nobody waits for any more is not told while something moves: a classic is blind afterwards."""
+        return isinstance(setting.value, op.SetClock) and now - setting.since > LOOK and self._controller.moving
+
+    async def _run(self) -> None:
+        """Tell what is owed until nothing is, or the line is down: then ``resume`` begins anew."""
+        while self._ready and self._controller.line.state not in ("down", "opening"):
+            self._news.clear()
+            now = self._controller.now()
+            step = next_setting(self._owed, now)
+            if step is None:
+                return
+            if isinstance(step, Setting) and self._hears() and not self._disturbs(step, now):
+                await self._tell(step)
+                continue
+            pause = LOOK if isinstance(step, Setting) else step - now
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(pause):
+                    await self._news.wait()
+
+    async def _tell(self, setting: Setting) -> None:
+        """Send one, and see what became of it."""
+        controller, value = self._controller, setting.value
+        place = isinstance(value, op.SetSite | op.SetClock)
+        tried = False
+        try:
+            if place and not await self._to_be_told(setting):
+                self._owed = without(self._owed, setting)
+                return
+            if place and setting.late and await self._is_there(setting):
+                return
+            if self._owed.get(kind_of(value)) is not setting or not self._hears():
+                return  # a newer one has come, or the line has gone
+            tried = True
+            self._telling = kind_of(value)
+            self._sent[self._telling] = (*self._sent.get(self._telling, ())[-REMEMBERED:], setting)
+            await controller.drive(controller.driver.perform(setting.running(controller.now())), SETTING)
+        except Busy:
+            self._owed = later(self._owed, setting, controller.now() + BUSY)
+        except NoAnswer as fault:
+            if not tried:
+                self._owed = later(self._owed, setting, controller.now() + BUSY)
+            elif setting.left > 1:
+                self._owed = in_vain(self._owed, setting, controller.now())
+            else:
+                self._give_up(setting, str(fault))
+        except Unsupported as fault:
+            self._keep(setting, fault)
+        except Fault as fault:
+            self._give_up(setting, str(fault))
+        else:
+            await self._done(setting)
+        finally:
+            self._telling = None
+
+    async def may_be_told(self) -> bool:
+        """Whether policy and alignment allow that site and clock of the mount are set. Raises Fault."""
+        controller = self._controller
+        if controller.policy.site_time == "never":
+            return False
+        status = await controller.read(op.GetStatus())
+        return (
+            not status.aligned
+            or controller.driver.takes_site_aligned
+            or (controller.policy.site_time == "always" and not controller.driver.loses_alignment)
+        )
+
+    async def _to_be_told(self, setting: Setting) -> bool:
+        """Whether policy and alignment allow it; else it is kept in the gateway, and the log says so. Raises Fault."""
+        controller, told, value = self._controller, self._observatory, setting.value
+        what = _NAMES[type(value)]
+        if controller.policy.site_time == "never":
+            controller.transcript.note_once(
+                "mount", f"the {what} that was set is kept in the gateway (site-time = never)"
+            )
+            return False
+        status = await controller.read(op.GetStatus())
+        if not status.aligned or controller.driver.takes_site_aligned:
+            return True
+        running = setting.running(controller.now())
+        if isinstance(running, op.SetSite):
+            same = told.same_site(running)
+        else:
+            same = isinstance(running, op.SetClock) and told.same_clock(running, CLOCK_SAME)
+        if same:
+            return False
+        if await self.may_be_told():
+            return True
+        controller.transcript.note_once(
+            "mount", f"the mount is aligned: the {what} that was set is kept in the gateway"
+        )
+        return False
+
+    async def _is_there(self, setting: Setting) -> bool:
+        """Ask the mount what it has -> whether that is what was set, or somebody else's value. Raises Fault."""
+        controller = self._controller
+        running = setting.running(controller.now())
+        kind: op.Operation = op.GetClock() if isinstance(running, op.SetClock) else op.GetSite()
+        changed = self.heard(await controller.drive(controller.driver.perform(kind), READ))
+        same = (
+            self._observatory.same_clock(running, CLOCK_SAME)
+            if isinstance(running, op.SetClock)
+            else isinstance(running, op.SetSite) and self._observatory.same_site(running)
+        )
+        if same and not changed:
+            self._over(setting)
+        return same or changed
+
+    async def _done(self, setting: Setting) -> None:
+        """It was heard: from now on that is the mount's own; its clock is looked at, for it counts whole seconds."""
+        controller, running = self._controller, setting.running(self._controller.now())
+        if isinstance(running, op.SetSite):
+            assert running.latitude is not None and running.longitude is not None
+            self._observatory.mount_says_site(op.Place(running.latitude, running.longitude), ours=True)
+        elif isinstance(running, op.SetClock):
+            self._observatory.mount_says_clock(op.Moment(running.unix, running.offset, running.dst), ours=True)
+            controller.snapshot.version += 1  # it is in force while it is looked at
+            with contextlib.suppress(Fault):  # it is read again when somebody asks
+                told: op.Moment = await controller.drive(controller.driver.perform(op.GetClock()), READ)
+                self._observatory.mount_says_clock(told, ours=True)
+        self._over(setting)
+
+    def _over(self, setting: Setting) -> None:
+        """The mount has it: what was kept for programs meanwhile is no longer needed, unless it is newer."""
+        newest = self._owed.get(kind_of(setting.value)) is setting
+        self._owed = without(self._owed, setting)
+        self._sent.pop(kind_of(setting.value), None)
+        if newest:
+            self._observatory.forget(setting.value)
+        self._controller.snapshot.version += 1
+
+    def _keep(self, setting: Setting, fault: Fault) -> None:
+        """This mount has no place for it: the gateway has."""
+        self._owed = without(self._owed, setting)
+        if isinstance(setting.value, op.SetSite | op.SetClock):
+            self._controller.transcript.note("mount", f"{_NAMES[type(setting.value)]} kept in the gateway: {fault}")
+        else:
+            self._note(setting.value, str(fault))
+
+    def _give_up(self, setting: Setting, why: str) -> None:
+        """It is told no more: from now on reads tell what the mount has."""
+        newest = self._owed.get(kind_of(setting.value)) is setting
+        self._owed = without(self._owed, setting)
+        if newest and self._observatory.has_own(setting.value):
+            self._observatory.forget(setting.value)
+            self._note(setting.value, f"it is not in force: {why} The mount's own is told again")
+        else:
+            self._note(setting.value, f"the mount was not told: {why}")
+        self._controller.snapshot.version += 1
+
+    def _note(self, operation: op.Operation, text: str) -> None:
+        self._controller.transcript.note("mount", f"the {_NAMES[type(operation)]} that was set: {text}")

@@ -1,0 +1,170 @@
+"""Site and clock as every client is told them, and what of a client's setting goes to the mount.
+
+An unaligned hand control is told what clients set; an aligned one keeps its own (telling it could cost the alignment),
+and the gateway then serves the client's values itself. Nothing here waits for the mount to answer a setting.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from gateway.astro.spherical import wrap180
+from gateway.core.operations import Gps, Moment, Operation, Place, SetClock, SetSite
+
+#: Sites this near are one, degrees; and clocks, seconds: a mount that tells another one was set by somebody.
+SITE_EQUAL = 1.0 / 60.0
+CLOCK_EQUAL = 30.0
+
+
+class SiteClock:
+    """``now`` never goes back; ``host`` is the host's own clock, Unix seconds."""
+
+    def __init__(self, now: Callable[[], float], host: Callable[[], float], site: Place | None) -> None:
+        self._now, self._host = now, host
+        self.configured = site
+        self.mount_site: Place | None = None
+        self.kept_site: Place | None = None
+        self.half: SetSite | None = None
+        self.mount_clock: tuple[Moment, float] | None = None
+        self.kept_clock: tuple[Moment, float] | None = None
+        self.gps_site: Place | None = None
+        self.gps_clock: tuple[Moment, float] | None = None
+
+    # --- what is told ---------------------------------------------------------------------------------------------
+
+    def site(self) -> Place | None:
+        """The site in force: what a client set, else the mount's, else the configured one."""
+        place = self.kept_site or self.mount_site or self.configured
+        if self.half is None:
+            return place
+        latitude = self.half.latitude if self.half.latitude is not None else (place.latitude if place else None)
+        longitude = self.half.longitude if self.half.longitude is not None else (place.longitude if place else None)
+        return place if latitude is None or longitude is None else Place(latitude, wrap180(longitude))
+
+    def set_site(self) -> Place | None:
+        """The site that programs have set, where the mount has not taken it."""
+        return None if self.kept_site is None and self.half is None else self.site()
+
+    def clock(self) -> Moment | None:
+        """The clock in force, running; None when neither a client nor the mount has told one."""
+        return self.running(self.kept_clock or self.mount_clock)
+
+    def running(self, held: tuple[Moment, float] | None) -> Moment | None:
+        """What a clock shows now that was read some time ago."""
+        if held is None:
+            return None
+        moment, at = held
+        return Moment(unix=moment.unix + self._now() - at, offset=moment.offset, dst=moment.dst)
+
+    def unix(self) -> float:
+        """UTC as the mount sees it, else as the host does."""
+        moment = self.clock()
+        return self._host() if moment is None else moment.unix
+
+    def host(self) -> float:
+        """UTC by the host's own clock."""
+        return self._host()
+
+    # --- what was told --------------------------------------------------------------------------------------------
+
+    def mount_says_site(self, place: Place, ours: bool = False) -> bool:
+        """Take what the mount tells -> whether somebody has changed it there: then that counts, for programs too.
+
+        What comes of our own setting it is no such change.
+        """
+        before, self.mount_site = self.mount_site, place
+        changed = not ours and before is not None and not _same_place(before, place)
+        if changed:
+            self.kept_site = None
+        return changed
+
+    def mount_says_clock(self, moment: Moment, ours: bool = False) -> bool:
+        """The same for its clock, by more than 30 s."""
+        before = self.running(self.mount_clock)
+        self.mount_clock = (moment, self._now())
+        changed = not ours and before is not None and abs(before.unix - moment.unix) > CLOCK_EQUAL
+        if changed:
+            self.kept_clock = None
+        return changed
+
+    def gps_says(self, seen: Gps) -> None:
+        """A receiver without a fix says nothing."""
+        if seen.linked:
+            self.gps_site = seen.place or self.gps_site
+            self.gps_clock = (Moment(seen.unix, 0.0), self._now()) if seen.unix else self.gps_clock
+
+    def set_site_half(self, operation: SetSite) -> SetSite | None:
+        """Take one or both halves of a site -> the whole site once both halves were set."""
+        held = self.half or SetSite()
+        self.half = SetSite(
+            latitude=operation.latitude if operation.latitude is not None else held.latitude,
+            longitude=operation.longitude if operation.longitude is not None else held.longitude,
+        )
+        return self.half if None not in (self.half.latitude, self.half.longitude) else None
+
+    def take_site(self) -> SetSite | None:
+        """The site to hand on now: the halves that were set, completed by what is known; None while it is no site."""
+        if self.half is None:
+            return None
+        place = self.site()
+        if place is None or (
+            (self.kept_site or self.mount_site or self.configured) is None
+            and None in (self.half.latitude, self.half.longitude)
+        ):
+            return None
+        self.half = None
+        return SetSite(latitude=place.latitude, longitude=place.longitude)
+
+    def same_site(self, operation: SetSite) -> bool:
+        """Whether the mount stands there already, within an arcminute."""
+        place = self.mount_site
+        if place is None or operation.latitude is None or operation.longitude is None:
+            return False
+        return _same_place(place, Place(operation.latitude, operation.longitude))
+
+    def same_clock(self, operation: SetClock, seconds: float) -> bool:
+        """Whether the mount's clock shows that already, zone and all, within so many seconds."""
+        shown = self.running(self.mount_clock)
+        return shown is not None and shown.offset == operation.offset and abs(shown.unix - operation.unix) <= seconds
+
+    def keep_site(self, operation: SetSite) -> None:
+        """Serve this site from now on, whatever the mount thinks."""
+        assert operation.latitude is not None and operation.longitude is not None
+        self.kept_site = Place(operation.latitude, wrap180(operation.longitude))
+
+    def keep_clock(self, operation: SetClock) -> None:
+        """Serve this clock from now on."""
+        self.kept_clock = (Moment(operation.unix, operation.offset, operation.dst), self._now())
+
+    def has_own(self, operation: Operation) -> bool:
+        """Whether the mount has told a site or clock of its own, which can be served instead of this one."""
+        if isinstance(operation, SetClock):
+            return self.mount_clock is not None
+        return isinstance(operation, SetSite) and self.mount_site is not None
+
+    def has_one_of(self, places: Sequence[SetSite]) -> bool:
+        """Whether the mount stands at one of these, whole or with the half that was set."""
+        here = self.mount_site
+        return here is not None and any(
+            (one.latitude is not None and abs(here.latitude - one.latitude) <= SITE_EQUAL)
+            or (one.longitude is not None and abs(wrap180(here.longitude - one.longitude)) <= SITE_EQUAL)
+            for one in places
+        )
+
+    def forget_sites(self) -> None:
+        """Nothing that programs have set is in force any more."""
+        self.kept_site = self.half = None
+
+    def forget(self, operation: Operation) -> None:
+        """What was kept of this for programs is no longer needed: the mount's own counts."""
+        if isinstance(operation, SetClock):
+            self.kept_clock = None
+        elif isinstance(operation, SetSite):
+            self.kept_site = None
+
+
+def _same_place(one: Place, other: Place) -> bool:
+    """Within an arcminute, which is as fine as hand controls tell it."""
+    return (
+        abs(one.latitude - other.latitude) <= SITE_EQUAL and abs(wrap180(one.longitude - other.longitude)) <= SITE_EQUAL
+    )

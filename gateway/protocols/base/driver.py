@@ -1,0 +1,206 @@
+"""Driver: operations in, commands out, without I/O.
+
+A driver is a generator machine: ``perform(operation)`` yields what it wants done and is sent the outcome. It may
+yield four things only: ``Ask`` (send this command, give me its fields), ``Pause`` (give the line to others for a
+while), ``Later`` (do this operation after some seconds) and ``Remark`` (say this in the log). Rows of ``driver.toml``
+with ``send`` are carried out here; those with ``call`` are functions of the protocol's own package.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Mapping
+from typing import Any, NamedTuple
+
+from gateway.core.errors import Fault, Unsupported
+from gateway.core.operations import GotoAxes, Identity, Operation, Own, Rate, Read, Verbatim
+from gateway.protocols.wireformat.command_set import Command, CommandSet, Version, Way
+
+
+class Send(NamedTuple):
+    """Send a command with these field values; answered with the reply's fields, or a Fault is thrown in.
+
+    With ``patience`` (seconds) silence is an answer, too: ``Silence`` is thrown in and the line is not said to be down.
+    A ``prompt`` one begins a motion by hand: it waits for no line and no mount that is busy, but is refused.
+    A ``long`` one is work that takes the mount up to that many seconds: a stop that needs no answer goes out meanwhile,
+    everything else is refused as busy, and silence at the end is a fault of the line.
+    A ``raw`` one is answered with the reply's bytes, too, as the field ``raw``. Of a ``light`` one the first answer
+    will do: nothing hangs on it.
+    """
+
+    command: str
+    values: Mapping[str, Any] = {}
+    patience: float | None = None
+    long: bool = False
+    prompt: bool = False
+    raw: bool = False
+    light: bool = False
+
+
+class Wait(NamedTuple):
+    """Wait without holding the line."""
+
+    seconds: float
+
+
+class Schedule(NamedTuple):
+    """Have an operation performed after some seconds; a newer one with the same operation replaces it.
+
+    ``urgent`` operations go to the line like a stop does (the end of a motion that is sent again). A ``heard`` one
+    waits while the mount is at a long piece of work, in which it hears nothing but a stop.
+    """
+
+    seconds: float
+    operation: Operation
+    urgent: bool = False
+    heard: bool = False
+
+
+class Remark(NamedTuple):
+    """Something is done otherwise than it was asked for: said once in the log, in words."""
+
+    text: str
+
+
+Step = Send | Wait | Schedule | Remark
+Steps = Generator[Step, Any, Any]
+
+
+class Driver:
+    """Carries out operations by the rows of ``driver.toml``.
+
+    ``specials`` maps the names that rows call to functions ``(driver, operation) -> Steps``.
+    """
+
+    #: Whether an aligned mount may be told site and time without losing its alignment.
+    takes_site_aligned = False
+    loses_alignment = False
+    #: How many questions it takes to learn where the mount points.
+    position_reads = 1
+    #: When the two halves of the last place were told, where they come one after the other: loop times.
+    halves: tuple[float, float] | None = None
+    #: How finely it tells where it points, degrees: at rest two answers differ by no more.
+    resolution = 20.0 / 3600.0
+    #: How many times faster than a real one the mount slews: simulated ones may.
+    hurry = 1.0
+    #: The years that its clock, or what stands in for it here, can be set to.
+    years = range(1900, 2100)
+    #: Whether the mount has a GPS receiver of its own.
+    gps = False
+    #: Whether a sync is kept here that the mount's own axes know nothing of.
+    displaced = False
+    #: Whether motion by hand is a chain of small gotos, in right ascension and declination whatever the mount.
+    stepping = False
+    #: What the mount's coordinates mean, where that is known by its version: ``jnow`` or ``j2000``.
+    equinox = "jnow"
+    #: Whether a sync aligns the mount; else one that is not aligned takes none, and cannot be sent to the sky.
+    sync_aligns = True
+    #: Whether it is a German mount, whose tube changes sides of the pier; None where that is not known.
+    german: bool | None = None
+    protocol: CommandSet
+    specials: Mapping[str, Callable[[Any, Any], Steps]]
+    model: str | None = None
+    version: Version | None = None
+    #: Whether tracking was put off for a motion and has not been put back yet.
+    tracking_suspended = False
+    #: The commands that end a motion and do nothing else, where a stop consists of more.
+    ends: frozenset[str] = frozenset()
+    #: Whether a goto may be under way that the mount was sent and has not acknowledged.
+    unsure = False
+    #: Whether its motors have no power while it answers all the same.
+    powerless = False
+    #: Seconds after which it counts as an answer that what was handed on to the mount stays unanswered; None where all
+    #: that it has is answered.
+    patience: float | None = None
+    #: Whether the mount was sent to sleep, and what is said to it all the same.
+    asleep = False
+    awake_or_not: frozenset[str] = frozenset()
+
+    def knows(self, name: str) -> bool:
+        """Whether the mount that was found has this command, by the manual: nothing is probed."""
+        command: Command = self.protocol.commands[name]
+        return command.known_to(self.model, self.version)
+
+    def way(self, operation: type[Operation]) -> Way | None:
+        """The first way of carrying out an operation whose commands this mount has."""
+        for way in self.protocol.driver.get(operation.__name__, ()):
+            if all(self.knows(name) for name in (*way.send, *way.needs)):
+                return way
+        return None
+
+    def impossible(self, operation: Operation) -> Fault | None:
+        """What an operation would be refused with, as far as that is known without asking the mount."""
+        return None
+
+    def speed(self, rate: Rate) -> float:
+        """How fast the mount moves at a hand rate, degrees a second."""
+        raise NotImplementedError
+
+    def destination(self, operation: Operation) -> GotoAxes | None:
+        """The axis readings that Park or Home leads to; None where only the mount itself knows them."""
+        return None
+
+    def not_sent_home(self) -> None:
+        """Park or Home was refused: where the mount does not tell of its home itself, that has failed."""
+
+    def tube_side(self, told: str) -> str | None:
+        """The side of the pier (E, W) that the tube really is on, by the answer to PierSide; None if there is none."""
+        return None
+
+    def memory(self, moving: bool) -> dict[str, Any]:
+        """What must outlive the gateway; while the mount moves, also what it takes to stop it."""
+        return {}
+
+    def recall(self, memory: Mapping[str, Any], moving: bool) -> None:
+        """Take up what an earlier run has remembered; nonsense is ignored."""
+
+    def line_was_lost(self) -> None:
+        """Nobody knows what has happened to the mount meanwhile: perhaps it was switched off and on."""
+
+    def greet(self) -> Steps:
+        """Prove that a mount of this kind is on the line, before it is sent what another kind might misread."""
+        return
+        yield  # a generator like all others
+
+    def contact(self) -> Steps:
+        """What must be known before the mount can be asked where it points, and where that is, if it was told.
+
+        Its name is asked for after that.
+        """
+        return
+        yield  # a generator like all others
+
+    def presented(self) -> dict[str, Any]:
+        """The model's constants that a surface of this protocol presents when it is to be the mount itself."""
+        return {}
+
+    def told_model(self, identity: Identity) -> str | None:
+        """The model that the mount itself says it is, whatever it was named; None where it does not say."""
+        return None
+
+    def own(self, operation: Own) -> Steps:
+        """What the mount itself answers -> bytes. Raises Unsupported for a command that this mount has not."""
+        if not self.knows(operation.command):
+            raise Unsupported
+        return (yield Send(operation.command, dict(operation.fields), raw=True))["raw"]
+
+    def perform(self, operation: Operation) -> Steps:
+        """Carry out one operation; the generator's value is the operation's answer. Raises Fault."""
+        if isinstance(operation, Verbatim):
+            if not self.knows(operation.command):
+                raise Unsupported
+            patience = self.patience if self.protocol.commands[operation.command].replies else None
+            return (yield Send(operation.command, dict(operation.fields), patience))
+        if isinstance(operation, Own):
+            return (yield from self.own(operation))
+        way = self.way(type(operation))
+        if way is None:
+            raise Unsupported
+        if way.call:
+            return (yield from self.specials[way.call](self, operation))
+        given = {name: getattr(operation, name) for name in operation.__struct_fields__}
+        fields: dict[str, Any] = {}
+        for name in way.send:
+            fields |= yield Send(name, given)
+        if isinstance(operation, Read) and operation.answers is not None:
+            return operation.answers(**fields)
+        return fields or None

@@ -1,0 +1,104 @@
+"""Frames: what a protocol's framing cuts out of a client's bytes.
+
+A frame is ``bytes``, one whole command. Two kinds say more than their bytes: a command with an argument that lost its
+end, which nobody carries out because nobody can tell where it ended, and a command that came together with such a one,
+which is answered but begins no motion. A framer is told the time with the bytes, because quiet on the line is what
+tells two commands apart when nothing else does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+
+class Unterminated(bytes):
+    """A command that lost its end, with everything up to the next end: refused as a whole.
+
+    ``names`` are the rows of ``commands.toml`` that were in it, in order; "" stands for one that nobody knows. It is
+    ``late`` when its sender has paused since: whoever waited for an answer does not wait any more.
+    """
+
+    names: tuple[str, ...]
+    late: bool
+
+    def __new__(cls, data: bytes, names: tuple[str, ...], late: bool = False) -> Unterminated:
+        frame = super().__new__(cls, data)
+        frame.names, frame.late = names, late
+        return frame
+
+    @property
+    def words(self) -> str:
+        """Why it is refused, for the log."""
+        text = bytes(self)
+        if self.late:
+            return f"{text!r} came without its end (#): it is not done, and what it would have set is cleared"
+        return (
+            f"{text!r} is refused as a whole: the first command in it came without its end (#). What it would have "
+            "set is cleared. Until 0.1 s of quiet nothing that follows begins a motion; stops are carried out"
+        )
+
+
+class Suspect(bytes):
+    """A command in one run of bytes with one that lost its end: it begins no motion."""
+
+
+class Dropped:
+    """What the bytes fed last have had dropped: reason -> bytes, for the log alone."""
+
+    def __init__(self, noise: str) -> None:
+        self._why = noise
+        self._reasons: dict[str, bytearray] = {}
+        #: Bytes that begin nothing, which may be many.
+        self.noise = bytearray()
+
+    @property
+    def reasons(self) -> dict[str, bytearray]:
+        """Everything since the last bytes."""
+        return {self._why: self.noise, **self._reasons} if self.noise else self._reasons
+
+    def add(self, data: bytes, why: str) -> None:
+        """More bytes of no use."""
+        self._reasons.setdefault(why, bytearray()).extend(data)
+
+    def forget(self) -> None:
+        """New bytes are fed."""
+        if self.noise or self._reasons:
+            self.noise, self._reasons = bytearray(), {}
+
+
+class Framer(Protocol):
+    """Cuts a protocol's commands out of a byte stream. ``idle``: what comes next stands alone, whatever came before."""
+
+    dropped: Dropped
+
+    @property
+    def idle(self) -> bool: ...
+
+    def feed(self, data: bytes, now: float) -> list[bytes]: ...
+
+    def end(self) -> list[Unterminated]: ...
+
+
+class Framing:
+    """A framer with the clock by which bytes arrive: bytes as they came -> the commands that are complete now."""
+
+    def __init__(self, framer: Framer, now: Callable[[], float]) -> None:
+        self.framer, self._now = framer, now
+
+    def __call__(self, data: bytes) -> list[bytes]:
+        return self.framer.feed(data, self._now())
+
+    @property
+    def idle(self) -> bool:
+        """Whether the next bytes can be understood without those before."""
+        return self.framer.idle
+
+    @property
+    def dropped(self) -> dict[str, bytearray]:
+        """What of the bytes that were fed last, or before the end, is of no use, and why."""
+        return self.framer.dropped.reasons
+
+    def end(self) -> list[Unterminated]:
+        """Nothing more comes -> what was refused for lack of its end."""
+        return self.framer.end()

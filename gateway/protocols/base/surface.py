@@ -1,0 +1,325 @@
+"""Surface: a client's commands in, operations out, replies back; without I/O.
+
+``handle`` runs one command as a generator: it yields operations and is sent their answers, and its value is the reply.
+The rows of ``surface.toml`` say what is done; those with ``call`` are functions of the protocol's own package. A
+``Start`` is an operation whose outcome the client is never told: it is not waited for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Mapping
+from contextlib import closing, suppress
+from functools import cache
+from typing import Any, NamedTuple
+
+import msgspec
+
+from gateway.core import operations
+from gateway.core.errors import Disturbed, Fault, Invalid, NoTarget, Silence, Unsupported
+from gateway.core.motion_kinds import begins_motion, may_begin_motion
+from gateway.core.operations import Operation, Own, Verbatim
+from gateway.protocols.base.frames import Suspect, Unterminated
+from gateway.protocols.base.read_only import Sealed
+from gateway.protocols.wireformat.command_set import Command, CommandSet, SurfaceRow
+
+
+class FireAndForget(NamedTuple):
+    """Perform an operation without waiting for it: its command has no reply."""
+
+    operation: Operation
+
+
+class Possible(NamedTuple):
+    """Go on unless it is known already that nothing can come of this operation: it may not be asked for, or the mount
+    does not hear. Raises Fault then, so that no is said before a yes that would be no more than a guess.
+    """
+
+    operation: Operation
+
+
+class ReuseLastReading(NamedTuple):
+    """What this client was told by a read a moment ago, so that two halves are of one instant; else asked anew."""
+
+    operation: Operation
+
+
+class Defer(NamedTuple):
+    """Call a special of this surface again after some seconds."""
+
+    seconds: float
+    special: str
+
+
+class Speed(NamedTuple):
+    """Go on at another baud rate once this command was answered, where there is a serial port."""
+
+    baud: int
+
+
+#: What some protocols answer whatever was done.
+ACKNOWLEDGED = b"#"
+Want = Operation | FireAndForget | Possible | ReuseLastReading | Defer | Speed
+Handling = Generator[Want, Any, Any]
+Special = Callable[["Session", Command, dict[str, Any]], Any]
+
+
+class Session:
+    """What belongs to one client: its target, formats, rates, limits. ``kept`` is copied when a client comes back."""
+
+    __slots__ = ("changed", "clock", "kept", "last", "model", "refused", "settings", "shared")
+
+    def __init__(
+        self,
+        model: Mapping[str, Any],
+        settings: Mapping[str, Any],
+        clock: Callable[[], float],
+        shared: Any,
+        changed: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.model, self.settings, self.clock = model, settings, clock
+        #: What all clients of a mount have in common, a mapping that may be sealed, and what to call when the lasting
+        #: part of it has changed.
+        self.shared, self.changed = shared, changed
+        #: The frame before this one.
+        self.last = b""
+        #: What the command just handled asked for in vain, where its protocol has no form to say so; empty: nothing.
+        self.refused = ""
+        self.kept: dict[str, Any] = {"precision": settings.get("precision", "high")}
+
+    def set_for_all(self, name: str, value: Any) -> None:
+        """Set what all clients have in common and what outlives the gateway."""
+        self.shared[name] = value
+        self.changed()
+
+    def check_may_set(self) -> None:
+        """For what is set later than it is answered. Raises ReadOnly for a client that only looks."""
+        if isinstance(self.shared, Sealed):
+            self.shared.refuse()
+
+    def known(self, name: str) -> Any:
+        """A kept value, else the presented model's constant, else None."""
+        value = self.kept.get(name)
+        return self.model.get(name) if value is None else value
+
+
+class Surface:
+    """One protocol's face to its clients."""
+
+    def __init__(
+        self,
+        protocol: CommandSet,
+        specials: Mapping[str, Special],
+        unanswered: Callable[[bytes, Fault | None], bytes] = lambda frame, fault: b"",
+    ) -> None:
+        #: ``unanswered`` gives the reply to a frame that nothing here answers, and to a fault that has no form.
+        self.protocol, self.specials, self.unanswered = protocol, specials, unanswered
+        #: The mount speaks the same protocol: what means nothing here is passed on as it is, where it ``passes``.
+        self.verbatim = False
+        self.passes: Callable[[str, Mapping[str, Any]], bool] = lambda name, values: True
+        #: Whether this client was told something that the mount's own answer would contradict.
+        self.stands_against: Callable[[Session, str, Mapping[str, Any]], bool] = lambda session, name, values: False
+        #: A reply as the mount itself would write it, where it is the mount that is presented.
+        self.as_written: Callable[[str, bytes], bytes] = lambda name, reply: reply
+        #: Why what is presented does not know a frame, which is then passed over whatever it says; empty: it knows it.
+        self.lacks: Callable[[Mapping[str, Any], bytes], str] = lambda model, frame: ""
+
+    def handle(self, session: Session, frame: bytes) -> Handling:
+        """One framed command -> its reply (empty: none). Yields operations; never raises for what a client sent."""
+        if isinstance(frame, Unterminated):
+            return self._refuse(session, frame)
+        steps = self._handle(session, frame)
+        return _without_motion(steps) if isinstance(frame, Suspect) else steps
+
+    def _handle(self, session: Session, frame: bytes) -> Handling:
+        if self.lacks(session.model, frame):
+            return b""
+        found = self.protocol.find(frame)
+        if found is None:
+            said = self.unanswered(frame, None)
+            if said == ACKNOWLEDGED:
+                session.refused = "its argument cannot be read"
+            return said
+        command, picture = found
+        if command.name in session.model.get("lacking", ()):
+            return b""
+        row = self.protocol.surface.get(command.name)
+        passed = self.verbatim and (row is None or row.handed_on)
+        if row is None and not passed:
+            return self.unanswered(frame, None)
+        try:
+            try:
+                values = picture.decode(frame)
+            except ValueError as error:
+                if row is not None and row.call and not passed:
+                    values = {"fault": Invalid(str(error))}
+                else:
+                    raise Invalid(str(error)) from None
+            if session.model.get("own") and "fault" not in values and (keep := self._keep(command)) is not None:
+                with suppress(Unsupported):
+                    return (yield from self._own(session, command, keep, values))
+            if passed and not self.passes(command.name, values):
+                return self.unanswered(frame, None)
+            if row is None or passed:
+                answer = yield from self._pass_on(session, command, row, values)
+            else:
+                answer = yield from self._act(session, command, row, values)
+                if "fault" in values:  # it says the same whatever was done
+                    session.refused = f"{command.help}: {values['fault']}"
+            return self.reply(session, command, answer)
+        except Fault as fault:
+            said = self.refusal(command, fault)
+            if not said and isinstance(fault, Invalid):
+                session.refused = f"{command.help}: {fault}"
+            return said or self.unanswered(frame, fault)
+
+    def _refuse(self, session: Session, frame: Unterminated) -> Handling:
+        """Nothing of it is done, what it would have set is cleared, and the first command's no is said once."""
+        yield from ()
+        for name in frame.names:
+            self._clear(session, name)
+        command = self.protocol.commands.get(frame.names[0])
+        return b"" if frame.late or command is None else self.refusal(command, Invalid())
+
+    def _clear(self, session: Session, name: str) -> None:
+        """Have a command do to the session what it does when its value cannot be read."""
+        row = self.protocol.surface.get(name)
+        if row is None or row.call is None:
+            return
+        with suppress(Fault):
+            steps = self.specials[row.call](session, self.protocol.commands[name], {"fault": Invalid()})
+            if isinstance(steps, Generator):
+                with closing(steps):  # whatever it would ask of the mount is not asked
+                    next(steps, None)
+
+    def _keep(self, command: Command) -> str | None:
+        """For how long the mount's own answer to a command serves; None where the gateway answers."""
+        row = self.protocol.own.get(command.name)
+        return None if row is None else row.keep
+
+    def _own(self, session: Session, command: Command, keep: str, values: dict[str, Any]) -> Handling:
+        """The mount's own answer -> the reply. Raises Fault, Unsupported where the gateway answers after all."""
+        if self.stands_against(session, command.name, values):
+            raise Unsupported
+        if keep == "library":
+            answer = yield from self.specials["own_library"](session, command, values)
+        elif keep == "order":
+            answer = yield Verbatim(command.name, tuple(values.items()))
+        else:
+            try:
+                answer = yield Own(command.name, tuple(values.items()), keep)
+            except Silence:
+                answer = b""
+        return self.reply(session, command, answer)
+
+    def _pass_on(self, session: Session, command: Command, row: SurfaceRow | None, values: dict[str, Any]) -> Handling:
+        """To a mount of the same protocol; one that lacks it leaves it to this surface."""
+        try:
+            return (yield Verbatim(command.name, tuple(values.items())))
+        except Unsupported:
+            if row is None or not row.passes:
+                raise
+        return (yield from self._act(session, command, row, values))
+
+    def silence(self, session: Session, frame: bytes) -> str:
+        """Why a command has no reply, where its sender may have expected one; empty where none is due."""
+        if isinstance(frame, Unterminated):
+            return ""  # that was said when it came
+        if lacking := self.lacks(session.model, frame):
+            return lacking
+        found = self.protocol.find(frame)
+        if found is None:
+            return f"{self.protocol.name} has no such command"
+        if found[0].name in session.model.get("lacking", ()):
+            return f"{found[0].help}: this mount has no such command; a surface that names a model has it"
+        row = self.protocol.surface.get(found[0].name)
+        if row is None:
+            return f"{found[0].help}: not answered here"
+        if isinstance(frame, Suspect) and may_begin_motion(row.operations):
+            return f"{found[0].help}: not done. {Disturbed.words}"
+        return f"{found[0].help}: {row.why or 'not done here'}" if row.outcome == "refused" else ""
+
+    def _act(self, session: Session, command: Command, row: SurfaceRow, values: dict[str, Any]) -> Handling:
+        """Carry out a row's verb -> the reply's values."""
+        if row.keep is not None:
+            session.kept.update({name: values[name] for name in row.keep})
+            return None
+        if row.tell is not None:
+            return {name: session.known(name) for name in row.tell}
+        if row.say is not None:
+            return row.say
+        if row.ask is not None:
+            operation = self._operation(session, row.ask, values)
+            if not command.replies:
+                yield FireAndForget(operation)
+                return None
+            return (yield operation)
+        assert row.call is not None
+        outcome = self.specials[row.call](session, command, values)
+        if isinstance(outcome, Generator):
+            outcome = yield from outcome
+        return outcome
+
+    def _operation(self, session: Session, name: str, values: dict[str, Any]) -> Operation:
+        """The operation with its fields taken from the command, else from what the client set before."""
+        kind = operations.named(name)
+        assert kind is not None
+        fields: dict[str, Any] = {}
+        for field, required in _needs(kind):
+            value = values.get(field, session.kept.get(field))
+            if value is None and required:
+                raise NoTarget
+            if value is not None:
+                fields[field] = value
+        return kind(**fields)
+
+    def reply(self, session: Session, command: Command, answer: Any) -> bytes:
+        """The first reply form that is no refusal and suits the client's format, filled in."""
+        if isinstance(answer, bytes):
+            return answer
+        for reply, picture in command.replies:
+            if reply.fault is None and reply.when in (None, session.kept["precision"], session.model.get("name")):
+                return self.as_written(command.name, picture.encode(_fields(answer, picture.fields)))
+        return b""
+
+    def refusal(self, command: Command, fault: Fault) -> bytes:
+        """The reply form that stands for this fault, else the first that stands for any, else silence."""
+        refusals = [(reply, picture) for reply, picture in command.replies if reply.fault is not None]
+        name = type(fault).__name__
+        chosen = next((item for item in refusals if item[0].fault == name), refusals[0] if refusals else None)
+        if chosen is None:
+            return b""
+        return chosen[1].encode(dict.fromkeys(chosen[1].fields, str(fault)))
+
+
+def _without_motion(steps: Handling) -> Handling:
+    """Carry out a command, but for what sets something moving."""
+    answer: Any = None
+    fault: Fault | None = None
+    while True:
+        try:
+            wanted = steps.send(answer) if fault is None else steps.throw(fault)
+        except StopIteration as end:
+            return end.value
+        answer, fault = None, None
+        if begins_motion(getattr(wanted, "operation", wanted)):
+            fault = None if isinstance(wanted, FireAndForget) else Disturbed()
+            continue
+        try:
+            answer = yield wanted
+        except Fault as error:
+            fault = error
+
+
+@cache
+def _needs(kind: type[Operation]) -> tuple[tuple[str, bool], ...]:
+    """The fields of an operation, and whether each must be given; looking them up costs more than all of a reply."""
+    return tuple((field.name, field.required) for field in msgspec.structs.fields(kind))
+
+
+def _fields(answer: Any, names: Mapping[str, Any]) -> Mapping[str, Any]:
+    """An answer as the fields a reply wants: a mapping, a struct, or one bare value for one field."""
+    if isinstance(answer, Mapping):
+        return answer
+    if isinstance(answer, msgspec.Struct):
+        return msgspec.structs.asdict(answer)
+    return dict.fromkeys(names, answer)

@@ -1,0 +1,172 @@
+"""Talking to a Meade: requests out, replies in.
+
+A reply has one of five shapes: none, one character, text up to ``#``, one character and text, two texts (``:SC``). A
+raw 0x15 instead of any of them, of none too, means busy (LX200GPS). Commands without a reply are followed by a short
+pause, which old scopes need. Clients may write sloppily, telescopes do not: a reply counts in its exact form only.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
+
+from gateway.core.errors import Busy, Fault, Garbled, Refused
+from gateway.protocols.base.driver import Send
+from gateway.protocols.lx200.handwriting import Handwriting
+from gateway.protocols.wireformat.command_set import CommandSet, load
+
+NAK = 0x15
+TIMEOUT, PACE = 3.0, 0.05  # seconds
+#: No reply with a ``#`` at its end is longer.
+LONGEST = 200
+#: The questions, by what their answers may do from one to the next: move, run as a clock does, or stay the same.
+KINDS = {
+    **dict.fromkeys(("GR", "GD", "GZ", "GA"), "place"),
+    "GL": "clock",
+    **dict.fromkeys(("ACK", "GW", "GVP", "GVN", "D", "h?", "Gt", "Gg", "GG", "GC", "GT"), "same"),
+}
+#: Field forms as telescopes send them: every digit in its place, any one byte between degrees, minutes and seconds.
+_SEP = rb"[^0-9#]"
+_FORMS = {
+    "HH:MM:SS": rb"\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d",
+    "hh:mm:ss": rb"\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d",
+    "HH:MM.T": rb"\d\d" + _SEP + rb"\d\d\.\d",
+    "sDD*MM:SS": rb"[+-]\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d",
+    "sDD*MM": rb"[+-]\d\d" + _SEP + rb"\d\d(?:" + _SEP + rb"\d\d)?",
+    "DDD*MM:SS": rb"\d\d\d" + _SEP + rb"\d\d" + _SEP + rb"\d\d",
+    "DDD*MM": rb"\d\d\d" + _SEP + rb"\d\d",
+    "sDDD*MM": rb"[+-]?\d\d\d" + _SEP + rb"\d\d(?:" + _SEP + rb"\d\d)?",
+    "MM/DD/YY": rb"\d\d/\d\d/\d\d",
+    "sHH.H": rb"[+-]?\d\d?(?:[.:]\d\d?)?",
+}
+_FIELD = re.compile(r"\{\w+:([^}]*)\}")
+
+
+#: Answers that are another one every time.
+STREAMS = frozenset({"gps"})
+
+
+@cache
+def _exact(source: str) -> re.Pattern[bytes]:
+    """A reply's picture as telescopes fill it."""
+    pattern, at = b"", 0
+    for field in _FIELD.finditer(source):
+        pattern += re.escape(source[at : field.start()].encode("latin-1"))
+        form, at = field[1], field.end()
+        words = [len(word) for word in form.split("|")]
+        free = rb"[^#]*" if len(words) == 1 else rb"[^#]{%d,%d}" % (min(words), max(words))
+        pattern += _FORMS.get(form, free)
+    return re.compile(pattern + re.escape(source[at:].encode("latin-1")), re.DOTALL)
+
+
+@cache
+def _shapes(sources: tuple[str, ...]) -> frozenset[str]:
+    """What replies look like when one does not know what was asked."""
+    shapes = set()
+    for source in sources:
+        if ":text}" in source:
+            shapes.add("text")
+        elif "#" in source:
+            shapes.add(_FIELD.sub(lambda field: field[1].upper(), source))
+        else:
+            shapes.add("bare")
+    return frozenset(shapes)
+
+
+class MeadeDialogue:
+    """What a line must know to exchange commands with a Meade."""
+
+    protocol: CommandSet = load("lx200")
+    closing = b"#"
+
+    def __init__(self) -> None:
+        self._hand = Handwriting()
+
+    def timeout(self, ask: Send) -> float:
+        return TIMEOUT
+
+    def pace(self, ask: Send) -> float:
+        return 0.0 if self.protocol.commands[ask.command].replies else PACE
+
+    def kind(self, ask: Send) -> str | None:
+        """What a question's answer may do from one to the next; None for a command that is no question."""
+        return KINDS.get(ask.command, "same" if ask.raw and ask.command not in STREAMS else None)
+
+    def as_written(self, command: str, reply: bytes) -> bytes:
+        """A reply by the manual as this telescope would write it."""
+        return self._hand.write(command, reply)
+
+    def leaves_open(self, ask: Send) -> bool:
+        """ACK has no end: whoever reads whole commands takes what comes next for the rest of it."""
+        return ask.command == "ACK"
+
+    def bare(self, ask: Send) -> bool:
+        """Whether nothing tells the end of the reply."""
+        return any("#" not in source for source in self._sources(ask))
+
+    def alike(self, one: Send, other: Send) -> bool:
+        """Whether the reply to the one could be taken for a reply to the other, by their forms."""
+        first, second = _shapes(self._sources(one)), _shapes(self._sources(other))
+        either = first | second
+        return bool(first & second) or ("text" in either and bool(first - {"bare"}) and bool(second - {"bare"}))
+
+    def _sources(self, ask: Send) -> tuple[str, ...]:
+        return tuple([str(picture.source) for _, picture in self.protocol.commands[ask.command].replies])
+
+    def encode(self, ask: Send) -> bytes:
+        """The request bytes; with ``low`` among the values in the low-precision form."""
+        requests = self.protocol.commands[ask.command].requests
+        try:
+            return requests[1 if ask.values.get("low") and len(requests) > 1 else 0].encode(ask.values)
+        except ValueError as error:
+            raise Refused(str(error)) from None
+
+    def take(self, ask: Send, buffer: bytes) -> tuple[dict[str, Any] | Fault, int] | None:
+        """The reply at the start of the buffer and its length; None while it is incomplete.
+
+        The fields come with ``length``: only by that is low precision told from high. Raises ValueError for a field
+        that is out of range.
+        """
+        replies = self.protocol.commands[ask.command].replies
+        if buffer[:1] == bytes((NAK,)):
+            return Busy(), 1
+        if not replies:
+            return {}, 0
+        if not buffer:
+            return None
+        for reply, picture in replies:
+            found = _exact(str(picture.source)).match(buffer)
+            if found is None:
+                continue
+            length = found.end()
+            if "#" not in str(picture.source) and buffer[length:] == b"#":
+                buffer, length = buffer[:length], length + 1  # some put one behind everything
+            values = picture.decode(found[0])
+            if reply.fault is not None:
+                return _fault(reply.fault, values), length
+            self._hand.learn(ask.command, found[0])
+            return {**values, "length": length}, length
+        hashes = max(source.count("#") for source in self._sources(ask))
+        if buffer.count(b"#") >= max(1, hashes) or len(buffer) > LONGEST or not hashes:
+            whole = hashes or len(buffer) >= max(picture.width or 1 for _, picture in replies)
+            return (Garbled(), len(buffer)) if whole else None
+        return None
+
+    def proof(self, number: int) -> Iterator[Send]:
+        """After quiet time: a right ascension and a declination, whose forms differ."""
+        yield Send("GR")
+        yield Send("GD")
+
+    def proven(self, ask: Send, values: dict[str, Any]) -> bool:
+        return "ra" in values or "dec" in values
+
+
+def _fault(name: str, values: dict[str, Any]) -> Fault:
+    """The fault that a reply variant stands for, with the mount's own words where it sent some."""
+    from gateway.core import errors
+
+    kind: type[Fault] = getattr(errors, name)
+    words = str(values.get("text", "")).strip()
+    return kind(" ".join(words.split()) or None)

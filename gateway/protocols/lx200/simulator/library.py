@@ -1,0 +1,102 @@
+"""The object library of a simulated Meade: a handful of objects, and the Moon.
+
+The classics really look things up and step through what they have; Autostar and LX200GPS know objects by their
+number only and answer ``:LI#`` and ``:Lf#`` with the manual's static texts. What is not found leaves the target alone.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from gateway.astro.ephemeris import Sky
+from gateway.protocols.lx200.simulator.motion import altitude
+
+if TYPE_CHECKING:
+    from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
+
+Values = dict[str, Any]
+
+
+class Thing(NamedTuple):
+    """An object: right ascension and declination in degrees, J2000."""
+
+    messier: int
+    ngc: int
+    kind: str
+    ra: float
+    dec: float
+
+
+#: NGC 0 is none: the Pleiades are not in that catalogue.
+_THINGS = (
+    Thing(1, 1952, "SNR", 83.633, 22.015),
+    Thing(13, 6205, "GLOB CLUS", 250.423, 36.461),
+    Thing(31, 224, "GALAXY", 10.685, 41.269),
+    Thing(42, 1976, "DIFF NEB", 83.822, -5.391),
+    Thing(45, 0, "OPEN CLUS", 56.75, 24.117),
+    Thing(57, 6720, "PLAN NEB", 283.396, 33.029),
+)
+_STARS = {7: (37.955, 89.264), 308: (279.234, 38.784)}  # of the STAR library: Polaris, Vega
+_DEEP_SKY, _STAR_CATALOGUES = (0, 1, 2), (0, 1, 2)
+_STEPS = {"LF": 0, "LN": 1, "LB": -1}
+_SKY = Sky()
+
+
+def _aim(sim: SimulatedLx200, ra: float, dec: float, name: str) -> None:
+    sim.kept["ra"], sim.kept["dec"] = _SKY.to_of_date(ra, dec, sim.utc())
+    sim.kept["object"] = name
+
+
+def choose(sim: SimulatedLx200, name: str, values: Values) -> None:
+    """:LM :LC"""
+    number = values["number"]
+    for thing in _THINGS:
+        if number and number == (thing.messier if name == "LM" else thing.ngc):
+            _aim(sim, thing.ra, thing.dec, f"{'M' if name == 'LM' else 'CNGC'}{number} {thing.kind}")
+
+
+def star(sim: SimulatedLx200, name: str, values: Values) -> None:
+    """:LS"""
+    place = _STARS.get(values["number"])
+    if place is not None:
+        _aim(sim, *place, f"STAR{values['number']}")
+
+
+def step(sim: SimulatedLx200, name: str, _: Values) -> None:
+    """:LF :LN :LB - the first, next or previous object that is up; nothing but on a classic."""
+    if not sim.classic:
+        return
+    up = [thing for thing in _THINGS if altitude(sim, *_SKY.to_of_date(thing.ra, thing.dec, sim.utc())) > 0]
+    if up:
+        place = sim.kept["step"] = (sim.kept.get("step", 0) + _STEPS[name]) % len(up) if _STEPS[name] else 0
+        _aim(sim, up[place].ra, up[place].dec, f"M{up[place].messier} {up[place].kind}")
+
+
+def catalogue(sim: SimulatedLx200, name: str, values: Values) -> bytes:
+    """:Lo :Ls - "not found" is 0 for the one and 2 for the other; only a classic ever says so."""
+    present = values["catalog"] in (_DEEP_SKY if name == "Lo" else _STAR_CATALOGUES)
+    if present or not sim.classic:
+        return b"1"
+    return b"0" if name == "Lo" else b"2"
+
+
+def describe(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+    """:LI :Lf"""
+    if not sim.classic:
+        return f"{sim.row['object_text' if name == 'LI' else 'find_text']}#".encode()
+    return f"{sim.kept.get('object', 'No object')}#".encode() if name == "LI" else b"0 - Objects found#"
+
+
+def moon(sim: SimulatedLx200, name: str, values: Values) -> bytes:
+    """:SE :Se - the Moon's middle whatever the feature; 0 while it is down."""
+    ra, dec, _ = _SKY.moon(sim.utc(), *sim.site)
+    if altitude(sim, ra, dec) <= 0:
+        return b"0"
+    sim.kept["ra"], sim.kept["dec"], sim.kept["object"] = ra, dec, "MOON"
+    return b"1"
+
+
+HANDLERS: dict[str, Any] = {
+    "LM": choose, "LC": choose, "LS": star, "LF": step, "LN": step, "LB": step, "Lo": catalogue, "Ls": catalogue,
+    "LI": describe, "Lf": describe, "SE": moon, "Se": moon,
+}  # fmt: skip

@@ -1,0 +1,125 @@
+"""What a simulated mount physically does, for whoever judges a gateway by it: an instrument that nobody can fool.
+
+It is read from the motor axes as they stand, and from the site and the clock that the simulator was made with. No
+command changes these: not a site, date or time that a client sets, not the GPS unit or its clock, not a sync, which
+moves what the mount believes and never the tube. So a test asks this, and not what the gateway or the mount answers.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from collections.abc import AsyncIterator, Callable
+from math import cos, radians, sin
+from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import asdict
+
+from gateway.astro.axes import Build, Geometry
+from gateway.astro.spherical import UNIX_AT_J2000, from_vector, hour_angle_to_horizon, separation, wrap180
+
+#: Seconds of the simulator's time from one sample to the next.
+EVERY = 0.1
+#: Digits after the point in a file: a millisecond; 0.004 arcseconds.
+_DIGITS = {"t": 3}
+_OTHER_DIGITS = 6
+
+
+class Truth(Struct, frozen=True):
+    """One moment of a simulated mount.
+
+    ``t``: Unix seconds by the simulator's own clock.
+    ``axis1``, ``axis2``: where the motor axes stand, degrees, in [0, 360) and [-180, 180). On an alt-az fork azimuth
+    and altitude; on a polar mount the hour angle and declination axes as ``mount_geometry.Geometry`` counts them.
+    ``altitude``, ``azimuth``: where the tube points over the true horizon, degrees, without refraction; the azimuth
+    from north through east.
+    ``hour_angle``: of the place that the tube points at, degrees in [-180, 180), positive west of the meridian.
+    ``past_meridian``: how far the counterweight shaft of a German mount stands above the level, degrees from -90
+    (straight down) to 90. It is level when the tube points at the meridian; above that the tube has passed the meridian
+    towards the pier by so much. None on a fork, which has no pier.
+    ``sun_distance``: from the middle of the tube's view to the middle of the Sun, degrees, whether it is up or not;
+    right to 0.02 degrees.
+    ``rate1``, ``rate2``: how fast the axes turn at this moment, degrees a second, positive as ``axis1`` and ``axis2``
+    grow.
+    ``moving``: whether a motor turns for anything but tracking: a goto, a hand rate, guiding, or running on after one.
+    ``tracking``: whether the motors follow the sky, by the site and clock that the mount believes in.
+    """
+
+    t: float
+    axis1: float
+    axis2: float
+    altitude: float
+    azimuth: float
+    hour_angle: float
+    past_meridian: float | None
+    sun_distance: float
+    rate1: float
+    rate2: float
+    moving: bool
+    tracking: bool
+
+    def line(self) -> str:
+        """One JSON object with these names, and the end of the line."""
+        shown = {
+            name: round(value, _DIGITS.get(name, _OTHER_DIGITS)) if type(value) is float else value
+            for name, value in asdict(self).items()
+        }
+        return json.dumps(shown) + "\n"
+
+
+def truth_of(simulator: Any) -> Truth:
+    """The present moment of a simulated mount of either protocol; asking it changes nothing."""
+    simulator.truth()  # what is due by now has happened
+    now, mechanics = simulator.now, simulator.mechanics
+    first, second = mechanics.axes(now)
+    rates, moving = mechanics.speeds(now), mechanics.moving(now)
+    hour_angle, dec = Geometry(mechanics.build, mechanics.ground.latitude).sky(first, second)
+    azimuth, altitude = hour_angle_to_horizon(hour_angle, dec, mechanics.ground.latitude)
+    sun_ra, sun_dec = sun(now)
+    return Truth(
+        t=now, axis1=first, axis2=second, altitude=altitude, azimuth=azimuth, hour_angle=hour_angle,
+        past_meridian=abs(wrap180(first - 90.0)) - 90.0 if mechanics.build is Build.GERMAN else None,
+        sun_distance=separation(hour_angle, dec, mechanics.ground.sidereal(now) - sun_ra, sun_dec),
+        rate1=rates[0], rate2=rates[1], moving=moving,
+        tracking=mechanics.tracking(now) and not mechanics.runs_on(now),
+    )  # fmt: skip
+
+
+def sun(unix: float) -> tuple[float, float]:
+    """Right ascension and declination of the Sun of date, degrees, to 0.01 (Astronomical Almanac, section C).
+
+    A formula of its own: a mistake in the gateway's almanac must not hide here.
+    """
+    days = (unix - UNIX_AT_J2000) / 86400.0
+    anomaly = radians(357.528 + 0.9856003 * days)
+    longitude = radians(280.460 + 0.9856474 * days + 1.915 * sin(anomaly) + 0.020 * sin(2.0 * anomaly))
+    tilt = radians(23.439 - 0.0000004 * days)
+    return from_vector((cos(longitude), cos(tilt) * sin(longitude), sin(tilt) * sin(longitude)))
+
+
+async def sample(simulator: Any, keep: Callable[[Truth], object], every: float = EVERY) -> None:
+    """Hand ``keep`` the truth every so many seconds of the simulator's time, for ever. Raises what ``keep`` raises."""
+    due: float = simulator.clock()
+    while True:
+        seen = truth_of(simulator)
+        keep(seen)
+        due = due + every if due + every > seen.t else seen.t + every  # a computer that slept leaves out what it missed
+        await asyncio.sleep(max(0.0, due - seen.t))
+
+
+@contextlib.asynccontextmanager
+async def sampled(simulator: Any, keep: Callable[[Truth], object], every: float = EVERY) -> AsyncIterator[None]:
+    """The same for as long as a ``with`` block lasts; what ``keep`` raised is raised at its end.
+
+    For tests: ``keep`` is the ``append`` of a list, or a function that asserts.
+    """
+    sampler = asyncio.get_running_loop().create_task(sample(simulator, keep, every))
+    try:
+        yield
+    finally:
+        if not sampler.done():
+            sampler.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await sampler

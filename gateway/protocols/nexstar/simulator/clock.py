@@ -1,0 +1,175 @@
+"""Clocks and places of a simulated mount: the hand control's own, the GPS unit (176) and the RTC (178).
+
+The hand control runs on from the time it was set to and believes the site it was told. The GPS unit knows
+where the mount really stands and the true time; the RTC keeps the true time until it is set. Both speak
+Universal Time (NexStar protocol, Time/Location, GPS and RTC Commands).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Any
+
+from gateway.astro.axes import Sky
+
+if TYPE_CHECKING:
+    from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
+
+Values = dict[str, Any]
+Handler = Callable[["SimulatedHandControl", Values], Values | None]
+
+WEST_MOST, EAST_MOST = -12, 14  # hours: the zones in use
+
+
+def _utc(unix: float) -> datetime:
+    return datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=unix)
+
+
+# --- the hand control's own -----------------------------------------------------------------------------
+
+
+def _local(sim: SimulatedHandControl, zone: float) -> Values:
+    """Local date and time in a zone, as both clock commands write it."""
+    local = _utc(sim.utc() + (zone + sim.daylight) * 3600)
+    return {
+        "hour": local.hour,
+        "minute": local.minute,
+        "second": local.second,
+        "month": local.month,
+        "day": local.day,
+        "year": local.year % 100,
+        "dst": sim.daylight,
+    }
+
+
+def get_time(sim: SimulatedHandControl, _: Values) -> Values:
+    """``h``: the zone byte holds whole hours, so a zone of 5:45 is told as 5, with the time to it."""
+    zone = math.floor(sim.zone)
+    return {**_local(sim, zone), "zone": zone}
+
+
+def get_time_quarters(sim: SimulatedHandControl, _: Values) -> Values:
+    """``i``: the zone in quarters of an hour."""
+    return {**_local(sim, sim.zone), "quarters": round(sim.zone * 4)}
+
+
+def _set_time(sim: SimulatedHandControl, values: Values, zone: float) -> None:
+    """UTC is local time less the zone less daylight saving; impossible values change nothing."""
+    if not WEST_MOST <= zone <= EAST_MOST or values["dst"] > 1 or values["year"] > 99:
+        return
+    try:
+        local = datetime(
+            2000 + values["year"],
+            values["month"],
+            values["day"],
+            values["hour"],
+            values["minute"],
+            values["second"],
+            tzinfo=UTC,
+        )
+    except ValueError:
+        return
+    sim.zone, sim.daylight = zone, values["dst"]
+    unix = local.timestamp() - (zone + sim.daylight) * 3600
+    sim.relocate(sim.mechanics.sky._replace(ahead=unix - sim.now))
+
+
+def set_time(sim: SimulatedHandControl, values: Values) -> Values:
+    """``H``."""
+    _set_time(sim, values, values["zone"])
+    return {}
+
+
+def set_time_quarters(sim: SimulatedHandControl, values: Values) -> Values:
+    """``I``."""
+    _set_time(sim, values, values["quarters"] / 4)
+    return {}
+
+
+def get_site(sim: SimulatedHandControl, _: Values) -> Values:
+    """``w``."""
+    return {"latitude": sim.mechanics.sky.latitude, "longitude": sim.mechanics.sky.longitude}
+
+
+def set_site(sim: SimulatedHandControl, values: Values) -> Values:
+    """``W``."""
+    sim.relocate(Sky(values["latitude"], values["longitude"], sim.mechanics.sky.ahead))
+    return {}
+
+
+def sidereal_time(sim: SimulatedHandControl, _: Values) -> Values:
+    """``l``: by the clock and the site that the hand control believes in."""
+    return {"sidereal": sim.mechanics.sky.sidereal(sim.now)}
+
+
+# --- GPS unit and real-time clock -----------------------------------------------------------------------
+
+
+def _true_time(sim: SimulatedHandControl, device: int) -> datetime:
+    return _utc(sim.now + (sim.rtc_ahead if device == RTC else 0.0))
+
+
+def _date(device: int) -> Handler:
+    def date(sim: SimulatedHandControl, _: Values) -> Values:
+        time = _true_time(sim, device)
+        return {"month": time.month, "day": time.day}
+
+    return date
+
+
+def _year(device: int) -> Handler:
+    def year(sim: SimulatedHandControl, _: Values) -> Values:
+        return {"year": _true_time(sim, device).year}
+
+    return year
+
+
+def _time(device: int) -> Handler:
+    def time_of_day(sim: SimulatedHandControl, _: Values) -> Values:
+        time = _true_time(sim, device)
+        return {"hour": time.hour, "minute": time.minute, "second": time.second}
+
+    return time_of_day
+
+
+def _set_rtc(sim: SimulatedHandControl, values: Values) -> Values:
+    """Replace a part of the RTC's date or time; an impossible one changes nothing."""
+    time = _true_time(sim, RTC)
+    try:
+        wanted = time.replace(**values)
+    except ValueError:
+        return {}
+    sim.rtc_ahead += (wanted - time).total_seconds()
+    return {}
+
+
+def _linked(sim: SimulatedHandControl, _: Values) -> Values:
+    return {"linked": 1, "valid": 1}
+
+
+GPS, RTC = 176, 178
+
+CLOCKS: dict[str, Handler] = {
+    "h": get_time,
+    "H": set_time,
+    "i": get_time_quarters,
+    "I": set_time_quarters,
+    "w": get_site,
+    "W": set_site,
+    "l": sidereal_time,
+    "gps_linked": _linked,
+    "gps_time_valid": _linked,
+    "gps_latitude": lambda sim, _: {"latitude": sim.site[0]},
+    "gps_longitude": lambda sim, _: {"longitude": sim.site[1]},
+    "gps_date": _date(GPS),
+    "gps_year": _year(GPS),
+    "gps_time": _time(GPS),
+    "rtc_date": _date(RTC),
+    "rtc_year": _year(RTC),
+    "rtc_time": _time(RTC),
+    "rtc_set_date": _set_rtc,
+    "rtc_set_year": _set_rtc,
+    "rtc_set_time": _set_rtc,
+}

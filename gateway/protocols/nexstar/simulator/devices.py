@@ -1,0 +1,277 @@
+"""What answers behind the hand control's pass-through command: the two motors and a focuser.
+
+A handler gives the values of its reply, or None for what this device does not have; the hand control then
+uses its no-response form. Rates of the keys 1-9 come from ``rates.toml``; ``speed`` touches gotos only, never
+a hand rate.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gateway.astro.spherical import SIDEREAL_RATE, wrap180
+from gateway.protocols.mechanics.axis_motor import LUNAR_RATE, SOLAR_RATE
+from gateway.protocols.nexstar.simulator.clock import GPS, RTC, Handler, Values
+from gateway.protocols.wireformat.command_set import Version
+
+if TYPE_CHECKING:
+    from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
+
+AZM, ALT, FOCUSER = 16, 17, 18
+#: Variable rates that are none: sidereal, solar and lunar tracking of the motor.
+DRIVE_RATES = {0xFFFF: SIDEREAL_RATE, 0xFFFE: SOLAR_RATE, 0xFFFD: LUNAR_RATE}
+#: The keys that do not override equatorial tracking (NexStar protocol, Slewing Commands, note).
+GENTLE_KEYS = (1, 2)
+#: Motor firmware that knows guide pulses.
+PULSE_FIRMWARE = (6, 12)
+#: Motor firmware that tells its model, and that keeps cords from being wound up.
+MODEL_FIRMWARE, CORDWRAP_FIRMWARE = (7, 0), (5, 0)
+INDEX = 90.0  # where the home switches of both axes are
+FULL_BACKLASH = 99
+OTHER_VERSIONS: dict[int, Version] = {GPS: (1, 6), RTC: (1, 2), FOCUSER: (7, 16)}
+_TURN = 1 << 24
+"""Steps of a position: of a turn for a motor; a focuser counts plain steps in the same field."""
+
+
+class FocuserMotor:
+    """A focuser: a position in steps that moves at a rate, to one end of its way or to a goal."""
+
+    TRAVEL = 50000
+    FASTEST = 1000.0  # steps a second at key 9
+
+    def __init__(self) -> None:
+        self._position, self._since, self._rate, self._goal = self.TRAVEL / 2, 0.0, 0.0, 0.0
+
+    def position(self, now: float) -> float:
+        """Steps from the inner end."""
+        reach, left = self._rate * (now - self._since), self._goal - self._position
+        return self._goal if abs(reach) >= abs(left) else self._position + reach
+
+    def moving(self, now: float) -> bool:
+        return self._rate != 0.0 and self.position(now) != self._goal
+
+    def go(self, now: float, goal: float, rate: float = FASTEST) -> None:
+        """Move to a step at some steps a second; 0 stops."""
+        self._position, self._since = self.position(now), now
+        self._goal = max(0.0, min(float(self.TRAVEL), goal)) if rate else self._position
+        self._rate = abs(rate) if self._goal > self._position else -abs(rate)
+
+
+# --- hand rates -----------------------------------------------------------------------------------------
+
+
+def _hand_rate(sim: SimulatedHandControl, values: Values, device: int, sign: int) -> Values | None:
+    """24 and 25 hex: a key from 1 to 9, 0 to stop."""
+    key = values["rate"]
+    if key > len(sim.keys):
+        return {}
+    if device == FOCUSER and sim.focuser is not None:
+        end = sim.focuser.TRAVEL if sign > 0 else 0
+        sim.focuser.go(sim.now, end, sim.focuser.FASTEST * 2.0 ** (key - 9) if key else 0.0)
+        return {}
+    if device not in (AZM, ALT):
+        return None
+    rate = sim.keys[key - 1] if key else 0.0
+    sim.mechanics.move(sim.now, device - 15, sign * rate, gentle=key in GENTLE_KEYS)
+    return {}
+
+
+def _variable_rate(sim: SimulatedHandControl, values: Values, device: int, sign: int) -> Values:
+    """06 and 07: quarter arcseconds a second, except the three drive rates."""
+    drive = DRIVE_RATES.get(values["rate"])
+    rate = values["rate"] / 14400.0 if drive is None else drive
+    sim.mechanics.set_rate(sim.now, device - 15, sign * rate, drive=drive is not None)
+    return {}
+
+
+def _fine_rate(sim: SimulatedHandControl, values: Values, device: int, sign: int) -> Values | None:
+    """06 and 07 with three bytes: 1/1024 arcsecond a second."""
+    if device not in (AZM, ALT):
+        return None
+    sim.mechanics.set_rate(sim.now, device - 15, sign * values["rate"] / 1024.0 / 3600.0)
+    return {}
+
+
+def _pulse(sim: SimulatedHandControl, values: Values) -> Values | None:
+    """26 hex: percent of sidereal for hundredths of a second."""
+    if values["device"] not in (AZM, ALT) or sim.motors < PULSE_FIRMWARE:
+        return None
+    rate = max(-100, min(100, values["rate"])) / 100.0 * SIDEREAL_RATE
+    sim.mechanics.pulse(sim.now, values["device"] - 15, rate, values["ticks"] / 100.0)
+    return {}
+
+
+def _pulse_active(sim: SimulatedHandControl, values: Values) -> Values | None:
+    if values["device"] not in (AZM, ALT) or sim.motors < PULSE_FIRMWARE:
+        return None
+    return {"active": int(sim.mechanics.pulsing(sim.now, values["device"] - 15))}
+
+
+# --- positions ------------------------------------------------------------------------------------------
+
+
+def _position(sim: SimulatedHandControl, values: Values) -> Values | None:
+    device = values["device"]
+    if device == FOCUSER and sim.focuser is not None:
+        return {"position": round(sim.focuser.position(sim.now)) * 360.0 / _TURN}
+    return {"position": sim.encoders()[device - 16]} if device in (AZM, ALT) else None
+
+
+def _goto(sim: SimulatedHandControl, values: Values, slow: bool) -> Values | None:
+    """02 and 17 hex: one motor alone."""
+    device = values["device"]
+    if device == FOCUSER and sim.focuser is not None:
+        sim.focuser.go(sim.now, values["position"] / 360.0 * _TURN)
+        return {}
+    if device not in (AZM, ALT):
+        return None
+    position = values["position"] - sim.encoder_offset[device - 16]
+    sim.mechanics.goto_axis(sim.now, device - 15, position, slow)
+    return {}
+
+
+def _done(sim: SimulatedHandControl, values: Values) -> Values | None:
+    """13 and 12 hex: 255 when the motor has arrived."""
+    device = values["device"]
+    if device == FOCUSER and sim.focuser is not None:
+        return {"done": 0 if sim.focuser.moving(sim.now) else 255}
+    if device not in (AZM, ALT):
+        return None
+    return {"done": 0 if sim.mechanics.slewing(sim.now, device - 15) else 255}
+
+
+def _set_position(sim: SimulatedHandControl, values: Values) -> Values | None:
+    """04: the motor counts from there, and the hand control, which knows no better, believes it."""
+    if values["device"] not in (AZM, ALT):
+        return None
+    axis = values["device"] - 16
+    change = wrap180(values["position"] - sim.encoders()[axis])
+    sim.encoder_offset[axis] += change
+    believed = list(sim.mechanics.correction)
+    believed[axis] = wrap180(believed[axis] + change)
+    sim.mechanics.correct(sim.now, (believed[0], believed[1]))
+    return {}
+
+
+def _seek_home(sim: SimulatedHandControl, values: Values) -> Values | None:
+    if values["device"] not in (AZM, ALT) or "home" not in sim.row["has"]:
+        return None
+    sim.mechanics.goto_axis(sim.now, values["device"] - 15, INDEX)
+    return {}
+
+
+def _home_found(sim: SimulatedHandControl, values: Values) -> Values | None:
+    return _done(sim, values) if "home" in sim.row["has"] and values["device"] != FOCUSER else None
+
+
+# --- settings -------------------------------------------------------------------------------------------
+
+
+def _keep(name: str, limit: int) -> Handler:
+    """A value a motor keeps; one beyond the limit is acknowledged and forgotten."""
+
+    def keep(sim: SimulatedHandControl, values: Values) -> Values | None:
+        field = "rate" if "rate" in values else "value"
+        if values["device"] not in (AZM, ALT):
+            return None
+        if values[field] <= limit:
+            sim.settings[name, values["device"]] = values[field]
+        return {}
+
+    return keep
+
+
+def _tell(name: str, default: int) -> Handler:
+    def tell(sim: SimulatedHandControl, values: Values) -> Values | None:
+        if values["device"] not in (AZM, ALT):
+            return None
+        value = sim.settings.get((name, values["device"]), default)
+        return {"rate": value, "value": value}
+
+    return tell
+
+
+def _periodic_error(sim: SimulatedHandControl, values: Values) -> Values | None:
+    """0C and 0D hex: acknowledged and remembered; the simulated gears have no error to correct."""
+    if values["device"] != AZM or "pec" not in sim.row["has"]:
+        return None
+    sim.settings["periodic error", AZM] = int(bool(values.get("on", 0)))
+    return {}
+
+
+def _steady(value: int, *, motors: Version, part: str = "") -> Handler:
+    """What a motor control tells and nothing here changes, from a firmware on, on mounts that carry a part."""
+
+    def steady(sim: SimulatedHandControl, values: Values) -> Values | None:
+        own: Version = sim.motors
+        if values["device"] not in (AZM, ALT) or own < motors or (part and part not in sim.row["has"]):
+            return None
+        return dict.fromkeys(("value", "done", "on", "other"), value)
+
+    return steady
+
+
+def _motor_model(sim: SimulatedHandControl, values: Values) -> Values | None:
+    """05: only newer motors tell it."""
+    return {"value": sim.row["id"]} if values["device"] in (AZM, ALT) and sim.motors >= MODEL_FIRMWARE else None
+
+
+def _cordwrap_position(sim: SimulatedHandControl, values: Values) -> Values | None:
+    """3C hex: only the azimuth motor winds cords up."""
+    return {"position": 180.0} if values["device"] == AZM and sim.motors >= CORDWRAP_FIRMWARE else None
+
+
+def _version(sim: SimulatedHandControl, values: Values) -> Values | None:
+    """FE hex. Old motors send two bytes also to who asks for four."""
+    device = values["device"]
+    if not sim.present(device):
+        return None
+    major, minor = sim.motors if device in (AZM, ALT) else OTHER_VERSIONS[device]
+    return {"major": major, "minor": minor, "build": 0}
+
+
+DEVICES: dict[str, Handler] = {
+    "slew_azm_pos": lambda sim, values: _hand_rate(sim, values, AZM, +1),
+    "slew_azm_neg": lambda sim, values: _hand_rate(sim, values, AZM, -1),
+    "slew_alt_pos": lambda sim, values: _hand_rate(sim, values, ALT, +1),
+    "slew_alt_neg": lambda sim, values: _hand_rate(sim, values, ALT, -1),
+    "move_pos": lambda sim, values: _hand_rate(sim, values, values["device"], +1),
+    "move_neg": lambda sim, values: _hand_rate(sim, values, values["device"], -1),
+    "rate_azm_pos": lambda sim, values: _variable_rate(sim, values, AZM, +1),
+    "rate_azm_neg": lambda sim, values: _variable_rate(sim, values, AZM, -1),
+    "rate_alt_pos": lambda sim, values: _variable_rate(sim, values, ALT, +1),
+    "rate_alt_neg": lambda sim, values: _variable_rate(sim, values, ALT, -1),
+    "fine_rate_pos": lambda sim, values: _fine_rate(sim, values, values["device"], +1),
+    "fine_rate_neg": lambda sim, values: _fine_rate(sim, values, values["device"], -1),
+    "pulse": _pulse,
+    "pulse_active": _pulse_active,
+    "axis_position": _position,
+    "axis_goto": lambda sim, values: _goto(sim, values, slow=False),
+    "axis_goto_slow": lambda sim, values: _goto(sim, values, slow=True),
+    "axis_set_position": _set_position,
+    "axis_done": _done,
+    "level_start": _seek_home,
+    "level_done": _home_found,
+    "set_guide_rate": _keep("guide rate", 255),
+    "guide_rate": _tell("guide rate", 128),
+    "set_backlash_pos": _keep("positive backlash", FULL_BACKLASH),
+    "set_backlash_neg": _keep("negative backlash", FULL_BACKLASH),
+    "backlash_pos": _tell("positive backlash", 0),
+    "backlash_neg": _tell("negative backlash", 0),
+    "pec_record": _periodic_error,
+    "pec_playback": _periodic_error,
+    "motor_model": _motor_model,
+    "pec_bin": _steady(0, motors=(1, 0), part="pec"),
+    "pec_recorded": _steady(0, motors=(1, 0), part="pec"),
+    "at_index": _steady(255, motors=(1, 0), part="pec"),
+    "max_rate": lambda sim, values: None,
+    "max_rate_on": _steady(0, motors=(1, 0)),
+    "cordwrap": _steady(255, motors=CORDWRAP_FIRMWARE),
+    "cordwrap_position": _cordwrap_position,
+    "approach": _steady(1, motors=(1, 0)),
+    "gps_satellites": lambda sim, values: {"visible": 9, "tracked": 7},
+    "gps_receiver": lambda sim, values: {"value": 0x0800},
+    "gps_hardware": lambda sim, values: {"value": 1},
+    "device_version": _version,
+    "long_version": _version,
+}

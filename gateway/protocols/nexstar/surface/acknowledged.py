@@ -1,0 +1,16 @@
+"""Orders whose acknowledgement does not wait for the mount, and what is said instead where nothing can come of them.
+
+While the mount's line is down a pass-through command gets the no-response form, everything else silence: a ``#`` would
+be a yes. What ends a motion is always acknowledged, for it is owed to the mount until that has heard it.
+"""
+
+from __future__ import annotations
+
+from gateway.core.operations import Operation
+from gateway.protocols.base.surface import FireAndForget, Handling, Possible
+
+
+def begin(operation: Operation) -> Handling:
+    """Have it carried out, unless it is known already that it cannot be. Raises Fault then."""
+    yield Possible(operation)
+    yield FireAndForget(operation)

@@ -1,0 +1,1 @@
+"""Bytes to named fields and back, by the tables under ``mappings``."""

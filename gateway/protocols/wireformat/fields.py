@@ -1,0 +1,233 @@
+"""The field forms of both manuals: one row each, bytes to value and back.
+
+A codec is named by the manual's own picture of the field. Output is exact: the value is rounded once to the
+field's tick, wrapped, then split, so `:60`, `24:00:00` and a lost `-00` cannot happen. Input is lenient where
+real programs are sloppy (any separator, missing seconds, odd widths) and raises ``ValueError`` for what is out of
+range. Angles are degrees (right ascension too), times of day are seconds, offsets are hours.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from gateway.protocols.wireformat import sexagesimal as sx
+
+
+class Codec(NamedTuple):
+    """One field form. ``pattern`` says which bytes may belong to it, ``width`` is set when it is fixed."""
+
+    encode: Callable[[Any], bytes]
+    decode: Callable[[bytes], Any]
+    pattern: bytes
+    width: int | None = None
+
+
+# --- text: sexagesimal ----------------------------------------------------------------------------------------
+
+_FREE = rb"[^#]*"
+_HEX = re.compile(rb"[0-9A-Fa-f]*").fullmatch
+
+
+def _sexagesimal(encode: Callable[[float], str], decode: Callable[[bytes], float], low: float, high: float) -> Codec:
+    """A sexagesimal field whose value must lie in [low, high]."""
+
+    def checked(raw: bytes) -> float:
+        value = decode(raw)
+        if not low <= value <= high:
+            raise ValueError(f"{raw!r} is outside {low:g}..{high:g}")
+        return value
+
+    return Codec(lambda value: encode(value).encode("ascii"), checked, _FREE)
+
+
+_BELOW_DAY = 360.0 - 1e-9
+_TEXT_ANGLES = {
+    "HH:MM:SS": _sexagesimal(sx.hours, sx.parse_hours, 0, _BELOW_DAY),
+    "HH:MM.T": _sexagesimal(sx.hours_low, sx.parse_hours, 0, _BELOW_DAY),
+    "sDD*MM:SS": _sexagesimal(sx.signed, sx.parse, -90, 90),
+    "sDD*MM": _sexagesimal(sx.signed_low, sx.parse, -90, 90),
+    "DDD*MM:SS": _sexagesimal(sx.azimuth, sx.parse_azimuth, 0, _BELOW_DAY),
+    "DDD*MM": _sexagesimal(sx.azimuth_low, sx.parse_azimuth, 0, _BELOW_DAY),
+    "sDDD*MM": _sexagesimal(sx.longitude, sx.parse_longitude, -180, 180),
+    "hh:mm:ss": _sexagesimal(sx.clock, sx.parse_clock, 0, 86399.9999),
+    "hh:mm:ss 12h": _sexagesimal(sx.clock_12, sx.parse_clock, 0, 86399.9999),
+    # A site as the manual has it set: unsigned, 0 to 360 degrees west; what programs send signed is understood.
+    "DDD*MM west": _sexagesimal(sx.azimuth_low, sx.parse_longitude, -180, 180),
+    # A place on the Moon has no second name beyond 180 degrees.
+    "sDDD*MM moon": _sexagesimal(sx.longitude, sx.parse, -180, 180),
+}
+
+
+def _below_sixty(codec: Codec) -> Codec:
+    """The same field where 60 minutes or seconds are refused instead of carried."""
+    return codec._replace(decode=lambda raw: codec.decode(sx.below_sixty(raw)))
+
+
+_TEXT_ANGLES |= {
+    f"{name} below 60": _below_sixty(_TEXT_ANGLES[name])
+    for name in ("HH:MM:SS", "HH:MM.T", "sDD*MM:SS", "sDD*MM", "hh:mm:ss")
+}
+
+# --- text: numbers and words ----------------------------------------------------------------------------------
+
+
+def _number(
+    picture: str, decimals: int, width: int, signed: bool, low: float, high: float, longest: int | None = None
+) -> Codec:
+    """A decimal number: zero-padded to ``width`` before the point, ``decimals`` behind it."""
+    full = width + (decimals + 1 if decimals else 0) + (1 if signed else 0)
+    form = f"{{:{'+' if signed else ''}0{full}.{decimals}f}}"
+
+    def encode(value: float) -> bytes:
+        text = form.format(round(float(value), decimals) + 0.0)
+        if len(text) > (longest or full):
+            raise ValueError(f"{value!r} does not fit {picture}")
+        return text.encode("ascii")
+
+    def decode(raw: bytes) -> float | int:
+        value = sx.number(raw)
+        if not low <= value <= high:
+            raise ValueError(f"{raw!r} is outside {low:g}..{high:g}")
+        return value if decimals else int(value)
+
+    return Codec(encode, decode, _FREE)
+
+
+def _suffixed(codec: Codec, suffix: str) -> Codec:
+    """The same number with a unit mark behind it, which clients may leave out."""
+    mark = suffix.encode("latin-1")
+
+    def encode(value: float) -> bytes:
+        return codec.encode(value) + mark
+
+    def decode(raw: bytes) -> Any:
+        return codec.decode(raw.rstrip(b"*'\xdf\xb0\xc2 "))
+
+    return Codec(encode, decode, _FREE)
+
+
+def _word(choices: str) -> Codec:
+    """One of a few literal words, as in ``{mode:A|L|P}``."""
+    words = [word.encode("latin-1") for word in choices.split("|")]
+
+    def encode(value: str) -> bytes:
+        raw = value.encode("latin-1")
+        if raw not in words:
+            raise ValueError(f"{value!r} is none of {choices}")
+        return raw
+
+    pattern = b"|".join(_escaped(word) for word in sorted(words, key=len, reverse=True))
+    widths = {len(word) for word in words}
+    width = widths.pop() if len(widths) == 1 else None
+    return Codec(encode, lambda raw: raw.decode("latin-1"), b"(?:" + pattern + b")", width)
+
+
+def _escaped(word: bytes) -> bytes:
+    return b"".join(b"\\x%02x" % byte for byte in word)
+
+
+_TEXT = Codec(
+    lambda value: value.encode("latin-1", "replace").replace(b"#", b" "), lambda raw: raw.decode("latin-1"), _FREE
+)
+
+_TEXT_OTHERS = {
+    "sHH.H": Codec(lambda value: sx.offset(value).encode("ascii"), sx.parse_offset, _FREE),
+    "sHH.H in full": Codec(lambda value: sx.offset_in_full(value).encode("ascii"), sx.parse_offset, _FREE),
+    "MM/DD/YY": Codec(lambda value: sx.date(value).encode("ascii"), sx.parse_date, _FREE),
+    "sMM.M": _number("sMM.M", 1, 2, True, -99, 99),
+    "NNN": _number("NNN", 0, 3, False, 0, 999),
+    "NNN'": _suffixed(_number("NNN", 0, 3, False, 0, 999), "'"),
+    "NNNN": _number("NNNN", 0, 4, False, 0, 999999, longest=6),
+    "DD*": Codec(lambda value: b"%02d*" % round(value), sx.limit, _FREE),
+    "DD* to set": Codec(lambda value: b"%02d*" % round(value), sx.limit_to_set, _FREE),
+    "DD to set": Codec(lambda value: b"%02d" % round(value), sx.limit_to_set, _FREE),
+    "N": _number("N", 0, 1, False, 2, 8),
+    "TT.T": _number("TT.T", 1, 2, False, 0, 99.9),
+    "TTT.T": _number("TTT.T", 1, 3, False, 0, 999.9),
+    "DDD.DDD": _number("DDD.DDD", 3, 3, False, 0, 999.999),
+    "DD.D": _number("DD.D", 1, 2, False, 0, 99.9),
+    "SS.S": _number("SS.S", 1, 2, False, 0, 99.9),
+    "sdd.ddd": _number("sdd.ddd", 3, 2, True, -99, 99),
+    "dd": _number("dd", 0, 2, False, 0, 99),
+    "dddd": _number("dddd", 0, 4, False, 0, 999999, longest=6),
+    "n": _number("n", 0, 1, False, 0, 9),
+    "nn": _number("nn", 0, 1, False, 0, 99, longest=2),
+    "text": _TEXT,
+}
+
+# --- binary and hexadecimal: NexStar --------------------------------------------------------------------------
+
+
+def _turn(bits: int, keep: int, signed: bool) -> Codec:
+    """A fraction of a revolution in hexadecimal; only the upper ``keep`` bits count, the rest go out as zero."""
+    digits, spare = bits // 4, bits - keep
+
+    def encode(value: float) -> bytes:
+        ticks = round(value / 360.0 * (1 << keep)) % (1 << keep)
+        return b"%0*X" % (digits, ticks << spare)
+
+    def decode(raw: bytes) -> float:
+        # a client may pad the unused low byte with anything
+        number = int(raw, 16) if _HEX(raw) else int(raw[: keep // 4], 16) << spare
+        ticks = (number + (1 << spare >> 1)) >> spare
+        return _degrees(ticks, keep, signed)
+
+    pattern = b"[0-9A-Fa-f]{%d}" % (keep // 4) + (b"(?s:.{%d})" % (spare // 4) if spare else b"")
+    return Codec(encode, decode, pattern, digits)
+
+
+def _degrees(ticks: int, bits: int, signed: bool) -> float:
+    ticks %= 1 << bits
+    if signed and ticks >= 1 << (bits - 1):
+        ticks -= 1 << bits
+    return ticks * 360.0 / (1 << bits)
+
+
+def _binary_turn(signed: bool) -> Codec:
+    """Three bytes, a fraction of a revolution, most significant first."""
+
+    def encode(value: float) -> bytes:
+        return (round(value / 360.0 * (1 << 24)) % (1 << 24)).to_bytes(3, "big")
+
+    return Codec(encode, lambda raw: _degrees(int.from_bytes(raw, "big"), 24, signed), b"(?s:.{3})", 3)
+
+
+def _integer(width: int, signed: bool = False) -> Codec:
+    """A binary integer, most significant byte first."""
+
+    def encode(value: int) -> bytes:
+        try:
+            return int(value).to_bytes(width, "big", signed=signed)
+        except OverflowError:
+            raise ValueError(f"{value!r} does not fit {width} byte(s)") from None
+
+    return Codec(encode, lambda raw: int.from_bytes(raw, "big", signed=signed), b"(?s:.{%d})" % width, width)
+
+
+_BINARY = {
+    "rev16": _turn(16, 16, signed=False),
+    "srev16": _turn(16, 16, signed=True),
+    "rev32": _turn(32, 24, signed=False),
+    "srev32": _turn(32, 24, signed=True),
+    "rev24": _binary_turn(signed=False),
+    "srev24": _binary_turn(signed=True),
+    "u8": _integer(1),
+    "s8": _integer(1, signed=True),
+    "u16": _integer(2),
+    "u24": _integer(3),
+    "u32": _integer(4),
+    "latitude": Codec(sx.dms_bytes, lambda raw: sx.parse_dms_bytes(raw, 90), b"(?s:.{4})", 4),
+    "longitude": Codec(sx.dms_bytes, lambda raw: sx.parse_dms_bytes(raw, 180), b"(?s:.{4})", 4),
+    "char": Codec(lambda value: value.encode("latin-1"), lambda raw: raw.decode("latin-1"), b"(?s:.)", 1),
+}
+
+CODECS: dict[str, Codec] = {**_TEXT_ANGLES, **_TEXT_OTHERS, **_BINARY}
+
+
+def codec(name: str) -> Codec:
+    """The codec of that picture; a name with ``|`` is a choice of words. Raises KeyError."""
+    if name not in CODECS and "|" in name:
+        CODECS[name] = _word(name)
+    return CODECS[name]

@@ -1,0 +1,235 @@
+"""Sexagesimal text, and the small change of clocks and calendars.
+
+Everything printed goes through whole ticks: round once, wrap, then split. Everything read goes through one
+lenient pattern: any separator that a program was ever seen to send, seconds optional, a fraction on the last part,
+and a last part of exactly 60 that carries (some programs round that way), where ``below_sixty`` does not forbid it.
+Degrees in, degrees out.
+"""
+
+from __future__ import annotations
+
+import datetime
+import re
+
+_SEPARATOR = rb"(?:\xc2\xb0|[\xdf\xb0*:' ])[ ]*"
+_PARTS = re.compile(
+    rb"[ ]*([+-]?)[ ]*(\d{1,3}(?:\.\d*)?)(?:"
+    + _SEPARATOR
+    + rb"(\d{1,2}(?:\.\d*)?)(?:"
+    + _SEPARATOR
+    + rb"(\d{1,2}(?:\.\d*)?))?)?[\"' ]*"
+)
+
+
+def parse(raw: bytes, least: int = 2) -> float:
+    """``sDD*MM:SS`` in any of its written forms, as a signed number of whole units.
+
+    Raises ValueError, also for fewer than ``least`` parts.
+    """
+    found = _PARTS.fullmatch(raw)
+    if found is None:
+        raise ValueError(f"{raw!r} is not a sexagesimal number")
+    parts = [text for text in found.groups()[1:] if text is not None]
+    if len(parts) < least:
+        raise ValueError(f"{raw!r} is incomplete")
+    if any(b"." in text for text in parts[:-1]):
+        raise ValueError(f"{raw!r} has a fraction before its last part")
+    numbers = [float(text) for text in parts]
+    if any(number >= 60 for number in numbers[1:-1]) or (len(numbers) > 1 and numbers[-1] > 60):
+        raise ValueError(f"{raw!r} has minutes or seconds over 59")
+    value = sum((number / 60.0**power for power, number in enumerate(numbers)), 0.0)
+    return -value if found[1] == b"-" else value
+
+
+def below_sixty(raw: bytes) -> bytes:
+    """The same text. Raises ValueError for minutes or seconds of exactly 60, which no program sends as a target."""
+    found = _PARTS.fullmatch(raw)
+    if found is not None and any(text is not None and float(text) >= 60 for text in found.groups()[2:]):
+        raise ValueError(f"{raw!r} has minutes or seconds over 59")
+    return raw
+
+
+def number(raw: bytes) -> float:
+    """A plain decimal number, blanks around it allowed. Raises ValueError."""
+    if re.fullmatch(rb" *[+-]?(?:\d+\.?\d*|\.\d+) *", raw) is None:
+        raise ValueError(f"{raw!r} is no number")
+    return float(raw)
+
+
+def parse_hours(raw: bytes) -> float:
+    """Right ascension ``HH:MM:SS`` or ``HH:MM.T`` -> degrees; seconds of 60 at the day's end come out as 0."""
+    value = parse(raw)
+    if value == 24 and raw.lstrip()[:2] == b"23":
+        return 0.0
+    return value * 15.0
+
+
+def parse_azimuth(raw: bytes) -> float:
+    """Azimuth -> degrees in [0, 360); exactly 360 is north."""
+    value = parse(raw)
+    if not -360 <= value <= 360:
+        raise ValueError(f"{raw!r} is no azimuth")
+    return value % 360.0
+
+
+def parse_longitude(raw: bytes) -> float:
+    """Meade longitude, west positive, unsigned 0-360 or signed -> degrees in (-180, 180], west positive."""
+    value = parse(raw)
+    if not -180 <= value <= 360:
+        raise ValueError(f"{raw!r} is no longitude")
+    return value - 360.0 if value > 180 else value
+
+
+def parse_clock(raw: bytes) -> float:
+    """Time of day -> seconds since midnight."""
+    return parse(raw, least=3) * 3600.0
+
+
+def _split(ticks: int, *bases: int) -> list[int]:
+    parts = []
+    for base in reversed(bases):
+        ticks, part = divmod(ticks, base)
+        parts.append(part)
+    return [ticks, *reversed(parts)]
+
+
+def _ticks(value: float, per_degree: float) -> tuple[str, int]:
+    ticks = round(abs(value) * per_degree)
+    return ("-" if value < 0 and ticks else "+"), ticks
+
+
+def hours(degrees: float) -> str:
+    """Degrees -> ``HH:MM:SS``."""
+    return "{:02d}:{:02d}:{:02d}".format(*_split(round(degrees * 240.0) % 86400, 60, 60))
+
+
+def hours_low(degrees: float) -> str:
+    """Degrees -> ``HH:MM.T``."""
+    return "{:02d}:{:02d}.{:d}".format(*_split(round(degrees * 40.0) % 14400, 60, 10))
+
+
+def signed(degrees: float) -> str:
+    """Degrees in [-90, 90] -> ``sDD*MM:SS``."""
+    sign, ticks = _ticks(degrees, 3600)
+    return sign + "{:02d}*{:02d}:{:02d}".format(*_split(_within(ticks, 324000), 60, 60))
+
+
+def signed_low(degrees: float) -> str:
+    """Degrees in [-90, 90] -> ``sDD*MM``."""
+    sign, ticks = _ticks(degrees, 60)
+    return sign + "{:02d}*{:02d}".format(*_split(_within(ticks, 5400), 60))
+
+
+def _within(ticks: int, limit: int) -> int:
+    if ticks > limit:
+        raise ValueError("an altitude, declination or latitude lies beyond 90 degrees")
+    return ticks
+
+
+def azimuth(degrees: float) -> str:
+    """Degrees -> ``DDD*MM:SS``."""
+    return "{:03d}*{:02d}:{:02d}".format(*_split(round(degrees * 3600.0) % 1296000, 60, 60))
+
+
+def azimuth_low(degrees: float) -> str:
+    """Degrees -> ``DDD*MM``."""
+    return "{:03d}*{:02d}".format(*_split(round(degrees * 60.0) % 21600, 60))
+
+
+def longitude(degrees: float) -> str:
+    """West-positive degrees -> ``sDDD*MM`` in (-180, 180]."""
+    ticks = round(degrees * 60.0) % 21600
+    ticks -= 21600 if ticks > 10800 else 0
+    return ("-" if ticks < 0 else "+") + "{:03d}*{:02d}".format(*_split(abs(ticks), 60))
+
+
+def clock(seconds: float) -> str:
+    """Seconds since midnight -> ``HH:MM:SS`` (whole seconds, as clocks show them)."""
+    return "{:02d}:{:02d}:{:02d}".format(*_split(int(seconds) % 86400, 60, 60))
+
+
+def clock_12(seconds: float) -> str:
+    """Seconds since midnight -> ``HH:MM:SS`` as a 12-hour clock shows it, 12, 1 … 11."""
+    hour, rest = divmod(int(seconds) % 86400, 3600)
+    return clock((hour + 11) % 12 * 3600 + 3600 + rest) if hour % 12 else clock(12 * 3600 + rest)
+
+
+def limit(raw: bytes) -> float:
+    """An altitude limit in degrees, as it is told; four digits are arcminutes. Raises ValueError beyond 90 degrees."""
+    text = raw.rstrip(b"*'\xdf\xb0\xc2 ")
+    value = number(text)
+    value = value / 60.0 if re.fullmatch(rb" *\d{4} *", text) else value
+    if not -90 <= value <= 90:
+        raise ValueError(f"{raw!r} is no altitude limit")
+    return value
+
+
+def limit_to_set(raw: bytes) -> float:
+    """An altitude limit as it is set: 0 to 90 degrees, without a sign. Raises ValueError."""
+    value = limit(raw)
+    if value < 0 or b"-" in raw:
+        raise ValueError(f"{raw!r} is no altitude limit from 0 to 90 degrees")
+    return value
+
+
+def offset_in_full(value: float) -> str:
+    """Hours -> ``sHH.H``."""
+    tenths = round(abs(value) * 10)
+    sign = "-" if value < 0 and tenths else "+"
+    whole, part = divmod(tenths, 10)
+    return f"{sign}{whole:02d}.{part}"
+
+
+def offset(value: float) -> str:
+    """Hours -> ``sHH`` when whole, else ``sHH.H``."""
+    return offset_in_full(value).removesuffix(".0")
+
+
+def parse_offset(raw: bytes) -> float:
+    """``sHH``, ``sHH.H``, ``s5``, ``sHH:MM`` -> hours; x.7 and x.8 mean three quarters (Nepal, Chatham)."""
+    text = raw.replace(b" ", b"")
+    value = parse(text, least=1)
+    if b":" not in text:
+        whole, tenths = divmod(round(abs(value) * 10), 10)
+        if tenths in (7, 8) and len(text.partition(b".")[2]) < 2:
+            value = (whole + 0.75) * (-1 if text.startswith(b"-") else 1)
+    if not -14 <= value <= 14:
+        raise ValueError(f"{raw!r} is no UTC offset")
+    return value
+
+
+def date(value: datetime.date) -> str:
+    """A date -> ``MM/DD/YY``."""
+    return f"{value.month:02d}/{value.day:02d}/{value.year % 100:02d}"
+
+
+def parse_date(raw: bytes) -> datetime.date:
+    """``MM/DD/YY`` with any separator; years up to 50 belong to this century, and so 1951 to 2050 are all there are.
+
+    Four digits are taken as well. Raises ValueError, also for a year that two digits could not tell.
+    """
+    found = re.fullmatch(rb" ?(\d{1,2})[/:. -](\d{1,2})[/:. -](\d{2}|\d{4}) ?", raw)
+    if found is None:
+        raise ValueError(f"{raw!r} is no date MM/DD/YY")
+    month, day, year = (int(group) for group in found.groups())
+    if len(found[3]) == 2:
+        year += 2000 if year <= 50 else 1900
+    if not 1951 <= year <= 2050:
+        raise ValueError(f"{raw!r} is in no year that MM/DD/YY can tell")
+    return datetime.date(year, month, day)
+
+
+def dms_bytes(degrees: float) -> bytes:
+    """NexStar site field: degrees, minutes, seconds, 1 for south or west; degrees are north/east positive."""
+    ticks = round(abs(degrees) * 3600.0)
+    d, m, s = _split(ticks, 60, 60)
+    return bytes((d, m, s, 1 if degrees < 0 and ticks else 0))
+
+
+def parse_dms_bytes(raw: bytes, limit: int) -> float:
+    """The same four bytes -> degrees, north/east positive. Raises ValueError for an impossible place."""
+    d, m, s, negative = raw
+    value = d + m / 60.0 + s / 3600.0
+    if m > 59 or s > 59 or negative > 1 or value > limit:
+        raise ValueError(f"{tuple(raw)} is no latitude or longitude")
+    return -value if negative else value

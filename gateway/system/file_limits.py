@@ -1,0 +1,70 @@
+"""How many files this process may have open, and whether there is room for one more program.
+
+Some are kept for the gateway itself: for the mark of a motion, for the mount's port when it comes back, for
+``mount-gateway stop``. They are never given to a program that connects.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+
+try:
+    import resource
+except ImportError:  # Windows, which has no such limit
+    resource = None  # type: ignore[assignment]
+
+#: Kept for the gateway itself once it serves; and what it has open then, with some for every mount and surface.
+SPARE, OWN, EACH = 16, 24, 6
+
+
+def limit() -> int | None:
+    """How many files this process may have open at a time; None where there is no limit."""
+    if resource is None:
+        return None
+    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return None if soft == resource.RLIM_INFINITY else soft
+
+
+def make_room(programs: int, parts: int) -> str:
+    """Have room for so many programs, and so many mounts and surfaces -> what there is no room for, in words."""
+    wanted = SPARE + OWN + EACH * parts + programs
+    most = limit()
+    if most is None or most >= wanted:
+        return ""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    allowed = wanted if hard == resource.RLIM_INFINITY else min(hard, wanted)
+    if allowed > soft:
+        with contextlib.suppress(OSError, ValueError):
+            resource.setrlimit(resource.RLIMIT_NOFILE, (allowed, hard))
+    most = limit() or wanted
+    if most >= wanted:
+        return ""
+    return (
+        f"this system lets mount-gateway have {most} files open at a time: no more than about "
+        f"{max(0, most - wanted + programs)} programs can be connected, not the {programs} of max-clients; "
+        f"ulimit -n {wanted} before it is started, or LimitNOFILE={wanted} in its systemd unit, makes room"
+    )
+
+
+def scarce() -> str:
+    """Why there is no room for one more program, in words; empty when there is."""
+    most = limit()
+    if most is None:
+        return ""
+    held: list[int] = []
+    try:
+        for _ in range(SPARE):  # some microseconds; nothing else tells how many are open on every system
+            held.append(os.open(os.devnull, os.O_RDONLY))
+    except OSError:
+        pass
+    finally:
+        for number in held:
+            os.close(number)
+    if len(held) == SPARE and max(held) < most:
+        return ""
+    return (
+        f"this system lets mount-gateway have {most} files open at a time, and all but {SPARE}, which it needs "
+        "itself, are open; connect fewer programs at a time, or allow more files: ulimit -n before it is started, "
+        "LimitNOFILE= in its systemd unit"
+    )

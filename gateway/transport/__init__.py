@@ -1,0 +1,35 @@
+"""Ports: where clients come in. TCP, RFC 2217, a pseudo-terminal with a stable name, a real serial port.
+
+A port knows nothing of protocols: for every connection it asks ``arrive`` for somebody to feed, and hands back what
+that one writes. Clients come and go at any moment; what one of them does to its connection never reaches another.
+"""
+
+from __future__ import annotations
+
+from gateway.core.errors import UserError
+from gateway.transport.handler import Arrive, ConnectionHandler, Listener
+from gateway.transport.pty import PtyPort
+from gateway.transport.serial_port import SerialPort
+from gateway.transport.tcp import TcpPort
+
+__all__ = ["Arrive", "ConnectionHandler", "Listener", "open_port"]
+
+
+async def open_port(where: str, arrive: Arrive, baud: int | None = None) -> Listener:
+    """Open ``tcp://`` or ``rfc2217://HOST:PORT``, ``pty:PATH`` or a serial port. Raises UserError: what is wrong.
+
+    ``baud`` is for the two that have a rate: a pseudo-terminal without one understands any.
+    """
+    if where.startswith("tcp://"):
+        return await TcpPort.open(where, arrive)
+    if where.startswith("rfc2217://"):
+        from gateway.transport.rfc2217 import over_telnet
+
+        return await TcpPort.open(where, over_telnet(arrive))
+    if where.startswith("pty:"):
+        if not where[4:]:
+            raise UserError("pty: needs a path, for example pty:/tmp/lx200")
+        return PtyPort(where[4:], arrive, baud)
+    if "://" not in where and not where.upper().startswith(("/", "~", ".", "COM", "\\\\.\\")):
+        raise UserError(f"{where}: write tcp://HOST:PORT, rfc2217://HOST:PORT, pty:PATH or the name of a serial port")
+    return await SerialPort.open(where, arrive, baud or 9600)

@@ -1,0 +1,108 @@
+"""A name in the file system that stands for a device, and that one gateway holds at a time.
+
+The name is a symbolic link. One that leads nowhere is replaced, and so is one that a gateway of this user left behind
+when it was killed, which its lock's file tells: the number of its pseudo-terminal may be another one's by now. Any
+other link that leads somewhere is in use by another program, and stays; so does a file of any other kind.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import secrets
+
+from gateway.core.errors import UserError
+from gateway.system.locks import Claim, Taken
+from gateway.system.runtime_folders import user, user_name
+
+#: Where pseudo-terminals are, on Linux and on macOS.
+TERMINALS = ("/dev/pts/", "/dev/ttys")
+#: Who may use serial ports: Debian's group, and that of Arch and the BSDs.
+GROUPS = ("dialout", "uucp")
+
+
+class DeviceLink:
+    """``path``, absolute and held until ``close``. Raises UserError."""
+
+    def __init__(self, path: str) -> None:
+        self.path = os.path.abspath(os.path.expanduser(path))
+        self._target = ""
+        folder = os.path.dirname(self.path)
+        if not os.path.isdir(folder):
+            raise UserError(f"cannot make {self.path}: there is no directory {folder}")
+        self._claim = _claim(self.path)
+
+    def check(self) -> None:
+        """Raises UserError where the name is somebody else's."""
+        old = os.readlink(self.path) if os.path.islink(self.path) else ""
+        if os.path.exists(self.path) and not old.startswith(TERMINALS):
+            what = f"a link to {old}" if old else "a directory" if os.path.isdir(self.path) else "a file"
+            raise UserError(f"cannot make {self.path}: there is {what} of that name already; it is left alone")
+        if not old or old == self._target or not os.path.exists(old):
+            return
+        owner = os.lstat(self.path).st_uid
+        if owner != user() or not self._claim.left:
+            whose = "another program" if owner == user() else user_name(owner)
+            raise UserError(
+                f"cannot make {self.path}: {whose} has a link of that name to {old}, which is in use; it is left alone"
+            )
+
+    def point(self, target: str) -> None:
+        """Let the name stand for a device, at once and in the place of an older link. Raises UserError."""
+        self.check()
+        draft = f"{self.path}.{secrets.token_hex(8)}"  # a name that nobody can take beforehand
+        try:
+            os.symlink(target, draft)
+            os.replace(draft, self.path)
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                os.unlink(draft)
+            raise UserError(f"cannot make {self.path}: {error.strerror}") from None
+        self._target = target
+
+    def close(self) -> None:
+        """Remove the link, unless it has become somebody else's, and let go of the name."""
+        with contextlib.suppress(OSError):
+            if self._target and os.readlink(self.path) == self._target:
+                os.unlink(self.path)
+        self._claim.release()
+
+
+def is_free(path: str) -> bool:
+    """Whether a gateway could have this name; what a killed one of this user has left there is taken away."""
+    try:
+        link = DeviceLink(path)
+    except UserError:
+        return False
+    try:
+        link.check()
+        if os.path.islink(link.path):
+            os.unlink(link.path)
+    except (UserError, OSError):
+        return False
+    finally:
+        link.close()
+    return True
+
+
+def like_a_serial_port(device: str) -> None:
+    """Mode 0660 and the group of serial ports, as far as this user may give a device away."""
+    import grp
+
+    with contextlib.suppress(OSError):
+        os.chmod(device, 0o660)
+    for group in GROUPS:
+        with contextlib.suppress(KeyError, OSError):
+            os.chown(device, -1, grp.getgrnam(group).gr_gid)
+            return
+
+
+def _claim(path: str) -> Claim:
+    """Hold a link's name, so that two gateways of this user cannot share it. Raises UserError."""
+    try:
+        return Claim(f"link_{hashlib.sha256(os.fsencode(path)).hexdigest()[:32]}")
+    except Taken as by:
+        raise UserError(f"cannot make {path}: another gateway holds it ({by})") from None
+    except OSError as error:
+        raise UserError(f"cannot make {path}: no folder for its lock: {error.strerror}") from None

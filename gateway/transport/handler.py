@@ -1,0 +1,45 @@
+"""What a port and whoever talks to its connections know of each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+#: Ends a connection: these bytes are the last, and the other side is given the time to read them.
+HangUp = Callable[[bytes], None]
+
+
+class ConnectionHandler(Protocol):
+    """Whoever talks to one connection."""
+
+    @property
+    def ended(self) -> bool:
+        """Whether the last bytes did nothing but end motions without a reply: the same again would be no news."""
+
+    @property
+    def answered(self) -> bool:
+        """Whether everything that was fed has been answered, as far as it is answered at all."""
+
+    def feed(self, data: bytes) -> None: ...
+    def close(self) -> None: ...
+
+    def gone(self) -> None:
+        """The other side has closed its end: nothing more will come of it, though it may still read."""
+
+    def serial(self, change_rate: Callable[[int], int]) -> None:
+        """The connection is a serial port: how to set its baud rate; the one it had is returned."""
+
+    def network(self, hang_up: HangUp) -> None:
+        """The connection came over a network, where anybody may be at the other end: how to end it."""
+
+
+#: (who it is, the host it comes from, how to write to it) -> its guest.
+Arrive = Callable[[str, str, Callable[[bytes], Any]], ConnectionHandler]
+
+
+class Listener(Protocol):
+    """Something that is open until it is closed; ``where`` is its name with the real numbers in it."""
+
+    where: str
+
+    async def close(self) -> None: ...

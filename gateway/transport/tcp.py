@@ -1,0 +1,278 @@
+"""A listening TCP port, and the connections it has accepted.
+
+Whoever connects can do no more to the others than take its turn: little is read of a connection at a time, one that
+sends without end waits in between, one that does not read its replies is let go, and one whose other side has vanished
+is found out by the system within a minute.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import ipaddress
+import socket
+import time
+from collections.abc import Callable
+from typing import cast
+
+from gateway.clients.access import ConnectionRefused
+from gateway.core.errors import UserError
+from gateway.transport.handler import Arrive, ConnectionHandler
+from gateway.transport.intake import LATE, SHARE, SKIM, Pace, unrepeated
+
+#: Unread replies a connection may pile up before it is given up.
+SLOW_READER = 65536
+#: Connections that may wait to be accepted: programs that open one per command come in crowds.
+BACKLOG = 512
+#: Seconds that whoever is to go is given to read what it was told last.
+PARTING = 2.0
+#: How often it is looked whether a connection that sends no more has been answered, seconds.
+LOOK = 0.02
+#: A silent connection is asked for a sign of life after so many seconds, every so many, so many times; replies that
+#: nobody acknowledges (milliseconds) are the same sign. By the names the system has for it; not every one has all.
+ALIVE = {"TCP_KEEPIDLE": 30, "TCP_KEEPALIVE": 30, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 60_000}
+
+
+class _Connection(asyncio.BufferedProtocol):
+    """One TCP connection."""
+
+    def __init__(self, port: TcpPort) -> None:
+        self._port = port
+        self._guest: ConnectionHandler | None = None
+        self._transport: asyncio.Transport | None = None
+        self._feed: Callable[[bytes], None] = lambda data: None
+        self._buffer = bytearray(SHARE)
+        self._view = memoryview(self._buffer)
+        #: After a share that only ended motions, that share: what repeats it is passed over.
+        self._share = b""
+        #: Since when there has been more to read than is read at a time.
+        self._behind_since: float | None = None
+        #: What was read together and is taken in share by share.
+        self._rest = b""
+        #: While bytes are being taken in: the replies to them, which go out as one.
+        self._replies: list[bytes] | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        stream = cast(asyncio.Transport, transport)  # uvloop's own class does not derive from it
+        self._transport = stream
+        stream.set_write_buffer_limits(high=SLOW_READER)
+        _watch(stream.get_extra_info("socket"))
+        peer = stream.get_extra_info("peername") or ("?", 0)
+        try:
+            self._guest = self._port.arrive(f"{_in_brackets(str(peer[0]))}:{peer[1]}", str(peer[0]), self._write)
+        except ConnectionRefused:
+            stream.abort()
+            return
+        self._feed = self._guest.feed
+        self._port.connections.add(self)
+        self._guest.network(self._hang_up)
+
+    def get_buffer(self, sizehint: int) -> bytearray:
+        return self._port.skimmed if self._share else self._buffer
+
+    def buffer_updated(self, nbytes: int) -> None:
+        if not self._share:
+            data = bytes(self._view[:nbytes])
+            if nbytes < SHARE:
+                self._behind_since = None  # though this may be a gap in what still comes
+                self._answer(data)
+            else:
+                self._answer_share(data)
+            return
+        self._rest = unrepeated(self._share, bytes(memoryview(self._port.skimmed)[:nbytes]))
+        self._take_share(nbytes >= SHARE)
+
+    def _answer(self, data: bytes) -> None:
+        """Take bytes in; the replies to them go out as one."""
+        replies: list[bytes] = []
+        self._replies = replies
+        self._feed(data)
+        self._replies = None
+        if replies:
+            self._write(replies[0] if len(replies) == 1 else b"".join(replies))
+
+    def _answer_share(self, data: bytes) -> None:
+        """The same where there may be more at once: others are read before this connection is again."""
+        began = time.perf_counter()
+        self._answer(data)
+        took = time.perf_counter() - began
+        if self._transport is None or self._transport.is_closing():
+            return
+        ended = self._guest is not None and self._guest.ended
+        self._share = (self._share + data)[-SHARE:] if ended else b""
+        self._transport.pause_reading()
+        loop = asyncio.get_running_loop()
+        now = loop.time()
+        self._behind_since = self._behind_since or now
+        late = now - self._behind_since > LATE
+        loop.call_later(self._port.pace.pause(now, took, late), self._go_on)
+
+    def _take_share(self, more: bool) -> None:
+        """The next share of what was read together."""
+        data, self._rest = self._rest[:SHARE], self._rest[SHARE:]
+        if more or self._rest:
+            self._answer_share(data)
+        else:
+            self._answer(data)
+            self._share = b""
+
+    def _go_on(self) -> None:
+        if self._transport is None or self._transport.is_closing():
+            return
+        if self._rest:
+            self._take_share(False)
+        if not self._rest:
+            self._transport.resume_reading()
+
+    def eof_received(self) -> bool:
+        """The other side sends no more, but it may still read: it is told what is due to it before this side closes."""
+        if self._guest is not None:
+            self._guest.gone()
+        self._close_when_answered()
+        return True
+
+    def _close_when_answered(self) -> None:
+        if self._transport is None or self._transport.is_closing():
+            return
+        if self._guest is None or self._guest.answered:
+            self._transport.close()
+        else:
+            asyncio.get_running_loop().call_later(LOOK, self._close_when_answered)
+
+    def _write(self, data: bytes) -> None:
+        if self._replies is not None:
+            self._replies.append(data)
+        elif self._transport is not None and not self._transport.is_closing():
+            self._transport.write(data)
+
+    def pause_writing(self) -> None:
+        """The other side does not read: let it go rather than hold its replies for ever."""
+        self.abort()
+
+    def _hang_up(self, last: bytes) -> None:
+        """Say this, and that it was the last; what still comes is thrown away for a while.
+
+        Were the connection closed while bytes of the other side are unread, the system would reset it, and the other
+        side might never read what it was told.
+        """
+        loop = asyncio.get_running_loop()
+        if last:
+            self._write(last)
+        self._dismiss()
+        loop.call_soon(self._say_no_more)  # after the replies to the bytes that are being taken in
+        loop.call_later(PARTING, self.abort)
+
+    def _say_no_more(self) -> None:
+        if self._transport is not None and not self._transport.is_closing():
+            self._transport.write_eof()
+
+    def abort(self) -> None:
+        self._leave()
+        if self._transport is not None:
+            self._transport.abort()
+
+    def _leave(self) -> None:
+        """Nothing more is heard of it or said to it, and it is no connection of the port's any more."""
+        self._port.connections.discard(self)
+        self._dismiss()
+
+    def _dismiss(self) -> None:
+        guest, self._guest = self._guest, None
+        if guest is not None:
+            self._feed = lambda data: None
+            guest.close()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._leave()
+
+
+def _watch(connection: socket.socket) -> None:
+    """Have the system find out when the other side has vanished without a word."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in ALIVE.items():
+        with contextlib.suppress(OSError, AttributeError):
+            connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+
+
+class TcpPort:
+    """A listening TCP port; ``where`` names the real one."""
+
+    def __init__(self, arrive: Arrive) -> None:
+        self.arrive = arrive
+        self.connections: set[_Connection] = set()
+        self.pace = Pace()
+        #: Where reads in large pieces go, and are looked at before anybody else reads.
+        self.skimmed = bytearray(SKIM)
+        self.where = ""
+        self._server: asyncio.Server | None = None
+
+    @classmethod
+    async def open(cls, where: str, arrive: Arrive) -> TcpPort:
+        """``SCHEME://HOST:PORT``; without a host this computer only; port 0 takes any free one. Raises UserError.
+
+        The address ``[::]`` is every one of this computer, of both kinds.
+        """
+        host, port = split_address(where)
+        self, loop = cls(arrive), asyncio.get_running_loop()
+        try:
+            if host == "::":
+                both = socket.create_server(
+                    (host, port), family=socket.AF_INET6, backlog=BACKLOG, dualstack_ipv6=socket.has_dualstack_ipv6()
+                )
+                self._server = await loop.create_server(lambda: _Connection(self), sock=both, backlog=BACKLOG)
+            else:
+                self._server = await loop.create_server(lambda: _Connection(self), host, port, backlog=BACKLOG)
+        except UnicodeError:
+            raise UserError(f"cannot listen on {where}: {host!r} is no name of a computer") from None
+        except OSError as error:
+            reason = error.strerror or str(error)
+            if error.errno == errno.EADDRINUSE or "in use" in str(error):
+                reason = "the port is in use by another program (another mount-gateway?)"
+            if "assign requested" in str(error):
+                reason = "this computer has no such address"
+            if isinstance(error, PermissionError):
+                reason = "ports below 1024 are for the system's own services; take a higher one, such as 4030"
+            if isinstance(error, socket.gaierror):
+                reason = (
+                    f"no address is known for the name {host}; write 0.0.0.0 for everybody who can reach this "
+                    "computer, or 127.0.0.1 for programs on it"
+                )
+            raise UserError(f"cannot listen on {where}: {reason}") from None
+        real = self._server.sockets[0].getsockname()
+        self.where = f"{where.partition('://')[0]}://{_in_brackets(real[0])}:{real[1]}"
+        return self
+
+    async def close(self) -> None:
+        if self._server is not None:
+            self._server.close()
+            for connection in list(self.connections):
+                connection.abort()
+            await asyncio.sleep(0)
+
+
+def exposed(where: str) -> bool:
+    """Whether ``SCHEME://HOST:PORT``, as a port tells it, can be reached from another computer."""
+    if not where.startswith(("tcp://", "rfc2217://")):
+        return False
+    try:
+        return not ipaddress.ip_address(split_address(where)[0]).is_loopback
+    except ValueError:
+        return True
+
+
+def split_address(where: str) -> tuple[str, int]:
+    """``SCHEME://HOST:PORT`` -> (host, port). Raises UserError."""
+    scheme, _, address = where.partition("://")
+    host, colon, number = address.rpartition(":")
+    digits = number.removeprefix("-")
+    decimal = digits.isdecimal() and digits.isascii()
+    if decimal and (len(digits) > 5 or not 0 <= int(number) <= 65535):
+        raise UserError(f"{where}: a port is a number from 0 (any free one) to 65535")
+    if not colon or not decimal or (":" in host and not (host.startswith("[") and host.endswith("]"))):
+        raise UserError(f"{where}: write {scheme}://HOST:PORT, for example {scheme}://127.0.0.1:4030")
+    return host.strip("[]") or "127.0.0.1", int(number)
+
+
+def _in_brackets(host: str) -> str:
+    return f"[{host}]" if ":" in host else host
