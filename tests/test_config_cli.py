@@ -16,7 +16,7 @@ import gateway
 from gateway.cli import main
 from gateway.cli.serve.serving import _unless
 from gateway.core.errors import UserError
-from gateway.diagnostics import command_tables as pairs
+from gateway.diagnostics import command_tables
 from gateway.protocols.wireformat.command_set import load
 
 
@@ -63,8 +63,8 @@ def test_an_installed_copy_is_not_written_into(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     inside = Path(gateway.__file__).resolve().parent / "mappings"
-    monkeypatch.setattr(pairs, "mappings_folder", lambda: inside)
-    monkeypatch.setattr(pairs, "text", lambda: "")
+    monkeypatch.setattr(command_tables, "mappings_folder", lambda: inside)
+    monkeypatch.setattr(command_tables, "text", lambda: "")
     assert main(["tables", "--write"]) == 2
     assert "part of an installation; run it in a checkout" in capsys.readouterr().err
     assert not inside.exists()

@@ -16,7 +16,7 @@ from gateway.app.gateway import Gateway
 from gateway.core.errors import MappingError
 from gateway.protocols.nexstar import rates
 from gateway.protocols.wireformat.command_set import CommandSet
-from gateway.system import file_limits as descriptors
+from gateway.system import file_limits
 from tests.bridge import Bridge
 from tests.test_ports import address, ask, serve
 from tests.virtual import run
@@ -50,8 +50,8 @@ def test_room_is_made_as_far_as_the_system_lets(
     soft: int, hard: int, after: int, says: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     limits = Resource(soft=soft, hard=hard)
-    monkeypatch.setattr(descriptors, "resource", limits)
-    words = descriptors.make_room(1200, 3)
+    monkeypatch.setattr(file_limits, "resource", limits)
+    words = file_limits.make_room(1200, 3)
     assert (limits.soft, limits.hard) == (after, hard)
     assert says in words if says else words == ""
 
@@ -66,7 +66,7 @@ def test_who_comes_when_no_file_is_left_is_turned_away_with_one_line_and_later_l
         assert await ask(here, b":GVP#")
         free = os.open(os.devnull, os.O_RDONLY)
         os.close(free)
-        monkeypatch.setattr(descriptors, "limit", lambda: free + descriptors.SPARE)  # the next one has this number
+        monkeypatch.setattr(file_limits, "limit", lambda: free + file_limits.SPARE)  # the next one has this number
         for _ in range(5):
             reader, writer = await asyncio.open_connection(*address(gateway))
             with contextlib.suppress(ConnectionResetError):

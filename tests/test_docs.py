@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app import stop_command as rescue
+from gateway.app import stop_command
 from gateway.cli import COMMANDS, main, parser
 from tests.pages import blocks, commands, installed, spans
 from tests.running import GATEWAY, Running, ask
@@ -65,7 +65,7 @@ def test_every_command_does_what_it_says(
 ) -> None:
     """In the order of the pages; first what serves, for one of them makes the recording that others read."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(rescue, "BETWEEN", 0.01)
+    monkeypatch.setattr(stop_command, "BETWEEN", 0.01)
     monkeypatch.setenv("HOME", str(tmp_path))
     (tmp_path / "gateway.toml").write_text(FILE)
     (tmp_path / "bin").mkdir()

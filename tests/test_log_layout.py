@@ -1,4 +1,4 @@
-"""Lines fit where they are read: 80 columns or a terminal's own; nothing is left out; colours only where they are seen."""
+"""Lines fit where they are read: 80 columns or a terminal's own; nothing is left out; colours where they are seen."""
 
 from __future__ import annotations
 

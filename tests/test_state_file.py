@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.app.state import file as state
-from gateway.app.state import store as keeping
+from gateway.app.state import store
 from gateway.app.state.file import FORMAT, NamedSite, SavedState, from_shared, read_kept, to_shared, write_whole
 from tests.bridge import Bridge
 from tests.virtual import run
@@ -207,7 +207,7 @@ def test_a_disk_that_was_full_is_tried_again(tmp_path: Path, monkeypatch: pytest
             raise OSError(errno.ENOSPC, "No space left on device")
         write_whole(path, data)
 
-    monkeypatch.setattr(keeping, "write_whole", write)
+    monkeypatch.setattr(store, "write_whole", write)
 
     async def program() -> None:
         nonlocal full
@@ -247,7 +247,7 @@ def test_a_gateway_that_is_killed_while_saving_leaves_a_whole_file() -> None:
 
 def test_a_burst_of_changes_is_few_writes_and_none_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     writes: list[bytes] = []
-    monkeypatch.setattr(keeping, "write_whole", lambda path, data: (writes.append(data), write_whole(path, data)))
+    monkeypatch.setattr(store, "write_whole", lambda path, data: (writes.append(data), write_whole(path, data)))
 
     async def program() -> None:
         async with Bridge(state=tmp_path) as bridge:

@@ -20,8 +20,8 @@ ALIGNED = Status(Tracking.ALTAZ, aligned=True, equatorial=False)
 
 
 def seen(**others: Any) -> StatusLine:
-    return StatusLine(**{"name": "cpc", "state": "up", "position": CRAB, "status": ALIGNED, "programs": 2, "rate": 4.125,
-                   **others})  # fmt: skip
+    usual = {"name": "cpc", "state": "up", "position": CRAB, "status": ALIGNED, "programs": 2, "rate": 4.125}
+    return StatusLine(**{**usual, **others})
 
 
 @pytest.mark.parametrize(

@@ -15,8 +15,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from gateway.app import reach
-from gateway.app import stop_command as rescue
+from gateway.app import reach, stop_command
 from gateway.app.control import ControlEndpoint, client
 from gateway.cli import main
 from gateway.system import processes
@@ -36,7 +35,7 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> list[Process]:
     """The gateways that ``stop`` sees among the processes: other tests' are none of them."""
     found: list[Process] = []
     monkeypatch.setattr(processes, "gateways", lambda: found)
-    monkeypatch.setattr(rescue, "BETWEEN", 0.01)
+    monkeypatch.setattr(stop_command, "BETWEEN", 0.01)
     return found
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from gateway.core.errors import MappingError, UserError
-from gateway.diagnostics import command_tables as pairs
+from gateway.diagnostics import command_tables
 from gateway.diagnostics.rehearsal.explain import explain
 from gateway.protocols.lx200.surface import SPECIALS as LX200_SPECIALS
 from gateway.protocols.nexstar.driver import SPECIALS as NEXSTAR_SPECIALS
@@ -95,18 +95,18 @@ def test_a_broken_row_is_named(tmp_path: Path, file: str, text: str, says: str) 
 
 
 def test_the_printed_tables_are_up_to_date(capsys: pytest.CaptureFixture[str]) -> None:
-    assert pairs.check() == 0, capsys.readouterr().err
+    assert command_tables.check() == 0, capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("client", "mount"), pairs.PAIRS)
+@pytest.mark.parametrize(("client", "mount"), command_tables.PAIRS)
 def test_no_row_is_missing(client: str, mount: str) -> None:
-    assert pairs.missing(client, mount) == []
+    assert command_tables.missing(client, mount) == []
 
 
 def test_a_missing_row_fails_the_check(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     kept = {name: row for name, row in load("lx200").surface.items() if name != "LM"}
     monkeypatch.setattr(load("lx200"), "_surface", kept)
-    assert pairs.check() == 1
+    assert command_tables.check() == 1
     assert "mappings/lx200/surface.toml: [LM]: nothing answers it on a nexstar mount" in capsys.readouterr().err
 
 
@@ -123,21 +123,21 @@ def test_an_explanation_is_of_the_model_that_was_named() -> None:
 
 
 def test_the_table_of_one_mount() -> None:
-    told = pairs.one("gt/101.0")
+    told = command_tables.one("gt/101.0")
     assert told.startswith("# LX200 commands on gt/101.0\n")
     assert "| `:CM#` | sync to the target | kept |" in told
     assert "missing" not in told
-    assert pairs.one("nexstar:cpc/4.21") == pairs.one("cpc/4.21") == pairs.one("cpc")
-    assert "# NexStar commands on lx200\n" in pairs.one("lx200")
+    assert command_tables.one("nexstar:cpc/4.21") == command_tables.one("cpc/4.21") == command_tables.one("cpc")
+    assert "# NexStar commands on lx200\n" in command_tables.one("lx200")
     for wrong in ("cpx", "lx200:cpc", "cpc/new"):
         with pytest.raises(UserError, match=r"MODEL or MODEL/VERSION|no version"):
-            pairs.one(wrong)
+            command_tables.one(wrong)
 
 
 def test_a_row_that_one_old_version_lacks_fails_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
     kept = {name: ways[:1] if name == "Sync" else ways for name, ways in load("nexstar").driver.items()}
     monkeypatch.setattr(load("nexstar"), "_driver", kept)
-    assert pairs.missing("lx200", "nexstar") == ["CL", "CM"]
+    assert command_tables.missing("lx200", "nexstar") == ["CL", "CM"]
 
 
 @pytest.mark.parametrize(
@@ -177,5 +177,5 @@ def test_the_outcomes_on_the_oldest_hand_controls_are_what_happens(
     assert name is not None
     mount = load("nexstar")
     row = load("lx200").surface[name[0].name]
-    assert pairs.outcome(row, mount, model, pairs.effective(mount, model, version)) == outcome
+    assert command_tables.outcome(row, mount, model, command_tables.effective(mount, model, version)) == outcome
     assert bool(run(program())) == (outcome == "translated")

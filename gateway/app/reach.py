@@ -14,7 +14,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from gateway.app.control import ControlEndpoint
-from gateway.app.control import endpoints as doors
+from gateway.app.control.endpoints import doors
 from gateway.app.state.file import MarkerContent, read_mark
 from gateway.system import processes
 from gateway.system.runtime_folders import folders, of_others, user, user_name

@@ -17,27 +17,28 @@ from gateway.cli.help import EXIT_CODES, Parser, endpoints
 from gateway.core.errors import UserError
 from gateway.system import journal, streams
 
-COMMANDS = (
-    "demo",
-    "detect",
-    "run",
-    "status",
-    "watch",
-    "goto",
-    "sync",
-    "move",
-    "park",
-    "unpark",
-    "stop",
-    "config",
-    "service",
-    "sim",
-    "tables",
-    "explain",
-    "replay",
-    "decode",
-    "completion",
-)
+#: Every command, in the order in which ``--help`` lists them, and the module that it lies in.
+COMMANDS = {
+    "demo": "serve.demo",
+    "detect": "inspect.detect",
+    "run": "serve.run",
+    "status": "mount.status",
+    "watch": "mount.watch",
+    "goto": "mount.goto",
+    "sync": "mount.sync",
+    "move": "mount.move",
+    "park": "mount.park",
+    "unpark": "mount.unpark",
+    "stop": "mount.stop",
+    "config": "config",
+    "service": "serve.service",
+    "sim": "serve.sim",
+    "tables": "inspect.tables",
+    "explain": "inspect.explain",
+    "replay": "inspect.replay",
+    "decode": "inspect.decode",
+    "completion": "completion",
+}
 
 #: What may stand in the place of a command.
 ABOUT = ("-h", "--help", "--version")
@@ -92,16 +93,16 @@ def main(argv: list[str] | None = None) -> int:
 
 def _parsed(words: list[str]) -> argparse.Namespace:
     """The words as a command and its arguments. Raises UserError, and SystemExit where help was asked for."""
-    from gateway.cli import suggestions as meant
+    from gateway.cli import suggestions
 
     if not words:
         raise UserError("which command? mount-gateway demo needs no mount; mount-gateway --help lists all of them")
     if words[0] not in (*COMMANDS, *ABOUT):
-        raise meant.command(words[0], COMMANDS)
+        raise suggestions.command(words[0], list(COMMANDS))
     arguments, left = parser(words[:1]).parse_known_args(words)
     if left:
         every = commands_of(parser())
-        raise meant.extra(left, every[words[0]], [one for name, one in every.items() if name != words[0]])
+        raise suggestions.extra(left, every[words[0]], [one for name, one in every.items() if name != words[0]])
     return arguments
 
 
@@ -144,7 +145,7 @@ def parser(asked: Sequence[str] = ()) -> Parser:
     whole.add_argument("--version", action="version", version=f"mount-gateway {__version__}")
     commands = whole.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for name in [name for name in COMMANDS if name in asked] or COMMANDS:
-        import_module(f"gateway.cli.{name}").add(commands)
+        import_module(f"gateway.cli.{COMMANDS[name]}").add(commands)
     return whole
 
 

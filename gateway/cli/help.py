@@ -10,7 +10,7 @@ import textwrap
 from itertools import groupby
 from typing import Any, NoReturn
 
-from gateway.cli import suggestions as meant
+from gateway.cli import suggestions
 from gateway.core.errors import UserError
 
 EXIT_CODES = """\
@@ -56,7 +56,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         under = self._late() if callable(self._late) else self._late
-        raise UserError(meant.plainly(message, self.prog, meant.example(under or "", self.prog)))
+        raise UserError(suggestions.plainly(message, self.prog, suggestions.example(under or "", self.prog)))
 
 
 def endpoints() -> str:

@@ -132,7 +132,7 @@ class Presets:
 
 
 class FirstWords:
-    """Hears a connection's bytes from the first one on, until one command of the surface's own protocol is among them."""
+    """Hears a connection's bytes from the first on, until one command of the surface's own protocol is among them."""
 
     def __init__(self, presets: Presets, name: str, host: str, framing: Framing) -> None:
         self._presets, self._name, self._host, self._framing = presets, name, host, framing

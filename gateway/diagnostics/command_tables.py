@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+import gateway
 from gateway.core.errors import UserError
 from gateway.core.wire_log import show
 from gateway.protocols.nexstar.versions import made_with, numbered
@@ -332,7 +333,7 @@ def _cell(words: str) -> str:
 def write() -> str:
     """Write ``mappings/README.md`` -> its path. Raises UserError for an installed copy, which is not to be changed."""
     path = mappings_folder() / "README.md"
-    if path.parent.parent == Path(__file__).resolve().parent:
+    if path.parent.parent == Path(gateway.__file__).resolve().parent:
         raise UserError(f"tables --write: {path} is part of an installation; run it in a checkout of the source")
     path.write_text(text(), "utf-8")
     return str(path)

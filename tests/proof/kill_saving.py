@@ -20,7 +20,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from gateway.app.state import store as keeping
+from gateway.app.state import store
 from gateway.app.state.file import MarkerContent, read_kept
 
 LONGEST = 0.02
@@ -28,10 +28,10 @@ LONGEST = 0.02
 
 def _save_on(directory: Path, first: int, report: int) -> None:
     """The child: save one number after the other and report those that are on the disk."""
-    keeping.PAUSE = 0.0
+    store.PAUSE = 0.0
 
     async def program() -> None:
-        kept = keeping.Keeping("nexstar", "proof", MarkerContent("nexstar@proof", 9600), str(directory), print)
+        kept = store.Keeping("nexstar", "proof", MarkerContent("nexstar@proof", 9600), str(directory), print)
         assert kept.held
         number = first
         while True:

@@ -12,8 +12,7 @@ from msgspec import Struct
 
 from gateway.astro.axes import Build
 from gateway.astro.spherical import horizon_to_hour_angle, wrap180, wrap360
-from gateway.protocols.lx200.simulator import motion as sim_motion
-from gateway.protocols.lx200.simulator import tracking as sim_tracking
+from gateway.protocols.lx200.simulator import motion, tracking
 
 RATES = ("guide", "center", "find", "max")
 _MEADE_RATE = dict(zip(RATES, (b"RG", b"RC", b"RM", b"RS"), strict=True))
@@ -159,7 +158,7 @@ class Keypad:
             self.release()
         elif event.what == "cancel":
             if self._meade:
-                sim_motion.stop(sim, "Q", {})
+                motion.stop(sim, "Q", {})
             else:
                 sim.mechanics.cancel(sim.now)
         elif event.what == "own track":
@@ -177,7 +176,7 @@ class Keypad:
         self.pressed.add(letter)
         if self._meade:
             kept, sim.kept["rate"] = sim.kept["rate"], _MEADE_RATE[rate].decode()
-            sim_motion.arrow(sim, f"M{letter}", {})
+            motion.arrow(sim, f"M{letter}", {})
             sim.kept["rate"] = kept
             return
         motor, sense = _MOTOR[letter]
@@ -190,7 +189,7 @@ class Keypad:
         sim.truth()
         for letter in self.pressed:
             if self._meade:
-                sim_motion.let_go(sim, f"Q{letter}", {})
+                motion.let_go(sim, f"Q{letter}", {})
             else:
                 sim.mechanics.move(sim.now, _MOTOR[letter][0] - 15, 0.0)
         if self.pressed and not self._meade and sim.mode:
@@ -200,7 +199,7 @@ class Keypad:
     def _track(self, on: bool) -> None:
         sim = self._sim
         if self._meade:
-            sim_tracking.align(sim, ("AP" if polar(sim) else "AA") if on else "AL", {})
+            tracking.align(sim, ("AP" if polar(sim) else "AA") if on else "AL", {})
         else:
             sim.track((2 if polar(sim) else 1) if on else 0)
 

@@ -80,7 +80,8 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     guide_directions: Annotated[
         Literal["motor", "sky"],
         _key(
-            "what guide pulses (:Mgn#) to a NexStar mean: the same turn of a motor, or the sky, on both sides of the pier"
+            "what guide pulses (:Mgn#) to a NexStar mean: the same turn of a motor, or the sky, "
+            "on both sides of the pier"
         ),
     ] = "motor"
     park: Annotated[
@@ -88,8 +89,9 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
         | Literal["mount"]
         | None,
         _key(
-            "axis readings that a NexStar parks at, degrees (default: the pole on an equatorial mount, else north at the "
-            "horizon or half a degree above lowest); mount: a Meade may park at its own place, whatever lowest and highest "
+            "axis readings that a NexStar parks at, degrees (default: the pole on an equatorial mount, else north at "
+            "the horizon or half a degree above lowest); mount: a Meade may park at its own place, whatever lowest and "
+            "highest "
             "say",
             "AZ,ALT",
             [0.0, 0.0],
@@ -173,7 +175,8 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     client: Annotated[
         str,
         _key(
-            "the program that connects here, which then gets what it needs; auto: recognised where it can be, any: never",
+            "the program that connects here, which then gets what it needs; auto: recognised where it can be, "
+            "any: never",
             "PROGRAM",
         ),
     ] = "auto"

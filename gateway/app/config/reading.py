@@ -97,7 +97,7 @@ def read_tables(path: Path) -> tuple[dict[str, Any], Source]:
 
 
 def _broken_off(text: str) -> int:
-    """The line, from 1, at which the parser gives up a text that it could not read for another reason than a mistake."""
+    """The line, from 1, at which the parser gives up a text that it could not read for other reasons than a mistake."""
     lines = text.split("\n")
 
     def given_up(line: int) -> bool:

@@ -29,10 +29,11 @@ def look(controller: MountController, name: str, mount: str, programs: int, rate
     now, snapshot = controller.now(), controller.snapshot
     identity = snapshot.value(op.GetIdentity)
     called = mount if identity is None else identity.model or identity.product
+    line, driver = controller.line, controller.driver
     return StatusLine(
-        name or called, controller.line.state, controller.line.reason, snapshot.value(op.Position), snapshot.age(op.Position, now),
+        name or called, line.state, line.reason, snapshot.value(op.Position), snapshot.age(op.Position, now),
         controller.slewing, bool(controller.motions.axes), snapshot.value(op.GetStatus), programs,
-        0.0 if rate is None else rate.per_second(now, controller.line.answers), controller.driver.asleep, controller.hold.on,
+        0.0 if rate is None else rate.per_second(now, line.answers), driver.asleep, controller.hold.on,
     )  # fmt: skip
 
 
@@ -77,7 +78,8 @@ def _wanted(controller: MountController) -> Iterator[str]:
     if wanted.owed:
         yield "a stop, which the mount has not acknowledged yet"
     if isinstance(wanted.motion, Slew):
-        yield f"{_goto(controller, wanted.motion.operation)}{_by(wanted.motion.by, controller.now() - wanted.motion.since)}"
+        since = controller.now() - wanted.motion.since
+        yield f"{_goto(controller, wanted.motion.operation)}{_by(wanted.motion.by, since)}"
     elif controller.slewing:
         yield "it slews, and nobody here has asked for it: perhaps at the hand control"
     for axis, motion in wanted.motion if isinstance(wanted.motion, ByHand) else ():

@@ -13,7 +13,7 @@ from typing import Any
 
 import msgspec
 
-from gateway.app.control import commands as wishes
+from gateway.app.control import commands
 from gateway.app.control.gather import WORDS, gather
 from gateway.app.control.refusals import no
 from gateway.app.status import State, on_the_sky
@@ -60,15 +60,15 @@ class Desk:
     async def carry_out(self, line: str) -> str:
         """-> ``done WORDS``, ``under way WORDS`` or ``failed REASON``; a look is answered with a ``State`` as JSON."""
         try:
-            wish = wishes.read(line)
+            wish = commands.read(line)
         except ValueError:
             return f"{FAILED} the gateway does not understand this: it is of another version than the command"
-        if isinstance(wish, wishes.See):
+        if isinstance(wish, commands.See):
             await self._look()
             return msgspec.json.encode(self.state()).decode()
-        if isinstance(wish, wishes.Follow):
+        if isinstance(wish, commands.Follow):
             return await self._follow(wish.number)
-        if isinstance(wish, wishes.End):
+        if isinstance(wish, commands.End):
             return await self._end(wish.number)
         begun = self._remember(wish.number, type(wish).__name__.lower())
         try:
@@ -90,19 +90,19 @@ class Desk:
 
     async def _do(self, wish: Any, begun: Begun) -> str:
         match wish:
-            case wishes.Goto():
+            case commands.Goto():
                 begun.goal = await self._place(wish.where)
                 await self._order(op.Goto(begun.goal.ra, begun.goal.dec), begun)
                 return f"it goes to {on_the_sky(begun.goal)}"
-            case wishes.Sync():
+            case commands.Sync():
                 goal = await self._place(wish.where)
                 await self._order(op.Sync(goal.ra, goal.dec), begun)
                 return f"it points to {on_the_sky(goal)} from now on"
-            case wishes.Park():
+            case commands.Park():
                 begun.parks = True
                 await self._order(op.Park(), begun)
                 return "it goes to its park position"
-            case wishes.Unpark():
+            case commands.Unpark():
                 await self._order(op.Wake() if self._controller.driver.asleep else op.Unpark(), begun)
                 return "it is in service again, and tracks"
         return await self._move(wish, begun)
@@ -117,9 +117,9 @@ class Desk:
         except TimeoutError:
             raise Busy from None
 
-    async def _place(self, where: wishes.Where) -> op.Equatorial:
+    async def _place(self, where: commands.Where) -> op.Equatorial:
         """Of date. Raises Fault."""
-        if isinstance(where, wishes.Body):
+        if isinstance(where, commands.Body):
             reads: op.Operation = op.MoonPlace() if where.name.lower() == "moon" else op.PlanetPlace(where.name)
         elif not (-90.0 <= where.dec <= 90.0 and 0.0 <= where.ra <= 360.0):
             raise Invalid("There is no such place on the sky.")
@@ -130,7 +130,7 @@ class Desk:
         found: op.Equatorial = await self._controller.perform(reads)
         return found
 
-    async def _move(self, wish: wishes.Move, begun: Begun) -> str:
+    async def _move(self, wish: commands.Move, begun: Begun) -> str:
         """Press, wait, release. Raises Fault."""
         controller, longest = self._controller, self._controller.policy.silence
         if not 0.0 < wish.seconds <= longest or not 1 <= wish.key <= 9:

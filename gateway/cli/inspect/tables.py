@@ -39,19 +39,19 @@ def _model(words: str) -> str:
 
 
 def _tables(arguments: argparse.Namespace) -> int:
-    from gateway.diagnostics import command_tables as pairs
+    from gateway.diagnostics import command_tables
 
     if arguments.wire and not arguments.check:
         raise UserError("tables: --wire goes with --check")
     if arguments.check:
-        failed = pairs.check()
+        failed = command_tables.check()
         if arguments.wire:
             from gateway.diagnostics.rehearsal import wire
 
             failed |= wire.check()
         return failed
     if arguments.write:
-        print(f"wrote {pairs.write()}")
+        print(f"wrote {command_tables.write()}")
         return 0
-    print(pairs.one(_model(arguments.model)) if arguments.model else pairs.text())
+    print(command_tables.one(_model(arguments.model)) if arguments.model else command_tables.text())
     return 0

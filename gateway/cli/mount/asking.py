@@ -133,7 +133,7 @@ async def unless(done: asyncio.Event, work: Coroutine[object, object, str]) -> s
 
 def wish_for(arguments: argparse.Namespace, number: str, line: str, wait: bool, seconds: float = ANSWERED) -> int:
     """Have a wish carried out by the one gateway that is meant, and stop what it began when Ctrl-C comes."""
-    from gateway.app.control import commands as wishes
+    from gateway.app.control import commands
 
     door = the_one(arguments)
     if door is None:
@@ -147,7 +147,7 @@ def wish_for(arguments: argparse.Namespace, number: str, line: str, wait: bool, 
             answer = await _followed(door, number, done)
         if answer is not None:
             return told(answer)
-        told(await wished(door, wishes.written(wishes.End(number))))
+        told(await wished(door, commands.written(commands.End(number))))
         return 1
 
     return carried_out(work)
@@ -155,11 +155,11 @@ def wish_for(arguments: argparse.Namespace, number: str, line: str, wait: bool, 
 
 async def _followed(door: ControlEndpoint, number: str, done: asyncio.Event) -> str | None:
     """What came of it in the end; None when Ctrl-C came first. A line on a terminal tells how it goes meanwhile."""
-    from gateway.app.control import commands as wishes
+    from gateway.app.control import commands
     from gateway.cli.serve.live import Screen, find_terminal
 
     screen = Screen(find_terminal())
-    line = wishes.written(wishes.Follow(number))
+    line = commands.written(commands.Follow(number))
     try:
         while True:
             answer = await unless(done, wished(door, line))

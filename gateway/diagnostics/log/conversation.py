@@ -125,7 +125,7 @@ class Side:
         return None if self._due else (Heard(b"", "nobody asked", fails=True), len(self._rest))
 
     def reply(self, data: bytes) -> Heard:
-        """A whole reply, of a side that asks one thing after the other: to the last command. No words where it is odd."""
+        """A whole reply of a side that asks one thing after another: to the last command. No words where it is odd."""
         ask = self._due[-1] if self._due else None
         self._due.clear()
         taken = self._answer(ask, data) if ask is not None else None

@@ -17,7 +17,7 @@ from gateway.core.errors import Asleep, Busy, Fault, NoAnswer, Unsupported
 from gateway.core.motion_kinds import GOTOS
 from gateway.mount.link.verification import FASTEST
 from gateway.mount.motion.wanted import Slew
-from gateway.mount.readings import target_limits as fence
+from gateway.mount.readings import target_limits
 from gateway.mount.readings.cache import LAST_POSITION, MISSING, Kind
 from gateway.mount.readings.reckoning import EARLIER, SOONEST, Course, Inside, Pair, Reading, course, place
 
@@ -215,10 +215,10 @@ class Telling:
         return self._courses[kind]
 
     def _inside(self, kind: Kind) -> Inside | None:
-        limits = fence.limits_of(self._controller)
+        limits = target_limits.limits_of(self._controller)
         if kind is op.Position:
-            return fence.on_the_sky(self._controller, limits)
-        return None if kind is op.AxisPosition and self._equatorial else fence.over_the_horizon(limits)
+            return target_limits.on_the_sky(self._controller, limits)
+        return None if kind is op.AxisPosition and self._equatorial else target_limits.over_the_horizon(limits)
 
     def _goal(self, kind: Kind) -> Pair | None:
         """Where the goto that is under way leads, as this read tells it; None where nobody here knows."""

@@ -17,6 +17,7 @@ from typing import Any
 import msgspec
 import tomli
 
+import gateway
 from gateway.core import operations
 from gateway.core.errors import MappingError
 from gateway.protocols.wireformat.template import FrameTemplate, Source
@@ -334,7 +335,7 @@ class CommandSet:
 
 def mappings_folder() -> Path:
     """Where ``mappings/`` lies: inside the installed package, or beside it in a checkout."""
-    here = Path(__file__).resolve().parent
+    here = Path(gateway.__file__).resolve().parent
     inside = here / "mappings"
     return inside if inside.is_dir() else here.parent / "mappings"
 

@@ -174,7 +174,7 @@ class Admission:
             check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
 
     async def _check_axes(self, wanted: op.GotoAxes, limits: Limits) -> None:
-        """Axis readings: a place over the horizon on a fork, one on the sky on an equatorial mount whose site is known."""
+        """Axis readings: a place over the horizon on a fork, on the sky on an equatorial mount whose site is known."""
         mount = self._mount
         if not (await self._status()).equatorial:
             limits.check_altitude(wanted.alt)

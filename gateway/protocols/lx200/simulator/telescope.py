@@ -29,11 +29,8 @@ from gateway.core.errors import UserError
 from gateway.core.motion_kinds import may_begin_motion
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.lx200.framing import Framer
-from gateway.protocols.lx200.simulator import answers as sim_answers
-from gateway.protocols.lx200.simulator import library as sim_library
-from gateway.protocols.lx200.simulator import motion as sim_motion
+from gateway.protocols.lx200.simulator import answers, library, motion, settings
 from gateway.protocols.lx200.simulator import parts as sim_parts
-from gateway.protocols.lx200.simulator import settings as sim_settings
 from gateway.protocols.lx200.simulator import tracking as sim_tracking
 from gateway.protocols.lx200.simulator.forms import well_formed
 from gateway.protocols.lx200.simulator.line import ClassicFramer
@@ -60,8 +57,8 @@ BEYOND = {
 #: A classic has no name to tell.
 NAMELESS = {"GVP", "GVN", "GVD", "GVT", "GVF"}
 HANDLERS: dict[str, Handler] = {
-    **sim_answers.HANDLERS, **sim_library.HANDLERS, **sim_motion.HANDLERS, **sim_parts.HANDLERS,
-    **sim_settings.HANDLERS, **sim_tracking.HANDLERS,
+    **answers.HANDLERS, **library.HANDLERS, **motion.HANDLERS, **sim_parts.HANDLERS,
+    **settings.HANDLERS, **sim_tracking.HANDLERS,
 }  # fmt: skip
 STARTS_HIGH = {"lx200gps"}
 SITES = 4
@@ -173,7 +170,7 @@ class SimulatedLx200:
 
     def _take_time(self, name: str, reply: bytes, later: Later | None) -> bytes:
         """Of a reply that takes its time, what comes at once; the rest follows when the telescope is free again."""
-        seconds = sim_settings.takes(self, name)
+        seconds = settings.takes(self, name)
         if later is None or not seconds or reply == b"0":
             return reply
         self.busy_until = self.now + seconds

@@ -99,7 +99,7 @@ def _forget_goto(mount: NexStar) -> None:
 
 
 def stop_current_motion(mount: NexStar) -> Steps:
-    """End what moves now: the newer goto wins, as at the keypad. Hand motion and pulses: rate 0; ``M`` until ``L`` = 0."""
+    """End what moves: the newer goto wins, as at the keypad. Hand motion and pulses: rate 0; ``M`` until ``L`` = 0."""
     mount.steps.clear()
     for axis in sorted({*mount.moving, *mount.pulsing, *((1, 2) if mount.riding else ())}):
         yield Send(f"slew_{'azm' if axis == 1 else 'alt'}_pos", {"rate": 0})

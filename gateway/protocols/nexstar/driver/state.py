@@ -25,7 +25,7 @@ from gateway.core.operations import (
     TrackRate,
 )
 from gateway.protocols.base.driver import Driver, Send, Steps
-from gateway.protocols.nexstar.driver import hand_control as itself
+from gateway.protocols.nexstar.driver import hand_control
 from gateway.protocols.nexstar.driver.unguided import unguided
 from gateway.protocols.nexstar.rates import SIDEREAL, key_speed, rate_tables
 from gateway.protocols.nexstar.versions import numbered
@@ -152,7 +152,7 @@ class NexStar(Driver):
         self.clock: Moment | None = None
 
     def presented(self) -> dict[str, Any]:
-        return itself.presented(self)
+        return hand_control.presented(self)
 
     def told_model(self, identity: Identity) -> str | None:
         if self.number is None:
@@ -163,7 +163,7 @@ class NexStar(Driver):
         return next((name for name, row in rows.items() if row.get("id") == self.number), f"model {self.number}")
 
     def own(self, operation: Own) -> Steps:
-        return itself.own(self, operation)
+        return hand_control.own(self, operation)
 
     @property
     def facts(self) -> dict[str, Any]:
