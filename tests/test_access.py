@@ -12,9 +12,10 @@ from msgspec.structs import fields
 
 from gateway.app.config import MountConfig, Source, SurfaceConfig, make_config
 from gateway.app.gateway import Gateway
-from gateway.clients.access import Access, ConnectionRefused, harmless, networks
+from gateway.clients.access import Access, harmless, networks
 from gateway.core import operations as op
 from gateway.core.errors import UserError
+from gateway.transport.handler import ConnectionRefused
 from gateway.transport.tcp import exposed
 from tests.bridge import Bridge
 from tests.nexstar_flows import precise, up

@@ -146,7 +146,7 @@ MDNS = """
 import asyncio, json
 from zeroconf import ServiceStateChange
 from zeroconf.asyncio import AsyncServiceBrowser, AsyncServiceInfo, AsyncZeroconf
-from gateway.announce import Announcement, Offer
+from gateway.app.discovery import Announcement, Offer
 
 KIND = "_nexstar._tcp.local."
 

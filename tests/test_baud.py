@@ -84,7 +84,7 @@ def test_two_changes_in_a_row_fall_back_to_the_first_rate() -> None:
             rates.append(rate)
             return rates[-2]
 
-        trial = baud_trial.Trial(change)
+        trial = baud_trial.BaudTrial(change)
         trial.begin(19200)
         await asyncio.sleep(1.0)
         trial.begin(38400)

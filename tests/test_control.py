@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from gateway.app.control import Control, ControlEndpoint, ask, client, endpoints
+from gateway.app.control import Control, ControlEndpoint, ask, client, doors
 from gateway.app.control.messages import Parts, parts, seal, unseal
 from gateway.core.errors import NoAnswer
 
@@ -39,14 +39,14 @@ def _asked(folder: Path, order: Callable[[], Awaitable[str]], secret: str | None
     async def program() -> str | None:
         served = Control([folder], "nexstar@dev_ttyUSB0", "nexstar@/dev/ttyUSB0", {"stop": order})
         await served.open()
-        [(path, door)] = endpoints(folder)
+        [(path, door)] = doors(folder)
         assert path.stat().st_mode & 0o777 == 0o600
         assert (door.mount, door.pid, door.state) == ("nexstar@/dev/ttyUSB0", os.getpid(), str(folder))
         if secret is not None:
             door = msgspec.structs.replace(door, secret=secret)
         answer = await ask(door, word, 5.0)
         await served.close()
-        assert endpoints(folder) == []
+        assert doors(folder) == []
         return answer
 
     return asyncio.run(program())
@@ -116,7 +116,7 @@ def test_nothing_that_comes_in_hurts(tmp_path: Path) -> None:
     async def program() -> None:
         served = Control([tmp_path], "m", "m", {"stop": _good})
         await served.open()
-        [(_, door)] = endpoints(tmp_path)
+        [(_, door)] = doors(tmp_path)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
             for data in (
                 b"",
@@ -155,7 +155,7 @@ def test_who_still_waits_at_the_end_is_told(tmp_path: Path) -> None:
 
         served = Control([tmp_path], "m", "m", {"stop": never})
         await served.open()
-        [(_, door)] = endpoints(tmp_path)
+        [(_, door)] = doors(tmp_path)
         asking = asyncio.ensure_future(ask(door, "stop", 5.0))
         await asyncio.sleep(0.2)
         await served.close()
@@ -185,12 +185,12 @@ def test_what_a_killed_gateway_has_left_is_taken_away_and_junk_is_in_nobodys_way
         if hasattr(os, "mkfifo"):
             os.mkfifo(tmp_path / "pipe.control")
         stale.write_bytes(msgspec.json.encode(door))
-        assert endpoints(tmp_path) == [(stale, door)]
+        assert doors(tmp_path) == [(stale, door)]
         assert await ask(door, "stop", 5.0) is None
         served = Control([tmp_path], "nexstar@sim", "nexstar@sim", {"stop": _good})
         await served.open()
         assert not stale.exists()
-        assert [found.mount for _, found in endpoints(tmp_path)] == ["nexstar@sim"]
+        assert [found.mount for _, found in doors(tmp_path)] == ["nexstar@sim"]
         await served.close()
 
     asyncio.run(program())
@@ -201,7 +201,7 @@ def test_one_folder_that_takes_no_file_is_enough_to_be_found(tmp_path: Path) -> 
         (tmp_path / "full").write_text("")
         served = Control([tmp_path / "full", tmp_path], "m", "m", {"stop": _good})
         await served.open()
-        [(_, door)] = endpoints(tmp_path)
+        [(_, door)] = doors(tmp_path)
         assert (door.state, await ask(door, "stop", 5.0)) == (str(tmp_path / "full"), "stopped")
         await served.close()
         nowhere = Control([tmp_path / "full"], "m", "m", {"stop": _good})

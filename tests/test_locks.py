@@ -92,7 +92,7 @@ def test_a_session_of_somebody_else_is_left_alone(base: Path, monkeypatch: pytes
 HOLDER = """
 import sys
 from pathlib import Path
-from gateway.locks import PidLock
+from gateway.system.locks import PidLock
 PidLock(Path(sys.argv[1])).acquire()
 print("held", flush=True)
 sys.stdin.read()

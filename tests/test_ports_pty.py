@@ -277,7 +277,8 @@ def test_windows_has_none_and_imports_all() -> None:
     code = (
         "import sys\nfor name in ('fcntl', 'pty', 'tty', 'termios', 'grp', 'pwd', 'resource'):\n"
         "    sys.modules[name] = None\n"
-        "import gateway.assembly, gateway.detect, gateway.simulators, gateway.cli, gateway.ports as ports\n"
+        "import gateway.app.gateway, gateway.diagnostics.detect, gateway.app.simulated, gateway.cli\n"
+        "import gateway.transport as ports\n"
         "import asyncio\n"
         "try:\n    asyncio.run(ports.open_port('pty:/tmp/x', None))\n"
         "except Exception as error:\n    print(error)\n"

@@ -15,9 +15,9 @@ import pytest
 from gateway.app.control.orders import stopped
 from gateway.app.recording.format import read
 from gateway.cli import main
-from gateway.clients.access import ConnectionRefused
 from gateway.core.wire_log import SKY_READY
 from gateway.diagnostics.replay.replaying import Outcome, replay
+from gateway.transport.handler import ConnectionRefused
 from tests.busy import Recorded, run_busy
 from tests.running import Running, ask
 

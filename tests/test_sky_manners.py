@@ -111,7 +111,7 @@ def run(program: str) -> str:
 
 def test_importing_loads_nothing_heavy() -> None:
     heavy = "{'numpy', 'erfa', 'astropy', 'astropy_iers_data', 'threading', 'typing', 'socket', 'asyncio'}"
-    assert run(f"import sys, gateway.sky; print(sorted({heavy} & set(sys.modules)))") == "[]"
+    assert run(f"import sys, gateway.astro.ephemeris; print(sorted({heavy} & set(sys.modules)))") == "[]"
 
 
 def test_nothing_touches_the_network() -> None:
@@ -124,7 +124,7 @@ class Forbidden(socket.socket):
         raise OSError("no network here")
 socket.socket = Forbidden
 sys.addaudithook(lambda event, arguments: event.startswith(("socket.", "urllib.")) and touched.append(event))
-from gateway.sky import Sky
+from gateway.astro.ephemeris import Sky
 sky = Sky()
 sky.load()
 for moment in (-1e9, 0.0, 1.7e9, 4.0e9):
@@ -141,7 +141,7 @@ def resident():
     with open("/proc/self/status") as status:
         return next(int(line.split()[1]) for line in status if line.startswith("VmRSS"))
 bare = resident()
-from gateway.sky import Sky
+from gateway.astro.ephemeris import Sky
 sky = Sky()
 sky.load()
 for minute in range(100):

@@ -16,7 +16,9 @@ from hypothesis import strategies as st
 
 from gateway.app.state import file as state
 from gateway.app.state import store
-from gateway.app.state.file import FORMAT, NamedSite, SavedState, from_shared, read_kept, to_shared, write_whole
+from gateway.app.state.file import FORMAT, NamedSite, SavedState, from_shared, read_kept, to_shared
+from gateway.system import files
+from gateway.system.files import write_whole
 from tests.bridge import Bridge
 from tests.virtual import run
 
@@ -78,8 +80,8 @@ def test_where_it_is_kept(variables: dict[str, str], where: str, monkeypatch: py
         monkeypatch.delenv(name, raising=False)
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
-    assert state.directory() == Path(where)
-    assert state.directory("/elsewhere") == Path("/elsewhere")
+    assert files.directory() == Path(where)
+    assert files.directory("/elsewhere") == Path("/elsewhere")
 
 
 def test_every_mount_has_a_name_that_any_disk_takes() -> None:

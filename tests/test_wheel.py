@@ -15,6 +15,8 @@ import zipfile
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
+#: Prints where the installed package finds its tables.
+FOLDER = "from gateway.protocols.wireformat.command_set import mappings_folder as f; print(f())"
 
 
 def built(tmp_path: Path) -> Path:
@@ -62,7 +64,7 @@ def test_the_wheel_runs_the_demo(tmp_path: Path) -> None:
         assert demo.stdout is not None
         demo.stdout.close()
     where = subprocess.run(
-        [str(fresh / "bin" / "python"), "-c", "import gateway.tables as t; print(t.mappings_folder())"],
+        [str(fresh / "bin" / "python"), "-c", FOLDER],
         check=True, capture_output=True, text=True, cwd=tmp_path, env=environment,
     )  # fmt: skip
     assert str(site) in where.stdout

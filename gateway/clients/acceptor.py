@@ -15,7 +15,7 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from gateway.clients.access import MOST_HOSTS, Access, ConnectionRefused, Rights
+from gateway.clients.access import MOST_HOSTS, Access, Rights
 from gateway.clients.backlog import Backlog
 from gateway.clients.command_processor import CommandProcessor
 from gateway.clients.equinox import Equinox
@@ -30,7 +30,7 @@ from gateway.protocols.base.surface import Session, Surface
 from gateway.system.file_limits import scarce
 from gateway.transport import ConnectionHandler
 from gateway.transport.baud_trial import BaudTrial
-from gateway.transport.handler import HangUp
+from gateway.transport.handler import ConnectionRefused, HangUp
 
 INHERIT_FOR = 60.0
 #: A program on a serial line, or one that opens a connection for every command, is here so long after it was heard.

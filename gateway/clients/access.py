@@ -22,10 +22,6 @@ Networks = tuple[IPv4Network | IPv6Network, ...]
 MOST_HOSTS = 1000
 
 
-class ConnectionRefused(Exception):
-    """A connection that is not served: it is closed at once and told nothing."""
-
-
 def networks(texts: Sequence[str]) -> Networks:
     """``192.168.1.0/24``, or a single address. Raises UserError that says what would be right."""
     found = []

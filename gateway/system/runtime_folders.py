@@ -15,7 +15,7 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
-from gateway.app.state.file import directory
+from gateway.system.files import directory
 
 #: What they are called, and the one in the state folder.
 NAME, LAST = "mount-gateway", "run"

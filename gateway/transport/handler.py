@@ -9,6 +9,10 @@ from typing import Any, Protocol
 HangUp = Callable[[bytes], None]
 
 
+class ConnectionRefused(Exception):
+    """A connection that is not served: it is closed at once and told nothing."""
+
+
 class ConnectionHandler(Protocol):
     """Whoever talks to one connection."""
 

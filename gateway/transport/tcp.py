@@ -16,9 +16,8 @@ import time
 from collections.abc import Callable
 from typing import cast
 
-from gateway.clients.access import ConnectionRefused
 from gateway.core.errors import UserError
-from gateway.transport.handler import Arrive, ConnectionHandler
+from gateway.transport.handler import Arrive, ConnectionHandler, ConnectionRefused
 from gateway.transport.intake import LATE, SHARE, SKIM, Pace, unrepeated
 
 #: Unread replies a connection may pile up before it is given up.

@@ -31,7 +31,7 @@ def _save_on(directory: Path, first: int, report: int) -> None:
     store.PAUSE = 0.0
 
     async def program() -> None:
-        kept = store.Keeping("nexstar", "proof", MarkerContent("nexstar@proof", 9600), str(directory), print)
+        kept = store.StateStore("nexstar", "proof", MarkerContent("nexstar@proof", 9600), str(directory), print)
         assert kept.held
         number = first
         while True:

@@ -18,8 +18,8 @@ import msgspec
 
 from gateway.app.control.endpoints import ENDING, ControlEndpoint, sweep
 from gateway.app.control.messages import WAIT, parts, seal, unseal
-from gateway.app.state.file import write_whole
 from gateway.core.errors import Fault
+from gateway.system.files import write_whole
 from gateway.system.runtime_folders import occupy
 
 #: Carries out an order -> the answer. Raises Fault, whose words are then the answer.

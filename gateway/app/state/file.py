@@ -6,13 +6,11 @@ never in the way of starting. Nothing here waits, and nothing here knows a loop:
 
 from __future__ import annotations
 
-import os
 import re
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 import msgspec
-import platformdirs
 from msgspec import Meta, Struct
 
 from gateway.mount.safety.rules.sync_sum import SyncSum
@@ -57,43 +55,12 @@ class MarkerContent(Struct):
     memory: dict[str, Any] = {}
 
 
-# --- where ------------------------------------------------------------------------------------------------------
-
-
-def directory(configured: str | None = None) -> Path:
-    """Where state is kept: as configured, else systemd's ``STATE_DIRECTORY``, else the user's own place for it."""
-    given = configured or os.environ.get("STATE_DIRECTORY", "").split(":" if os.name == "posix" else os.pathsep)[0]
-    return Path(given).expanduser() if given else Path(platformdirs.user_state_path("mount-gateway", appauthor=False))
-
-
 def file_name(protocol: str, where: str) -> str:
     """What a mount's files are called, without ending: ``nexstar@dev_ttyUSB0``."""
     return f"{protocol}@{re.sub(r'[^A-Za-z0-9.-]+', '_', where).strip('_.')}"[:LONGEST]
 
 
 # --- writing and reading ----------------------------------------------------------------------------------------
-
-
-def write_whole(path: Path, data: bytes, *, flush: bool = True) -> None:
-    """Replace a file in one step, readable for its user only. Raises OSError.
-
-    With ``flush`` it survives a power cut at any instant, too; without, a killed process only, in a fraction of the
-    time. There is one writer for a path, so what a killed one left beside it is simply overwritten.
-    """
-    beside = path.with_name(f".{path.name}.new")
-    number = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-    with open(number, "wb") as file:
-        file.write(data)
-        if flush:
-            file.flush()
-            os.fsync(file.fileno())
-    os.replace(beside, path)
-    if flush and os.name == "posix":
-        number = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(number)
-        finally:
-            os.close(number)
 
 
 def encode(kept: SavedState) -> bytes:
@@ -124,7 +91,7 @@ def read_mark(path: Path) -> MarkerContent | None:
 def move_aside(path: Path) -> Path:
     """Out of the way, for a person to look at. Raises OSError."""
     bad = path.with_name(f"{path.name}.bad")
-    os.replace(path, bad)
+    path.replace(bad)
     return bad
 
 

@@ -14,7 +14,8 @@ from typing import Any
 
 import msgspec
 
-from gateway.app.state.file import MarkerContent, write_whole
+from gateway.app.state.file import MarkerContent
+from gateway.system.files import write_whole
 
 #: Seconds. A write takes a fraction of a millisecond; a disk that is busy must not delay an arrow noticeably.
 PATIENCE = 0.02

@@ -20,7 +20,6 @@ from gateway.app.state.file import (
     FORMAT,
     MarkerContent,
     SavedState,
-    directory,
     encode,
     file_name,
     from_shared,
@@ -28,12 +27,12 @@ from gateway.app.state.file import (
     read_kept,
     read_mark,
     to_shared,
-    write_whole,
 )
 from gateway.app.state.motion_marker import InThread, MotionMarker
 from gateway.core.operations import Place
 from gateway.mount.controller import MountController
 from gateway.mount.safety.rules.sync_sum import SyncSum
+from gateway.system.files import directory, write_whole
 from gateway.system.locks import PidLock, Taken
 
 #: Seconds between two writes of the file while changes go on.

@@ -44,7 +44,7 @@ def found(arguments: argparse.Namespace) -> list[ControlEndpoint]:
     """The gateways that are meant, and run."""
     from gateway.app.control.endpoints import listened
     from gateway.app.reach import Scope, look
-    from gateway.app.state.file import directory
+    from gateway.system.files import directory
 
     given = bool(arguments.state or os.environ.get("STATE_DIRECTORY"))
     seen = look(Scope(directory(arguments.state), alone=given))
@@ -71,7 +71,7 @@ def the_one(arguments: argparse.Namespace) -> ControlEndpoint | None:
 def nobody(arguments: argparse.Namespace) -> None:
     """Say that no gateway runs."""
     from gateway.app.reach import Scope, unseen
-    from gateway.app.state.file import directory
+    from gateway.system.files import directory
     from gateway.system.runtime_folders import user_name
 
     which = f" for {arguments.mount}" if arguments.mount else ""

@@ -50,8 +50,8 @@ def add(commands: Any) -> None:
 
 def _stop(arguments: argparse.Namespace) -> int:
     from gateway.app.reach import Scope
-    from gateway.app.state.file import directory
     from gateway.app.stop_command import order_all
+    from gateway.system.files import directory
 
     word = "hold" if arguments.hold else "release" if arguments.release else "stop"
     if arguments.mount and word != "stop":
