@@ -31,58 +31,92 @@ class Body(Struct, frozen=True, tag="body"):
 Where = Spot | Body
 
 
-class Goto(Struct, frozen=True, tag="goto"):
+class Base(Struct, frozen=True):
+    """What all have in common: its number, and who wishes, where that is not the command itself."""
+
+    number: str
+    who: str = ""
+
+
+class Goto(Base, frozen=True, tag="goto", kw_only=True):
     """Point there and track."""
 
-    number: str
     where: Where
 
 
-class Sync(Struct, frozen=True, tag="sync"):
+class Sync(Base, frozen=True, tag="sync", kw_only=True):
     """It points there now."""
 
-    number: str
     where: Where
 
 
-class Park(Struct, frozen=True, tag="park"):
+class Park(Base, frozen=True, tag="park"):
     """Go to the park position."""
 
-    number: str
+
+class Home(Base, frozen=True, tag="home"):
+    """Go to the home position."""
 
 
-class Unpark(Struct, frozen=True, tag="unpark"):
+class Unpark(Base, frozen=True, tag="unpark"):
     """Take up service again."""
 
-    number: str
 
-
-class Move(Struct, frozen=True, tag="move"):
+class Move(Base, frozen=True, tag="move", kw_only=True):
     """Press an arrow for some seconds, at the hand control's key 1 to 9."""
 
-    number: str
     direction: Direction
     key: int
     seconds: float
 
 
-class Follow(Struct, frozen=True, tag="follow"):
+class Press(Base, frozen=True, tag="press", kw_only=True):
+    """Press an arrow until it is let go. Said again, it only tells that somebody still holds it."""
+
+    direction: Direction
+    key: int
+
+
+class LetGo(Base, frozen=True, tag="let go"):
+    """Let go of the arrow that was pressed under this number."""
+
+
+class Track(Base, frozen=True, tag="track"):
+    """Tracking on or off; on, perhaps at another rate: ``sidereal``, ``lunar`` or ``solar``."""
+
+    on: bool = True
+    rate: str | None = None
+
+
+class TellTime(Base, frozen=True, tag="time", kw_only=True):
+    """What time it is: UTC as Unix seconds, and local time minus UTC in hours."""
+
+    unix: float
+    offset: float
+
+
+class TellSite(Base, frozen=True, tag="site", kw_only=True):
+    """Where the mount stands, degrees, north and east positive."""
+
+    latitude: float
+    longitude: float
+
+
+class Follow(Base, frozen=True, tag="follow"):
     """How does it go with what was wished for?"""
 
-    number: str
 
-
-class End(Struct, frozen=True, tag="end"):
+class End(Base, frozen=True, tag="end"):
     """Take a wish back: what it began is ended, and nothing else."""
-
-    number: str
 
 
 class See(Struct, frozen=True, tag="see"):
     """Everything that is known of the mount."""
 
 
-Wish = Goto | Sync | Park | Unpark | Move | Follow | End | See
+Wish = (
+    Goto | Sync | Park | Home | Unpark | Move | Press | LetGo | Track | TellTime | TellSite | Follow | End | See
+)  # fmt: skip
 
 
 def written(wish: Wish) -> str:

@@ -42,6 +42,8 @@ class Begun:
         self.goal: op.Equatorial | None = None
         self.parks = False
         self.ended = asyncio.Event()
+        #: The arrow that is held down, and the hand control's key.
+        self.pressed: tuple[op.Direction, int] | None = None
 
 
 class Desk:
@@ -70,7 +72,7 @@ class Desk:
             return await self._follow(wish.number)
         if isinstance(wish, commands.End):
             return await self._end(wish.number)
-        begun = self._remember(wish.number, type(wish).__name__.lower())
+        begun = self._remember(wish.number, wish.who or f"mount-gateway {type(wish).__name__.lower()}")
         try:
             return f"{DONE} {await self._do(wish, begun)}"
         except Fault as fault:
@@ -78,10 +80,10 @@ class Desk:
             controller.transcript.refused(begun.life.who, f"{type(wish).__name__}: {fault}")
             return f"{FAILED} {no(fault, controller.policy.limits)}"
 
-    def _remember(self, number: str, command: str) -> Begun:
+    def _remember(self, number: str, who: str) -> Begun:
         begun, presence = self._begun.get(number), self._controller.presence
         if begun is None:
-            begun = self._begun[number] = Begun(presence.arrive(f"mount-gateway {command}"), self._controller.stops)
+            begun = self._begun[number] = Begun(presence.arrive(who), self._controller.stops)
             if len(self._begun) > REMEMBERED:
                 presence.leave(self._begun.pop(next(iter(self._begun))).life)
         return begun
@@ -102,6 +104,21 @@ class Desk:
                 begun.parks = True
                 await self._order(op.Park(), begun)
                 return "it goes to its park position"
+            case commands.Home():
+                await self._order(op.Home(), begun)
+                return "it goes to its home position"
+            case commands.Press():
+                return await self._press(wish, begun)
+            case commands.LetGo():
+                return await self._let_go(begun)
+            case commands.Track():
+                return await self._track(wish, begun)
+            case commands.TellTime():
+                await self._controller.perform(op.SetClock(wish.unix, wish.offset))
+                return "the time is set"
+            case commands.TellSite():
+                await self._controller.perform(op.SetSite(wish.latitude, wish.longitude))
+                return "the site is set"
             case commands.Unpark():
                 await self._order(op.Wake() if self._controller.driver.asleep else op.Unpark(), begun)
                 return "it is in service again, and tracks"
@@ -150,6 +167,31 @@ class Desk:
             raise Stopped
         return f"it was moved {WORDS[wish.direction]} for {lasted:.1f} s"
 
+    async def _press(self, wish: commands.Press, begun: Begun) -> str:
+        """Begin to move, or go on. Raises Fault."""
+        if not 1 <= wish.key <= 9:
+            raise Invalid("Rates are from 1 to 9.")
+        begun.life.heard = True
+        if begun.pressed == (wish.direction, wish.key):
+            return f"it is moved {WORDS[wish.direction]}"
+        begun.pressed = wish.direction, wish.key
+        await self._order(op.Move(wish.direction, op.Rate(key=wish.key)), begun)
+        return f"it is moved {WORDS[wish.direction]}"
+
+    async def _let_go(self, begun: Begun) -> str:
+        """End what was pressed. Raises Fault."""
+        begun.ended.set()
+        if begun.pressed is not None and self._moves(begun):
+            await self._controller.perform(op.Halt(begun.pressed[0].axis), None, begun.life)
+        return "let go"
+
+    async def _track(self, wish: commands.Track, begun: Begun) -> str:
+        """Raises Fault."""
+        if wish.rate is not None:
+            await self._order(op.TrackRate(wish.rate), begun)
+        await self._order(op.SetTracking(wish.on), begun)
+        return f"tracking is {'on' if wish.on else 'off'}"
+
     # --- how it goes ------------------------------------------------------------------------------------------------
 
     def _moves(self, begun: Begun) -> bool:
@@ -180,7 +222,7 @@ class Desk:
         return f"{DONE} it is there{': ' + on_the_sky(seen.position) if seen.position else ''}"
 
     async def _end(self, number: str) -> str:
-        controller, begun = self._controller, self._remember(number, "stop")
+        controller, begun = self._controller, self._remember(number, "mount-gateway stop")
         begun.ended.set()  # if it has not come yet, it is not begun later
         if not self._moves(begun):
             return f"{DONE} nothing that was begun here is under way"
