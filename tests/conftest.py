@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from tests.running import ALIVE, Running
+from tests.support.process import ALIVE, Running
 
 _COUNT = itertools.count()
 

@@ -13,10 +13,10 @@ from typing import Any
 
 from gateway.astro.spherical import separation, wrap180
 from gateway.protocols.mechanics.truth import Truth, truth_of
-from tests.bridge import Visitor
 from tests.property.line_of_faults import FaultyLine
 from tests.property.orders import Event, polar, sited
 from tests.property.scripts import KEEPS_TRACKING, MOUNTS, STEPS, TELLS_NO_SITE, Script
+from tests.support.in_process_gateway import Visitor
 
 #: Degrees: what rounding and refraction explain. Seconds: from one look of the gateway at a mount that it moves to the
 #: next, and at one that it does not; and what it takes after a fault until a command is heard.

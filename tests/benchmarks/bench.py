@@ -1,0 +1,48 @@
+"""``python tests/benchmarks/bench.py [--quick] [--json FILE]``: how fast, how thrifty, how large, beside what is bare.
+
+Takes under four minutes, with ``--quick`` under seventy seconds; needs Linux. README.md here explains the figures.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import line_load
+import round_trip
+import starting
+from figures import Figure, table
+
+
+def main() -> int:
+    """Measure and print -> 0, also when a goal is missed: that depends on the machine as well."""
+    parser = argparse.ArgumentParser(description="Measure the gateway on this machine.")
+    parser.add_argument("--quick", action="store_true", help="fewer rounds: under 70 seconds")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to a file, too")
+    arguments = parser.parse_args()
+    if sys.platform != "linux":
+        parser.error("the measurements read /proc and keep processes on one core: they need Linux")
+    began = time.monotonic()
+    figures: list[Figure] = []
+    with tempfile.TemporaryDirectory(prefix="mount-gateway-bench-") as bytecode:
+        for part in (starting, round_trip, line_load):
+            figures += part.measure(bytecode, arguments.quick)
+    machine = (
+        f"{platform.machine()}, {os.cpu_count()} cores, Linux {platform.release()}, Python {platform.python_version()}"
+    )
+    print(table(figures))
+    print(f"\n{machine}; measured in {time.monotonic() - began:.0f} s")
+    if arguments.json:
+        rows = [{**figure._asdict(), "ratio": figure.ratio, "met": figure.met} for figure in figures]
+        arguments.json.write_text(json.dumps({"machine": machine, "figures": rows}, indent=1) + "\n", "utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,84 @@
+"""The LX200 surface and codecs against the Meade manual, typed by hand."""
+
+from __future__ import annotations
+
+import datetime
+import re
+
+import pytest
+
+from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.fields import codec
+from tests.support.fake_mount import Talk
+from tests.support.manual_files import fits, raw, rows
+
+LX200 = load("lx200")
+_PICTURES = {"sHH": "sHH.H", "DDD*MM'SS": "DDD*MM:SS", "DD*": "DD*"}
+
+
+def test_the_manual_has_145_request_forms_and_each_has_a_row() -> None:
+    forms = rows("lx200_forms.txt")
+    assert len(forms) == 145
+    for name, example, _, _ in forms:
+        found = LX200.find(raw(example))
+        assert found is not None, example
+        assert found[0].name == name, example
+        assert found[0].beyond is None
+
+
+def test_every_form_is_answered() -> None:
+    assert LX200.commands.keys() == LX200.surface.keys()
+
+
+@pytest.mark.parametrize("model", ["autostar", "lx200", "lx200-16", "lx200gps"])
+def test_every_reply_has_a_shape_that_programs_need(model: str) -> None:
+    wrong = []
+    for name, example, models, shapes in rows("lx200_forms.txt") + rows("lx200_beyond.txt"):
+        found = LX200.find(raw(example))
+        if found is None or (models != "-" and model not in models.split(",")):
+            continue
+        reply = Talk(model=model).send(raw(example))
+        if not fits(reply, shapes):
+            wrong.append((name, example, reply, shapes))
+    assert wrong == []
+
+
+@pytest.mark.parametrize(("models", "said", "shapes"), rows("lx200_library.txt"))
+def test_library_moon_and_help(models: str, said: str, shapes: str) -> None:
+    for model in models.split(","):
+        reply = Talk(model=model).send(raw(said))
+        assert fits(reply, shapes), (model, reply)
+
+
+def test_a_form_beyond_the_manual_is_known_or_passed_over_in_silence() -> None:
+    for name, example, _, shapes in rows("lx200_beyond.txt"):
+        assert LX200.find(raw(example)) is not None or "-" in shapes.split(" ~ "), name
+
+
+def _value(text: str, picture: str) -> object:
+    if picture == "MM/DD/YY":
+        return datetime.date.fromisoformat(text)
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _tolerance(picture: str) -> float:
+    return 1e-9
+
+
+@pytest.mark.parametrize(("way", "picture", "data", "value"), rows("lx200_fields.txt"))
+def test_field(way: str, picture: str, data: str, value: str) -> None:
+    form = codec(_PICTURES.get(picture, picture))
+    if way == "bad":
+        with pytest.raises(ValueError, match=r"."):
+            _ = form.decode(raw(data)) if re.fullmatch(form.pattern, raw(data), re.DOTALL) else int("refused")
+    elif way == "in":
+        assert (
+            form.decode(raw(data)) == pytest.approx(_value(value, picture))
+            if picture != "MM/DD/YY"
+            else (form.decode(raw(data)) == _value(value, picture))
+        )
+    else:
+        assert form.encode(_value(value, picture)) == raw(data)

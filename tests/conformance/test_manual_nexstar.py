@@ -1,0 +1,61 @@
+"""NexStar codecs and tables against the Celestron manual, typed by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from gateway.protocols.nexstar.driver.tracking import rate_code
+from gateway.protocols.wireformat.command_set import load, parse_version
+from gateway.protocols.wireformat.fields import codec
+from tests.support.manual_files import raw, rows
+
+NEXSTAR = load("nexstar")
+_CODECS = {"zone": "s8", "rate16": "u16", "rate24": "u24", "year8": "u8", "year16": "u16", "guide_rate": "u8"}
+#: What a driver makes of a value before the codec sees it.
+_NUMBERS: dict[str, Callable[[float], int]] = {
+    "zone": round,
+    "rate16": rate_code,
+    "rate24": lambda value: round(value * 1024),
+    "year8": lambda value: round(value) - 2000,
+    "year16": round,
+    "guide_rate": lambda percent: min(255, round(percent * 2.56)),
+}
+
+
+def test_the_manual_has_23_opcodes_and_21_pass_through_rows_and_each_has_a_row() -> None:
+    forms = [row for row in rows("nexstar_forms.txt") if not row[0].startswith("no_response")]
+    assert len(forms) == 44
+    assert sum(len(name) == 1 for name, *_ in forms) == 23
+    for name, request, since, _ in forms:
+        found = NEXSTAR.find(raw(request))
+        assert found is not None, name
+        if name == "P":  # the opcode itself is any of its rows
+            continue
+        assert found[0].name == name
+        assert found[0].since == parse_version(since), name
+        assert found[0].beyond is None
+
+
+@pytest.mark.parametrize(("way", "form", "data", "value", "tolerance"), rows("nexstar_fields.txt"))
+def test_number_on_the_wire(way: str, form: str, data: str, value: str, tolerance: str) -> None:
+    field, number = codec(_CODECS.get(form, form)), _NUMBERS.get(form)
+    wire = raw(data)
+    if way in ("both", "in"):
+        decoded = field.decode(wire)
+        if number is None:
+            near = max(float(tolerance), 1e-9)
+            assert abs(decoded - float(value)) <= near or abs(abs(decoded - float(value)) - 360.0) <= near
+        else:
+            assert decoded == number(float(value))
+    if way in ("both", "out"):
+        assert field.encode(float(value) if number is None else number(float(value))) == wire
+
+
+@pytest.mark.parametrize("command", NEXSTAR.commands.values(), ids=lambda command: command.name)
+def test_one_first_byte_has_one_length(command: object) -> None:
+    name = command.request.literal[:1]  # type: ignore[attr-defined]
+    lengths = {c.request.width for c in NEXSTAR.commands.values() if c.request.literal[:1] == name}
+    assert len(lengths) == 1
+    assert None not in lengths

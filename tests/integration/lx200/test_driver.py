@@ -1,0 +1,199 @@
+"""Driving the four Meade families: what goes out for what a NexStar program says, bytes typed by hand."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.astro.spherical import sidereal_time, wrap360
+from gateway.core.errors import Busy
+from gateway.core.operations import Position, SetClock, SetSite
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+MODELS = ["autostar", "lx200", "lx200-16", "lx200gps"]
+
+
+def meade(model: str, **settings: object) -> Bridge:
+    return Bridge(model, driven="lx200", presented="nexstar", surface="6-8se", latency=0.02, **settings)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_family_is_found_out_and_high_precision_made_sure_of_once(model: str) -> None:
+    async def program() -> None:
+        async with meade(model) as bridge:
+            assert bridge.driver.model == model
+            assert bridge.sent()[0] == b"\x06"  # ACK before anything that begins with a colon
+            assert bridge.sent().count(b":U#") == (0 if model == "lx200gps" else 1)
+            assert bridge.sim.high
+            assert len(bridge.sim.feed(b":GR#")) == 9
+            assert bridge.driver.tells_status == (model in ("autostar", "lx200gps"))
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    ("said", "heard"),
+    [
+        (b"P\x02\x10\x24\x09\0\0\0", [b":RS#", b":RA05.0#", b":Mw#"]),
+        (b"P\x02\x10\x25\x07\0\0\0", [b":RS#", b":RA01.0#", b":Me#"]),
+        (b"P\x02\x11\x24\x04\0\0\0", [b":RC#", b":Mn#"]),
+        (b"P\x02\x11\x25\x01\0\0\0", [b":Rg07.5#", b":RG#", b":Ms#"]),
+        (b"P\x03\x10\x06\xff\xfe\0\0", [b":TS#"]),
+        (b"P\x03\x10\x06\xff\xfd\0\0", [b":TL#"]),
+        (b"P\x03\x10\x06\xff\xff\0\0", [b":TQ#"]),
+        (b"P\x03\x11\x06\x40\x00\0\0", [b":RS#", b":RE01.1#", b":Mn#"]),  # 4096 arcseconds a second
+        (b"P\x03\x10\x07\x00\x28\0\0", [b":Rg10.0#", b":RG#", b":Me#"]),
+        (b"P\x03\x10\x26\x32\x1e\0\0", [b":Rg07.5#", b":Mgw0300#"]),
+        (b"P\x03\x11\x26\xce\x1e\0\0", [b":Rg07.5#", b":Mgs0300#"]),
+        (b"M", []),  # no goto is under way: arrows would be let go as well
+    ],
+)
+def test_motion_on_an_lx200gps(said: bytes, heard: list[bytes]) -> None:
+    async def program() -> None:
+        async with meade("lx200gps") as bridge:
+            before = len(bridge.sent())
+            assert await bridge.client().ask(said) == b"#"
+            await asyncio.sleep(0.8)
+            moved = [sent for sent in bridge.sent()[before:] if sent[1:2] in b"RMTQ"]
+            assert moved == heard
+
+    run(program())
+
+
+def test_the_arrow_that_was_pressed_is_let_go() -> None:
+    async def program() -> None:
+        async with meade("autostar") as bridge:
+            client = bridge.client()
+            await client.ask(b"P\x02\x11\x25\x07\0\0\0")
+            await asyncio.sleep(0.5)
+            await client.ask(b"P\x02\x11\x24\x00\0\0\0")
+            await asyncio.sleep(0.5)
+            assert bridge.sent().count(b":Qs#") == 2  # it acknowledges nothing
+            assert b":Qn#" not in bridge.sent()
+            assert bridge.sim.tracking
+
+    run(program())
+
+
+def test_a_pulse_is_timed_here_where_the_model_has_none() -> None:
+    async def program() -> None:
+        async with meade("lx200") as bridge:
+            before = bridge.sim.truth()
+            await bridge.client().ask(b"P\x03\x11\x26\x64\xc8\0\0")  # 2 s north
+            await asyncio.sleep(4)
+            sent = bridge.sent()
+            assert sent.index(b":RG#") < sent.index(b":Mn#") < sent.index(b":Qn#")
+            assert (bridge.sim.truth()[1] - before[1]) * 3600 == pytest.approx(30.0, abs=3.0)
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_tracking_is_a_switch_only_where_it_costs_no_alignment(model: str) -> None:
+    async def program() -> None:
+        async with meade(model) as bridge:
+            client = bridge.client()
+            assert await client.ask(b"T\x00") == b"#"
+            await asyncio.sleep(0.5)
+            if model in ("autostar", "lx200gps"):
+                assert bridge.sent().count(b":AL#") == 1
+                assert await client.ask(b"t") == b"\x00#"
+                assert await client.ask(b"T\x01") == b"#"
+                await asyncio.sleep(0.5)
+                assert bridge.sent().count(b":AA#") == 1
+                assert await client.ask(b"t") == b"\x01#"
+            else:
+                assert not [sent for sent in bridge.sent() if sent[:2] == b":A"]
+                assert any("keeps tracking" in entry.note for entry in bridge.entries)
+            assert bridge.sim.tracking
+            assert bridge.sim.aligned
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_refused_goto_is_acknowledged_and_shows_as_no_motion(model: str) -> None:
+    async def program() -> None:
+        async with meade(model, config={"lowest": -90.0}) as bridge:
+            client = bridge.client()
+            ra = wrap360(sidereal_time(bridge.clock(), 10.0) + 180.0)
+            request = b"r%06X00,%06X00" % (round(ra / 360 * 2**24), round(-40 / 360 * 2**24) % 2**24)
+            assert await client.ask(request) == b"#"
+            await asyncio.sleep(1)
+            assert await client.ask(b"L") == b"0#"
+            assert any("elow" in entry.note for entry in bridge.entries)
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_site_and_clock_are_set_and_read_back(model: str) -> None:
+    async def program() -> None:
+        async with meade(model) as bridge:
+            await bridge.controller.perform(SetSite(latitude=-33.5, longitude=151.25))
+            moment = bridge.clock() + 86400.0
+            await bridge.controller.perform(SetClock(moment, 5.75))
+            await asyncio.sleep(10)
+            assert bridge.sim.site == pytest.approx((-33.5, 151.25), abs=1 / 120)
+            bridge.sim.truth()  # come to now
+            assert bridge.sim.utc() == pytest.approx(moment + 10, abs=2.0)
+            assert (await bridge.client().ask(b"w"))[:4] == b"\x21\x1e\x00\x01"
+
+    run(program())
+
+
+def test_a_busy_telescope_is_asked_again_and_then_given_up() -> None:
+    async def program() -> None:
+        async with meade("lx200gps") as bridge:
+            await asyncio.sleep(6)
+            bridge.sim.busy_until = bridge.clock() + 1.0
+            assert (await bridge.controller.perform(Position())).dec == pytest.approx(0.0, abs=0.1)
+            await asyncio.sleep(6)
+            bridge.sim.busy_until = bridge.clock() + 60.0
+            assert (await bridge.controller.perform(Position())).dec == pytest.approx(
+                0.0, abs=0.1
+            )  # as it was told last
+            await asyncio.sleep(6)
+            with pytest.raises(Busy):
+                await bridge.controller.perform(Position())
+
+    run(program())
+
+
+def test_a_position_costs_one_pair_however_many_ask() -> None:
+    async def program() -> None:
+        async with meade("lx200gps") as bridge:
+            counts = []
+            for clients in (1, 20):
+                visitors = [bridge.client(f"10.0.0.{n}") for n in range(clients)]
+                await asyncio.sleep(5)
+                before = bridge.sent().count(b":GR#"), bridge.sent().count(b":GD#")
+                for _ in range(120):
+                    for visitor in visitors:
+                        visitor.tell(b"e")
+                    await asyncio.sleep(0.25)
+                after = bridge.sent().count(b":GR#"), bridge.sent().count(b":GD#")
+                counts.append((after[0] - before[0], after[1] - before[1]))
+            assert counts[0][0] == pytest.approx(counts[0][1], abs=1)
+            assert counts[0][0] == pytest.approx(counts[1][0], rel=0.1)
+
+    run(program())
+
+
+def test_park_and_unpark() -> None:
+    async def program() -> None:
+        async with meade("lx200gps") as bridge:
+            client = bridge.client()
+            assert await client.ask(b"b00000000,1C71C700") == b"#"  # INDI parks by azimuth and altitude
+            while await client.ask(b"L") == b"1#":
+                await asyncio.sleep(1)
+            told = await client.ask(b"z")
+            assert int(told[:6], 16) / 2**24 * 360 == pytest.approx(0.0, abs=0.1) or told[:2] == b"FF"
+            assert int(told[9:15], 16) / 2**24 * 360 == pytest.approx(40.0, abs=0.1)
+            assert await client.ask(b"T\x00") == b"#"
+            await asyncio.sleep(0.5)
+            assert not bridge.sim.tracking
+
+    run(program())

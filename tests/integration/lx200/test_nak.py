@@ -1,0 +1,60 @@
+"""An LX200GPS that says NAK (0x15: busy) is asked again a few times; no program ever hears a NAK."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+NAK = b"\x15"
+
+
+def gps(presented: str) -> Bridge:
+    surface = "lx200gps" if presented == "lx200" else "cpc"
+    return Bridge(
+        "lx200gps", driven="lx200", presented=presented, surface=surface, config={"lowest": -90.0, "sun": 0.0}
+    )
+
+
+@pytest.mark.parametrize(
+    ("presented", "said", "heard"),
+    [
+        ("lx200", b":Sr08:00:00#:Sd+30*00:00#:MS#", b"110"),
+        ("lx200", b":Gt#", b"+45*00#"),
+        ("nexstar", b"T\x02", b"#"),
+        ("nexstar", b"r55555500,15555500", b"#"),
+    ],
+)
+def test_what_was_objected_to_is_asked_again(presented: str, said: bytes, heard: bytes) -> None:
+    async def program() -> None:
+        async with gps(presented) as bridge:
+            client = bridge.client()
+            bridge.sim.busy_until = bridge.clock() + 1.5
+            assert await client.ask(said, 3.5, until=heard[-1:]) == heard
+            await asyncio.sleep(4.0)
+            if said[-3:-1] == b"MS" or said[:1] == b"r":
+                assert bridge.sim.slewing
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    ("presented", "said"),
+    [("lx200", b":Sr08:00:00#:Sd+30*00:00#:MS#:GR#:GD#:GZ#"), ("nexstar", b"eztr55555500,15555500")],
+)
+def test_it_is_not_asked_for_ever_and_nobody_hears_it(presented: str, said: bytes) -> None:
+    async def program() -> None:
+        async with gps(presented) as bridge:
+            client = bridge.client()
+            bridge.sim.busy_until = bridge.clock() + 30.0
+            client.tell(said)
+            await asyncio.sleep(20.0)
+            assert NAK not in client.heard
+            assert len([one for one in bridge.sent() if one[:3] in (b":MS", b":Sr")]) < 10
+            await asyncio.sleep(20.0)
+            assert not bridge.sim.slewing
+
+    run(program())

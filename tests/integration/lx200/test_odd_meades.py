@@ -1,0 +1,193 @@
+"""Meades that answer oddly, or not at all, what they need not answer: they can do less, and none is refused.
+
+One question at a time gets another answer than the manual's, or none; where the mount points is answered as ever. The
+bytes are those that real telescopes and programs that play one were seen to send, typed by hand.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from gateway.core import operations as op
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+NAK = b"\x15"
+STATES = [b"LN1#", b"PT4#", b"18:00:00#", NAK, b"", b"#", b"AT", b"XT1#", b"GT2", b"0", b"1#", b"AN0#", b"PTH#"]
+LETTERS = [b"G", b"D", b"1", b"A#", b"", b"P#", NAK, b"#", b"?", b"AP", b"L", b"0#"]
+NAMES = [
+    b"",
+    b"#",
+    b"LX200 Classic#",
+    b"LX200GPS#",
+    b"LX2001#",
+    b"Autostar",
+    NAK,
+    b"On-Step#",
+    b"1",
+    b"0#",
+    b"\xff\xfe#",
+    b"a name that is far longer than any name of a telescope ever was, with a lot in it#",
+]
+FIRMWARE = [b"", b"#", b"4.2g#", NAK, b"1", b"0#"]
+HOME = [b"", b"#", b"9", b"0", NAK, b"1#"]
+VARIANTS = [
+    *(("autostar", "GW", b":GW#", answer) for answer in STATES),
+    *(("autostar", "ACK", b"\x06", a) for a in LETTERS),
+    *(("lx200", "ACK", b"\x06", answer) for answer in LETTERS),
+    *(("autostar", "GVP", b":GVP#", a) for a in NAMES),
+    *(("lx200", "GVP", b":GVP#", answer) for answer in NAMES),
+    *(("autostar", "GVN", b":GVN#", a) for a in FIRMWARE),
+    *(("lx200", "h?", b":h?#", answer) for answer in HOME),
+    ("lx200gps", "GW", b":GW#", NAK),
+    ("lx200-16", "h?", b":h?#", b""),
+]
+
+
+def oddly(bridge: Bridge, question: bytes, answer: bytes) -> None:
+    """Have the simulated mount answer this to that question."""
+    wire: Any = bridge.controller.line.wire
+    feed: Callable[[bytes], bytes] = wire._feed
+    wire._feed = lambda data: answer if data == question else feed(data)
+
+
+def hours(told: bytes) -> float:
+    """``HH:MM:SS#`` -> hours."""
+    whole, minutes, seconds = told[:-1].split(b":")
+    return int(whole) + int(minutes) / 60.0 + int(seconds) / 3600.0
+
+
+async def found(bridge: Bridge, seconds: float = 20.0) -> None:
+    bridge.controller.start()
+    async with asyncio.timeout(seconds):
+        await bridge.controller.settled.wait()
+
+
+@pytest.mark.parametrize("named", [False, True])
+@pytest.mark.parametrize(("model", "name", "question", "answer"), VARIANTS)
+def test_a_mount_that_tells_where_it_points_is_a_mount(
+    model: str, name: str, question: bytes, answer: bytes, named: bool
+) -> None:
+    async def program() -> None:
+        bridge = Bridge(model, driven="lx200", surface="autostar", named=named, config={"sun": 0.0})
+        oddly(bridge, question, answer)
+        await found(bridge)
+        client = bridge.client()
+        told = await client.ask(b":GR#", 3.5)
+        assert 15.0 * hours(told) == pytest.approx(bridge.sim.position()[0], abs=0.01)
+        assert len(await client.ask(b":GW#", 3.5)) == 3
+        await asyncio.sleep(6.0)  # what was answered oddly may still be answered
+        assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", 3.5, until=b"0") == b"110"
+        await asyncio.sleep(30.0)
+        assert (await client.ask(b":GR#", 3.5)).startswith(b"07:00:00")
+        assert bridge.sim.position()[1] == pytest.approx(30.0, abs=0.01)
+        assert bridge.controller.line.state == "up"
+        await bridge.controller.close()
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    ("model", "question", "answer", "expected"),
+    [
+        ("autostar", b":GW#", b"LN1#", (op.Tracking.OFF, True, False)),
+        ("autostar", b":GW#", b"PT4#", (op.Tracking.EQ_NORTH, True, True)),
+        ("autostar", b":GW#", b"GT1", (op.Tracking.EQ_NORTH, True, True)),
+        ("autostar", b":GW#", b"AN0#", (op.Tracking.OFF, False, False)),
+        ("autostar", b":GW#", b"18:00:00#", (op.Tracking.ALTAZ, True, False)),
+        ("lx200gps", b":GW#", b"\x15", (op.Tracking.ALTAZ, True, False)),
+        ("lx200", b"\x06", b"G", (op.Tracking.EQ_NORTH, True, True)),
+        ("lx200", b"\x06", b"L", (op.Tracking.OFF, True, False)),
+        ("lx200", b"\x06", b"A#", (op.Tracking.ALTAZ, True, False)),
+        ("lx200", b"\x06", b"D", (op.Tracking.ALTAZ, True, False)),
+    ],
+)
+def test_it_has_the_abilities_that_its_answers_show(
+    model: str, question: bytes, answer: bytes, expected: tuple[op.Tracking, bool, bool]
+) -> None:
+    async def program() -> None:
+        bridge = Bridge(model, driven="lx200", surface="autostar")
+        oddly(bridge, question, answer)
+        await found(bridge)
+        status = await bridge.controller.read(op.GetStatus())
+        assert (status.tracking, status.aligned, status.equatorial) == expected
+        assert bridge.driver.model == model
+        await bridge.controller.close()
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    ("answer", "model"),
+    [
+        (b"LX200 Classic#", "lx200"),
+        (b"LX200GPS#", "lx200gps"),
+        (b"LX2001#", "lx200gps"),
+        (b"", "lx200"),
+        (b"#", "lx200"),
+        (b"LX200 16#", "lx200-16"),
+        (b"Autostar#", "autostar"),
+    ],
+)
+def test_the_model_follows_from_the_name(answer: bytes, model: str) -> None:
+    async def program() -> None:
+        bridge = Bridge("lx200", driven="lx200", surface="autostar")
+        oddly(bridge, b":GVP#", answer)
+        await found(bridge)
+        assert bridge.driver.model == model
+        await bridge.controller.close()
+
+    run(program())
+
+
+def test_who_reads_whole_commands_is_not_deaf_after_ack() -> None:
+    """For such a server ACK and what comes behind it, up to the ``#``, are one command that it does not know."""
+
+    async def program() -> None:
+        bridge = Bridge("lx200", driven="lx200", surface="autostar")
+        wire: Any = bridge.controller.line.wire
+        feed, half = wire._feed, b""
+
+        def whole(data: bytes) -> bytes:
+            nonlocal half
+            *lines, half = (half + data).split(b"#")
+            return b"".join(feed(line + b"#") if line.startswith(b":") else b"" for line in lines)
+
+        wire._feed = whole
+        began = bridge.clock()
+        await found(bridge, 6.0)
+        assert not [entry for entry in bridge.entries if "does not answer" in entry.note]
+        assert b"\x06" in bridge.sent()
+        assert bridge.sent().count(b"\x06") == 1  # its silence is remembered
+        assert bridge.clock() - began < 6.0
+        await bridge.controller.close()
+
+    run(program())
+
+
+@pytest.mark.parametrize("presented", ["lx200", "lx200-16", "autostar", "lx200gps"])
+def test_the_gateways_own_surface_is_a_mount(presented: str) -> None:
+    async def program() -> None:
+        inner = Bridge("6-8se", driven="nexstar", surface=presented)
+        async with inner:
+            outer = Bridge("lx200", driven="lx200", surface="autostar")
+            guest = inner.reception.arrive("10.0.0.3", "10.0.0.3", lambda data: wire._deliver(data))
+            wire: Any = outer.controller.line.wire
+
+            def feed(data: bytes) -> bytes:
+                asyncio.get_running_loop().call_later(0.01, guest.feed, data)
+                return b""
+
+            wire._feed = feed
+            await found(outer, 10.0)
+            assert outer.driver.model == presented
+            client = outer.client()
+            heard = await client.ask(b":GR#", 3.5)
+            assert heard == await inner.client().ask(b":GR#", 3.5)
+            await outer.controller.close()
+
+    run(program())

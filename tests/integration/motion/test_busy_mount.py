@@ -1,0 +1,132 @@
+"""What is asked of a mount that is busy with itself: a goto waits for it, what moves it by hand never does."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from typing import Any
+
+import pytest
+
+from gateway.core import operations as op
+from gateway.core.errors import NoAnswer
+from gateway.protocols.mechanics.truth import truth_of
+from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.virtual import run
+
+GOTO = b":Sr05:00:00#:Sd+30*00:00#:MS#"
+
+
+def meade(model: str) -> Bridge:
+    return Bridge(model, driven="lx200", surface=model)
+
+
+async def calculating(bridge: Bridge) -> None:
+    """A classic that was told the date calculates its planets; an LX200GPS looks for satellites for a minute."""
+    if bridge.sim.classic:
+        bridge.controller.spawn(bridge.controller.perform(op.SetClock(bridge.clock() + 86400.0, 0.0)))
+    else:
+        bridge.client("10.0.0.7").tell(b":gT#")
+    await asyncio.sleep(1.5)
+
+
+@pytest.mark.parametrize("model", ["lx200", "lx200-16"])
+def test_a_goto_waits_until_a_classic_has_calculated(model: str) -> None:
+    async def program() -> None:
+        async with meade(model) as bridge:
+            client = bridge.client()
+            await calculating(bridge)
+            await asyncio.sleep(1.0)
+            began = bridge.controller.now()
+            assert await client.ask(GOTO, 30.0, until=b"0") == b"110"
+            assert 2.4 < bridge.controller.now() - began < 3.5, "longer than the driver itself tries"
+            assert bridge.sim.slewing
+
+    run(program())
+
+
+@pytest.mark.parametrize("how", ["a stop", "its client is gone", "half closed"])
+def test_a_goto_that_waits_ends_with_a_stop_and_with_its_client(how: str) -> None:
+    async def program() -> None:
+        async with meade("lx200") as bridge:
+            client, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
+            await calculating(bridge)
+            client.tell(GOTO)
+            await asyncio.sleep(1.0)
+            if how == "a stop":
+                other.tell(b":Q#")
+            elif how == "half closed":
+                client._guest.gone()
+            else:
+                client.close()
+            await asyncio.sleep(4.0)
+            if how != "its client is gone":
+                assert client.heard.startswith(b"111")
+            await asyncio.sleep(30.0)
+            assert b":MS#" not in bridge.sent()
+            assert not bridge.sim.slewing
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", ["lx200", "lx200gps"])
+@pytest.mark.parametrize("by_hand", [b":Mn#", b":RS#:Me#", b":Mgn1000#"])
+def test_what_moves_it_by_hand_never_waits(model: str, by_hand: bytes) -> None:
+    async def program() -> None:
+        async with meade(model) as bridge:
+            client = bridge.client()
+            await calculating(bridge)
+            client.tell(by_hand)
+            for _ in range(300):
+                await asyncio.sleep(0.25)
+                assert not truth_of(bridge.sim).moving
+            client.tell(by_hand)
+            await asyncio.sleep(0.5)
+            assert truth_of(bridge.sim).moving
+
+    run(program())
+
+
+def silence(bridge: Any, seconds: float) -> None:
+    """The mount's answers are lost for so long; what is sent arrives."""
+    wire = bridge.controller.line.wire
+    good, until = wire._feed, bridge.controller.now() + seconds
+
+    def feed(data: bytes) -> bytes:
+        answer = bytes(good(data))
+        return b"" if bridge.controller.now() < until else answer
+
+    wire._feed = feed
+
+
+async def look(bridge: Bridge) -> None:
+    """Keep the line with a question that is not answered."""
+    with contextlib.suppress(NoAnswer):
+        await bridge.controller.anew(op.Position())
+
+
+@pytest.mark.parametrize(("mount", "driven"), [("cge", "nexstar"), ("cgx", "nexstar"), ("autostar", "lx200")])
+@pytest.mark.parametrize("by_hand", [b":RS#:Me#", b":Mgw3000#"])
+@pytest.mark.parametrize("asks", [True, False])
+def test_what_was_asked_for_on_a_silent_line_is_not_begun_seconds_later(
+    mount: str, driven: str, by_hand: bytes, asks: bool
+) -> None:
+    """``asks``: it waits behind a question of its own program."""
+
+    async def program() -> None:
+        async with Bridge(mount, driven=driven) as bridge:
+            client: Visitor = bridge.client()
+            silence(bridge, 2.0)
+            bridge.controller.spawn(look(bridge))
+            (client if asks else bridge.client("10.0.0.8")).tell(b":GR#")
+            await asyncio.sleep(0.1)
+            client.tell(by_hand)
+            for _ in range(60):
+                await asyncio.sleep(0.25)
+                assert not truth_of(bridge.sim).moving
+            assert bridge.sim.tracking
+            client.tell(by_hand)
+            await asyncio.sleep(0.5)
+            assert truth_of(bridge.sim).moving
+
+    run(program())

@@ -1,0 +1,363 @@
+"""Which way arrows and guide pulses go; the long version is ``python -m tests.soak.directions``."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.astro.spherical import following, hour_angle_to_horizon, northwards, wrap180
+from gateway.protocols.mechanics.truth import truth_of
+from gateway.protocols.nexstar.driver.altaz import SLOW
+from tests.soak.directions import NORTH, SOUTH, Scenario, on_the_axes, play
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+#: A fork on the meridian at 45 degrees of altitude and of latitude: its azimuth follows the stars at 21.27"/s, 85 as a
+#: variable rate (quarters of an arcsecond), its altitude stands still. Half of sidereal is 7.52"/s.
+FOLLOWS, STANDS = b"P\x03\x10\x06\x00\x55\0\0", b"P\x03\x11\x06\0\0\0\0"
+
+
+def fork(**config: Any) -> Bridge:
+    """On the meridian, with a line that takes no time."""
+    return Bridge("cpc", "4.21", surface="lx200gps", latency=0.0, config={"sun": 0.0, **config})
+
+
+def motions(bridge: Bridge, since: int) -> list[bytes]:
+    """What changed the mount."""
+    return [data for data in bridge.sent()[since:] if data[:1] in b"PTM"]
+
+
+# --- the sky from the axes ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("latitude", [45.0, -34.0, 5.0])
+@pytest.mark.parametrize(("hour_angle", "dec"), [(-50.0, 20.0), (30.0, -15.0), (100.0, 60.0), (-5.0, -40.0)])
+def test_the_rates_are_the_slopes_of_the_coordinates(latitude: float, hour_angle: float, dec: float) -> None:
+    small = 1e-5
+    az, alt = hour_angle_to_horizon(hour_angle, dec, latitude)
+    for rates, step in ((following, (small, 0.0)), (northwards, (0.0, small))):
+        later = hour_angle_to_horizon(hour_angle + step[0], dec + step[1], latitude)
+        slope = wrap180(later[0] - az) / small, (later[1] - alt) / small
+        assert rates(az, alt, latitude) == pytest.approx(slope, rel=1e-4, abs=1e-4)
+
+
+@pytest.mark.parametrize("place", [(0.0, 90.0), (180.0, 90.0), (0.0, 45.0)])
+def test_they_are_finite_in_the_zenith_and_at_the_pole(place: tuple[float, float]) -> None:
+    assert all(abs(rate) <= 100.0 for rates in (following, northwards) for rate in rates(*place, 45.0))
+
+
+# --- alt-az: on top of tracking -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arrow", "first", "second"),
+    [
+        (b"w", b"P\x03\x10\x06\x00\x73\0\0", STANDS),  # 21.27 + 7.52
+        (b"e", b"P\x03\x10\x06\x00\x37\0\0", STANDS),  # 21.27 - 7.52
+        (b"n", b"P\x03\x11\x06\x00\x1e\0\0", FOLLOWS),
+        (b"s", b"P\x03\x11\x07\x00\x1e\0\0", FOLLOWS),
+    ],
+)
+def test_a_slow_arrow_is_added_to_the_tracking_of_both_axes(arrow: bytes, first: bytes, second: bytes) -> None:
+    async def program() -> None:
+        async with fork() as bridge:
+            client, before = bridge.client(), len(bridge.sent())
+            client.tell(b":RG#:M%s#" % arrow)
+            await asyncio.sleep(2.0)
+            assert motions(bridge, before) == [b"T\0", first, second]
+            client.tell(b":Q%s#" % arrow)
+            await asyncio.sleep(0.1)
+            axes = (b"\x10", b"\x11") if arrow in b"ew" else (b"\x11", b"\x10")
+            assert motions(bridge, before)[3:] == [*(b"P\x02%s\x24\0\0\0\0" % axis for axis in axes), b"T\x01"]
+            await asyncio.sleep(1.0)
+            assert bridge.sim.tracking
+
+    run(program())
+
+
+def test_two_slow_arrows_at_once_and_one_let_go() -> None:
+    async def program() -> None:
+        async with fork() as bridge:
+            client, before = bridge.client(), len(bridge.sent())
+            client.tell(b":RG#:Mw#")
+            await asyncio.sleep(1.0)
+            client.tell(b":Mn#")
+            await asyncio.sleep(1.0)
+            west, north = b"P\x03\x10\x06\x00\x73\0\0", b"P\x03\x11\x06\x00\x1e\0\0"
+            assert motions(bridge, before) == [b"T\0", west, STANDS, north, west]
+            client.tell(b":Qw#")
+            await asyncio.sleep(1.0)
+            assert motions(bridge, before)[5:] == [FOLLOWS, north], "the other one goes on, on top of tracking"
+            client.tell(b":Qn#")
+            await asyncio.sleep(1.0)
+            assert motions(bridge, before)[-1] == b"T\x01"
+            assert bridge.sim.tracking
+
+    run(program())
+
+
+def test_a_fast_arrow_beside_a_slow_one_leaves_it_and_its_axis_follows_again_afterwards() -> None:
+    async def program() -> None:
+        async with fork() as bridge:
+            client = bridge.client()
+            client.tell(b":RG#:Mn#")
+            await asyncio.sleep(1.0)
+            client.tell(b":RM#:Mw#")
+            await asyncio.sleep(1.0)
+            assert truth_of(bridge.sim).rate1 == pytest.approx(1.0, rel=0.01)
+            assert truth_of(bridge.sim).rate2 == pytest.approx(7.5205 / 3600, rel=0.02)
+            client.tell(b":Qw#")
+            await asyncio.sleep(2.0)
+            assert truth_of(bridge.sim).rate1 == pytest.approx(21.3 / 3600, rel=0.03)
+            client.tell(b":Q#")
+            await asyncio.sleep(2.0)
+            assert bridge.sim.tracking and not truth_of(bridge.sim).moving
+
+    run(program())
+
+
+def test_a_slow_arrow_while_tracking_is_off_is_the_key_as_ever() -> None:
+    async def program() -> None:
+        async with fork() as bridge:
+            client = bridge.client()
+            client.tell(b":AL#")
+            await asyncio.sleep(2.0)
+            before = len(bridge.sent())
+            client.tell(b":RG#:Mw#")
+            await asyncio.sleep(1.0)
+            client.tell(b":Qw#")
+            await asyncio.sleep(1.0)
+            assert motions(bridge, before) == [b"P\x02\x10\x24\x01\0\0\0", b"P\x02\x10\x24\0\0\0\0"]
+            assert not bridge.sim.tracking
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    ("config", "pulse", "first", "second"),
+    [
+        ({}, b"w", b"P\x03\x10\x06\x00\x73\0\0", STANDS),
+        ({}, b"n", b"P\x03\x11\x06\x00\x1e\0\0", FOLLOWS),
+        ({"guide_directions": "sky"}, b"w", b"P\x03\x10\x06\x00\x80\0\0", STANDS),  # half as fast again
+        ({"guide_directions": "sky"}, b"e", b"P\x03\x10\x06\x00\x2b\0\0", STANDS),
+        ({"guide_directions": "sky"}, b"s", b"P\x03\x11\x07\x00\x1e\0\0", FOLLOWS),
+    ],
+)
+def test_a_pulse_in_alt_az_ends_with_tracking_and_never_stands(
+    config: dict[str, Any], pulse: bytes, first: bytes, second: bytes
+) -> None:
+    async def program() -> None:
+        async with fork(**config) as bridge:
+            bridge.driver.apart = 0.0  # nothing stands still while this line tells both motors
+            client, before = bridge.client(), len(bridge.sent())
+            client.tell(b":Mg%s1000#" % pulse)
+            await asyncio.sleep(0.9)
+            assert motions(bridge, before) == [b"T\0", first, second]
+            await asyncio.sleep(0.3)
+            back = [FOLLOWS, STANDS] if pulse in b"ew" else [STANDS, FOLLOWS]
+            assert motions(bridge, before)[3:] == [*back, b"T\x01"]
+            assert bridge.sim.tracking and not truth_of(bridge.sim).moving
+
+    run(program())
+
+
+def test_two_pulses_at_once_add_up_on_both_axes() -> None:
+    """PHD2 may send both; to the south-east both of them turn both axes."""
+
+    async def program() -> None:
+        async with Bridge("cpc", "4.21", latency=0.02, config={"sun": 0.0, "guide_directions": "sky"}) as bridge:
+            client = bridge.client()
+            await client.ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")
+            await asyncio.sleep(60.0)
+            before = truth_of(bridge.sim)
+            began = bridge.sim.truth()
+            client.tell(b":Mgw2000#:Mgn2000#")
+            await asyncio.sleep(6.0)
+            ended = bridge.sim.truth()
+            assert truth_of(bridge.sim).t > before.t and bridge.sim.tracking
+            assert wrap180(began[0] - ended[0]) * 3600 == pytest.approx(15.04, rel=0.15)
+            assert (ended[1] - began[1]) * 3600 == pytest.approx(15.04, rel=0.15)
+
+    run(program())
+
+
+@pytest.mark.parametrize("latency", [0.02, 0.05])
+@pytest.mark.parametrize("pulse", [b"n", b"e"])
+@pytest.mark.parametrize("ms", [100, 300])
+def test_pulses_as_short_as_a_guider_sends_them_are_as_long_as_asked(latency: float, pulse: bytes, ms: int) -> None:
+    """To tell two motors takes longer, and tracking stands still meanwhile: both are made up for."""
+
+    async def program() -> None:
+        async with Bridge("cpc", "4.21", latency=latency, config={"sun": 0.0}) as bridge:
+            client = bridge.client()
+            await client.ask(b":Sz130*00#:Sa+40*00#:MA#", until=b"0")
+            await asyncio.sleep(60.0)
+            for learning in (True, False):
+                before = truth_of(bridge.sim)
+                for _ in range(1 if learning else 5):
+                    client.tell(b":Mg%s%04d#" % (pulse, ms))
+                    await asyncio.sleep(3.0)
+            first, second = on_the_axes(before, truth_of(bridge.sim), NORTH, True)
+            asked = 5 * ms / 1000.0 * 7.5205 * (1 if pulse == b"n" else -1)
+            along, across = (second, first) if pulse == b"n" else (first, second)
+            assert along * 3600 == pytest.approx(asked, abs=0.15 * abs(asked) + 1.0)
+            assert abs(across) * 3600 < 5 * 0.7
+
+    run(program())
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.02, 0.05, 0.15])
+def test_the_first_pulse_leaves_the_other_axis_where_it_follows_like_every_other(latency: float) -> None:
+    """How long the line takes was guessed for it: over a fast line the azimuth ran 2" ahead of the stars."""
+
+    async def program() -> None:
+        async with Bridge("cpc", "4.21", latency=latency, config={"sun": 0.0}) as bridge:
+            before = truth_of(bridge.sim)
+            bridge.client().tell(b":Mgn2000#")
+            await asyncio.sleep(6.0)
+            across, along = on_the_axes(before, truth_of(bridge.sim), NORTH, True)
+            assert along * 3600 == pytest.approx(15.04, abs=0.5)
+            assert abs(across) * 3600 < 0.7
+
+    run(program())
+
+
+@pytest.mark.parametrize("end", [b":Q#", b":Qw#", b":Sr05:00:00#:Sd+20*00:00#:MS#"])
+@pytest.mark.parametrize("motion", [b":RG#:Mw#", b":Mgw3000#"])
+def test_a_stop_or_a_goto_ends_it_and_tracking_comes_back(motion: bytes, end: bytes) -> None:
+    async def program() -> None:
+        async with fork() as bridge:
+            client = bridge.client()
+            client.tell(motion)
+            await asyncio.sleep(1.0)
+            client.tell(end)
+            await asyncio.sleep(90.0)
+            assert bridge.sim.tracking and not truth_of(bridge.sim).moving
+            since = len(bridge.sent())
+            await asyncio.sleep(5.0)
+            assert not motions(bridge, since), "nothing of it is left"
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    ("mount", "version", "config", "words"),
+    [
+        ("nexstar-gps", "2.2", {}, "--mode tells it"),
+        ("slt", "4.03", {"site": None}, ""),
+        ("gt", "101.0", {}, "before 1.6"),
+        ("nexstar-gps", "1.6", {"mode": "alt-az"}, "--site tells it"),
+    ],
+)
+def test_what_cannot_be_guided_is_refused_with_words(
+    mount: str, version: str, config: dict[str, Any], words: str
+) -> None:
+    """An SLT tells its site itself; a NexStar GPS its GPS unit's, while it has a fix."""
+
+    async def program() -> None:
+        async with Bridge(mount, version, config={"sun": 0.0, **config}) as bridge:
+            if mount == "nexstar-gps" and words.startswith("--site"):
+                bridge.driver.site = None
+            since = len(bridge.sent())
+            bridge.client().tell(b":Mgw1000#")
+            await asyncio.sleep(2.0)
+            sent = motions(bridge, since)
+            told = [entry.note for entry in bridge.entries if "guid" in entry.note or "latitude" in entry.note]
+            assert bool(sent) is (mount == "slt")
+            assert bool(told) is (mount != "slt")
+            assert all(words in note for note in told)
+
+    run(program())
+
+
+@pytest.mark.parametrize(("aligned", "words"), [(False, "is not aligned"), (True, "does not track")])
+def test_a_german_mount_that_does_not_track_is_not_said_to_be_an_alt_az_one(aligned: bool, words: str) -> None:
+    async def program() -> None:
+        async with Bridge("cge", "4.21", aligned=aligned, config={"sun": 0.0}) as bridge:
+            client = bridge.client()
+            client.tell(b":AL#")
+            await asyncio.sleep(2.0)
+            since = len(bridge.sent())
+            client.tell(b":Mgn0500#")
+            await asyncio.sleep(2.0)
+            assert not motions(bridge, since)
+            (told,) = [entry.note for entry in bridge.entries if "guide" in entry.note]
+            assert words in told and "alt-az" not in told
+
+    run(program())
+
+
+def test_a_rate_above_that_at_which_tracking_counts_is_a_key() -> None:
+    async def program() -> None:
+        async with fork() as bridge:
+            client, before = bridge.client(), len(bridge.sent())
+            client.tell(b":RM#:Mw#")
+            await asyncio.sleep(1.0)
+            assert motions(bridge, before) == [b"T\0", b"P\x02\x10\x24\x07\0\0\0"]
+            assert SLOW < 1.0
+
+    run(program())
+
+
+# --- a German mount: the motor or the sky -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("guide", "side", "command"),
+    [("motor", "east", 36), ("motor", "west", 36), ("sky", "east", 36), ("sky", "west", 37)],
+)
+def test_north_is_a_turn_of_the_motor_or_the_north(guide: str, side: str, command: int) -> None:
+    async def program() -> None:
+        async with Bridge("cge", "4.21", latency=0.0, config={"sun": 0.0, "guide_directions": guide}) as bridge:
+            client = bridge.client()
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock()) / 15.0
+            hours = (sidereal + (-2.0 if side == "east" else 2.0)) % 24.0
+            target = b":Sr%02d:%02d:00#:Sd+30*00:00#:MS#" % (int(hours), int(hours % 1 * 60))
+            await client.ask(target, until=b"0")
+            await asyncio.sleep(90.0)
+            since = len(bridge.sent())
+            client.tell(b":Mgn1000#")
+            await asyncio.sleep(2.0)
+            assert bytes((80, 2, 17, command, 1, 0, 0, 0)) in motions(bridge, since)
+
+    run(program())
+
+
+# --- a Meade: motor sense -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("site", "up"), [(NORTH, b":Mn#"), (SOUTH, b":Ms#")])
+def test_the_second_motor_of_a_polar_fork_turns_towards_the_elevated_pole(site: tuple[float, float], up: bytes) -> None:
+    async def program() -> None:
+        async with Bridge("lx200", driven="lx200", presented="nexstar", surface="cpc", site=site) as bridge:
+            client, since = bridge.client(), len(bridge.sent())
+            await client.ask(b"P\x02\x11\x24\x04\0\0\0")
+            await asyncio.sleep(1.0)
+            assert up in bridge.sent()[since:]
+            await client.ask(b"P\x02\x11\x24\0\0\0\0")
+            await asyncio.sleep(1.0)
+
+    run(program())
+
+
+# --- all of it, in short ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        Scenario("lx200", "cpc", "4.21", "fork", SOUTH),
+        Scenario("lx200", "cge", "4.21", "german west", NORTH, "sky"),
+        Scenario("lx200", "avx", "5.31", "german east", SOUTH),
+        Scenario("lx200", "cpc", "4.21", "alt-az", NORTH, "sky"),
+        Scenario("lx200", "slt", "4.03", "alt-az", SOUTH),
+        Scenario("nexstar", "lx200gps", None, "fork", SOUTH),
+        Scenario("nexstar", "autostar", None, "german west", NORTH),
+        Scenario("nexstar", "autostar", None, "alt-az", SOUTH),
+    ],
+    ids=str,
+)
+def test_motion_on_the_sky(case: Scenario) -> None:
+    assert not [row for row in play(case) if not row.right]

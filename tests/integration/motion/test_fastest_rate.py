@@ -1,0 +1,70 @@
+"""``:Sw`` is a speed: what the motor turns at, asked of the simulated mount's axes."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.protocols.mechanics.truth import truth_of
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+#: Model, version, and the most that its motors do, degrees a second.
+MOUNTS = [
+    ("cpc", "4.21", 5.0),
+    ("cge", "4.21", 5.0),
+    ("slt", "4.03", 5.0),
+    ("avx", "5.31", 4.0),
+    ("nexstar-gps", "2.2", 4.0),
+    ("gt", "104.0", 3.0),
+]
+
+
+def turns(mount: tuple[str, str, float], commands: bytes, surface: str = "lx200gps") -> tuple[float, list[bytes]]:
+    """Degrees a second of the second axis three seconds after a motion south has begun; and what was sent for it."""
+
+    async def program() -> tuple[float, list[bytes]]:
+        async with Bridge(*mount[:2], surface=surface, config={"lowest": -90.0, "sun": 0.0}) as bridge:
+            before = len(bridge.sent())
+            client = bridge.client()
+            client.tell(commands)
+            await asyncio.sleep(3)
+            speed = abs(truth_of(bridge.sim).rate2)
+            sent = [one for one in bridge.sent()[before:] if one[:1] == b"P" and one[2] == 17]
+            client.tell(b":Q#")
+            await asyncio.sleep(3)
+            return speed, sent
+
+    found: list[tuple[float, list[bytes]]] = []
+
+    async def keep() -> None:
+        found.append(await program())
+
+    run(keep())
+    return found[0]
+
+
+@pytest.mark.parametrize("mount", MOUNTS, ids=lambda mount: "/".join(mount[:2]))
+@pytest.mark.parametrize("fastest", [2, 3, 4, 8])
+def test_the_fastest_rate_is_the_one_that_was_set(mount: tuple[str, str, float], fastest: int) -> None:
+    speed, _ = turns(mount, b":Sw%d#:Ms#" % fastest)
+    assert speed == pytest.approx(min(fastest, mount[2]), rel=0.1)
+
+
+def test_it_goes_out_as_a_variable_rate_and_the_motors_most_as_their_own_key() -> None:
+    """A quarter of an arcsecond a second: 2 degrees are 28800 = 70 80 hex, behind 16 (axis 2 is 17), 6 or 7."""
+    (sent, *_) = turns(MOUNTS[0], b":Sw2#:Ms#")[1]
+    assert sent in (bytes((80, 3, 17, 6, 0x70, 0x80, 0, 0)), bytes((80, 3, 17, 7, 0x70, 0x80, 0, 0)))
+    (sent, *_) = turns(MOUNTS[0], b":Sw8#:Ms#")[1]
+    assert sent in (bytes((80, 2, 17, 36, 9, 0, 0, 0)), bytes((80, 2, 17, 37, 9, 0, 0, 0)))
+
+
+@pytest.mark.parametrize("chosen", [b":RE04.0#:Sw2#", b":Sw2#:RE04.0#", b":Sw2#:RG#:RS#"])
+def test_it_holds_for_an_axis_own_rate_too(chosen: bytes) -> None:
+    assert turns(MOUNTS[0], chosen + b":Ms#")[0] == pytest.approx(2.0, rel=0.05)
+
+
+def test_slower_rates_are_not_raised_to_it() -> None:
+    assert turns(MOUNTS[0], b":Sw4#:RE01.5#:Ms#")[0] == pytest.approx(1.5, rel=0.05)
+    assert turns(MOUNTS[0], b":Sw4#:RM#:Ms#")[0] == pytest.approx(1.0, rel=0.05)

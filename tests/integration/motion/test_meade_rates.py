@@ -1,0 +1,258 @@
+"""NexStar rates over a Meade: what the axes of the simulated telescope turn at, and what is put back afterwards.
+
+Bytes are typed from Celestron's paper: P 3, motor 16 or 17, 6 or 7 for the sense, four times the arcseconds a second in
+two bytes; P 2, motor, 24 or 25 hex, the key.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.protocols.mechanics.truth import truth_of
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+SIDEREAL = 15.041067
+#: Arcseconds a second asked for, and what each family turns its motor in right ascension at while it tracks.
+WEST = [
+    # asked, lx200gps, autostar, lx200 (drives at 56.4 to 60.1 hertz: 14.1 to 15.03)
+    (15.0, 15.0, 15.0, 15.0),
+    (14.5, 14.5, 14.5, 14.5),
+    (14.7, 14.7, 14.7, 14.7),
+    (7.5, 7.5, 7.5, 14.1),
+    (0.5, 0.5, 0.5, 14.1),
+    (22.5, 22.5, 22.5, 29.14),
+    (-3.0, -3.0, -3.0, -0.94),
+    (30.0, 30.0, 30.0, 30.0),
+    (150.0, 240.66, 240.66, 240.66),
+    (-300.0, -360.0, -240.66, -240.66),
+    (3600.0, 3600.0, 7200.0, 7200.0),
+    (14400.0, 14400.0, 14400.0, 14400.0),
+]
+MODELS = ["lx200gps", "autostar", "lx200"]
+#: Of the declination motor, which rests.
+NORTH = [
+    (7.5, 7.5, SIDEREAL, SIDEREAL),
+    (-1.0, -1.0, -SIDEREAL, -SIDEREAL),
+    (15.0, 15.0, SIDEREAL, SIDEREAL),
+    (300.0, 360.0, 240.66, 240.66),
+    (1800.0, 1800.0, 7200.0, 7200.0),
+    (10800.0, 10800.0, 10800.0, 10800.0),
+]
+#: Keys 1 to 9 of a CGE: 0.5, 1, 4, 8, 16 and 64 times sidereal, then 1, 3 and 5 degrees.
+KEYS = [
+    (1, 7.5, SIDEREAL, SIDEREAL),
+    (2, 15.0, SIDEREAL, SIDEREAL),
+    (4, 240.66, 240.66, 240.66),
+    (5, 240.66, 240.66, 240.66),
+    (6, 1080.0, 240.66, 240.66),
+    (7, 3600.0, 7200.0, 7200.0),
+    (8, 10800.0, 10800.0, 10800.0),
+    (9, 18000.0, 18000.0, 18000.0),
+]
+
+
+def meade(model: str, polar: bool = True, **config: Any) -> Bridge:
+    bridge = Bridge(
+        model,
+        driven="lx200",
+        presented="nexstar",
+        surface="cge",
+        latency=0.02,
+        config={"sun": 0.0, "lowest": -90.0, **config},
+    )
+    if polar:
+        bridge.sim.feed(b":AP#:CM#")
+    return bridge
+
+
+def variable(device: int, arcseconds: float) -> bytes:
+    quarters = round(abs(arcseconds) * 4)
+    return bytes((80, 3, device, 6 if arcseconds > 0 else 7, quarters // 256, quarters % 256, 0, 0))
+
+
+def key(device: int, number: int) -> bytes:
+    return bytes((80, 2, device, 36, number, 0, 0, 0))
+
+
+async def turns(bridge: Any, device: int, frame: bytes) -> float:
+    """Arcseconds a second of the axis a moment later; then it is let go."""
+    client = bridge.client()
+    assert await client.ask(frame) == b"#"
+    await asyncio.sleep(3.0)
+    seen = truth_of(bridge.sim)
+    assert await client.ask(key(device, 0)) == b"#"
+    await asyncio.sleep(5.0)
+    after = truth_of(bridge.sim)
+    assert (after.rate1 * 3600.0, after.rate2 * 3600.0) == pytest.approx((SIDEREAL, 0.0), abs=0.01)
+    assert after.tracking and not after.moving
+    return (seen.rate1 if device == 16 else seen.rate2) * 3600.0
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_each_rate_is_the_nearest_in_ratio_and_replaces_tracking(model: str) -> None:
+    column = 1 + MODELS.index(model)
+
+    async def program() -> None:
+        async with meade(model) as bridge:
+            for row in WEST:
+                assert await turns(bridge, 16, variable(16, row[0])) == pytest.approx(row[column], rel=0.007), row
+            for row in NORTH:
+                assert await turns(bridge, 17, variable(17, row[0])) == pytest.approx(row[column], rel=0.005), row
+            for row in KEYS:
+                assert await turns(bridge, 17, key(17, row[0])) == pytest.approx(row[column], rel=0.005), row
+            assert await bridge.client().ask(b"t") == b"\x02#"
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_what_was_changed_is_put_back(model: str) -> None:
+    async def program() -> None:
+        async with meade(model) as bridge:
+            for frame in (variable(17, 3.0), variable(16, 14.5), variable(17, 10800.0), variable(16, 360.0)):
+                await turns(bridge, frame[2], frame)
+            kept = bridge.sim.kept
+            assert float(kept.get("Rg", 15.0)) == 15.0
+            assert bridge.sim.mechanics.fastest == 8.0
+            assert [float(kept.get(name) or 8.0) for name in ("RA", "RE")] == [8.0, 8.0]
+            assert 60.0 <= kept.get("hertz", 60.1) <= 60.1
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_stop_puts_the_drive_back(model: str) -> None:
+    async def program() -> None:
+        async with meade(model) as bridge:
+            client = bridge.client()
+            await client.ask(variable(16, 14.5))
+            await asyncio.sleep(2.0)
+            await bridge.controller.stop()
+            await asyncio.sleep(3.0)
+            assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(SIDEREAL, abs=0.001)
+
+    run(program())
+
+
+def test_a_drive_rate_that_was_asked_for_comes_back() -> None:
+    """FF FD is the lunar rate."""
+
+    async def program() -> None:
+        async with meade("autostar") as bridge:
+            client = bridge.client()
+            assert await client.ask(bytes((80, 3, 16, 6, 255, 253, 0, 0))) == b"#"
+            assert await client.ask(variable(16, 7.5)) == b"#"
+            await asyncio.sleep(3.0)
+            assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(7.5, abs=0.01)
+            assert await client.ask(key(16, 0)) == b"#"
+            await asyncio.sleep(3.0)
+            assert truth_of(bridge.sim).rate1 * 3600.0 == pytest.approx(14.685, abs=0.001)
+
+    run(program())
+
+
+def test_a_rate_that_is_off_is_in_the_log_once() -> None:
+    async def program() -> None:
+        async with meade("lx200") as bridge:
+            for _ in range(2):
+                await turns(bridge, 17, variable(17, 3600.0))
+            said = [entry.note for entry in bridge.entries if "no other speed of this Meade is nearer" in entry.note]
+            assert said == ["3600 arcseconds a second go as 7200: no other speed of this Meade is nearer"]
+            await turns(bridge, 17, variable(17, 7200.0))
+            assert sum("no other speed" in entry.note for entry in bridge.entries) == 1
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize(("percent", "config", "arcseconds"), [(20, {}, 7.52), (50, {}, 18.8), (100, {}, 37.6)])
+def test_a_pulse_has_its_own_rate(model: str, percent: int, config: dict[str, float], arcseconds: float) -> None:
+    """2.5 s at so many percent of sidereal; where the telescope guides at its one rate alone, for as much shorter.
+
+    One that the gateway has to end itself takes up to 0.05 s more until it is heard, 0.8 arcseconds.
+    """
+
+    async def program() -> None:
+        async with meade(model, **config) as bridge:
+            before = truth_of(bridge.sim).axis2
+            assert await bridge.client().ask(bytes((80, 3, 17, 38, percent, 250, 0, 0))) == b"#"
+            await asyncio.sleep(6.0)
+            assert (truth_of(bridge.sim).axis2 - before) * 3600.0 == pytest.approx(arcseconds, rel=0.04, abs=0.8)
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_guide_rate_of_the_settings_holds_over_a_meade_too(model: str) -> None:
+    """``:Mg`` of an LX200 program: half of sidereal for 2 s, whatever the telescope guides at."""
+
+    async def program() -> None:
+        bridge = Bridge(
+            model,
+            driven="lx200",
+            presented="lx200",
+            surface="lx200gps",
+            latency=0.02,
+            config={"sun": 0.0, "lowest": -90.0, "guide_rate": 0.5},
+        )
+        bridge.sim.feed(b":AP#:CM#")
+        async with bridge:
+            before = truth_of(bridge.sim).axis2
+            bridge.client().tell(b":Mgn2000#")
+            await asyncio.sleep(5.0)
+            assert (truth_of(bridge.sim).axis2 - before) * 3600.0 == pytest.approx(15.04, abs=0.8)
+
+    run(program())
+
+
+def test_long_pulses_are_as_long_in_all_their_pieces() -> None:
+    """A pulse of 50 s at 0.5: three pieces of 9.999 s and less at the telescope's one rate."""
+
+    async def program() -> None:
+        bridge = Bridge(
+            "autostar",
+            driven="lx200",
+            presented="lx200",
+            surface="lx200gps",
+            latency=0.02,
+            config={"sun": 0.0, "lowest": -90.0, "guide_rate": 0.5},
+        )
+        bridge.sim.feed(b":AP#:CM#")
+        async with bridge:
+            before = truth_of(bridge.sim).axis2
+            bridge.client().tell(b":Mgn50000#")
+            await asyncio.sleep(60.0)
+            assert (truth_of(bridge.sim).axis2 - before) * 3600.0 == pytest.approx(376.0, rel=0.02)
+
+    run(program())
+
+
+@pytest.mark.parametrize(("asked", "speed"), [(b"", 8.0), (b":Sw2#", 2.0), (b":Sw5#", 5.0)])
+@pytest.mark.parametrize("order", [b":Sr03:30:00#:Sd+20*00:00#:MS#", b":Sz120*00#:Sa+45*00#:MA#"])
+def test_a_goto_of_a_meade_goes_at_the_fastest_rate_that_its_program_has_chosen(
+    asked: bytes, speed: float, order: bytes
+) -> None:
+    """Meade: ``:SwN#``, set maximum slew rate to N degrees per second. Other programs' gotos go as before."""
+
+    async def program() -> None:
+        async with Bridge(
+            "lx200gps", driven="lx200", presented="lx200", config={"sun": 0.0, "lowest": -90.0}
+        ) as bridge:
+            client = bridge.client()
+            if asked:
+                assert await client.ask(asked, until=b"1") == b"1"
+            await client.ask(order, until=b"110")
+            fastest = 0.0
+            for _ in range(40):
+                await asyncio.sleep(0.25)
+                seen = truth_of(bridge.sim)
+                fastest = max(fastest, abs(seen.rate1), abs(seen.rate2))
+            assert fastest == pytest.approx(speed, rel=0.02)
+            await asyncio.sleep(60)
+            assert bridge.sim.kept.get("Sw", 8) == 8
+
+    run(program())

@@ -1,0 +1,144 @@
+"""A goto that comes while a telescope calculates: it waits a while, the newest one only, and a stop ends it."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.astro.spherical import separation
+from gateway.protocols.mechanics.truth import truth_of
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+DATE = b":SG+00#:SL22:10:00#:SC01/15/26#"
+GOTO = b":Sr08:00:00#:Sd+30*00:00#:MS#"
+OTHER = b":Sr04:00:00#:Sd+10*00:00#:MS#"
+CLASSICS = ["lx200", "lx200-16"]
+
+
+def bridge_to(mount: str) -> Bridge:
+    return Bridge(mount, driven="lx200", surface="lx200", config={"lowest": -90.0, "sun": 0.0})
+
+
+async def calculates(bridge: Any, gap: float) -> None:
+    await bridge.client("10.0.0.2").ask(DATE)
+    await asyncio.sleep(gap)
+
+
+def arrived(bridge: Any) -> bool:
+    """By the telescope's own account: the clock that it was told is not that of the sky."""
+    return not truth_of(bridge.sim).moving and separation(*bridge.sim.position(), 120.0, 30.0) < 0.02
+
+
+def motions(bridge: Any) -> list[bytes]:
+    return [one for one in bridge.sent() if one[:2] in (b":M", b":m")]
+
+
+@pytest.mark.parametrize("mount", CLASSICS)
+@pytest.mark.parametrize("gap", [0.0, 0.05, 2.6, 3.0, 4.0, 5.0])
+def test_a_goto_waits_for_a_classic_to_calculate_its_planets(mount: str, gap: float) -> None:
+    async def program() -> None:
+        async with bridge_to(mount) as bridge:
+            await calculates(bridge, gap)
+            client = bridge.client()
+            assert await client.ask(GOTO, 20.0, until=b"0") == b"110"
+            assert await bridge.client().ask(b":D#", until=b"#") != b"#"
+            await asyncio.sleep(90.0)
+            assert arrived(bridge)
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", CLASSICS)
+@pytest.mark.parametrize("gap", [0.3, 1.0, 2.0])
+def test_no_is_said_of_a_goto_while_whoever_asked_still_listens(mount: str, gap: float) -> None:
+    """Programs wait for three to five seconds; what is begun after that would be begun without their knowing."""
+
+    async def program() -> None:
+        async with bridge_to(mount) as bridge:
+            await calculates(bridge, gap)
+            client = bridge.client()
+            assert await client.ask(GOTO, 3.5, until=b".#") == b"111The mount is busy.#"
+            await asyncio.sleep(60.0)
+            assert motions(bridge) == []
+            assert client.heard == b"111The mount is busy.#"
+
+    run(program())
+
+
+def test_of_two_gotos_that_wait_the_newer_one_is_begun() -> None:
+    async def program() -> None:
+        async with bridge_to("lx200") as bridge:
+            await calculates(bridge, 2.6)
+            older, newer = bridge.client(), bridge.client("10.0.0.3")
+            older.tell(OTHER)
+            await asyncio.sleep(0.5)
+            assert await newer.ask(GOTO, 20.0, until=b"0") == b"110"
+            assert older.heard == b"111Stopped.#"
+            assert motions(bridge) == [b":MS#"]
+            await asyncio.sleep(90.0)
+            assert arrived(bridge)
+
+    run(program())
+
+
+def test_a_telescope_that_is_busy_for_longer_is_not_waited_for() -> None:
+    async def program() -> None:
+        async with bridge_to("lx200gps") as bridge:
+            bridge.client("10.0.0.2").tell(b":gT#")
+            await asyncio.sleep(2.0)
+            client, began = bridge.client(), bridge.clock()
+            assert await client.ask(GOTO, 30.0, until=b".#") == b"111The mount is busy.#"
+            assert 2.9 < bridge.clock() - began < 3.5
+            await asyncio.sleep(90.0)
+            assert motions(bridge) == []
+
+    run(program())
+
+
+@pytest.mark.parametrize("how", [b":Q#", b":Qe#", b""])
+def test_a_stop_or_the_end_of_its_connection_ends_a_goto_that_waits(how: bytes) -> None:
+    async def program() -> None:
+        async with bridge_to("lx200") as bridge:
+            await calculates(bridge, 1.5)
+            client = bridge.client()
+            client.tell(GOTO)
+            await asyncio.sleep(0.5)
+            if how:
+                bridge.client("10.0.0.4").tell(how)
+                await asyncio.sleep(0.5)
+                assert client.heard == b"111Stopped.#"
+            else:
+                client.close()
+            await asyncio.sleep(60.0)
+            assert motions(bridge) == []
+            assert not truth_of(bridge.sim).moving
+
+    run(program())
+
+
+def test_an_arrow_is_not_begun_when_the_telescope_hears_again() -> None:
+    async def program() -> None:
+        async with bridge_to("lx200") as bridge:
+            await calculates(bridge, 1.5)
+            bridge.client().tell(b":RM#:Me#")
+            await asyncio.sleep(60.0)
+            assert motions(bridge) == []
+
+    run(program())
+
+
+@pytest.mark.parametrize("gap", [0.1, 1.5, 3.0])
+def test_a_drive_rate_that_comes_meanwhile_is_in_force_afterwards(gap: float) -> None:
+    async def program() -> None:
+        async with bridge_to("lx200") as bridge:
+            await calculates(bridge, gap)
+            client = bridge.client()
+            client.tell(b":TL#")
+            await asyncio.sleep(20.0)
+            assert bridge.sim.kept["hertz"] == 57.9
+            assert await client.ask(b":GT#") == b"57.9#"
+
+    run(program())

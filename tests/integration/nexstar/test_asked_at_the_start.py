@@ -1,0 +1,33 @@
+"""A hand control is asked at the start what its version knows, and nothing else: what it does not know it leaves
+unanswered, and the line is dead for seconds then, while programs wait.
+"""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.diagnostics.command_tables import effective
+from gateway.protocols.wireformat.command_set import load
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+NEXSTAR = load("nexstar")
+MOUNTS = [(model, version) for model, row in NEXSTAR.models.items() for version in row.get("versions", [])]
+
+
+@pytest.mark.parametrize("named", [True, False])
+@pytest.mark.parametrize(("model", "version"), MOUNTS)
+def test_no_hand_control_is_asked_what_its_version_does_not_know(model: str, version: str, named: bool) -> None:
+    async def program() -> None:
+        async with Bridge(model, version, named=named) as bridge:
+            client = bridge.client()
+            await asyncio.sleep(1.0)
+            assert (await client.ask(b":GA#", 3.0)).endswith(b"#")
+            counted = effective(NEXSTAR, model, version)
+            for sent in bridge.sent():
+                found = NEXSTAR.find(sent)
+                assert found is not None and (found[0].known_to(model, counted) or found[0].name in ("V", "K")), sent
+
+    run(program())

@@ -1,0 +1,432 @@
+"""A hand control's ``#`` means that it was done: where it was not, the no-response form, silence, or a word in the log.
+
+The no-response form (NexStar protocol, Pass-through Commands with No Response) is as many bytes as were asked for, one
+more, ``#``: for a command that asks for none ``00 23``.
+"""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.core.operations import Direction, Move, Rate
+from tests.integration.settings.test_settings_kept import notes
+from tests.support.cable import Cable
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+MEADES = ["lx200", "lx200-16", "autostar", "lx200gps"]
+NO = b"\0#"
+GUIDE_RATE = b"P\x02\x10\x46\x40\0\0\0"
+BACKLASH = b"P\x02\x11\x10\x1e\0\0\0"
+PLAYBACK = b"P\x02\x10\x0d\x01\0\0\0"
+#: What each Meade lacks by its manual.
+LACKS = {
+    "lx200": {GUIDE_RATE, BACKLASH},
+    "lx200-16": {GUIDE_RATE, BACKLASH},
+    "autostar": {GUIDE_RATE, BACKLASH, PLAYBACK},
+    "lx200gps": set(),
+}
+
+
+def over(mount: str, surface: str = "cge", **settings: object) -> Bridge:
+    return Bridge(
+        mount, driven="lx200", presented="nexstar", surface=surface, config={"lowest": -90.0, "sun": 0.0}, **settings
+    )  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("mount", MEADES)
+@pytest.mark.parametrize("setting", [GUIDE_RATE, BACKLASH, PLAYBACK])
+def test_what_a_meade_lacks_is_refused_by_the_form_for_no(mount: str, setting: bytes) -> None:
+    async def program() -> None:
+        async with over(mount) as bridge:
+            client = bridge.client()
+            before = len(bridge.sent())
+            answer = await client.ask(setting)
+            if setting in LACKS[mount]:
+                assert answer == NO
+                assert not [one for one in bridge.sent()[before:] if one.startswith((b":Rg", b":$B", b":$Q", b"$Q"))]
+                if setting != PLAYBACK:
+                    reading = {GUIDE_RATE: b"P\x01\x10\x47\0\0\0\x01", BACKLASH: b"P\x01\x11\x40\0\0\0\x01"}[setting]
+                    assert (await client.ask(reading))[:1] != setting[4:5], "it is not told as if it were in force"
+            else:
+                assert answer == b"#"
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", MEADES)
+def test_a_receiver_is_linked_where_there_is_one(mount: str) -> None:
+    async def program() -> None:
+        async with over(mount, "cpc") as bridge:
+            client = bridge.client()
+            linked = b"\x01#" if mount == "lx200gps" else b"\0#"
+            assert await client.ask(b"P\x01\xb0\x37\0\0\0\x01", 30.0) == linked
+            assert await client.ask(b"P\x01\xb0\x36\0\0\0\x01", 30.0) == linked
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", [*MEADES, "6-8se"])
+def test_on_a_line_that_is_down_nothing_is_acknowledged_but_a_stop(mount: str) -> None:
+    """What was not done is not done later either; but a site, a goto and a sync are told no by silence."""
+
+    async def program() -> None:
+        driven = "nexstar" if mount == "6-8se" else "lx200"
+        async with Bridge(
+            mount,
+            driven=driven,
+            presented="nexstar",
+            surface="cpc" if driven == "lx200" else "6-8se",
+            config={"lowest": -90.0, "sun": 0.0},
+        ) as bridge:
+            client, cable = bridge.client(), Cable(bridge)
+            cable.pull()
+            await asyncio.sleep(5.0)
+            for order in (
+                b"P\x02\x10\x24\x09\0\0\0",
+                b"P\x02\x11\x25\x05\0\0\0",
+                b"P\x03\x10\x06\x02\x58\0\0",
+                b"P\x03\x11\x26\x32\x64\0\0",
+            ):
+                assert await client.ask(order, 1.0) == NO
+            for order in (
+                b"r35555555,20000000",
+                b"B12AB,4000",
+                b"s35555555,20000000",
+                b"T\x02",
+                b"W\x21\x33\x1e\x01\x97\x0c\x24\x00",
+                b"H\x14\x1e\x28\x03\x0e\x1b\x0a\x00",
+            ):
+                assert await client.ask(order, 4.0) == b"", order
+            for stop in (b"M", b"P\x02\x10\x24\0\0\0\0", b"P\x02\x11\x25\0\0\0\0"):
+                assert await client.ask(stop, 1.0) == b"#"
+            assert await client.ask(b"Kx") == b"x#"
+            assert "MoveAxis: No answer from mount." in notes(bridge)
+            before = len(bridge.sent())
+            cable.plug()
+            await asyncio.sleep(30.0)
+            assert not [
+                one
+                for one in bridge.sent()[before:]
+                if one.startswith((b":M", b":CM", b":S", b"r", b"R", b"b", b"B", b"W", b"H"))
+            ]
+            assert (await client.ask(b"w"))[:1] == b"\x2d"
+
+    run(program())
+
+
+def test_a_stop_that_was_acknowledged_while_the_line_was_down_is_sent_when_it_is_back() -> None:
+    async def program() -> None:
+        async with over("lx200gps") as bridge:
+            client, cable = bridge.client(), Cable(bridge)
+            assert await client.ask(b"P\x02\x11\x24\x09\0\0\0") == b"#"
+            await asyncio.sleep(1.0)
+            cable.pull()
+            await asyncio.sleep(1.0)
+            assert await client.ask(b"P\x02\x11\x24\0\0\0\0") == b"#"
+            before = len(bridge.sent())
+            cable.plug()
+            await asyncio.sleep(10.0)
+            assert [one for one in bridge.sent()[before:] if one.startswith(b":Q")]
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", ["lx200", "lx200-16"])
+def test_a_classic_that_cannot_sleep_says_so_in_the_log(mount: str) -> None:
+    async def program() -> None:
+        async with over(mount) as bridge:
+            client = bridge.client()
+            assert await client.ask(b"x") == b"#"
+            await asyncio.sleep(2.0)
+            assert await client.ask(b"t") in (b"\x01#", b"\x02#"), "it tracks"
+            assert "Sleep: The mount keeps tracking" in notes(bridge)
+
+    run(program())
+
+
+# --- home switches and the focuser ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mount", MEADES)
+def test_the_switches_are_sought_where_a_meade_has_sensors(mount: str) -> None:
+    """AUX 0x0B and 0x12 of both motors are one ``:hF#``."""
+
+    async def program() -> None:
+        async with over(mount, "cpc") as bridge:
+            client = bridge.client()
+            seek = [b"P\x01\x10\x0b\0\0\0\0", b"P\x01\x11\x0b\0\0\0\0"]
+            found = b"P\x01\x10\x12\0\0\0\x01"
+            if mount in ("lx200", "autostar"):
+                assert [await client.ask(one) for one in seek] == [NO, NO]
+                assert await client.ask(found) == (b"\0\0#" if mount == "lx200" else b"\0#")
+                assert b":hF#" not in bridge.sent()
+                return
+            for axis in (b"\x10", b"\x11"):
+                assert await client.ask(b"P\x02" + axis + b"\x24\x09\0\0\0") == b"#"
+            await asyncio.sleep(3.0)
+            for axis in (b"\x10", b"\x11"):
+                assert await client.ask(b"P\x02" + axis + b"\x24\0\0\0\0") == b"#"
+            await asyncio.sleep(3.0)
+            assert [await client.ask(one) for one in seek] == [b"#", b"#"]
+            assert bridge.sent().count(b":hF#") == 1
+            assert await client.ask(found) == b"\0#"
+            await asyncio.sleep(120.0)
+            assert await client.ask(found) == b"\xff#"
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", MEADES)
+def test_the_focuser_of_a_meade_is_moved_and_stopped(mount: str) -> None:
+    """Its positions count outwards: 0x24 is ``:F-#``, out of the tube; 0x25 ``:F+#``."""
+
+    async def program() -> None:
+        async with over(mount) as bridge:
+            client = bridge.client()
+            for way, command in ((b"\x24", b":F-#"), (b"\x25", b":F+#")):
+                before = len(bridge.sent())
+                assert await client.ask(b"P\x02\x12" + way + b"\x09\0\0\0") == b"#"
+                await asyncio.sleep(1.0)
+                assert command in bridge.sent()[before:]
+                assert bridge.sim.parts["focuser"] == (1 if way == b"\x25" else -1)
+                assert await client.ask(b"P\x02\x12\x24\0\0\0\0") == b"#"
+                await asyncio.sleep(1.0)
+                assert bridge.sim.parts["focuser"] == 0
+            assert await client.ask(b"P\x02\x12\x24\x0a\0\0\0") == NO
+            assert await client.ask(b"P\x02\xb4\x24\x05\0\0\0") == NO
+
+    run(program())
+
+
+# --- clocks ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mount", MEADES)
+def test_a_year_that_a_meade_would_read_as_another_century_is_not_set(mount: str) -> None:
+    """Two digits: 99 is 1999 to a Meade. ``H`` has no form for no, the clock of a CGE has one."""
+
+    async def program() -> None:
+        async with over(mount) as bridge:
+            client = bridge.client()
+            assert await client.ask(b"H\x14\x1e\x28\x03\x0e\x63\x0a\x00") == b"#"
+            assert (await client.ask(b"h"))[5:6] == b"\x1a", "it goes on telling the mount's own 2026"
+            assert await client.ask(b"P\x03\xb2\x84\x08\x33\0\0") == NO  # 2099
+            assert await client.ask(b"P\x03\xb2\x84\x08\x02\0\0") == b"#"  # 2050
+            await asyncio.sleep(20.0)
+            assert not [one for one in bridge.sent() if one.startswith(b":SC") and one.endswith(b"/99#")]
+            assert "2050" in notes(bridge)
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", MEADES)
+def test_the_clock_of_a_version_that_cannot_be_set_is_not(mount: str) -> None:
+    """NexStar protocol, RTC Commands: Set applies to 3.01+."""
+
+    async def program() -> None:
+        async with over(mount, surface_version="2.3") as bridge:
+            client = bridge.client()
+            for setting in (
+                b"P\x03\xb2\x83\x03\x0e\x00\x00",
+                b"P\x03\xb2\x84\x07\xeb\x00\x00",
+                b"P\x04\xb2\xb3\x14\x1e\x28\x00",
+            ):
+                assert await client.ask(setting) == NO
+            await asyncio.sleep(5.0)
+            assert not [one for one in bridge.sent() if one.startswith((b":SC", b":SL", b":SG"))]
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", MEADES)
+@pytest.mark.parametrize("lowest", [-90.0, 10.0])
+def test_what_is_set_at_rest_stops_nothing(mount: str, lowest: float) -> None:
+    """Half way round the world the place that it shows is below the limit: it stands there, and nobody moves it."""
+
+    async def program() -> None:
+        async with Bridge(
+            mount, driven="lx200", presented="nexstar", surface="cge", config={"lowest": lowest, "sun": 0.0}
+        ) as bridge:
+            client = bridge.client()
+            for order in (b"W\x21\x33\x1e\x01\x97\x0c\x24\x00", b"H\x0a\x1e\x28\x08\x0e\x1b\x0a\x00"):
+                assert await client.ask(order) == b"#"
+                for _ in range(20):
+                    await client.ask(b"e")
+                    await asyncio.sleep(1.0)
+            assert not [one for one in bridge.sent() if one.startswith(b":Q")]
+
+    run(program())
+
+
+def test_a_motion_is_begun_again_after_the_line_is_back() -> None:
+    """The form for no is of the moment."""
+
+    async def program() -> None:
+        async with over("lx200gps") as bridge:
+            client, cable = bridge.client(), Cable(bridge)
+            cable.pull()
+            await asyncio.sleep(2.0)
+            assert await client.ask(b"P\x02\x11\x24\x05\0\0\0") == NO
+            cable.plug()
+            await asyncio.sleep(20.0)
+            assert await client.ask(b"P\x02\x11\x24\x05\0\0\0") == b"#"
+            await asyncio.sleep(1.0)
+            assert bridge.controller.motions.axes == {2}
+            await bridge.controller.perform(Move(Direction.NORTH, Rate(name="guide")))
+
+    run(program())
+
+
+MOTIONS = (
+    b"P\x02\x10\x24\x05\0\0\0",
+    b"P\x03\x11\x06\x0e\x10\0\0",
+    b"P\x03\x10\x26\x32\x1e\0\0",
+    b"P\x04\x10\x06\0\x3c\0\0",
+)
+STOPS = (b"M", b"P\x02\x10\x24\0\0\0\0", b"P\x03\x11\x06\0\0\0\0")
+
+
+@pytest.mark.parametrize("mount", ["lx200gps", "cge"])
+@pytest.mark.parametrize("why", ["held", "asleep"])
+def test_a_mount_that_is_held_or_asleep_says_no_to_a_motion(mount: str, why: str) -> None:
+    async def program() -> None:
+        driven = "nexstar" if mount == "cge" else "lx200"
+        async with Bridge(
+            mount,
+            driven=driven,
+            presented="nexstar",
+            surface="cge",
+            surface_version="4.22",
+            config={"lowest": -90.0, "sun": 0.0},
+        ) as bridge:
+            client = bridge.client()
+            if why == "held":
+                bridge.controller.hold.on = True
+            else:
+                client.tell(b"x")
+                await asyncio.sleep(3.0)
+            before = len(bridge.sent())
+            for motion in MOTIONS:
+                assert await client.ask(motion) == NO, motion
+            for stop in STOPS:
+                assert await client.ask(stop) == b"#", stop
+            assert await client.ask(b"r40000000,10000000") == b"#", "there is no form for no"
+            assert [entry for entry in bridge.entries if entry.note.startswith("Goto: ")]
+            await asyncio.sleep(2.0)
+            assert not [one for one in bridge.sent()[before:] if one.startswith((b"r", b":MS", b":M", b":RG#"))]
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", ["lx200gps", "cge"])
+def test_no_is_said_as_soon_as_an_answer_of_the_mount_is_overdue(mount: str) -> None:
+    """Not only once the line counts as down, which takes up to ten seconds."""
+
+    async def program() -> None:
+        driven = "nexstar" if mount == "cge" else "lx200"
+        async with Bridge(
+            mount, driven=driven, presented="nexstar", surface="cge", config={"lowest": -90.0, "sun": 0.0}
+        ) as bridge:
+            client = bridge.client()
+            await client.ask(b"e")
+            bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+            polling = bridge.client("10.0.0.9")
+            for _ in range(15):
+                polling.tell(b"e")
+                await asyncio.sleep(0.2)
+            assert bridge.controller.line.state == "up"
+            assert await client.ask(b"r40000000,10000000", 3.5) == b""
+            assert await client.ask(MOTIONS[0], 3.5) == NO
+            assert await client.ask(b"M", 3.5) == b"#"
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"P\x03\x10\x26\x65\x1e\0\0",
+        b"P\x03\x11\x26\x9b\x1e\0\0",
+        b"P\x02\x10\x0d\x02\0\0\0",
+        b"P\x02\x11\x24\x0a\0\0\0",
+        b"P\x02\x10\x10\x64\0\0\0",
+    ],
+)
+def test_data_that_are_out_of_range_are_refused(data: bytes) -> None:
+    """101 % of the guide rate either way, PEC 2, key 10, backlash 100."""
+
+    async def program() -> None:
+        async with over("lx200gps") as bridge:
+            client, before = bridge.client(), len(bridge.sent())
+            assert await client.ask(data) == NO
+            assert not [one for one in bridge.sent()[before:] if one.startswith((b":M", b":$", b":R"))]
+
+    run(program())
+
+
+# --- guiding ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("mount", "version", "answer"), [("cpc", "4.21", NO), ("evolution", "5.31", b"#")])
+def test_a_pulse_that_the_motors_cannot_do_in_alt_az_is_told_no(mount: str, version: str, answer: bytes) -> None:
+    """A guider that is told yes waits for pulses that never come, and no pulse is under way then."""
+
+    async def program() -> None:
+        async with Bridge(mount, version, presented="nexstar", surface=None) as bridge:
+            client = bridge.client()
+            before = len(bridge.sent())
+            assert await client.ask(b"P\x03\x10\x26\x32\x32\0\0") == answer
+            await asyncio.sleep(1.0)
+            sent = [one for one in bridge.sent()[before:] if one[:1] == b"P"]
+            assert (b"P\x03\x10\x26\x32\x32\0\0" in sent) is (answer == b"#")
+            if answer == NO:
+                assert (await client.ask(b"P\x01\x10\x27\0\0\0\x01"))[:1] != b"\x01"
+
+    run(program())
+
+
+# --- the tracking mode ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mount", ["autostar", "lx200gps"])
+@pytest.mark.parametrize("key", [3, 4, 7])
+def test_a_key_held_down_does_not_change_the_tracking_mode(mount: str, key: int) -> None:
+    """In motion a Meade says that it does not track, and it was believed until the next look after it."""
+
+    async def program() -> None:
+        async with over(mount, "cpc") as bridge:
+            client = bridge.client()
+            mode = await client.ask(b"t")
+            assert mode in (b"\x01#", b"\x02#")
+            assert await client.ask(b"P\x02\x11\x24%c\0\0\0" % key) == b"#"
+            for _ in range(12):
+                await asyncio.sleep(0.5)
+                assert await client.ask(b"t") == mode
+            assert await client.ask(b"P\x02\x11\x24\0\0\0\0") == b"#"
+            for _ in range(12):
+                await asyncio.sleep(0.5)
+                assert await client.ask(b"t") == mode
+            assert await client.ask(b"T\0") == b"#"
+            await asyncio.sleep(3.0)
+            assert await client.ask(b"t") == b"\0#", "what is told to it is told"
+
+    run(program())
+
+
+def test_tracking_that_is_off_is_told_so_also_while_a_goto_is_under_way() -> None:
+    """A Meade says for a moment of it that it tracks."""
+
+    async def program() -> None:
+        async with over("lx200gps", "cpc") as bridge:
+            client = bridge.client()
+            assert await client.ask(b"T\0") == b"#"
+            await asyncio.sleep(3.0)
+            assert await client.ask(b"P\x02\x11\x24\x07\0\0\0") == b"#"
+            for _ in range(8):
+                await asyncio.sleep(0.5)
+                assert await client.ask(b"t") == b"\0#"
+
+    run(program())

@@ -1,0 +1,199 @@
+"""A StarSense hand control, which counts its versions anew from 1.18: simulated, driven, presented.
+
+The bytes were typed by hand from what programs that drive one expect of it: ``v`` is 13 (hexadecimal), 1.20 tells its
+version behind the mode of ``t``, and site and time set on an aligned one cost the alignment.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.app.config import parse_endpoint
+from gateway.core.errors import UserError
+from gateway.core.operations import ClockFromGps, GetSite, GetStatus, SetClock, SetSite
+from tests.support.fake_mount import Talk
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+from tests.unit.protocols.nexstar.simulator.test_simulator import Bench
+
+WEST_OF_PARIS = b"W\x30\x32\x29\x00\x02\x14\x11\x00"
+ANY_TIME = b"H\x0f\x1a\x00\x04\x06\x1a\x00\x00"
+
+
+# --- its name ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("typed", "model", "version", "shown"),
+    [
+        ("nexstar:starsense@sim", None, "starsense-1.20", "nexstar:starsense/1.20@sim"),
+        ("nexstar:starsense/1.19@sim", None, "starsense-1.19", "nexstar:starsense/1.19@sim"),
+        ("nexstar:avx/starsense@sim", "avx", "starsense-1.20", "nexstar:avx/starsense-1.20@sim"),
+        ("nexstar:cpc/starsense-1.18@sim", "cpc", "starsense-1.18", "nexstar:cpc/starsense-1.18@sim"),
+    ],
+)
+def test_its_name(typed: str, model: str | None, version: str, shown: str) -> None:
+    endpoint = parse_endpoint(typed)
+    assert (endpoint.model, endpoint.version) == (model, version)
+    assert str(endpoint) == shown
+    assert parse_endpoint(shown) == endpoint
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [
+        "nexstar:starsense/4.21@sim",
+        "nexstar:avx/starsense-1.17@sim",
+        "nexstar:avx/starsense-x@sim",
+        "nexstar:avx/starsens@sim",
+        "lx200:starsense@sim",
+        "nexstar:avx/starsense-2.0@sim",
+    ],
+)
+def test_what_it_never_was(typed: str) -> None:
+    with pytest.raises(UserError):
+        parse_endpoint(typed)
+
+
+# --- simulated --------------------------------------------------------------------------------------------------------
+
+
+def test_only_1_20_tells_its_version_behind_the_mode() -> None:
+    assert Bench("avx", "starsense-1.20")(b"t") == b"\x02\x01\x14#"
+    assert Bench("avx", "starsense-1.19")(b"t") == b"\x02#"
+    assert Bench("avx", "4.21")(b"t") == b"\x02#"
+
+
+def test_the_commands_of_its_own_numbers_it_lacks() -> None:
+    """It has neither the quarters of an hour of 5.28 nor the undoing of syncs of 5.29, but the side of the pier."""
+    bench = Bench("avx", "starsense-1.20")
+    assert bench(b"i") == b"" and bench(b"u") == b""
+    assert bench(b"p") in (b"E#", b"W#")
+
+
+# --- driven -----------------------------------------------------------------------------------------------------------
+
+
+def told(bridge: Bridge) -> list[bytes]:
+    """What was said of site and time, and whether it was asked for its alignment."""
+    return [sent[:1] for sent in bridge.sent() if sent[:1] in (b"W", b"H", b"I", b"J")]
+
+
+def test_it_is_never_told_site_or_time_once_it_is_aligned() -> None:
+    async def program() -> None:
+        async with Bridge("cpc", "starsense-1.20", config={"site_time": "always"}) as bridge:
+            assert bridge.driver.starsense
+            await bridge.controller.perform(SetSite(48.0, 2.0))
+            await bridge.controller.perform(SetClock(bridge.clock() + 100.0, 1.0))
+            await bridge.controller.perform(ClockFromGps())
+            await asyncio.sleep(30.0)
+            assert b"W" not in told(bridge) and b"H" not in told(bridge)
+            assert bridge.sim.aligned
+            assert (await bridge.controller.perform(GetSite())).latitude == pytest.approx(48.0)
+            said = [entry.note for entry in bridge.entries if "kept in the gateway" in entry.note]
+            assert len(said) == 3
+
+    run(program())
+
+
+def test_before_it_is_told_it_is_asked_whether_it_is_aligned() -> None:
+    """Somebody may have aligned it at the keypad since anybody looked."""
+
+    async def program() -> None:
+        async with Bridge("cpc", "starsense-1.20", aligned=False) as bridge:
+            assert not (await bridge.controller.read(GetStatus())).aligned
+            await bridge.controller.perform(SetSite(48.0, 2.0))
+            await bridge.controller.perform(SetClock(bridge.clock() + 100.0, 1.0))
+            await asyncio.sleep(10.0)
+            heard = b"".join(told(bridge))
+            assert b"JW" in heard and b"JH" in heard
+            assert bridge.sim.mechanics.sky.latitude == pytest.approx(48.0)
+            # it was aligned a moment ago, and the gateway has not seen it
+            before = len(told(bridge))
+            aligned = bridge.controller.driver.perform(SetSite(45.0, 10.0))
+            bridge.sim.aligned = True
+            with pytest.raises(Exception, match="alignment"):
+                await bridge.controller.drive(aligned, 1)
+            assert set(told(bridge)[before:]) == {b"J"}
+            assert bridge.sim.aligned
+
+    run(program())
+
+
+@pytest.mark.parametrize("version", ["1.18", "1.19", "1.20"])
+def test_the_mode_is_read_whatever_comes_behind_it(version: str) -> None:
+    async def program() -> None:
+        async with Bridge("avx", f"starsense-{version}", presented="nexstar", surface="avx") as bridge:
+            client = bridge.client()
+            for mode in (b"\x00", b"\x02"):
+                assert await client.ask(b"T" + mode) == b"#"
+                assert await client.ask(b"t") == mode + b"#"
+            assert bridge.driver.version_text == version
+            assert await client.ask(b":", 0.1) == b""
+
+    run(program())
+
+
+def test_a_mount_that_was_named_is_a_starsense_before_it_is_heard() -> None:
+    from gateway.protocols.nexstar.driver.state import NexStar
+
+    mount = NexStar(lambda: 0.0, model="avx", version="starsense-1.20")
+    assert mount.starsense and mount.knows("e") and mount.knows("s") and not mount.knows("i")
+    assert mount.equinox == "jnow"
+    assert not NexStar(lambda: 0.0, model="gt", version="101.0").knows("e")  # it counts as a 1.2
+
+
+# --- presented --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("version", "minor", "behind"), [("1.18", 18, b""), ("1.19", 19, b""), ("1.20", 20, b"\x01\x14")]
+)
+def test_presented(version: str, minor: int, behind: bytes) -> None:
+    talk = Talk(protocol="nexstar", model="avx", version=f"starsense-{version}")
+    assert talk.send(b"V") == bytes((1, minor)) + b"#"
+    assert talk.send(b"v") == b"\x13#"
+    assert talk.send(b"m") == b"\x14#"
+    assert talk.send(b"t") == b"\x02" + behind + b"#"
+    assert talk.send(b"J") == b"\x01#"
+    assert len(talk.send(b"e")) == 18 and len(talk.send(b"h")) == 9 and len(talk.send(b"p")) == 2
+    assert talk.send(b"i") == b"" and talk.send(b"u") == b""
+    assert talk.send(b"P\x01\x10\xfe\0\0\0\x02") == b"\x06\x10#"
+
+
+def test_a_nexstar_that_is_presented_is_none() -> None:
+    talk = Talk(protocol="nexstar", model="avx", version="4.21")
+    assert talk.send(b"v") == b"\x11#" and talk.send(b"t") == b"\x02#"
+
+
+@pytest.mark.parametrize(("mount", "number"), [("lx200gps", 12), ("lx200", 12)])
+def test_without_a_model_it_is_on_what_fits_the_mount(mount: str, number: int) -> None:
+    async def program() -> None:
+        settings: dict[str, Any] = {"driven": "lx200", "presented": "nexstar", "surface": None}
+        async with Bridge(mount, surface_version="starsense-1.20", **settings) as bridge:
+            client = bridge.client()
+            assert await client.ask(b"V") == b"\x01\x14#"
+            assert await client.ask(b"m") == bytes((number,)) + b"#"
+            assert (await client.ask(b"r34AB0500,12CE0500")) == b"#"
+            assert await client.ask(b"M") == b"#"
+
+    run(program())
+
+
+def test_a_site_that_is_told_to_it_costs_no_alignment() -> None:
+    """A mount behind the gateway that keeps its alignment keeps it."""
+
+    async def program() -> None:
+        async with Bridge(
+            "lx200gps", driven="lx200", presented="nexstar", surface="cpc", surface_version="starsense-1.20"
+        ) as bridge:
+            client = bridge.client()
+            assert await client.ask(WEST_OF_PARIS) == b"#"
+            assert await client.ask(ANY_TIME) == b"#"
+            assert await client.ask(b"J") == b"\x01#"
+            assert await client.ask(b"w") == WEST_OF_PARIS[1:] + b"#"
+
+    run(program())

@@ -1,0 +1,274 @@
+"""A program for hand controls at a whole gateway, a simulated hand control behind it, on virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.astro.spherical import separation
+from tests.support.in_process_gateway import Bridge
+from tests.support.nexstar_flows import ARCSECOND, HALT, NORTH, off, on_a_bridge, place, polled, precise, settled, up
+
+# --- gotos ------------------------------------------------------------------------------------------------------------
+
+FORKS = [("6-8se", "6-8se"), ("cge", "cge"), ("cpc", "6-8se"), ("nexstar-gps", "nexstar-gps")]
+
+
+@pytest.mark.parametrize(("mount", "surface"), FORKS)
+@pytest.mark.parametrize("site", [(45.0, 10.0), (-34.0, 18.5)])
+def test_a_goto_arrives(mount: str, surface: str, site: tuple[float, float]) -> None:
+    @on_a_bridge(mount=mount, surface=surface, site=site)
+    async def goto(bridge: Bridge) -> None:
+        client = bridge.client()
+        await polled(client)
+        for letter, east in ((b"r", 20.0), (b"R", -25.0)):
+            ra, dec = up(bridge, east)
+            began = asyncio.get_running_loop().time()
+            frame = (
+                precise(letter, ra, dec)
+                if letter == b"r"
+                else b"R%04X,%04X" % (round(ra / 360 * 65536) % 65536, round(dec / 360 * 65536) % 65536)
+            )
+            assert await client.ask(frame) == b"#"
+            assert asyncio.get_running_loop().time() - began < 0.02, "acknowledged at once"
+            assert await client.ask(b"L") == b"1#"
+            await settled(client)
+            assert off(bridge, ra, dec) < (ARCSECOND if letter == b"r" else 20 * ARCSECOND)
+            seen = place(await client.ask(b"e"))
+            assert separation(*seen, *bridge.sim.truth()) < ARCSECOND
+            assert bridge.sim.tracking
+
+    goto()
+
+
+@on_a_bridge(latency=0.3)
+async def test_l_is_1_from_the_acknowledgement_on(bridge: Bridge) -> None:
+    """However late the hand control hears of the goto, and however late it begins."""
+    client = bridge.client()
+    await polled(client)
+    ra, dec = up(bridge)
+    assert await client.ask(precise(b"r", ra, dec)) == b"#"
+    heard = []
+    while off(bridge, ra, dec) > 0.1:
+        heard.append(await client.ask(b"L"))
+        await asyncio.sleep(0.1)
+    assert len(heard) > 10
+    assert set(heard) == {b"1#"}
+    await settled(client)
+    assert off(bridge, ra, dec) < ARCSECOND
+
+
+@on_a_bridge()
+async def test_a_goto_and_l_in_one_packet(bridge: Bridge) -> None:
+    client = bridge.client()
+    await polled(client)
+    assert await client.ask(precise(b"r", *up(bridge)) + b"L", until=b"1#") == b"#1#"
+
+
+@on_a_bridge()
+async def test_the_very_first_l_after_a_goto(bridge: Bridge) -> None:
+    """A program that has asked nothing before."""
+    client = bridge.client()
+    assert await client.ask(precise(b"r", *up(bridge))) == b"#"
+    assert await client.ask(b"L") == b"1#"
+
+
+@on_a_bridge()
+async def test_m_ends_a_goto(bridge: Bridge) -> None:
+    client = bridge.client()
+    await polled(client)
+    ra, dec = up(bridge, 60.0)
+    assert await client.ask(precise(b"r", ra, dec)) == b"#"
+    await asyncio.sleep(2)
+    assert await client.ask(b"L") == b"1#"
+    assert bridge.sim.slewing
+    assert await client.ask(b"M") == b"#"
+    await asyncio.sleep(0.5)
+    assert await client.ask(b"L") == b"0#"
+    assert not bridge.sim.slewing
+    assert off(bridge, ra, dec) > 1
+    await asyncio.sleep(3)
+    assert bridge.sim.tracking
+
+
+@on_a_bridge()
+async def test_abort_as_indi_does_it(bridge: Bridge) -> None:
+    client = bridge.client()
+    await polled(client)
+    await client.ask(precise(b"r", *up(bridge, 60.0)))
+    await asyncio.sleep(2)
+    for frame in (HALT[2], HALT[2], HALT[1], HALT[1], b"M"):
+        assert await client.ask(frame) == b"#"
+    await settled(client, 2)
+    assert not bridge.sim.slewing
+
+
+@on_a_bridge(aligned=False)
+async def test_a_goto_without_an_alignment_is_acknowledged_and_not_begun(bridge: Bridge) -> None:
+    client = bridge.client()
+    assert await client.ask(b"J") == b"\0#"
+    assert await client.ask(precise(b"r", *up(bridge))) == b"#"
+    await settled(client, 5)
+    assert not bridge.sim.slewing
+    assert any("not aligned" in entry.note for entry in bridge.entries)
+
+
+@on_a_bridge()
+async def test_a_goto_below_the_horizon_is_acknowledged_and_not_begun(bridge: Bridge) -> None:
+    client = bridge.client()
+    await polled(client)
+    before = bridge.sim.truth()
+    assert await client.ask(precise(b"r", up(bridge)[0], -70.0)) == b"#"
+    await settled(client, 3)
+    assert separation(*before, *bridge.sim.truth()) < 5 * ARCSECOND
+
+
+@on_a_bridge()
+async def test_azimuth_and_altitude(bridge: Bridge) -> None:
+    client = bridge.client()
+    await polled(client)
+    await client.ask(b"T\0")
+    assert await client.ask(precise(b"b", 200.0, 30.0)) == b"#"
+    await settled(client)
+    az, alt = place(await client.ask(b"z"))
+    assert az == pytest.approx(200.0, abs=0.01)
+    assert alt == pytest.approx(30.0, abs=0.01)
+
+
+# --- motion by hand ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mount", ["6-8se", "cge"])
+def test_motion_by_hand(mount: str) -> None:
+    @on_a_bridge(mount=mount, surface=mount)
+    async def motion(bridge: Bridge) -> None:
+        client = bridge.client()
+        await polled(client)
+        await client.ask(precise(b"r", *up(bridge)))
+        await settled(client)
+        mode = await client.ask(b"t")
+        before = bridge.sim.mechanics.axes(bridge.sim.now)
+        assert await client.ask(NORTH) == b"#"
+        heard = []
+        for _ in range(6):
+            heard += [await client.ask(b"L"), await client.ask(b"e")]
+            await asyncio.sleep(0.5)
+        assert set(heard[::2]) == {b"0#"}, "no goto"
+        assert len(set(heard[1::2])) > 4, "and the position goes on"
+        assert await client.ask(HALT[2]) == b"#"
+        await asyncio.sleep(4)
+        assert bridge.sim.mechanics.axes(bridge.sim.now)[1] - before[1] > 3, "the motor's positive sense"
+        assert bridge.sim.tracking
+        assert await client.ask(b"t") == mode
+        ra, dec = bridge.sim.truth()
+        await asyncio.sleep(60)
+        assert off(bridge, ra, dec) < ARCSECOND
+
+    motion()
+
+
+@on_a_bridge()
+async def test_m_leaves_motion_by_hand_alone(bridge: Bridge) -> None:
+    client = bridge.client()
+    await polled(client)
+    await client.ask(bytes((80, 2, 16, 36, 7, 0, 0, 0)))
+    await asyncio.sleep(1)
+    await client.ask(b"M")
+    before = bridge.sim.truth()
+    await asyncio.sleep(2)
+    assert off(bridge, *before) > 0.5
+    await client.ask(HALT[1])
+    await asyncio.sleep(3)
+    before = bridge.sim.truth()
+    await asyncio.sleep(10)
+    assert off(bridge, *before) < ARCSECOND
+
+
+@on_a_bridge()
+async def test_a_halt_stops_its_own_axis_only(bridge: Bridge) -> None:
+    client = bridge.client()
+    await polled(client)
+    await client.ask(NORTH[:4] + b"\x06\0\0\0")
+    await client.ask(bytes((80, 2, 16, 36, 6, 0, 0, 0)))
+    await asyncio.sleep(1)
+    await client.ask(HALT[2])
+    await asyncio.sleep(0.5)
+    before = bridge.sim.encoders()
+    await asyncio.sleep(2)
+    after = bridge.sim.truth() and bridge.sim.encoders()
+    assert after[0] - before[0] > 0.1
+    assert after[1] == pytest.approx(before[1], abs=0.001)
+    await client.ask(HALT[1])
+
+
+# --- tracking, sync, clock --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("mount", "mode"), [("6-8se", 1), ("cge", 2)])
+def test_tracking_off_and_on(mount: str, mode: int) -> None:
+    @on_a_bridge(mount=mount, surface=mount)
+    async def tracking(bridge: Bridge) -> None:
+        client = bridge.client()
+        assert await client.ask(b"t") == bytes((mode,)) + b"#"
+        assert await client.ask(b"T\0") == b"#"
+        assert await client.ask(b"t") == b"\0#"
+        assert not bridge.sim.tracking
+        assert await client.ask(b"T" + bytes((mode,))) == b"#"
+        assert await client.ask(b"t") == bytes((mode,)) + b"#"
+        assert bridge.sim.tracking
+
+    tracking()
+
+
+@on_a_bridge(mount="cge", surface="cge")
+async def test_tracking_rates_go_to_the_motor_as_they_came(bridge: Bridge) -> None:
+    client = bridge.client()
+    await polled(client)
+    for code in (b"\xff\xfe", b"\xff\xfd"):
+        frame = b"P\3\x10\6" + code + b"\0\0"
+        assert await client.ask(frame) == b"#"
+        await asyncio.sleep(1)
+        assert frame in bridge.sent()
+        assert await client.ask(b"L") == b"0#"
+        before = bridge.sim.truth()
+        await asyncio.sleep(10)
+        assert off(bridge, *before) < 20 * ARCSECOND, "nothing runs away"
+
+
+@on_a_bridge()
+async def test_a_sync(bridge: Bridge) -> None:
+    client = bridge.client()
+    await polled(client)
+    ra, dec = place(await client.ask(b"e"))
+    assert await client.ask(precise(b"s", ra + 1.0, dec - 0.5)) == b"#"
+    assert separation(*place(await client.ask(b"e")), ra + 1.0, dec - 0.5) < 2 * ARCSECOND
+    far = precise(b"s", ra + 90.0, dec)
+    assert await client.ask(far) == b"#"
+    assert separation(*place(await client.ask(b"e")), ra + 1.0, dec - 0.5) < 5 * ARCSECOND, "too far: not done"
+
+
+@on_a_bridge()
+async def test_site_and_time_of_an_aligned_mount_are_told_as_they_were_set(bridge: Bridge) -> None:
+    client = bridge.client()
+    await polled(client)
+    assert await client.ask(b"W\x21\x32\x29\0\x76\x14\x11\1") == b"#"
+    assert await client.ask(b"H\x0f\x1a\0\4\6\x1a\xfb\1") == b"#"
+    assert await client.ask(b"w") == b"\x21\x32\x29\0\x76\x14\x11\1#"
+    assert await client.ask(b"h") == b"\x0f\x1a\0\4\6\x1a\xfb\1#"
+    await asyncio.sleep(60)
+    assert await client.ask(b"h") == b"\x0f\x1b\0\4\6\x1a\xfb\1#"
+    assert await client.ask(b"J") == b"\1#"
+
+
+@on_a_bridge(aligned=False)
+async def test_and_handed_on_to_one_that_is_not(bridge: Bridge) -> None:
+    client = bridge.client()
+    assert await client.ask(b"W\x21\x32\x29\0\x76\x14\x11\1") == b"#"
+    assert await client.ask(b"H\x0f\x1a\0\4\6\x1a\xfb\1") == b"#"
+    await asyncio.sleep(3)
+    assert b"W\x21\x32\x29\0\x76\x14\x11\1" in bridge.sent()
+    assert await client.ask(b"w") == b"\x21\x32\x29\0\x76\x14\x11\1#"
+    reply = await client.ask(b"h")
+    assert reply[:2] + reply[3:] == b"\x0f\x1a\4\6\x1a\xfb\1#"
+    assert reply[2] in (2, 3), "the mount's clock shows whole seconds"

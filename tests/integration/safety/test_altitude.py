@@ -1,0 +1,333 @@
+"""Altitude limits: on every kind of goto, during every motion, and against tracking that carries the tube beyond."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from gateway.core import operations as op
+from gateway.core.errors import BelowHorizon, TooHigh
+from gateway.protocols.mechanics.truth import truth_of
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+ARCSECOND = 1.0 / 3600.0
+LIMITS = {"lowest": 20.0, "highest": 80.0}
+
+
+def altitude(bridge: Any) -> float:
+    """How high the tube really points, degrees."""
+    return truth_of(bridge.sim).altitude
+
+
+def notes(bridge: Any) -> list[str]:
+    return [entry.note for entry in bridge.entries if entry.arrow == "!"]
+
+
+async def extremes(bridge: Any, seconds: float) -> tuple[float, float]:
+    """The lowest and the highest altitude that the tube really had meanwhile."""
+    seen = [altitude(bridge)]
+    for _ in range(round(seconds * 20)):
+        await asyncio.sleep(0.05)
+        seen.append(altitude(bridge))
+    return min(seen), max(seen)
+
+
+@pytest.mark.parametrize("latency", [0.02, 0.2])
+@pytest.mark.parametrize(("arrow", "rate"), [(b":Ms#", b":RS#"), (b":Mn#", b":RS#"), (b":Ms#", b":RM#")])
+def test_an_lx200_program_by_hand_never_crosses_a_limit(latency: float, arrow: bytes, rate: bytes) -> None:
+    async def program() -> None:
+        async with Bridge("6-8se", config=LIMITS, latency=latency) as bridge:
+            client = bridge.client()
+            client.tell(rate + arrow)
+            for _ in range(60):  # a program shows life while it holds an arrow
+                client.tell(b":GR#")
+                low, high = await extremes(bridge, 0.5)
+                assert 20.0 - ARCSECOND <= low <= high <= 80.0
+            assert not bridge.controller.moving
+            near = low - 20.0 if arrow == b":Ms#" else 80.0 - high
+            assert near < (6.0 if rate == b":RS#" else 2.0), near
+
+    run(program())
+
+
+@pytest.mark.parametrize(("lowest", "latency"), [(41.6, 0.05), (36.0, 0.2), (44.4, 0.2), (37.4, 0.35)])
+def test_a_limit_that_is_reached_before_the_rate_could_be_measured(lowest: float, latency: float) -> None:
+    async def program() -> None:
+        async with Bridge("6-8se", config={"lowest": lowest}, latency=latency) as bridge:
+            bridge.client().tell(b":RS#:Ms#")  # five degrees a second, from 45
+            low, _ = await extremes(bridge, 8)
+            assert lowest <= low
+
+    run(program())
+
+
+def test_what_a_mount_does_while_it_coasts_is_not_held_against_it() -> None:
+    async def program() -> None:
+        async with Bridge("6-8se", config={"lowest": 44.0}) as bridge:
+            guard = bridge.controller.guard
+            here = await bridge.controller.perform(op.Position())
+            await asyncio.sleep(4)  # nobody polls any more: the looks are this test's own
+            guard.look(here)
+            await asyncio.sleep(0.3)
+            guard.ended()
+            guard.look(op.Equatorial(here.ra, here.dec - 1.5))
+            await asyncio.sleep(0.5)
+            assert notes(bridge) == []
+            await asyncio.sleep(1.0)
+            guard.look(op.Equatorial(here.ra, here.dec - 2.5))
+            await asyncio.sleep(0.5)
+            assert notes(bridge) == ["stopped at the altitude limit (42.5 degrees)"]
+
+    run(program())
+
+
+@pytest.mark.parametrize(("latency", "opcode"), [(0.02, 37), (0.2, 37), (0.2, 36)])
+def test_a_nexstar_program_by_hand_never_crosses_a_limit(latency: float, opcode: int) -> None:
+    async def program() -> None:
+        async with Bridge(
+            "autostar", driven="lx200", presented="nexstar", surface="6-8se", config=LIMITS, latency=latency
+        ) as bridge:
+            client = bridge.client()
+            assert await client.ask(bytes((80, 2, 17, opcode, 9, 0, 0, 0))) == b"#"
+            low, high = await extremes(bridge, 25)
+            assert 20.0 <= low <= high <= 80.0
+            assert not bridge.controller.moving
+
+    run(program())
+
+
+def test_two_looks_a_second_while_it_moves_on_a_slow_line_with_a_busy_program() -> None:
+    async def program(mount: str, driven: str) -> None:
+        async with Bridge(mount, driven=driven, latency=0.2 if driven == "nexstar" else 0.15) as bridge:
+            client = bridge.client()
+            looks: list[float] = []
+            look = bridge.controller.guard.look
+
+            def noted(seen: op.Equatorial) -> None:
+                looks.append(bridge.controller.now())
+                look(seen)
+
+            bridge.controller.guard.look = noted  # type: ignore[method-assign]
+            client.tell(b":RC#:Mw#")
+            for _ in range(80):
+                client.tell(b":GR#:GD#:GZ#:GA#:D#:GW#")
+                await asyncio.sleep(0.25)
+            gaps = [after - before for before, after in pairwise(looks[3:])]
+            assert len(gaps) >= 36
+            assert sorted(gaps)[len(gaps) * 9 // 10] <= 0.5 + 0.1
+            assert sum(gaps) / len(gaps) <= 0.5
+
+    run(program("6-8se", "nexstar"))
+    run(program("autostar", "lx200"))
+
+
+def test_a_limit_that_a_client_narrowed_holds_for_its_own_motion_alone() -> None:
+    async def program() -> None:
+        async with Bridge("6-8se", config={"lowest": 10.0}) as bridge:
+            careful, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
+            assert await careful.ask(b":So30#") == b"1"
+            careful.tell(b":RM#:Ms#")
+            low, _ = await extremes(bridge, 25)
+            assert 30.0 <= low < 33.0
+            other.tell(b":RM#:Ms#")
+            low, _ = await extremes(bridge, 25)
+            assert 10.0 <= low < 13.0
+
+    run(program())
+
+
+def test_a_motion_out_of_a_forbidden_place_goes_on() -> None:
+    async def program() -> None:
+        async with Bridge("6-8se", config={"lowest": 50.0}) as bridge:  # it stands at 45
+            client = bridge.client()
+            assert await client.ask(b":GA#")
+            client.tell(b":RM#:Ms#")
+            await asyncio.sleep(3)
+            assert altitude(bridge) > 44.9
+            assert "Move: Object Below Lower Limit." in notes(bridge)
+            client.tell(b":Mn#")
+            await asyncio.sleep(5)
+            client.tell(b":Qn#")
+            await asyncio.sleep(1)
+            assert altitude(bridge) > 47.0
+
+    run(program())
+
+
+def test_tracking_below_the_limit_is_switched_off() -> None:
+    async def program(mount: str, driven: str) -> Bridge:
+        async with Bridge(mount, driven=driven, config={"lowest": 40.0}) as bridge:
+            client = bridge.client()
+            # two hours west of the meridian at 40.4 degrees: it sinks ten degrees an hour
+            assert await client.ask(b":Sa40*30#:Sz220*00#:MA#", until=b"110") == b"110"
+            while await client.ask(b":D#") not in (b"#", b"       #"):
+                await asyncio.sleep(1)
+            await asyncio.sleep(1200)
+            return bridge
+
+    celestron = run(program("6-8se", "nexstar"))
+    assert b"T\x00" in celestron.sent()
+    assert any(note.startswith("tracking is off: it came to the altitude limit") for note in notes(celestron))
+    assert celestron.sim.feed(b"t") == b"\x00#"
+    meade = run(program("autostar", "lx200"))
+    assert b":AL#" in meade.sent()
+    assert not meade.sim.tracking
+
+
+def test_a_mount_whose_tracking_cannot_be_switched_off_is_said_so_once() -> None:
+    async def program() -> None:
+        async with Bridge("lx200", driven="lx200", config={"lowest": 40.0}) as bridge:
+            client = bridge.client()
+            altitudes = bridge.controller.derived.altitude
+            sinking = [42.0]
+
+            def lower(ra: float, dec: float) -> float | None:
+                sinking[0] -= 0.002
+                return sinking[0] if altitudes(ra, dec) is not None else None
+
+            bridge.controller.derived.altitude = lower  # type: ignore[method-assign]
+            for _ in range(8000):
+                await asyncio.sleep(0.25)
+                client.tell(b":GR#")
+                if sinking[0] < 39.5:
+                    break
+            said = [note for note in notes(bridge) if "cannot be switched off" in note]
+            assert len(said) == 1
+            assert bridge.sent().count(b":Q#") == 1
+            assert b":AL#" not in bridge.sent()
+
+    run(program())
+
+
+def test_park_home_and_axis_gotos_are_checked() -> None:
+    async def program(config: dict[str, Any]) -> tuple[list[str], list[bytes]]:
+        async with Bridge("6-8se", config={"lowest": 10.0, **config}) as bridge:
+            client = bridge.client()
+            client.tell(b":hS#")
+            await asyncio.sleep(1)
+            client.tell(b":hP#")
+            low, _ = await extremes(bridge, 40)
+            with pytest.raises(BelowHorizon):
+                await bridge.controller.perform(op.GotoAxes(100.0, 5.0))
+            assert low == pytest.approx(4.0 if config else 10.5, abs=0.1)
+            client.tell(b":hF#")
+            await asyncio.sleep(30)
+            assert 44.0 < altitude(bridge) < 46.0
+            return notes(bridge), [sent for sent in bridge.sent() if sent[:1] == b"b"]
+
+    said, sent = run(program({}))  # not north at the horizon, which this operator does not want, but just above
+    assert said == []
+    assert len(sent) == 2
+    said, sent = run(program({"park": (90.0, 4.0)}))  # his own decision
+    assert said == ["WARNING: its park position lies beyond lowest or highest, where it is parked all the same"]
+    assert len(sent) == 2
+
+
+def test_axis_gotos_of_a_german_mount_are_checked_by_where_they_point() -> None:
+    async def program() -> None:
+        async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
+            client = bridge.client()
+            assert await client.ask(b"b00000000,E0000000") == b"#"  # south, declination -45: the horizon, allowed
+            await asyncio.sleep(1)
+            assert await client.ask(b"L") == b"1#"
+            await client.ask(b"M")
+            assert await client.ask(b"b00000000,D0000000") == b"#"  # declination -67.5
+            await asyncio.sleep(1)
+            assert await client.ask(b"L") == b"0#"
+            assert "GotoAxes: Object Below Horizon." in notes(bridge)
+
+    run(program())
+
+
+def test_a_goto_whose_way_leads_below_the_horizon_is_stopped() -> None:
+    async def program() -> None:
+        async with Bridge("6-8se") as bridge:
+            client = bridge.client()
+            assert await client.ask(b":Sa50*00#:Sz090*00#:MA#", until=b"110") == b"110"
+            now = bridge.clock()
+            bridge.sim.mechanics.goto_axes(now, 90.0, -60.0)
+            low, _ = await extremes(bridge, 40)
+            assert -6.0 < low < 0.0
+            assert not bridge.controller.moving
+            assert any(note.startswith("stopped at the altitude limit") for note in notes(bridge))
+
+    run(program())
+
+
+@pytest.mark.parametrize(("driven", "mount"), [("nexstar", "6-8se"), ("lx200", "autostar")])
+def test_a_motion_that_its_user_ends_above_the_limit_costs_nothing(driven: str, mount: str) -> None:
+    async def program() -> None:
+        async with Bridge(mount, driven=driven, config={"lowest": 40.0}, latency=0.1) as bridge:
+            client = bridge.client()
+            for _ in range(12):
+                client.tell(b":GR#:RM#:Ms#")
+                await asyncio.sleep(0.7)
+                client.tell(b":Qs#")
+                await asyncio.sleep(2.5)
+                client.tell(b":GR#:RM#:Mn#")
+                await asyncio.sleep(0.7)
+                client.tell(b":Qn#")
+                await asyncio.sleep(2.5)
+            assert [note for note in notes(bridge) if "park" not in note] == []
+            assert bridge.sim.tracking
+
+    run(program())
+
+
+def test_no_raw_motion_slips_past_between_two_nexstars() -> None:
+    async def program() -> None:
+        async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
+            client = bridge.client()
+            every_device = b"P\x02\x00\x24\x09\x00\x00\x00"  # 0 is for all on the bus
+            level = b"P\x01\x10\x0b\x00\x00\x00\x00"  # runs until a switch is met
+            for raw in (
+                every_device,
+                level,
+                b"P\x04\x00\x02\x10\x00\x00\x00",
+                b"P\x04\x00\x17\x10\x00\x00\x00",
+                b"P\x04\x00\x06\x10\x00\x00\x00",
+            ):
+                await client.ask(raw, 2)
+                assert raw not in bridge.sent()
+            focuser = b"P\x02\x12\x24\x03\x00\x00\x00"
+            await client.ask(focuser, 2)
+            assert focuser in bridge.sent()
+
+    run(program())
+
+
+@pytest.mark.parametrize("latency", [0.05, 0.2])
+@pytest.mark.parametrize(("driven", "model", "first", "second", "limits"), [
+    ("lx200", "lx200", (-50.0, 45.0), (50.0, 45.0), {"highest": 75.0}),  # past the zenith
+    ("nexstar", "cge", (20.0, -10.0), (20.0, 85.0), {"highest": 60.0}),  # along the meridian
+])  # fmt: skip
+def test_a_goto_whose_way_leads_beyond_a_limit_ends_before_it(
+    driven: str,
+    model: str,
+    first: tuple[float, float],
+    second: tuple[float, float],
+    limits: dict[str, float],
+    latency: float,
+) -> None:
+    """It is begun, for a German mount seldom has another way; but nothing of it lies beyond."""
+
+    async def program() -> None:
+        async with Bridge(model, driven=driven, config=limits, latency=latency) as bridge:
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            low, high = 90.0, 0.0
+            for hour_angle, dec in (first, second, second):
+                with contextlib.suppress(TooHigh):  # once it stands before the limit
+                    await bridge.controller.perform(op.Goto((sidereal - hour_angle) % 360.0, dec))
+                for _ in range(80):
+                    bottom, top = await extremes(bridge, 0.5)
+                    low, high = min(low, bottom), max(high, top)
+            assert low >= limits.get("lowest", 0.0)
+            assert high <= limits.get("highest", 90.0)
+            assert any("stopped at the altitude limit" in note for note in notes(bridge))
+
+    run(program())

@@ -1,0 +1,86 @@
+"""A fork whose tube was driven over the pole or the zenith goes back that way, wherever it is sent."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+from msgspec.structs import replace
+
+from gateway.core import operations as op
+from gateway.mount.safety.admission import slew_paths
+from gateway.mount.safety.limits import Limits
+from tests.integration.safety.test_altitude import altitude, extremes, notes
+from tests.integration.safety.test_by_hand import polled, ready
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+#: East of the pole and near it; from there over the pole it looks west.
+BESIDE_THE_POLE = -90.0, 80.0
+
+
+@pytest.mark.parametrize(("hour_angle", "declination"), [(100.0, 45.0), (120.0, 52.0), (140.0, 52.0)])
+@pytest.mark.parametrize(("driven", "model"), [("lx200", "lx200"), ("nexstar", "cpc")])
+def test_a_goto_from_over_the_pole_is_ended_before_its_way_leads_below_the_limit(
+    driven: str, model: str, hour_angle: float, declination: float
+) -> None:
+    """The short way there is clear, the one that the mount takes passes beneath the pole."""
+
+    async def program() -> None:
+        async with Bridge(model, driven=driven, config={"lowest": 10.0}) as bridge:
+            client = bridge.client()
+            if driven == "nexstar":
+                bridge.sim.feed(b"T\x02")  # it stands on a wedge, says its hand control
+                await asyncio.sleep(10.0)
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            await bridge.controller.perform(op.Goto((sidereal - BESIDE_THE_POLE[0]) % 360.0, BESIDE_THE_POLE[1]))
+            await ready(bridge, client, b":GR#")
+            client.tell(b":RS#:Mn#")
+            await polled(bridge, client, b":GR#", 7.5)
+            client.tell(b":Qn#")
+            await asyncio.sleep(2.0)
+            assert bridge.sim.mechanics.axes(bridge.clock())[1] > 110.0
+            await bridge.controller.perform(op.Goto((sidereal - hour_angle) % 360.0, declination))
+            low, _ = await extremes(bridge, 30.0)
+            assert low >= 10.0
+            assert any(note.startswith("stopped at the altitude limit") for note in notes(bridge))
+
+    run(program())
+
+
+def test_a_goto_from_over_the_zenith_does_not_pass_it_where_a_limit_is_below() -> None:
+    """Somebody at the keypad brought it there."""
+
+    async def program() -> None:
+        async with Bridge("6-8se", presented="nexstar", surface="cpc") as bridge:
+            await bridge.controller.perform(op.GotoHorizontal(180.0, 60.0))
+            await ready(bridge, bridge.client(), b"e")
+            bridge.sim.mechanics.goto_axis(bridge.clock(), 2, 130.0)
+            await asyncio.sleep(60.0)
+            assert altitude(bridge) == pytest.approx(50.0, abs=0.5)
+            bridge.controller.policy = replace(bridge.controller.policy, limits=Limits(highest=75.0))
+            await bridge.controller.perform(op.GotoHorizontal(0.0, 40.0))
+            _, high = await extremes(bridge, 30.0)
+            assert high <= 75.0
+            assert high > 65.0, "it goes as far as it may"
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "turns"),
+    [(20.0, [20.0]), (160.0, [160.0]), (170.0, [170.0, -190.0]), (190.0, [-170.0, 190.0]), (200.0, [-160.0])],
+)
+def test_a_fork_may_turn_half_round_either_way(azimuth: float, turns: list[float]) -> None:
+    """A sync has displaced its axes from the sky: which way is the shorter one nobody can say."""
+
+    async def program() -> None:
+        async with Bridge("6-8se") as bridge:
+            here = await bridge.controller.read(op.Position())
+            there = bridge.controller.derived.horizon(here).az + azimuth, 40.0
+            found = slew_paths.possible(
+                bridge.controller.derived, False, False, here, op.Equatorial(0.0, 0.0), there, {False}
+            )
+            assert [turn[0] for _, turn in found] == pytest.approx(turns)
+
+    run(program())

@@ -1,0 +1,111 @@
+"""Parking and the altitude limits: the place that nobody chose lies within them, the owner's own may lie beyond."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.core.errors import UserError
+from gateway.protocols.mechanics.truth import truth_of
+from tests.integration.safety.test_altitude import notes
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+from tests.unit.app.config.test_config import flags
+
+
+def parked(config: dict[str, Any], mount: str = "cpc", driven: str = "nexstar") -> tuple[float, bool, list[str]]:
+    """``:hP#`` and a minute -> where the tube truly points, whether the mount tracks, what was said."""
+    seen: list[Any] = []
+
+    async def program() -> None:
+        async with Bridge(mount, driven=driven, config=config) as bridge:
+            client = bridge.client()
+            await client.ask(b":GR#")
+            client.tell(b":hP#")
+            for _ in range(60):
+                client.tell(b":D#")
+                await asyncio.sleep(1.0)
+            seen.append((truth_of(bridge.sim).altitude, truth_of(bridge.sim).tracking, notes(bridge)))
+
+    run(program())
+    found: tuple[float, bool, list[str]] = seen[0]
+    return found
+
+
+@pytest.mark.parametrize(("lowest", "altitude"), [(0.0, 0.5), (10.0, 10.5), (-0.2, 0.3), (-90.0, 0.0)])
+def test_a_fork_is_parked_as_low_as_is_allowed(lowest: float, altitude: float) -> None:
+    """The sample configuration has lowest = 10: it parked nowhere, and no program was told."""
+    where, tracks, said = parked({"lowest": lowest})
+    assert where == pytest.approx(altitude, abs=0.01)
+    assert not tracks
+    assert not any("Park" in line for line in said)
+
+
+@pytest.mark.parametrize(("mount", "version"), [("nexstar-gps", "2.2"), ("cpc", "4.21"), ("6-8se", "4.21")])
+def test_a_fork_that_is_unparked_tracks(mount: str, version: str) -> None:
+    """It stood at the lowest altitude to the last digit, and tracking was put off again at once."""
+
+    async def program() -> None:
+        async with Bridge(mount, version) as bridge:
+            client = bridge.client()
+            client.tell(b":hP#")
+            await asyncio.sleep(90.0)
+            assert not truth_of(bridge.sim).tracking
+            client.tell(b":hW#")
+            for _ in range(60):
+                await client.ask(b":GR#")
+                await asyncio.sleep(1.0)
+            assert truth_of(bridge.sim).tracking, notes(bridge)
+
+    run(program())
+
+
+def test_a_place_of_the_owners_choice_may_lie_beyond_the_limits() -> None:
+    where, tracks, _ = parked({"lowest": 10.0, "highest": 80.0, "park": (90.0, 4.0)})
+    assert where == pytest.approx(4.0, abs=0.01)
+    assert not tracks
+    where, _, _ = parked({"lowest": 10.0, "highest": 80.0, "park": (90.0, 85.0)})
+    assert where == pytest.approx(85.0, abs=0.01)
+
+
+def test_a_pole_below_the_limit_is_refused_with_what_to_do() -> None:
+    where, _, said = parked({"lowest": 50.0}, "cge")
+    assert where == pytest.approx(45.0, abs=0.1)
+    assert any(line.startswith("Park: Object Below Lower Limit. Write park = [AZ, ALT]") for line in said)
+
+
+def test_a_park_that_is_refused_can_be_read_back() -> None:
+    """``:hP#`` has no reply; ``:h?#`` is 1 at home or parked, 0 where that failed."""
+
+    async def program() -> None:
+        async with Bridge("cge", config={"lowest": 50.0}) as bridge:
+            client = bridge.client()
+            client.tell(b":hS#")
+            await asyncio.sleep(2.0)
+            assert await client.ask(b":h?#") == b"1"
+            client.tell(b":hP#")
+            await asyncio.sleep(2.0)
+            assert await client.ask(b":h?#") == b"0"
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", ["autostar", "lx200gps"])
+def test_a_meade_parks_at_its_own_place_only_where_that_can_break_no_limit(mount: str) -> None:
+    """It parks at the horizon: with lowest = 10 the tube came to 0.00."""
+    where, _, said = parked({"lowest": 10.0}, mount, "lx200")
+    assert where > 10.0
+    assert any('Write park = "mount"' in line for line in said)
+    assert parked({"lowest": 10.0, "park": "mount"}, mount, "lx200")[0] == pytest.approx(0.0, abs=0.05)
+    assert parked({}, mount, "lx200")[0] == pytest.approx(0.0, abs=0.05)
+
+
+def test_what_the_key_may_say_depends_on_the_mount() -> None:
+    assert flags("--mount", "lx200@sim", "--park", "mount").mount[0].park == "mount"
+    assert flags("--park", "3,4").mount[0].park == (3.0, 4.0)
+    with pytest.raises(UserError, match="a NexStar has no park position of its own"):
+        flags("--park", "mount")
+    with pytest.raises(UserError, match="a Meade parks where it was told at its keypad"):
+        flags("--mount", "lx200@sim", "--park", "3,4")

@@ -1,0 +1,301 @@
+"""What moves is looked at without a break: no command said again and no other read may hide it."""
+
+from __future__ import annotations
+
+import asyncio
+from itertools import pairwise
+
+import pytest
+from msgspec.structs import replace
+
+from gateway.core import operations as op
+from gateway.mount.motion.seen import Seen
+from gateway.mount.readings.poller import OWN_AGE
+from gateway.mount.safety.limits import Limits
+from tests.integration.safety.test_altitude import altitude, extremes, notes
+from tests.integration.safety.test_by_hand import UP, polled, ready
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+
+def test_an_arrow_that_is_said_again_does_not_make_the_next_look_a_first_one() -> None:
+    """What was seen before it still counts, and from when it was seen."""
+
+    async def program() -> None:
+        async with Bridge("cge", config={"lowest": 30.0}, latency=0.02) as bridge:
+            client = bridge.client()
+            await ready(bridge, client, b":GR#")
+            client.tell(b":RS#:Ms#")
+            await asyncio.sleep(1.0)
+            while bridge.controller.snapshot.age(op.Position, bridge.controller.now()) < 0.2:
+                await asyncio.sleep(0.01)
+            bridge.controller.guard.began(bridge.controller.motions.by_hand[2])
+            ra, dec = bridge.sim.mechanics.truth(bridge.clock())
+            await asyncio.sleep(0.02)
+            bridge.controller.guard.look(op.Equatorial(ra, dec - 20.0))
+            assert any("stopped at the altitude limit" in note for note in notes(bridge))
+
+    run(program())
+
+
+@pytest.mark.parametrize(("latency", "arrows", "height"), [
+    (0.02, b":Ms#", 3.9), (0.02, b":Ms#", 4.1), (0.02, b":Mw#:Ms#", 2.6), (0.05, b":Ms#", 4.8), (0.2, b":Ms#", 6.0),
+])  # fmt: skip
+@pytest.mark.parametrize("model", ["lx200", "lx200gps"])
+def test_the_first_look_comes_in_time_wherever_a_motion_begins(
+    latency: float, arrows: bytes, height: float, model: str
+) -> None:
+    """The first position after the beginning is too early to tell a rate."""
+
+    async def program(lowest: float) -> None:
+        async with Bridge(model, driven="lx200", config={"lowest": lowest}, latency=latency) as bridge:
+            client = bridge.client()
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            await bridge.controller.perform(op.Goto((sidereal - 45.0) % 360.0, 20.0))
+            await ready(bridge, client, b":GR#")
+            client.tell(b":RS#" + arrows)
+            low, _ = await extremes(bridge, 3.0)
+            assert low >= lowest - 0.01
+            assert notes(bridge)
+
+    for step in range(8):
+        run(program(45.4 - height + 0.05 * step))
+
+
+@pytest.mark.parametrize("early", [0.2, 0.8, 1.5])
+def test_the_clock_is_not_read_while_the_mount_moves(early: float) -> None:
+    """Three questions more on a slow line would be most of a second without a position."""
+
+    async def program() -> None:
+        async with Bridge("lx200gps", driven="lx200", latency=0.2) as bridge:
+            client = bridge.client()
+            said = bridge.observatory.mount_clock
+            assert said is not None
+            while bridge.controller.now() < said[1] + OWN_AGE - early - 0.5:
+                client.tell(b":GR#")
+                await asyncio.sleep(0.5)
+            await asyncio.sleep(said[1] + OWN_AGE - early - bridge.controller.now())
+            began = bridge.clock()
+            client.tell(b":RS#:Mn#")
+            for _ in range(10):
+                client.tell(b":GR#")
+                await asyncio.sleep(0.5)
+            seen = [
+                entry.time
+                for entry in bridge.entries
+                if entry.side == "mount" and entry.data.startswith(b":GD") and entry.time > began
+            ]
+            gaps = [second - first for first, second in pairwise([began, *seen])]
+            assert max(gaps) < 1.1, gaps
+            client.tell(b":Q#")
+            for _ in range(16):  # one that is seen to run on is watched for three seconds more
+                client.tell(b":GR#")
+                await asyncio.sleep(0.5)
+            assert bridge.controller.now() - bridge.observatory.mount_clock[1] < 10.0  # but it is read when it rests
+
+    run(program())
+
+
+def test_a_goto_that_is_stopped_on_its_way_does_not_bring_the_tube_back_over_the_pole() -> None:
+    """A Meade does not tell on which side its tube is: it stays where it was last seen to be."""
+
+    async def program() -> None:
+        async with Bridge("lx200", driven="lx200", config={"lowest": -90.0}) as bridge:
+            client = bridge.client()
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            await bridge.controller.perform(op.Goto((sidereal - 45.0) % 360.0, 80.0))
+            await ready(bridge, client, b":GR#")
+            client.tell(b":RS#:Mn#")
+            await polled(bridge, client, b":GR#", 8.0)
+            client.tell(b":Qn#")
+            await asyncio.sleep(2.0)
+            assert not bridge.controller.guard.upright
+            await bridge.controller.perform(op.Goto((sidereal - 60.0) % 360.0, -20.0))
+            await asyncio.sleep(0.9)
+            while bridge.controller.reader._sharing:
+                await asyncio.sleep(0.001)
+            bridge.controller.begin_stop()
+            while bridge.driver.goto is not None:
+                await asyncio.sleep(0.001)
+            assert bridge.controller.slewing
+            await bridge.controller.reader.shared(
+                op.Slewing()
+            )  # the end of the goto is seen while the stop is on its way
+            await asyncio.sleep(2.0)
+            assert not bridge.controller.guard.upright
+            await bridge.controller.perform(op.Goto((sidereal - 60.0) % 360.0, 0.0))
+            await ready(bridge, client, b":GR#")
+            assert bridge.controller.guard.upright
+
+    run(program())
+
+
+def test_commands_without_an_answer_do_not_make_a_slow_line_look_quick() -> None:
+    """How long a stop takes to come is reckoned from how long answers take."""
+
+    async def program() -> None:
+        async with Bridge("lx200gps", driven="lx200", latency=0.2) as bridge:
+            for _ in range(20):
+                await bridge.controller.reader.shared(op.Position())
+            for _ in range(8):
+                await bridge.controller.perform(op.Halt(2))
+            assert bridge.controller.line.typical > 0.19
+
+    run(program())
+
+
+@pytest.mark.parametrize(("driven", "model"), [("lx200", "lx200gps"), ("nexstar", "cpc")])
+def test_a_way_over_the_zenith_is_looked_at_all_along(driven: str, model: str) -> None:
+    """Where it would end, on the other side, it is low enough again."""
+
+    async def program() -> None:
+        async with Bridge(
+            model, driven=driven, presented="nexstar", surface="6-8se", config={"highest": 88.0}, latency=0.2
+        ) as bridge:
+            client = bridge.client()
+            await bridge.controller.perform(op.GotoHorizontal(180.0, 87.0))
+            await ready(bridge, client, b"e")
+            assert altitude(bridge) == pytest.approx(87.0, abs=0.2)
+            client.tell(UP)
+            _, high = await extremes(bridge, 3.0)
+            assert high <= 88.0
+            assert any("Object Above" in note for note in notes(bridge))
+
+    run(program())
+
+
+@pytest.mark.parametrize("arrow", [b":Me#", b":Mw#"])
+def test_a_position_in_halves_is_watched_as_the_place_where_the_mount_is_when_the_second_comes(arrow: bytes) -> None:
+    """Round the horizon at full speed, slowly sinking: right ascension is old when declination is told."""
+
+    async def program() -> None:
+        async with Bridge("autostar", driven="lx200", config={"lowest": 30.0}, latency=0.1) as bridge:
+            client = bridge.client()
+            await bridge.controller.perform(op.GotoHorizontal(90.0, 30.6))
+            await ready(bridge, client, b":GR#")
+            client.tell(b":RC#:Ms#")
+            await asyncio.sleep(0.3)
+            client.tell(b":RS#" + arrow)
+            low = 90.0
+            for _ in range(40):
+                client.tell(b":GR#")
+                low = min(low, (await extremes(bridge, 0.5))[0])
+            assert low >= 29.99
+            assert notes(bridge)
+
+    run(program())
+
+
+@pytest.mark.parametrize(("height", "stopped"), [(21.5, True), (26.0, False)])
+def test_of_two_axes_the_one_that_is_ended_last_must_not_lead_beyond_it_alone(height: float, stopped: bool) -> None:
+    """Together they keep the altitude nearly; a stop ends them one after the other."""
+
+    async def program() -> None:
+        async with Bridge("cge", config={"lowest": 20.0}, latency=0.2) as bridge:
+            await bridge.controller.perform(op.MoveAxis(1, 1, op.Rate(key=9)))
+            await bridge.controller.perform(op.MoveAxis(2, 1, op.Rate(key=9)))
+            look = bridge.controller.guard.look
+            bridge.controller.guard.look = lambda seen: None  # only what is told here is looked at
+            bridge.controller.guard.seen = Seen()
+            for step in range(3):
+                seen = bridge.controller.derived.equatorial(op.GotoHorizontal(200.0 + 3.0 * step, height - 0.05 * step))
+                look(op.Equatorial(seen.ra, seen.dec))
+                await asyncio.sleep(0.5)
+            assert any("stopped at the altitude limit" in note for note in notes(bridge)) is stopped
+
+    run(program())
+
+
+def test_a_motion_that_was_begun_twice_and_refused_the_second_time_is_stopped() -> None:
+    """The halt of the other axis came between: the mount had been told to move already."""
+
+    async def program() -> None:
+        south = (-35.0, 150.0)
+        async with Bridge("lx200-16", driven="lx200", site=south, latency=0.02, config={"site": south}) as bridge:
+            client = bridge.client()
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            await bridge.controller.perform(op.Goto((sidereal - 10.3) % 360.0, -23.6))
+            await ready(bridge, client, b":GR#")
+            client.tell(b":RM#:Mn#")
+            await asyncio.sleep(0.3)
+            client.tell(b":Me#")
+            while b":Me#" not in bridge.sent():
+                await asyncio.sleep(0.001)
+            bridge.controller.policy = replace(bridge.controller.policy, limits=Limits(highest=altitude(bridge) + 0.1))
+            client.tell(b":Qn#")
+            await asyncio.sleep(0.3)
+            assert any("Object Above" in note for note in notes(bridge))
+            before = bridge.sim.mechanics.axes(bridge.clock())
+            await asyncio.sleep(1.0)
+            assert bridge.sim.mechanics.axes(bridge.clock()) == pytest.approx(before, abs=0.01)
+            assert not bridge.controller.moving
+
+    run(program())
+
+
+@pytest.mark.parametrize(("driven", "model"), [("nexstar", "cge"), ("lx200", "lx200")])
+def test_when_one_axis_is_ended_the_other_one_may_lead_beyond_a_limit_alone(driven: str, model: str) -> None:
+    """North lifts the tube there as fast as west lowers it."""
+
+    async def program() -> None:
+        async with Bridge(model, driven=driven, config={"lowest": 20.0}, latency=0.05) as bridge:
+            client = bridge.client()
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            await bridge.controller.perform(op.Goto((sidereal - 80.0) % 360.0, 20.0))
+            await ready(bridge, client, b":GR#")
+            client.tell(b":RS#:Mn#:Mw#")
+            lows = []
+            for _ in range(8):
+                lows.append((await extremes(bridge, 0.05))[0])
+            bridge.controller.policy = replace(bridge.controller.policy, limits=Limits(lowest=lows[-1] - 0.4))
+            client.tell(b":Qn#")
+            low, _ = await extremes(bridge, 3.0)
+            assert low >= lows[-1] - 0.4
+            assert not bridge.controller.moving
+
+    run(program())
+
+
+def test_a_motion_that_follows_a_stop_at_once_is_watched_from_the_first_position() -> None:
+    """The mount was seen to coast after the stop, as if somebody else moved it."""
+
+    async def program(height: float) -> None:
+        async with Bridge(
+            "i-series", presented="nexstar", surface="cpc", config={"highest": 75.0}, latency=0.2
+        ) as bridge:
+            client = bridge.client()
+            await bridge.controller.perform(op.GotoHorizontal(16.0, height))
+            await ready(bridge, client, b"e")
+            bridge.controller.guard._restless_until = bridge.controller.now() + 3.0
+            client.tell(UP)
+            high = 0.0
+            for _ in range(20):
+                client.tell(b"z")
+                high = max(high, (await extremes(bridge, 0.2))[1])
+            assert high <= 75.0, height
+
+    for step in range(8):
+        run(program(69.0 + 0.25 * step))
+
+
+@pytest.mark.parametrize("late", [0.0, 0.2])
+def test_an_arrow_right_after_a_stop_begins_where_the_mount_came_to_rest(late: float) -> None:
+    """Not where it was seen last, on its way; it runs on to 25.9 degrees, and no limit may lie above that."""
+
+    async def program(lowest: float) -> None:
+        async with Bridge("lx200", driven="lx200", latency=0.02) as bridge:
+            client = bridge.client()
+            sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
+            await bridge.controller.perform(op.Goto((sidereal - 1.0) % 360.0, -40.0))
+            while (
+                altitude(bridge) > 30.0 or bridge.controller.snapshot.age(op.Position, bridge.controller.now()) < late
+            ):
+                await asyncio.sleep(0.01)
+            await bridge.controller.stop()
+            bridge.controller.policy = replace(bridge.controller.policy, limits=Limits(lowest=lowest))
+            client.tell(b":RS#:Ms#")
+            low, _ = await extremes(bridge, 3.0)
+            assert low >= lowest
+
+    for lowest in (20.4, 22.0, 22.4, 23.0, 23.6, 25.6):
+        run(program(lowest))

@@ -1,0 +1,128 @@
+"""Bytes of a program that nothing comes of stand in the log, with the reason."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.protocols.base.frames import Framing
+from gateway.protocols.lx200 import framing as lx200
+from gateway.protocols.nexstar import framing as nexstar
+from tests.support.callers import Caller
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+
+def _dropped(bridge: Bridge) -> list[tuple[bytes, str]]:
+    return [(entry.data, entry.note) for entry in bridge.entries if entry.arrow == "x"]
+
+
+@pytest.mark.parametrize(
+    ("said", "dropped"),
+    [
+        (b"Ka:GR#", (b"Ka", lx200.NOISE)),
+        (b"GR#", (b"GR", lx200.NOISE)),
+        (b"\xff\xfe:GR#:GD#", (b"\xff\xfe", lx200.NOISE)),
+        (b":GR\x06:GR#", (b":GR", lx200.HALF)),
+        (b":G:GR#", (b":G", lx200.HALF)),
+        (b"$X:GR#", (b"$X", lx200.NOISE)),
+        (b":" + b"z" * 70 + b"#:GR#", (b":" + b"z" * 64, lx200.TOO_LONG)),
+    ],
+)
+def test_noise_on_an_lx200_surface(said: bytes, dropped: tuple[bytes, str]) -> None:
+    async def play() -> None:
+        async with Bridge() as bridge:
+            bridge.client().tell(said)
+            await asyncio.sleep(0.5)
+            assert dropped in _dropped(bridge)
+
+    run(play())
+
+
+@pytest.mark.parametrize(
+    ("said", "dropped"),
+    [
+        (b":GR#", (b":GR#", nexstar.NOISE)),
+        (b"e\xffJ", (b"\xffJ", nexstar.NOISE)),
+        (b"GET / HTTP/1.0", (b"GET / HTTP/1.0", nexstar.NOISE)),
+    ],
+)
+def test_noise_on_a_nexstar_surface(said: bytes, dropped: tuple[bytes, str]) -> None:
+    async def play() -> None:
+        async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
+            bridge.client().tell(said)
+            await asyncio.sleep(0.5)
+            assert dropped in _dropped(bridge)
+
+    run(play())
+
+
+def test_half_a_nexstar_command_that_goes_no_further() -> None:
+    async def play() -> None:
+        async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
+            client = bridge.client()
+            client.tell(b"R34AB")
+            await asyncio.sleep(2.0)
+            client.tell(b"e")
+            client.tell(b"R34")
+            client.close()
+            await asyncio.sleep(0.5)
+            assert _dropped(bridge) == [(b"R34AB", nexstar.HALF), (b"R34", nexstar.CUT_OFF)]
+
+    run(play())
+
+
+def test_half_a_command_that_its_connection_ends_with() -> None:
+    async def play() -> None:
+        async with Bridge() as bridge:
+            client = bridge.client()
+            client.tell(b":GR")
+            client.close()
+            assert _dropped(bridge) == [(b":GR", lx200.HALF)]
+
+    run(play())
+
+
+def test_what_was_held_back_as_a_stranger_s_word() -> None:
+    async def play() -> None:
+        async with Bridge() as bridge:
+            caller = Caller(bridge.reception)
+            caller.tell(b"V")
+            await asyncio.sleep(5.0)
+            caller.close()
+            assert [data for data, _ in _dropped(bridge)] == [b"V"]
+
+    run(play())
+
+
+def test_the_same_stop_again_and_what_a_stop_takes_back() -> None:
+    async def play() -> None:
+        async with Bridge() as bridge:
+            client = bridge.client()
+            client.tell(b":Q#:Q#:Q#")
+            client.tell(b":Sr05:00:00#:Sd+10*00:00#:MS#:Me#:Qe#")
+            await asyncio.sleep(3.0)
+            dropped = [data for data, _ in _dropped(bridge)]
+            assert dropped == [b":Q#", b":Q#", b":Me#"]
+
+    run(play())
+
+
+def test_what_ends_nothing_and_asks_nothing_is_no_loss() -> None:
+    async def play() -> None:
+        async with Bridge() as bridge:
+            client = bridge.client()
+            assert await client.ask(b"#:GR#\r\n\0", until=b"#") != b""
+            await asyncio.sleep(1.0)
+            assert _dropped(bridge) == []
+
+    run(play())
+
+
+@pytest.mark.parametrize("framer", [lx200.Framer, nexstar.Framer])
+def test_noise_for_hours_takes_no_memory(framer: type[lx200.Framer] | type[nexstar.Framer]) -> None:
+    framing = Framing(framer(), lambda: 0.0)
+    for _ in range(1000):
+        framing(b"\xff" * 1000)
+    assert sum(len(data) for data in framing.dropped.values()) == 1000

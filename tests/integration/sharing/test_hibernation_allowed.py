@@ -1,0 +1,123 @@
+"""Who may put a mount to sleep: on a serial line whoever likes, over a network nobody but where the operator allows it.
+
+A mount that hibernates is deaf to every program. To wake it is allowed to everybody, everywhere.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.app.config import MountConfig, Source, SurfaceConfig, make_config
+from gateway.app.gateway import Gateway, access
+from gateway.clients.access import Access, Rights
+from gateway.core import operations as op
+from gateway.core.wire_log import Entry
+from tests.support.callers import Caller
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+from tests.unit.transport.test_ports import address, ask
+
+MOUNTS = {"nexstar": "cpc", "lx200": "lx200gps"}
+SLEEP = {"nexstar": b"x", "lx200": b":hN#"}
+WAKE = {"nexstar": b"y", "lx200": b":hW#"}
+ANSWER = {"nexstar": b"#", "lx200": b""}
+QUESTION = {"nexstar": b"Kz", "lx200": b":GVP#"}
+
+
+def refusals(bridge: Bridge) -> list[str]:
+    return [entry.note for entry in bridge.entries if entry.arrow == "!" and "Sleep refused" in entry.note]
+
+
+@pytest.mark.parametrize("transport", ["tcp", "rfc2217"])
+@pytest.mark.parametrize("surface", ["nexstar", "lx200"])
+@pytest.mark.parametrize("mount", ["nexstar", "lx200"])
+def test_over_a_network_it_is_refused_and_the_log_says_what_would_allow_it(
+    mount: str, surface: str, transport: str
+) -> None:
+    async def program() -> None:
+        async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None) as bridge:
+            caller = Caller(bridge.reception, transport)
+            assert await caller.ask(QUESTION[surface])
+            assert await caller.ask(SLEEP[surface], 2.0) == ANSWER[surface]
+            await asyncio.sleep(10.0)
+            assert not bridge.sim.asleep
+            assert await caller.ask(QUESTION[surface]), "and it is no stranger for that"
+            assert not {b"x", b":hN#"} & set(bridge.sent())
+            assert len(refusals(bridge)) == 1
+            assert "network" in refusals(bridge)[0] and "hibernate = true" in refusals(bridge)[0]
+
+    run(program())
+
+
+@pytest.mark.parametrize("first", [True, False])
+@pytest.mark.parametrize("surface", ["nexstar", "lx200"])
+@pytest.mark.parametrize("mount", ["nexstar", "lx200"])
+def test_where_the_operator_allows_it_it_is_done(mount: str, surface: str, first: bool) -> None:
+    async def program() -> None:
+        allowed = Access(hibernate=True)
+        async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None, access=allowed) as bridge:
+            caller = Caller(bridge.reception)
+            if not first:
+                await caller.ask(QUESTION[surface])
+            assert await caller.ask(SLEEP[surface], 2.0) == ANSWER[surface]
+            await asyncio.sleep(10.0)
+            assert bridge.sim.asleep and refusals(bridge) == []
+
+    run(program())
+
+
+@pytest.mark.parametrize("surface", ["nexstar", "lx200"])
+@pytest.mark.parametrize("mount", ["nexstar", "lx200"])
+def test_on_a_serial_line_it_is_done_and_over_a_network_everybody_may_wake_it(mount: str, surface: str) -> None:
+    async def program() -> None:
+        async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None) as bridge:
+            bridge.client().tell(SLEEP[surface])
+            await asyncio.sleep(10.0)
+            assert bridge.sim.asleep and refusals(bridge) == []
+            Caller(bridge.reception).tell(WAKE[surface])
+            await asyncio.sleep(10.0)
+            assert not bridge.sim.asleep
+
+    run(program())
+
+
+def test_it_is_refused_by_what_is_asked_for_not_by_how_it_is_said() -> None:
+    every = {kind for kind in vars(op).values() if isinstance(kind, type) and issubclass(kind, op.Operation)}
+    rights = Rights(hibernate=False)
+    assert rights.refusal(op.Sleep()) is not None and rights.refusal(op.Wake()) is None
+    assert Rights().refusal(op.Sleep()) is None
+    assert rights.refusal(op.Stop()) is None and Rights(read_only=True, hibernate=False).refusal(op.Sleep()) is not None
+    assert {op.Sleep, op.Wake, op.Stop} <= every
+
+
+@pytest.mark.parametrize(("keys", "asleep"), [({}, False), ({"hibernate": True}, True), ({"hibernate": False}, False)])
+def test_the_key_of_the_mount_counts_on_every_port_of_a_network(keys: dict[str, Any], asleep: bool) -> None:
+    tables = {"mount": [{"at": "nexstar:cpc@sim", **keys}], "surface": [{"at": "nexstar@tcp://127.0.0.1:0"}]}
+    config = make_config(tables, Source("gateway.toml"))
+    assert access(config.surface[0], config.mount[0]).hibernate is asleep
+
+    async def main() -> None:
+        gateway = Gateway(MountConfig(at="nexstar:cpc@sim", **keys), [SurfaceConfig(at="nexstar@tcp://127.0.0.1:0")])
+        decided: asyncio.Future[bool] = asyncio.get_running_loop().create_future()
+
+        def look(entry: Entry) -> None:
+            sent = entry.side == "mount" and entry.arrow == ">" and entry.data == b"x"
+            if (sent or "Sleep refused" in entry.note) and not decided.done():
+                decided.set_result(sent)
+
+        gateway.transcript.sinks.append(look)
+        await gateway.open()
+        try:
+            async with asyncio.timeout(20):
+                assert await gateway.found(10)
+                link = await asyncio.open_connection(*address(gateway))
+                assert await ask(link, b"x") == b"#"
+                assert await decided is asleep
+                link[1].close()
+        finally:
+            await gateway.close()
+
+    asyncio.run(main())

@@ -1,0 +1,52 @@
+"""The same protocol on both sides: several programs share one mount, and what means nothing here is passed on."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+
+@pytest.mark.parametrize("model", ["autostar", "lx200", "lx200-16", "lx200gps"])
+def test_lx200_on_lx200(model: str) -> None:
+    async def program() -> None:
+        async with Bridge(model, driven="lx200", presented="lx200", surface=model) as bridge:
+            one, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
+            assert await one.ask(b":GR#:GD#", until=b"00#") == await other.ask(b":GR#:GD#", until=b"00#")
+            other.tell(b":U#")
+            assert len(await other.ask(b":GR#")) == 8
+            assert len(await one.ask(b":GR#")) == 9
+            one.tell(b":LM42#")  # the gateway's own library: its target is this client's alone
+            assert await one.ask(b":MS#") == b"0"
+            assert any(sent.startswith(b":Sr05:36:3") for sent in bridge.sent())
+            one.tell(b":Q#")
+            await asyncio.sleep(1)
+            assert (await one.ask(b":Sr07:00:00#:Sd+30*00:00#:MS#", until=b"110")).startswith(b"11")
+            while await one.ask(b":D#") == b"\x7f#":
+                await asyncio.sleep(1)
+            assert await other.ask(b":U#:GR#") == b"07:00:00#"
+
+    run(program())
+
+
+def test_nexstar_on_nexstar() -> None:
+    async def program() -> None:
+        async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
+            client = bridge.client()
+            assert await client.ask(b"e") == bridge.sim.feed(b"e")
+            level = b"P\x01\x10\x12\x00\x00\x00\x01"  # means nothing here, and something to the mount
+            assert await client.ask(level) == bridge.sim.feed(level)
+            assert level in bridge.sent()
+            for forbidden in (
+                b"P\x04\x10\x04\x00\x00\x00\x00",
+                b"P\x02\x10\x81\x00\x00\x00\x01",
+                b"P\x02\x10\x31\x00\x00\x00\x01",
+                b"P\x02\x10\x84\x00\x00\x00\x01",
+            ):
+                await client.ask(forbidden, 2)
+                assert forbidden not in bridge.sent()
+
+    run(program())

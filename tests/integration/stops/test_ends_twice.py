@@ -1,0 +1,178 @@
+"""A Meade acknowledges no end of a motion, so each is sent twice: not at rest, and never into something newer."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.protocols.mechanics.truth import truth_of
+from tests.support.cable import deafen
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+MEADES = ["lx200", "lx200-16", "autostar", "lx200gps"]
+GOTO = b":Sr08:00:00#:Sd+30*00:00#:MS#"
+
+
+def meade(mount: str, **others: Any) -> Bridge:
+    return Bridge(mount, driven="lx200", config={"lowest": -90.0, "sun": 0.0}, **others)
+
+
+def times(bridge: Bridge, command: bytes) -> list[float]:
+    """When it was sent."""
+    return [entry.time for entry in bridge.entries if (entry.side, entry.arrow, entry.data) == ("mount", ">", command)]
+
+
+@pytest.mark.parametrize("mount", MEADES)
+@pytest.mark.parametrize(
+    ("motion", "end"),
+    [(b":RG#:Me#", b":Q#"), (b":RG#:Me#", b":Qe#"), (b":RS#:Mn#", b":Qn#"), (b":RC#:Mw#", b":Q#"), (GOTO, b":Q#")],
+)
+def test_an_end_that_was_lost_is_made_good_within_a_moment(mount: str, motion: bytes, end: bytes) -> None:
+    """Too slow a motion, or too short a time, for the position to show it."""
+
+    async def program() -> None:
+        async with meade(mount) as bridge:
+            client = bridge.client()
+            client.tell(motion)
+            await asyncio.sleep(2.0)
+            missed = deafen(bridge, (end,))
+            asked = bridge.clock()
+            client.tell(end)
+            await asyncio.sleep(0.15)  # an exchange may be under way
+            assert missed == [end]
+            await asyncio.sleep(1.0)
+            first, second = times(bridge, end)
+            assert first - asked < 0.15, "the first is not kept waiting"
+            assert second - first == pytest.approx(0.3, abs=0.1)
+            assert not bridge.sim.arrows
+            assert not bridge.sim.slewing
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", MEADES)
+@pytest.mark.parametrize("after", [0.0, 0.1, 0.25, 0.29, 0.3])
+@pytest.mark.parametrize("newer", [GOTO, b":Mw#", b":Me#", b":Mn#"])
+def test_what_is_begun_after_a_stop_goes_on(mount: str, after: float, newer: bytes) -> None:
+    async def program() -> None:
+        async with meade(mount) as bridge:
+            client = bridge.client()
+            client.tell(b":RM#:Me#")
+            await asyncio.sleep(2.0)
+            client.tell(b":Q#")
+            await asyncio.sleep(after)
+            client.tell(newer)
+            await asyncio.sleep(2.0)
+            assert bridge.sim.slewing if newer == GOTO else bridge.sim.arrows
+            assert truth_of(bridge.sim).moving
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", MEADES)
+@pytest.mark.parametrize("after", [0.0, 0.1, 0.29])
+def test_the_next_pulse_and_the_other_axis_go_on(mount: str, after: float) -> None:
+    async def program() -> None:
+        async with meade(mount) as bridge:
+            client = bridge.client()
+            client.tell(b":RC#:Mn#:Me#")
+            await asyncio.sleep(2.0)
+            client.tell(b":Qe#")
+            await asyncio.sleep(1.0)
+            assert set(bridge.sim.arrows) == {2}
+            client.tell(b":Qn#")
+            await asyncio.sleep(after)
+            client.tell(b":Mgn2000#")
+            await asyncio.sleep(1.0)
+            assert truth_of(bridge.sim).moving
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", MEADES)
+def test_a_mount_at_rest_is_told_once(mount: str) -> None:
+    async def program() -> None:
+        async with meade(mount) as bridge:
+            client = bridge.client()
+            for _ in range(5):
+                client.tell(b":Q#")
+                await asyncio.sleep(1.0)
+            assert len(times(bridge, b":Q#")) == 5
+
+    run(program())
+
+
+def test_the_end_of_a_pulse_that_the_gateway_times_is_made_good() -> None:
+    async def program() -> None:
+        async with meade("lx200") as bridge:
+            client = bridge.client()
+            missed = deafen(bridge, (b":Qe#",))
+            client.tell(b":Mge0500#")
+            await asyncio.sleep(1.5)
+            assert missed
+            assert len(times(bridge, b":Qe#")) == 2
+            assert not bridge.sim.arrows
+
+    run(program())
+
+
+def test_the_focuser_stops_though_the_first_end_was_lost() -> None:
+    async def program() -> None:
+        async with meade("autostar") as bridge:
+            client = bridge.client()
+            client.tell(b":F+#")
+            await asyncio.sleep(1.0)
+            missed = deafen(bridge, (b":FQ#",))
+            client.tell(b":FQ#")
+            await asyncio.sleep(1.0)
+            assert missed
+            assert bridge.sim.parts["focuser"] == 0
+
+    run(program())
+
+
+@pytest.mark.parametrize(("motion", "release"), [(b":Mge4000#", b""), (b":RC#:Me#", b":Qe#"), (b":RG#:Mn#", b":Qn#")])
+def test_an_end_that_a_telescope_could_not_hear_is_sent_when_it_hears_again(motion: bytes, release: bytes) -> None:
+    """A classic that calculates its planets after :SC hears :Q# alone; no position shows that rates so low go on."""
+
+    async def program() -> None:
+        settings = {"lowest": -90.0, "sun": 0.0, "site_time": "always"}
+        async with Bridge("lx200", driven="lx200", config=settings) as bridge:
+            client = bridge.client()
+            client.tell(motion)
+            await asyncio.sleep(0.3)
+            bridge.client("10.0.0.9").tell(b":SC01/16/26#")
+            while not bridge.sim.busy:
+                await asyncio.sleep(0.05)
+            client.tell(release)
+            await asyncio.sleep(3.0)
+            assert bridge.sim.busy
+            await asyncio.sleep(20.0)
+            assert not bridge.sim.arrows
+
+    run(program())
+
+
+def test_a_release_that_a_telescope_cannot_hear_becomes_a_stop() -> None:
+    """At two degrees a second the tube would turn by ten until a classic has calculated its planets."""
+
+    async def program() -> None:
+        settings = {"lowest": -90.0, "sun": 0.0, "site_time": "always"}
+        async with Bridge("lx200", driven="lx200", config=settings) as bridge:
+            client = bridge.client()
+            client.tell(b":RM#:Me#")
+            await asyncio.sleep(0.5)
+            bridge.client("10.0.0.9").tell(b":SC01/16/26#")
+            while not bridge.sim.busy:
+                await asyncio.sleep(0.05)
+            assert bridge.sim.arrows
+            client.tell(b":Qe#")
+            await asyncio.sleep(0.5)
+            assert bridge.sim.busy
+            assert not bridge.sim.arrows
+            assert not bridge.controller.motions.axes
+
+    run(program())

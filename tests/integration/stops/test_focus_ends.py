@@ -1,0 +1,91 @@
+"""The focuser stands still when it was told to: neither a stop of the mount nor a lost answer takes that back.
+
+Bytes as in the manuals: ``:F+#`` ``:FQ#`` on a Meade; ``P 2 18 36 rate`` to a focuser on a NexStar's bus.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.protocols.nexstar.simulator.devices import FocuserMotor
+from tests.integration.stops.test_lost_answers import swallow
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+HALT = b"P\x02\x12\x24\x00\x00\x00\x00"
+MOUNTS = [("cpc", "nexstar"), ("lx200gps", "lx200")]
+
+
+def bridge_to(mount: str, driven: str) -> Bridge:
+    bridge = Bridge(mount, driven=driven)
+    if driven == "nexstar":
+        bridge.sim.focuser = FocuserMotor()
+    return bridge
+
+
+def moves(bridge: Any) -> bool:
+    if hasattr(bridge.sim, "parts"):
+        return bool(bridge.sim.parts["focuser"])
+    return bool(bridge.sim.focuser.moving(bridge.sim.clock()))
+
+
+@pytest.mark.parametrize(("mount", "driven"), MOUNTS)
+@pytest.mark.parametrize("packet", [b":FQ#:Q#", b":Qe#:FQ#:Q#", b":FQ#:Qe#:Qw#:Qn#:Qs#", b":Q#:FQ#"])
+def test_a_stop_of_the_mount_does_not_take_back_the_end_of_the_focuser(mount: str, driven: str, packet: bytes) -> None:
+    async def program() -> None:
+        async with bridge_to(mount, driven) as bridge:
+            client = bridge.client()
+            client.tell(b":F+#")
+            await asyncio.sleep(1.0)
+            assert moves(bridge)
+            client.tell(packet)
+            await asyncio.sleep(2.0)
+            assert not moves(bridge)
+            assert bridge.controller.motions.wanted.focus is None
+
+    run(program())
+
+
+@pytest.mark.parametrize("times", [1, 3])
+@pytest.mark.parametrize("how", ["told", "gone"])
+def test_the_end_of_the_focuser_is_sent_until_it_is_acknowledged(how: str, times: int) -> None:
+    async def program() -> None:
+        async with bridge_to("cpc", "nexstar") as bridge:
+            client = bridge.client()
+            client.tell(b":FS#:F+#")
+            await asyncio.sleep(1.0)
+            assert moves(bridge)
+            lost = swallow(bridge, lambda data: data == HALT, times)
+            if how == "told":
+                client.tell(b":FQ#")
+            else:
+                client.close()
+            await asyncio.sleep(40.0)
+            assert len(lost) == times
+            assert bridge.sent().count(HALT) == times + 1
+            assert not moves(bridge)
+            assert bridge.controller.motions.wanted.focus is None
+            assert not bridge.controller.motions.wanted.pending
+
+    run(program())
+
+
+def test_the_end_of_an_older_motion_does_not_end_a_newer_one() -> None:
+    async def program() -> None:
+        async with bridge_to("cpc", "nexstar") as bridge:
+            client = bridge.client()
+            client.tell(b":FS#:F+#")
+            await asyncio.sleep(1.0)
+            lost = swallow(bridge, lambda data: data == HALT)
+            client.tell(b":FQ#")
+            while not bridge.controller.motions.wanted.pending or not lost:
+                await asyncio.sleep(0.1)
+            client.tell(b":F-#")
+            await asyncio.sleep(8.0)
+            assert moves(bridge)
+            assert bridge.sent().count(HALT) == 1
+
+    run(program())

@@ -1,0 +1,120 @@
+"""A line that comes back: what moved when it was lost is ended, and a stop that is owed goes before everything."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.protocols.mechanics.truth import truth_of
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+MEADES = ["lx200", "lx200-16", "autostar", "lx200gps"]
+MOUNTS = [*MEADES, "cge", "cpc", "6-8se"]
+STOPS = (b":Q#", b"#:Q#", b"M", b"P\x02\x10\x24\x00\x00\x00\x00", b"P\x02\x11\x24\x00\x00\x00\x00")
+
+
+def bridge_to(mount: str) -> Bridge:
+    return Bridge(mount, driven="lx200" if mount in MEADES else "nexstar", config={"lowest": -90.0, "sun": 0.0})
+
+
+async def cut(bridge: Any, seconds: float) -> list[bytes]:
+    """Pull the cable out for so long -> what is sent first when it is back."""
+    wire = bridge.controller.line.wire
+    opening = wire.open
+
+    async def no_port(*callbacks: Any) -> None:
+        raise OSError(2, "no such port")
+
+    wire.open = no_port
+    bridge.controller.line.talk.lose("unplugged")
+    bridge.controller.line._wake.set()
+    await asyncio.sleep(seconds)
+    before = len(bridge.sent())
+    wire.open = opening
+    while len(bridge.sent()) == before:
+        await asyncio.sleep(0.01)
+    await asyncio.sleep(0.5)
+    return bridge.sent()[before:]
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize("motion", [b":RM#:Me#", b":RS#:Mn#:Mw#", b":RC#:Ms#", b":Sr05:00:00#:Sd+30*00:00#:MS#"])
+def test_what_moved_when_the_line_was_lost_is_over_when_it_is_back(mount: str, motion: bytes) -> None:
+    async def program() -> None:
+        async with bridge_to(mount) as bridge:
+            client = bridge.client()
+            client.tell(motion)
+            for _ in range(20):
+                client.tell(b":GR#")
+                await asyncio.sleep(0.1)
+            assert bridge.controller.moving
+            first = await cut(bridge, 4.0)
+            assert first[0] in STOPS
+            await asyncio.sleep(2.0)
+            assert not truth_of(bridge.sim).moving
+            assert not bridge.controller.motions.owed and not bridge.controller.moving
+            assert [entry for entry in bridge.entries if "the line was lost while the mount moved" in entry.note]
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_a_stop_that_was_asked_for_while_the_line_was_lost_goes_first(mount: str) -> None:
+    async def program() -> None:
+        async with bridge_to(mount) as bridge:
+            client = bridge.client()
+            client.tell(b":RM#:Me#")
+            await asyncio.sleep(2.0)
+            asyncio.get_running_loop().call_later(1.0, client.tell, b":Q#")
+            first = await cut(bridge, 4.0)
+            assert first[0] in STOPS
+            await asyncio.sleep(3.0)
+            assert not bridge.controller.motions.owed
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_a_line_that_is_lost_at_rest_gets_no_stop(mount: str) -> None:
+    async def program() -> None:
+        async with bridge_to(mount) as bridge:
+            await asyncio.sleep(2.0)
+            before = len(bridge.sent())
+            await cut(bridge, 4.0)
+            await asyncio.sleep(10.0)
+            assert not [sent for sent in bridge.sent()[before:] if sent in STOPS]
+
+    run(program())
+
+
+def test_half_a_command_of_a_hand_control_is_waited_for_first() -> None:
+    """Its other half must not be made of the stop; a single letter has no half."""
+
+    async def program() -> None:
+        for last, waits in ((b"P\x02\x10\x24\x05\x00\x00\x00", True), (b"e", False)):
+            async with bridge_to("cge") as bridge:
+                client = bridge.client()
+                client.tell(b":RM#:Me#")
+                await asyncio.sleep(2.0)
+                talk = bridge.controller.line.talk
+                talk.half, talk.request, talk.wrote = True, last, bridge.controller.now()
+                began = bridge.controller.now()
+                await cut(bridge, 0.1)
+                assert (bridge.controller.now() - began > 3.5) == waits
+
+    run(program())
+
+
+def test_half_a_command_of_a_meade_is_closed_before_the_stop() -> None:
+    async def program() -> None:
+        async with bridge_to("autostar") as bridge:
+            client = bridge.client()
+            client.tell(b":RM#:Me#")
+            await asyncio.sleep(2.0)
+            bridge.controller.line.talk.half = True
+            assert (await cut(bridge, 0.1))[0] == b"#:Q#"
+
+    run(program())

@@ -1,0 +1,58 @@
+"""A stop that nobody acknowledges on a line that stays up is sent again, a bounded number of times."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.protocols.mechanics.truth import truth_of
+from tests.support.cable import deafen
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+ENDS = (b"M", b"P\x02\x10\x24\0", b"P\x02\x11\x24\0")
+
+
+def to_a(mount: str) -> Bridge:
+    return Bridge(mount, config={"lowest": -90.0, "sun": 0.0})
+
+
+@pytest.mark.parametrize("mount", ["cge", "cpc"])
+@pytest.mark.parametrize("rate", [b":RC#", b":RM#"])
+@pytest.mark.parametrize("times", [3, 6, 12])
+def test_a_stop_that_was_not_heard_three_times_is_sent_again(mount: str, rate: bytes, times: int) -> None:
+    """Whether the motion is fast enough to be seen or not."""
+
+    async def program() -> None:
+        async with to_a(mount) as bridge:
+            client = bridge.client()
+            client.tell(rate + b":Mn#")
+            await asyncio.sleep(3.0)
+            assert abs(truth_of(bridge.sim).rate2) > 0.01
+            deafen(bridge, ENDS, times)
+            client.tell(b":Q#")
+            await asyncio.sleep(12.0 * times / 3 + 5.0)
+            assert not bridge.controller.motions.owed
+            assert abs(truth_of(bridge.sim).rate2) < 0.01
+
+    run(program())
+
+
+def test_somebody_is_told_after_seven_times_and_it_is_left_alone() -> None:
+    async def program() -> None:
+        async with to_a("cge") as bridge:
+            client = bridge.client()
+            client.tell(b":RC#:Mn#")
+            await asyncio.sleep(3.0)
+            missed = deafen(bridge, ENDS, 1000)
+            client.tell(b":Q#")
+            await asyncio.sleep(240.0)
+            sent = len(missed)
+            assert 15 < sent < 60
+            assert [entry.note for entry in bridge.entries if "however often it was sent" in entry.note]
+            await asyncio.sleep(120.0)
+            assert len(missed) == sent
+            assert bridge.controller.motions.owed, "and goes out with the next one, or when the line is back"
+
+    run(program())

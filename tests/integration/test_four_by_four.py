@@ -1,0 +1,302 @@
+"""Two gateways in a row: each of four surfaces driven by another gateway, over each of four mounts.
+
+What a program orders at one end is read at the other, from the simulated mount itself; programs of both kinds, in both
+hemispheres, take turns. Site and time are read at both gateways.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import calendar
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import pytest
+
+from gateway.astro.spherical import separation, sidereal_time, wrap180, wrap360
+from tests.integration.test_scenarios import dms, hms, parse_dec, parse_ra
+from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.two_gateways import Chain, equatorial
+from tests.support.virtual import run
+
+#: What the inner gateway presents, and what it drives; the model that a nexstar surface has over it of itself.
+SURFACES = [("lx200", "lx200gps"), ("lx200", "lx200"), ("lx200", "lx200-16"), ("nexstar", None)]
+MOUNTS = [
+    ("nexstar", "cge", "cge"),
+    ("lx200", "lx200gps", "6-8se"),
+    ("lx200", "lx200", "cpc"),
+    ("lx200", "lx200-16", "cpc"),
+]
+#: More of what differs: a model that is named, a StarSense at each end, a fork on its wedge.
+MORE = [
+    (("nexstar", "6-8se/starsense-1.20"), ("nexstar", "cpc/starsense-1.20", "6-8se")),
+    (("nexstar", "cge"), ("lx200", "lx200", "cge")),
+    (("lx200", "autostar"), ("lx200", "autostar", "6-8se")),
+    (("nexstar", "avx/5.31"), ("nexstar", "cgx/5.31", "cgx")),
+]
+PAIRS = [(surface, mount) for surface in SURFACES for mount in MOUNTS] + MORE
+CASES = [
+    pytest.param(
+        surface,
+        mount,
+        number // 2 % 2 == 1,
+        (number + number // 4) % 2 == 1,
+        id=f"{surface[1] or surface[0]}-on-{mount[1]}",
+    )
+    for number, (surface, mount) in enumerate(PAIRS)
+]
+NORTH, SOUTH = (45.0, 10.0), (-33.5, -70.25)
+SECOND = 1.0 / 3600.0
+#: Half a second of right ascension and of declination, and what 24 bits lose.
+EXACT = 8.0 * SECOND
+
+
+class Program:
+    """Talks LX200 or NexStar; the bytes are typed by hand."""
+
+    def __init__(self, client: Visitor, nexstar: bool) -> None:
+        self.client, self.nexstar = client, nexstar
+
+    async def place(self) -> tuple[float, float]:
+        if self.nexstar:
+            seen = equatorial(await self.client.ask(b"e", until=b"#"))
+            return seen.ra, seen.dec
+        return parse_ra(await self.client.ask(b":GR#")), parse_dec(await self.client.ask(b":GD#"))
+
+    def _order(self, letter: str, command: str, ra: float, dec: float) -> bytes:
+        if self.nexstar:
+            ticks = (round(part / 360 * 2**24) % 2**24 for part in (ra, dec))
+            return (letter + "{:06X}00,{:06X}00".format(*ticks)).encode()
+        return f":Sr{hms(ra)}#:Sd{dms(dec)}#:{command}#".encode()
+
+    async def goto(self, ra: float, dec: float) -> None:
+        """Sent there, and there when the program is told so."""
+        await self.leave(ra, dec)
+        for _ in range(150):
+            if await self.client.ask(b"L" if self.nexstar else b":D#") in (b"0#", b"#"):
+                return
+            await asyncio.sleep(2.0)
+        raise AssertionError("the goto never ends")
+
+    async def leave(self, ra: float, dec: float) -> None:
+        yes = b"#" if self.nexstar else b"110"
+        assert await self.client.ask(self._order("r", "MS", ra, dec), 15.0, until=yes) == yes
+
+    async def sync(self, ra: float, dec: float) -> None:
+        assert (await self.client.ask(self._order("s", "CM", ra, dec), 15.0, until=b"#")).startswith(
+            b"#" if self.nexstar else b"11"
+        )
+
+    async def stop(self) -> None:
+        if self.nexstar:
+            for said in (b"M", b"P\x02\x10\x24\0\0\0\0", b"P\x02\x11\x24\0\0\0\0"):
+                assert await self.client.ask(said) == b"#"
+        else:
+            self.client.tell(b":Q#")
+
+    async def arrows(self) -> None:
+        if self.nexstar:
+            for said in (b"P\x02\x10\x24\x09\0\0\0", b"P\x02\x11\x24\x08\0\0\0"):
+                assert await self.client.ask(said) == b"#"
+        else:
+            self.client.tell(b":RS#:Mw#:Mn#")
+
+    async def set_site(self, latitude: float, longitude: float) -> None:
+        if self.nexstar:
+            assert await self.client.ask(b"W" + _dms(latitude) + _dms(longitude)) == b"#"
+        else:
+            west = round(-longitude * 60) % 21600
+            said = f":St{dms(latitude)[:6]}#:Sg{west // 60:03d}*{west % 60:02d}#"
+            assert await self.client.ask(said.encode(), until=b"11") == b"11"
+
+    async def site(self) -> tuple[float, float]:
+        if self.nexstar:
+            told = await self.client.ask(b"w")
+            return _degrees(told[:4]), _degrees(told[4:8])
+        north, west = await self.client.ask(b":Gt#"), await self.client.ask(b":Gg#")
+        sign = b"" if west[:1] in b"+-" else b"+"
+        return parse_dec(north.rstrip(b"#") + b":00#"), -parse_dec(sign + west.rstrip(b"#") + b":00#")
+
+    async def set_clock(self, unix: float, offset: float, dst: int) -> None:
+        local = datetime.fromtimestamp(unix, UTC) + timedelta(hours=offset)
+        if self.nexstar:
+            fields = (
+                local.hour,
+                local.minute,
+                local.second,
+                local.month,
+                local.day,
+                local.year - 2000,
+                int(offset - dst) % 256,
+                dst,
+            )
+            assert await self.client.ask(b"H" + bytes(fields)) == b"#"
+        else:
+            said = f":SG{-offset:+05.1f}#:SL{local:%H:%M:%S}#:SC{local:%m/%d/%y}#"
+            assert (await self.client.ask(said.encode(), 30.0, until=b" #")).startswith(b"111")
+
+    async def clock(self) -> float:
+        """Unix seconds."""
+        if self.nexstar:
+            hour, minute, second, month, day, year, zone, dst = (await self.client.ask(b"h"))[:8]
+            offset = (zone - 256 if zone > 127 else zone) + dst
+            return calendar.timegm((2000 + year, month, day, hour, minute, second)) - offset * 3600.0
+        answers = [(await self.client.ask(said)).rstrip(b"#").decode() for said in (b":GC#", b":GL#", b":GG#")]
+        local = datetime.strptime(" ".join(answers[:2]), "%m/%d/%y %H:%M:%S")
+        return calendar.timegm(local.timetuple()) + float(answers[2]) * 3600.0
+
+
+def _dms(degrees: float) -> bytes:
+    seconds = round(abs(degrees) * 3600)
+    return bytes((seconds // 3600, seconds // 60 % 60, seconds % 60, int(degrees < 0)))
+
+
+def _degrees(raw: bytes) -> float:
+    return (raw[0] + raw[1] / 60 + raw[2] / 3600) * (-1 if raw[3] else 1)
+
+
+def _parts(named: str | None) -> tuple[str | None, str | None]:
+    model, _, version = (named or "").partition("/")
+    return model or None, version or None
+
+
+def row(surface: tuple[str, str | None], mount: tuple[str, str, str], nexstar: bool, **more: Any) -> Chain:
+    """The chain of a case; its outer surface is the program's."""
+    driven, named, fits = mount
+    (model, version), (shown, shown_as) = _parts(named), _parts(surface[1] or fits)
+    assert model is not None
+    bridge = Bridge(
+        model,
+        version,
+        driven=driven,
+        presented=surface[0],
+        surface=shown,
+        surface_version=shown_as,
+        latency=0.02,
+        config={"lowest": -90.0, "sun": 0.0},
+        **more,
+    )
+    return Chain(bridge, surface[0], "nexstar" if nexstar else "lx200", fits if nexstar else "autostar")
+
+
+def apart(one: tuple[float, float], other: tuple[float, float]) -> float:
+    return separation(*one, *other)
+
+
+@pytest.mark.parametrize(("surface", "mount", "south", "nexstar"), CASES)
+def test_what_moves(surface: tuple[str, str | None], mount: tuple[str, str, str], south: bool, nexstar: bool) -> None:
+    """Gotos are exact, stops stop, arrows and syncs arrive, and parked it stands where it can stand."""
+    site = SOUTH if south else NORTH
+
+    async def program() -> None:
+        chain = row(surface, mount, nexstar, site=site)
+        sim = chain.inner.sim
+        async with chain:
+            one = Program(chain.client(), nexstar)
+            assert apart(await one.place(), sim.truth()) < 2.0 * EXACT
+            sidereal = sidereal_time(chain.inner.clock(), site[1])
+            target = round(wrap360(sidereal + 20.0) * 240.0) / 240.0, (-33.2575 if south else 33.2575)
+            await one.goto(*target)
+            assert apart(sim.truth(), target) < EXACT
+            assert apart(await one.place(), target) < EXACT
+            # a stop, and what it leaves
+            await one.leave(wrap360(sidereal - 40.0), -10.0 if south else 10.0)
+            await asyncio.sleep(3.0)
+            assert sim.slewing
+            await one.stop()
+            await asyncio.sleep(3.0)
+            stood = sim.truth()
+            await asyncio.sleep(5.0)
+            assert apart(sim.truth(), stood) < EXACT and sim.tracking
+            # arrows on both axes
+            await one.arrows()
+            await asyncio.sleep(3.0)
+            assert apart(sim.truth(), stood) > 1.0
+            await one.stop()
+            await asyncio.sleep(4.0)
+            stood = sim.truth()
+            await asyncio.sleep(5.0)
+            assert apart(sim.truth(), stood) < EXACT and sim.tracking
+            # a sync moves the sky at both ends, and not the tube
+            ra, dec = await one.place()
+            centred = round(wrap360(ra + 0.5) * 240.0) / 240.0, round((dec + 0.5) * 3600.0) / 3600.0
+            await one.sync(*centred)
+            await asyncio.sleep(2.0)
+            inner = Program(chain.inner.client(), surface[0] == "nexstar")
+            assert apart(await one.place(), centred) < 2.0 * EXACT
+            assert apart(await inner.place(), centred) < 2.0 * EXACT
+            assert apart(sim.truth(), stood) < 2.0 * EXACT
+
+    run(program())
+
+
+#: Classics cannot park: the surface of one does not, and on one the gateway cannot.
+PARKS = [case for case in CASES if case.values[0][1] != "lx200" and case.values[1][1] != "lx200"]  # type: ignore[index]
+
+
+@pytest.mark.parametrize(("surface", "mount", "south", "nexstar"), PARKS)
+def test_parked(surface: tuple[str, str | None], mount: tuple[str, str, str], south: bool, nexstar: bool) -> None:
+    """``:hP#`` at one end: at the pole, or low in the north, and standing; a 16 inch only by its own ``:hP#``."""
+
+    async def program() -> None:
+        chain = row(surface, mount, False, site=SOUTH if south else NORTH)
+        sim = chain.inner.sim
+        async with chain:
+            chain.client().tell(b":hP#")
+            for _ in range(40):
+                await asyncio.sleep(4.0)
+                if not (sim.slewing or sim.tracking):
+                    break
+            axes = sim.mechanics.axes(chain.inner.clock())
+            equatorial_mount = mount[1] in ("cge", "lx200-16", "cgx/5.31")
+            if equatorial_mount:
+                assert axes[1] == pytest.approx(90.0, abs=0.2)
+            else:
+                assert wrap180(axes[0]) == pytest.approx(0.0, abs=0.2) and axes[1] == pytest.approx(0.0, abs=0.6)
+            if (surface[0], mount[1]) != ("nexstar", "lx200-16"):  # its tracking is switched off by its own park alone
+                assert not sim.tracking
+
+    run(program())
+
+
+CLOCKS = [(-5, 1), (9, 0), (12, 1), (5.5, 0), (-3.5, 0)]
+
+
+@pytest.mark.parametrize(("surface", "mount", "south", "nexstar"), CASES)
+def test_site_and_time(
+    surface: tuple[str, str | None], mount: tuple[str, str, str], south: bool, nexstar: bool
+) -> None:
+    """East and west, half-hour zones, daylight saving: the same at both gateways and on the mount.
+
+    A classic cannot say that it is not aligned: over a nexstar surface it is told neither, the outer one keeps both.
+    """
+    kept = surface[0] == "nexstar" and mount[1] in ("lx200", "lx200-16")
+
+    async def program() -> None:
+        chain = row(surface, mount, nexstar, aligned=False)
+        sim, began = chain.inner.sim, chain.inner.clock
+        async with chain:
+            one, inner = Program(chain.client(), nexstar), Program(chain.inner.client(), surface[0] == "nexstar")
+            for site in ((33.5, -118.25), (-33.75, 151.25), (0.25, -0.5)):
+                await one.set_site(*site)
+                await asyncio.sleep(4.0)
+                sky = sim.mechanics.sky
+                told = [await one.site()] + ([] if kept else [await inner.site(), (sky.latitude, sky.longitude)])
+                for latitude, longitude in told:
+                    assert latitude == pytest.approx(site[0], abs=1e-6)
+                    assert wrap180(longitude - site[1]) == pytest.approx(0.0, abs=1e-6)
+            for zone, dst in CLOCKS:
+                if nexstar and zone != int(zone):
+                    continue
+                wanted = float(round(began() + 10000.0 * (zone + 14.0)))
+                ahead = wanted - began()
+                await one.set_clock(wanted, zone + dst, dst)
+                await asyncio.sleep(25.0 if mount[1] in ("lx200", "lx200-16") else 5.0)
+                # whole seconds each way, at two gateways
+                assert -2.1 < await one.clock() - ahead - began() < 1.1, (zone, dst)
+                if not kept:
+                    sim.feed(b"")
+                    assert -1.6 < sim.utc() - ahead - began() < 1.1, (zone, dst)
+                    assert -3.1 < await inner.clock() - ahead - began() < 1.1, (zone, dst)
+
+    run(program())

@@ -1,0 +1,58 @@
+"""A short piece of ``tests/soak/poor_lines.py``: what programs get over a lossy line, a slow one, and at the start."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from tests.soak.poor_lines import LINES, MOUNTS, first_answer, polled
+from tests.support.in_process_gateway import Bridge
+from tests.support.poor_line import Poor, over, poll
+from tests.support.virtual import run
+
+
+@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize("name", ["3 % lost", "3 % of each"])
+@pytest.mark.parametrize("model", MOUNTS)
+def test_every_poll_is_answered_on_a_line_that_loses_a_little(model: str, name: str, moving: bool) -> None:
+    polls = run(polled(model, MOUNTS[model], LINES[name], 30.0, moving))
+    assert polls.answered == polls.asked >= 40  # of a hundred
+    assert polls.wrong == 0
+    assert polls.longest < 3.5
+
+
+@pytest.mark.parametrize("model", MOUNTS)
+def test_a_round_trip_of_a_second_carries_its_polls(model: str) -> None:
+    polls = run(polled(model, MOUNTS[model], LINES["round trip of 1 s"], 30.0, moving=False))
+    assert polls.answered == polls.asked > 80
+    assert polls.wrong == 0
+
+
+@pytest.mark.parametrize("model", MOUNTS)
+def test_answers_that_are_always_too_late_are_waited_for(model: str) -> None:
+    polls = run(polled(model, MOUNTS[model], LINES["answers 3.6 s late"], 60.0, moving=False))
+    assert polls.answered >= 15
+    assert polls.wrong == 0
+
+
+@pytest.mark.parametrize(("named", "seconds"), [(True, 4.0), (False, 9.0)])
+@pytest.mark.parametrize("latency", [0.0, 0.15, 0.5])
+@pytest.mark.parametrize("model", ["lx200", "lx200-16"])
+def test_a_classic_answers_soon_after_the_start(model: str, latency: float, named: bool, seconds: float) -> None:
+    assert run(first_answer(model, named, latency)) <= seconds
+
+
+def test_an_old_position_is_marked_in_the_log_once() -> None:
+    async def program() -> None:
+        async with Bridge("cpc", config={"sun": 0.0}) as bridge:
+            wire = over(bridge, Poor())
+            bridge.controller.line.talk.lose("unplugged")
+            await asyncio.sleep(5.0)
+            wire._poor = Poor(lost=2.0)
+            polls = await poll(bridge, 8.0)
+            said = [entry.note for entry in bridge.entries if "has not answered in time" in entry.note]
+            assert said == ["the mount has not answered in time: programs are told its last position, up to 10 s old"]
+            assert polls.answered >= 2
+
+    run(program())

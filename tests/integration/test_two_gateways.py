@@ -1,0 +1,239 @@
+"""Two gateways in a row are the identity, within half a tick of the coarser field; UTC is exact.
+
+NexStar program -> NexStar surface -> LX200 driver -> LX200 surface -> NexStar driver -> simulated hand control, and the
+mirror image onto a simulated Meade.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import calendar
+import random
+import zoneinfo
+from datetime import UTC, datetime, timedelta
+from functools import cache
+
+import pytest
+
+from gateway.astro.spherical import separation
+from tests.support.in_process_gateway import Bridge
+from tests.support.two_gateways import Chain, equatorial
+from tests.support.virtual import run
+
+ARCSECOND = 1.0 / 3600.0
+#: Half a tick of HH:MM:SS and of sDD*MM:SS, and of 24 bits on the way.
+RA_HALF, DEC_HALF = 7.5 * ARCSECOND + 3e-5, 0.5 * ARCSECOND + 3e-5
+INSTANTS = ["2026-01-15 22:00:00", "2026-07-15 22:00:00", "2026-12-31 23:59:40", "2027-01-01 00:00:20"]
+
+
+@cache
+def offsets() -> list[float]:
+    """Every UTC offset in use today, in hours, both daylight-saving states."""
+    moments = [datetime(2026, month, 15, tzinfo=UTC) for month in (1, 7)]
+    found = {
+        moment.astimezone(zoneinfo.ZoneInfo(name)).utcoffset()
+        for name in zoneinfo.available_timezones()
+        for moment in moments
+    }
+    return sorted(delta.total_seconds() / 3600 for delta in found if delta is not None)
+
+
+def places(count: int) -> list[tuple[float, float]]:
+    """Places all over the sky, the poles and the equinox included."""
+    chance = random.Random(20260115)
+    spread = [(chance.uniform(0, 360), chance.uniform(-89.9, 89.9)) for _ in range(count)]
+    return [(0.0, 0.0), (359.999, -0.0001), (83.63, 89.99), (180.0, -89.99), (0.002, 0.4), (12.0, -0.4), *spread]
+
+
+def hex_place(ra: float, dec: float) -> bytes:
+    return b"%06X00,%06X00" % (round(ra / 360 * 2**24) % 2**24, round(dec / 360 * 2**24) % 2**24)
+
+
+def test_every_zone_is_known() -> None:
+    found = offsets()
+    assert {-3.5, 5.5, 5.75, 8.75, 9.5, 12.75, 13.75} & set(found) >= {5.5, 5.75, 8.75, 9.5, 12.75}
+
+
+def test_positions_of_a_nexstar_program_reach_a_nexstar_mount() -> None:
+    async def program() -> None:
+        bridge = Bridge("cge", config={"lowest": -90.0}, latency=0.0)
+        async with Chain(bridge, "lx200", "nexstar", "cge") as chain:
+            client = chain.client()
+            for ra, dec in places(60):
+                assert await client.ask(b"r" + hex_place(ra, dec)) == b"#"
+                await asyncio.sleep(1.0)
+                last = [sent for sent in bridge.sent() if sent[:1] == b"r"][-1]
+                there = equatorial(last[1:] + b"#")
+                assert abs((there.ra - ra + 180) % 360 - 180) <= RA_HALF, (ra, dec, there)
+                assert abs(there.dec - dec) <= DEC_HALF, (ra, dec, there)
+                await client.ask(b"M")
+                await asyncio.sleep(0.5)
+
+    run(program())
+
+
+def test_sites_all_over_the_globe_reach_a_nexstar_mount() -> None:
+    async def program() -> None:
+        bridge = Bridge(aligned=False, latency=0.0)
+        async with Chain(bridge, "lx200", "nexstar", "6-8se") as chain:
+            client = chain.client()
+            chance = random.Random(7)
+            corners = [(0.5, -0.5), (-0.5, 0.5), (89.99, 179.99), (-89.99, -179.99), (0.0, 180.0)]
+            sites = corners + [(chance.uniform(-90, 90), chance.uniform(-180, 180)) for _ in range(40)]
+            for latitude, longitude in sites:
+                assert await client.ask(b"W" + _dms(latitude) + _dms(longitude)) == b"#"
+                await asyncio.sleep(3.0)
+                told = bridge.sim.feed(b"w")
+                here = _degrees(told[:4]), _degrees(told[4:8])
+                # the field between them has arcminutes
+                assert abs(here[0] - latitude) <= 31 * ARCSECOND, (latitude, longitude, here)
+                assert abs((here[1] - longitude + 180) % 360 - 180) <= 31 * ARCSECOND, (latitude, longitude, here)
+
+    run(program())
+
+
+def _dms(degrees: float) -> bytes:
+    seconds = round(abs(degrees) * 3600)
+    return bytes((seconds // 3600, seconds // 60 % 60, seconds % 60, int(degrees < 0)))
+
+
+def _degrees(raw: bytes) -> float:
+    return (raw[0] + raw[1] / 60 + raw[2] / 3600) * (-1 if raw[3] else 1)
+
+
+@pytest.mark.parametrize("instant", INSTANTS)
+def test_utc_of_a_nexstar_program_reaches_a_nexstar_mount(instant: str) -> None:
+    whole = [hours for hours in offsets() if hours == int(hours)]
+
+    async def program() -> None:
+        bridge = Bridge(aligned=False, latency=0.0)
+        async with Chain(bridge, "lx200", "nexstar", "6-8se") as chain:
+            client = chain.client()
+            moment = datetime.fromisoformat(instant)
+            for hours in whole:
+                for dst in (0, 1):
+                    local = moment + timedelta(hours=hours)
+                    fields = (
+                        local.hour,
+                        local.minute,
+                        local.second,
+                        local.month,
+                        local.day,
+                        local.year - 2000,
+                        int(hours - dst) % 256,
+                        dst,
+                    )
+                    sent_at = asyncio.get_running_loop().time()
+                    assert await client.ask(b"H" + bytes(fields)) == b"#"
+                    await asyncio.sleep(4.0)
+                    passed = asyncio.get_running_loop().time() - sent_at
+                    assert abs(_utc(bridge.sim.feed(b"h")) - calendar.timegm(moment.timetuple()) - passed) <= 1.1
+
+    run(program())
+
+
+def _utc(told: bytes) -> float:
+    hour, minute, second, month, day, year, zone, dst = told[:8]
+    local = calendar.timegm((2000 + year, month, day, hour, minute, second))
+    return local - ((zone - 256 if zone > 127 else zone) + dst) * 3600.0
+
+
+@pytest.mark.parametrize("instant", INSTANTS)
+def test_utc_of_an_lx200_program_reaches_a_nexstar_mount_from_every_zone(instant: str) -> None:
+    async def program() -> None:
+        async with Bridge(aligned=False, latency=0.0) as bridge:
+            client = bridge.client()
+            moment = datetime.fromisoformat(instant)
+            for hours in offsets():
+                shown = f"{-hours:+05.1f}"  # tenths are all there are: 5.75 goes out as 5.8, and is read as 5.75
+                local = moment + timedelta(hours=hours)
+                sent_at = asyncio.get_running_loop().time()
+                command = f":SG{shown}#:SL{local:%H:%M:%S}#:SC{local:%m/%d/%y}#".encode()
+                assert (await client.ask(command, until=b" #")).startswith(b"111")
+                await asyncio.sleep(2.0)
+                passed = asyncio.get_running_loop().time() - sent_at
+                assert abs(_utc(bridge.sim.feed(b"h")) - calendar.timegm(moment.timetuple()) - passed) <= 1.1, hours
+
+    run(program())
+
+
+def test_a_round_trip_of_positions_is_within_an_arcsecond_of_time() -> None:
+    async def program() -> None:
+        bridge = Bridge("cge", latency=0.0)
+        async with Chain(bridge, "lx200", "nexstar", "cge") as chain:
+            client = chain.client()
+            told = equatorial(await client.ask(b"e"))
+            truth = bridge.sim.truth()
+            assert separation(told.ra, told.dec, *truth) < 10 * ARCSECOND
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", ["autostar", "lx200", "lx200-16", "lx200gps"])
+def test_positions_of_an_lx200_program_reach_a_meade_through_a_nexstar_surface(model: str) -> None:
+    """LX200 program -> LX200 surface -> NexStar driver -> NexStar surface -> LX200 driver -> simulated Meade."""
+
+    async def program() -> None:
+        bridge = Bridge(model, driven="lx200", presented="nexstar", surface=None, latency=0.0, config={"lowest": -90.0})
+        async with Chain(bridge, "nexstar", "lx200", "autostar") as chain:
+            client = chain.client()
+            chance = random.Random(5)
+            for _ in range(40):
+                seconds, arcseconds = chance.randrange(86400), chance.randrange(-320000, 320000)
+                h, m, s = seconds // 3600, seconds // 60 % 60, seconds % 60
+                a = abs(arcseconds)
+                dec = f"{'-' if arcseconds < 0 else '+'}{a // 3600:02d}*{a // 60 % 60:02d}:{a % 60:02d}"
+                command = f":Sr{h:02d}:{m:02d}:{s:02d}#:Sd{dec}#:MS#".encode()
+                assert (await client.ask(command, 5, until=b"110")).startswith(b"11")
+                await asyncio.sleep(1.0)
+                sent = bridge.sent()
+                # the identity, to the byte
+                assert f":Sr{h:02d}:{m:02d}:{s:02d}#".encode() in sent
+                assert f":Sd{dec}#".encode() in sent
+                client.tell(b":Q#")
+                await asyncio.sleep(0.5)
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", ["autostar", "lx200gps"])
+@pytest.mark.parametrize("instant", INSTANTS)
+def test_utc_of_an_lx200_program_reaches_a_meade_from_every_zone(model: str, instant: str) -> None:
+    async def program() -> None:
+        bridge = Bridge(model, driven="lx200", presented="nexstar", surface=None, latency=0.0, aligned=False)
+        async with Chain(bridge, "nexstar", "lx200", "autostar") as chain:
+            client = chain.client()
+            moment = datetime.fromisoformat(instant)
+            for hours in offsets():
+                local = moment + timedelta(hours=hours)
+                sent_at = asyncio.get_running_loop().time()
+                command = f":SG{-hours:+05.1f}#:SL{local:%H:%M:%S}#:SC{local:%m/%d/%y}#".encode()
+                assert (await client.ask(command, until=b" #")).startswith(b"111")
+                await asyncio.sleep(4.0)
+                passed = asyncio.get_running_loop().time() - sent_at
+                bridge.sim.feed(b"")  # come to now
+                assert abs(bridge.sim.utc() - calendar.timegm(moment.timetuple()) - passed) <= 1.5, hours
+
+    run(program())
+
+
+@pytest.mark.parametrize("model", ["autostar", "lx200", "lx200-16", "lx200gps"])
+def test_sites_of_an_lx200_program_reach_a_meade(model: str) -> None:
+    async def program() -> None:
+        bridge = Bridge(model, driven="lx200", presented="nexstar", surface=None, latency=0.0, aligned=False)
+        async with Chain(bridge, "nexstar", "lx200", "autostar") as chain:
+            client = chain.client()
+            chance = random.Random(9)
+            for _ in range(25):
+                north, west = chance.randrange(-5400, 5401), chance.randrange(0, 21600)
+                sign = "-" if north < 0 else "+"
+                command = f":St{sign}{abs(north) // 60:02d}*{abs(north) % 60:02d}#:Sg{west // 60:03d}*{west % 60:02d}#"
+                assert await client.ask(command.encode(), until=b"11") == b"11"
+                await asyncio.sleep(4.0)
+                if model in ("autostar", "lx200gps"):  # an unaligned one is told; it has whole arcminutes
+                    assert bridge.sim.site[0] == pytest.approx(north / 60, abs=1e-6)
+                    assert abs((bridge.sim.site[1] + west / 60 + 180) % 360 - 180) < 1e-6
+                told = await client.ask(b":Gt#")
+                assert told == f"{sign}{abs(north) // 60:02d}*{abs(north) % 60:02d}#".encode()
+
+    run(program())

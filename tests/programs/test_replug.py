@@ -1,0 +1,15 @@
+"""A port that is unplugged and plugged in again, in real time: a short piece of ``tests/soak/replug.py``."""
+
+from __future__ import annotations
+
+import asyncio
+
+from tests.soak.replug import replug
+
+
+def test_programs_live_through_a_replug() -> None:
+    figures = asyncio.run(replug(2, seed=1))
+    assert figures["up"]
+    assert not figures["wrong"]
+    assert not figures["dropped"]
+    assert figures["answered"] == figures["asked"] > 0

@@ -1,0 +1,37 @@
+"""A link in the README or in docs/ into the project leads to a file that is there, and to a heading in it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.support.pages import PAGES, ROOT
+
+_LINK = re.compile(r"\]\(([^)\s]+)\)")
+_FENCE = re.compile(r"(?ms)^ *```.*?^ *```$")
+
+
+def anchors(page: Path) -> set[str]:
+    """As GitHub makes them: lower case, without punctuation, hyphens for spaces."""
+    headings = re.findall(r"(?m)^#+ (.+)$", _FENCE.sub("", page.read_text("utf-8")))
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    dead = []
+    for link in _LINK.findall(_FENCE.sub("", page.read_text("utf-8"))):
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        if "://" not in link and (not target.is_file() or (anchor and anchor not in anchors(target))):
+            dead.append(link)
+    assert not dead
+
+
+def test_every_page_is_named_in_the_readme() -> None:
+    links = _LINK.findall((ROOT / "README.md").read_text("utf-8"))
+    named = {(ROOT / link.partition("#")[0]).resolve() for link in links}
+    pages = {page.resolve() for page in (ROOT / "docs").glob("*.md")}
+    assert pages <= named

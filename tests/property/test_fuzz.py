@@ -1,0 +1,196 @@
+"""Random bytes at both ends of a gateway, a little of it every time, and what larger runs have found.
+
+``tests/soak/fuzz_surfaces.py`` and ``fuzz_drivers.py`` are the same on a large scale.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from random import Random
+
+import pytest
+
+from gateway.core import operations as op
+from gateway.core.errors import Fault
+from gateway.mount.link.queue import READ
+from gateway.mount.motion.seen import PositionSample, Seen
+from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
+from tests.soak.fuzz_bytes import KINDS
+from tests.soak.fuzz_drivers import Findings, lie
+from tests.soak.fuzz_forms import PROTOCOLS, of_reply, of_request
+from tests.soak.fuzz_surfaces import Judge, cases, throw
+from tests.support.in_process_gateway import EVENING, Bridge
+from tests.support.virtual import run
+
+CASES = {str(case): case for case in cases()}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("case", ["lx200:autostar on nexstar:6-8se", "nexstar:cge 4.21 on lx200:autostar"])
+def test_bytes_into_a_surface(case: str, kind: str) -> None:
+    judge = Judge(CASES[case])
+    done, _ = run(throw(CASES[case], kind, Random(f"{case} {kind}"), 800, judge))
+    assert done >= 800
+    assert not judge.first
+
+
+@pytest.mark.parametrize(("mount", "seed"), [("lx200:lx200gps", 6), ("nexstar:cpc", 8)])
+def test_spoilt_replies_into_a_driver(mount: str, seed: int) -> None:
+    findings = Findings()
+    assert run(lie(*mount.split(":"), Random(seed), 800, findings)) >= 800
+    assert not findings.found
+    assert findings.ended["value"]
+
+
+def test_the_judges_know_bad_from_good() -> None:
+    lx200, nexstar = PROTOCOLS["lx200"], PROTOCOLS["nexstar"]
+    assert not of_reply(lx200, b":GR#", b"12:34:56#")
+    assert not of_reply(nexstar, b"V", b"\x04\x15#")
+    assert not of_reply(nexstar, b"P\1\xb0\x37\0\0\0\1", b"\0\0#"), "the no-response form"
+    assert not of_request(nexstar, b"P\2\x10\x24\0\0\0\0")
+    for frame, reply in ((b":GR#", b"24:00:00#"), (b":GR#", b"12:34:56##"), (b":GD#", b"+9\xff*00#"), (b":Mn#", b"1")):
+        assert of_reply(lx200, frame, reply)
+    for frame, reply in ((b"V", b"\x04\x15"), (b"e", b"12AB,4000#"), (b"Q", b"#")):
+        assert of_reply(nexstar, frame, reply)
+    assert of_request(lx200, b":GR") and of_request(lx200, b":Sr99:00:00#") and of_request(nexstar, b"P\2\x10")
+
+
+# --- what was found ---------------------------------------------------------------------------------------------------
+
+
+def _mute(bridge: Bridge) -> None:
+    bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+
+
+def test_a_read_from_a_mount_that_never_said_who_it_is_ends_also_after_a_stop() -> None:
+    async def program() -> None:
+        bridge = Bridge()
+        _mute(bridge)
+        bridge.controller.start()
+        with pytest.raises(Fault):
+            await bridge.controller.stop()
+        bridge.controller.snapshot.put(op.Slewing, False, bridge.controller.now())  # as an acknowledged stop leaves it
+        await asyncio.sleep(20)
+        async with asyncio.timeout(10):
+            with pytest.raises(Fault):
+                await bridge.controller.read(op.Slewing())
+        await bridge.controller.close()
+
+    run(program())
+
+
+def test_a_line_that_is_in_step_again_at_the_second_proof_is_up() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            good, lost = bridge.controller.line.wire._feed, [2]  # type: ignore[attr-defined]
+
+            def feed(data: bytes) -> bytes:
+                lost[0] -= 1
+                return b"" if lost[0] >= 0 else bytes(good(data))
+
+            bridge.controller.line.wire._feed = feed  # type: ignore[attr-defined]
+            with pytest.raises(Fault):
+                await bridge.controller.drive(bridge.driver.perform(op.GetSite()), READ)
+            await asyncio.sleep(60)
+            assert bridge.controller.line.state == "up"
+
+    run(program())
+
+
+def test_a_stop_that_fails_when_nobody_waits_any_more_leaves_nothing_behind() -> None:
+    async def program() -> None:
+        left: list[object] = []
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: left.append(context))
+        async with Bridge() as bridge:
+            _mute(bridge)
+            waiting = asyncio.create_task(bridge.controller.stop())
+            await asyncio.sleep(1)
+            waiting.cancel()
+            await asyncio.sleep(60)
+        assert not left
+
+    run(program())
+
+
+@pytest.mark.parametrize("date", ["12/31/9999", "01/01/0001", "01/01/1950", "01/01/2051"])
+def test_a_year_that_two_digits_cannot_tell_is_refused(date: str) -> None:
+    async def program() -> None:
+        async with Bridge(aligned=False) as bridge:
+            client = bridge.client()
+            assert await client.ask(b":SG-14.0#") + await client.ask(b":SL20:00:00#") == b"11"
+            assert await client.ask(b":SC" + date.encode() + b"#") == b"0"
+            await asyncio.sleep(5)
+            assert await client.ask(b":GC#") == b"01/16/26#"
+        assert not [entry.note for entry in bridge.entries if "internal error" in entry.note]
+
+    run(program())
+
+
+def test_a_four_digit_year_is_taken() -> None:
+    async def program() -> None:
+        async with Bridge(aligned=False) as bridge:
+            client = bridge.client()
+            assert (await client.ask(b":SC12/31/2050#")).startswith(b"1")
+            await asyncio.sleep(5)
+            assert await client.ask(b":GC#") == b"12/31/50#"
+
+    run(program())
+
+
+@pytest.mark.parametrize(("zone", "dst"), [(127, 0), (1, 3), (200, 0)])
+def test_an_impossible_zone_of_a_hand_control_is_not_told(zone: int, dst: int) -> None:
+    async def program() -> None:
+        bridge = Bridge()
+        good = bridge.controller.line.wire._feed  # type: ignore[attr-defined]
+        bridge.controller.line.wire._feed = lambda data: (  # type: ignore[attr-defined]
+            bytes((12, 0, 0, 1, 15, 26, zone, dst)) + b"#" if data in (b"h", b"i") else good(data)
+        )
+        async with bridge:
+            assert bridge.observatory.mount_clock is None
+            moment = await bridge.controller.perform(op.GetClock())
+            assert moment.offset == 0.0
+
+    run(program())
+
+
+def test_a_defect_in_what_is_done_later_is_told() -> None:
+    async def program() -> None:
+        left: list[object] = []
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: left.append(context))
+        async with Bridge(aligned=False) as bridge:
+
+            def broken(*_: object) -> None:
+                raise ArithmeticError("as if")
+
+            surface = bridge.reception.face.surface
+            surface.specials = {**surface.specials, "commit_quiet": lambda *_: (broken() for _ in "x")}
+            client = bridge.client()
+            await client.ask(b":SL20:15:30#")
+            await asyncio.sleep(5)
+            assert await client.ask(b":GR#")
+        assert [entry for entry in bridge.entries if "internal error at b'commit_quiet'" in entry.note]
+        assert not left
+
+    run(program())
+
+
+def test_a_simulated_classic_shows_bars_on_the_way_to_half_a_target() -> None:
+    now = [EVENING]
+    sim = SimulatedLx200("lx200", clock=lambda: now[0], site=(45.0, 10.0))
+    sim.feed(b":Sr02:00:00#:MS#")
+    now[0] += 1.0
+    assert sim.feed(b":D#").startswith(b"\xff")
+
+
+def test_a_look_from_before_the_site_was_known_is_measured_again_from_the_sun_too() -> None:
+    async def program() -> None:
+        async with Bridge(start=EVENING - 10 * 3600.0) as bridge:
+            guard = bridge.controller.guard
+            seen = await bridge.controller.read(op.Position())
+            guard.seen = Seen(last=PositionSample(bridge.controller.now() - 1.0, seen))
+            guard._coasts_until = 0.0
+            assert bridge.controller.suns.distances(seen)
+            guard.look(seen)
+            assert guard.seen.farthest
+
+    run(program())

@@ -1,0 +1,81 @@
+"""Judging bytes: is this a reply that the command may have, is this a request that the protocol has?
+
+Replies are measured by the pictures of ``commands.toml`` and, on LX200, also by the shapes that were typed from the
+manual and know nothing of the product. A verdict is a sentence; the empty one means that all is well.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+
+from gateway.protocols.base.frames import Unterminated
+from gateway.protocols.wireformat.command_set import CommandSet, load
+from gateway.protocols.wireformat.template import FrameTemplate
+from tests.support.manual_files import fits, rows
+
+#: What LX200 replies are made of: printable ASCII, the bar of :D#, the degree sign.
+_LX200_BYTES = re.compile(rb"[\x20-\x7f\xdf]*")
+_LX200_REQUEST = re.compile(rb"\x06|[:$][\x20-\x22\x24-\x7e\xdf]+#")
+#: NexStar settings are acknowledged even where they do nothing.
+_ACKNOWLEDGED = b"RrBbSsTWHI"
+#: What the manual's file leaves out, which has one state and one answer: a sync refused, the target in low precision.
+_LX200_ALSO = {"CM": "#", "Gr": "[0-2][0-9]:[0-5][0-9](:[0-5][0-9]|\\.[0-9])#"}
+
+
+def _shapes() -> dict[str, list[str]]:
+    """LX200 command -> the shapes of its replies, by hand."""
+    shapes: dict[str, list[str]] = defaultdict(list)
+    for file in ("lx200_forms.txt", "lx200_beyond.txt"):
+        for name, _, _, shape in rows(file):
+            shapes[name].append(shape)
+    return {name: " ~ ".join([*found, *_LX200_ALSO.get(name, "").split()]) for name, found in shapes.items()}
+
+
+SHAPES = _shapes()
+
+
+def _decodes(picture: FrameTemplate, data: bytes) -> bool:
+    try:
+        picture.decode(data)
+    except ValueError:
+        return False
+    return True
+
+
+def of_reply(protocol: CommandSet, frame: bytes, reply: bytes) -> str:
+    """What is wrong with a reply to this command."""
+    if isinstance(frame, Unterminated):
+        forms = protocol.commands[frame.names[0]].replies if frame.names[0] else []
+        refusals = [] if frame.late else [form.wire for form, _ in forms if form.fault]
+        return "" if reply.decode() in refusals else f"{reply!r} is no refusal of {frame.names[0]!r}"
+    found = protocol.find(frame)
+    if protocol.name == "nexstar":
+        if frame[:1] == b"P" and reply == bytes(frame[7] + 1) + b"#":
+            return ""
+        if frame[0] in _ACKNOWLEDGED and reply == b"#":
+            return ""
+    if found is None:
+        return f"a reply to what is no command: {reply!r}"
+    command = found[0]
+    if not any(_decodes(picture, reply) for _, picture in command.replies):
+        return f"{reply!r} has no form of the replies to {command.name}"
+    if protocol.name == "lx200":
+        if not _LX200_BYTES.fullmatch(reply):
+            return f"{reply!r} holds bytes that no LX200 sends"
+        if command.name in SHAPES and not fits(reply, SHAPES[command.name]):
+            return f"{reply!r} has not the manual's shape for {command.name}"
+    return ""
+
+
+def of_request(protocol: CommandSet, data: bytes) -> str:
+    """What is wrong with a request to a mount: it must be one whole command of the protocol, in range."""
+    found = protocol.find(data)
+    if found is None or not any(_decodes(picture, data) for picture in found[0].requests):
+        return f"the mount was sent {data!r}"
+    if protocol.name == "lx200" and not _LX200_REQUEST.fullmatch(data):
+        return f"the mount was sent {data!r}"
+    return ""
+
+
+PROTOCOLS = {name: load(name) for name in ("lx200", "nexstar")}

@@ -1,0 +1,278 @@
+"""Random bytes into every surface, through a whole gateway to a simulated mount, on virtual time. Standalone.
+
+    python -m tests.soak.fuzz_surfaces [--seed 1] [--bytes 20000000] [--seconds 1200] [--only lx200:autostar]
+
+Most of it is noise, a tenth each real conversations with errors in them and commands with arguments at their limits;
+half of the bytes go into LX200 surfaces, half into NexStar ones, cut at random. Looked for: exceptions and internal
+errors, replies that no command has or that nobody asked for, requests that are not one whole command of the mount's
+protocol, anything that grows or never ends, bytes that take long. Exit code 1 after a finding.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import gc
+import resource
+import sys
+import time
+import tracemalloc
+from collections import Counter
+from random import Random
+from typing import Any, NamedTuple
+
+from gateway.app.config import Endpoint, SurfaceConfig
+from gateway.app.gateway import FACES
+from gateway.astro.ephemeris import Sky
+from gateway.clients.command_processor import INBOX, MEMO, CommandProcessor
+from gateway.core.wire_log import MOST, Entry
+from gateway.mount.safety.limits import Limits
+from gateway.protocols.nexstar.versions import made_with
+from gateway.protocols.wireformat.command_set import load
+from tests.soak.fuzz_bytes import KINDS, packets, thrown
+from tests.soak.fuzz_forms import PROTOCOLS, of_reply, of_request
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+#: What part of a surface's bytes is of which kind; a connection lives for so many of them.
+SHARES = {"noise": 0.8, "mutated": 0.1, "limits": 0.1}
+CONNECTION = {"noise": 40_000, "mutated": 4_000, "limits": 4_000}
+#: What one client, and what all of them together, may keep: characters of its written form.
+KEPT = 8_000
+#: Seconds until the last of what was asked must have come to an end, done or refused.
+PATIENCE = 1200.0
+#: Seconds of processor time that one packet may take, with what the gateway does meanwhile.
+LONGEST = 1.0
+
+
+class Case(NamedTuple):
+    """A surface, and the mount behind it."""
+
+    presented: str
+    model: str
+    version: str | None
+    driven: str
+    mount: str
+
+    def __str__(self) -> str:
+        version = f" {self.version}" if self.version else ""
+        return f"{self.presented}:{self.model}{version} on {self.driven}:{self.mount}"
+
+
+def cases() -> list[Case]:
+    """Every model that can be presented, on a mount of either kind.
+
+    NexStar's are in their oldest and newest versions, and with a StarSense where that takes their place.
+    """
+    mounts = (("nexstar", "6-8se"), ("lx200", "autostar"), ("nexstar", "cge"), ("lx200", "lx200gps"))
+    faces = [("lx200", model, None) for model in load("lx200").models]
+    for model, row in load("nexstar").models.items():
+        newest = row["versions"][-1], made_with(row)[-1]
+        faces += [("nexstar", model, version) for version in dict.fromkeys((row["versions"][0], *newest))]
+    lx200 = [Case(*face, *mount) for face in faces[:4] for mount in mounts]
+    return lx200 + [Case(*face, *mounts[n % 4]) for n, face in enumerate(faces[4:])]
+
+
+class Judge:
+    """Reads along in the transcript, and counts what should not be."""
+
+    def __init__(self, case: Case) -> None:
+        self.case = case
+        self.found: Counter[str] = Counter()
+        self.first: dict[str, str] = {}
+        self.commands = self.replies = self.requests = 0
+        self.told: Counter[str] = Counter()
+        self._waiting: dict[str, bytes | None] = {}
+
+    def say(self, what: str, about: str = "") -> None:
+        """Something was found; ``about`` is told for the first of its kind."""
+        self.found[what] += 1
+        self.first.setdefault(what, about)
+
+    def hear(self, entry: Entry) -> None:
+        """A transcript's sink."""
+        if entry.arrow == "!" and "internal error" in entry.note:
+            self.say(f"{self.case.presented}: internal error {entry.note.rpartition('report it: ')[2]}", entry.note)
+        elif entry.arrow == ">" and entry.side == "mount":
+            self.requests += 1
+            if verdict := of_request(PROTOCOLS[self.case.driven], entry.data):
+                self.say(f"{self.case}: {verdict}")
+        elif entry.arrow == ">":
+            self.commands += 1
+            self._waiting[entry.side] = entry.data
+        elif entry.arrow == "<" and entry.side != "mount":
+            self._reply(entry.side, entry.data)
+
+    def _reply(self, side: str, reply: bytes) -> None:
+        self.replies += 1
+        self.told[side] += len(reply)
+        frame = self._waiting.get(side)
+        self._waiting[side] = None
+        if frame is None:
+            self.say(f"{self.case.presented}: a reply to nothing", repr(reply))
+        elif verdict := of_reply(PROTOCOLS[self.case.presented], frame, reply):
+            self.say(f"{self.case.presented}: ill-formed reply to {frame[:3]!r}", f"{self.case}: {frame!r}: {verdict}")
+
+    def weigh(self, bridge: Bridge, client: CommandProcessor) -> None:
+        """What may grow has not."""
+        framer: Any = client.framing.framer
+        pending = len(framer._frame if self.case.presented == "lx200" else framer._pending)
+        for what, size, most in (
+            ("inbox", len(client._inbox), INBOX), ("memo", len(client._memo), MEMO), ("framer", pending, 64),
+            ("kept", len(repr(client.session.kept)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),
+            ("told", len(client._told), 40), ("deferred", len(client._deferred), 4),
+            ("said", len(bridge.transcript._said), MOST), ("tasks", len(bridge.controller._tasks), 600),
+            ("line", len(bridge.controller.line._queue), 600), ("hosts", len(bridge.reception._left), 200),
+        ):  # fmt: skip
+            if size > most:
+                self.say(f"{self.case.presented}: {what} has grown", f"{size}, at most {most}")
+
+
+SKY = Sky()
+
+
+async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> tuple[int, float]:
+    """So many bytes into one gateway -> (bytes thrown, the longest that a packet took in seconds)."""
+    asyncio.get_running_loop().set_exception_handler(
+        lambda _, context: judge.say(f"{case.presented}: left over: {context.get('exception') or context['message']!r}",
+                                     f"{case}: {context!r}"))  # fmt: skip
+    bridge = Bridge(
+        case.mount,
+        driven=case.driven,
+        presented=case.presented,
+        surface=case.model,
+        latency=rng.choice([0.0, 0.02]),
+        aligned=rng.random() < 0.8,
+    )
+    endpoint = Endpoint(case.presented, "-", case.model, case.version)
+    face = FACES[case.presented](endpoint, SurfaceConfig(at="-"), Limits())
+    face.surface.verbatim = case.presented == case.driven
+    bridge.reception.face = face
+    bridge.controller.derived.sky = SKY
+    bridge.transcript.sinks[:] = [judge.hear]
+    done, longest, number = 0, 0.0, 0
+    clients: list[CommandProcessor] = []
+    async with bridge:
+        while done < size:
+            number += 1
+            visitor = bridge.client(f"host {number % 8}:{number}")
+            client: CommandProcessor = getattr(visitor._guest, "_client")  # noqa: B009
+            clients.append(client)
+            for packet in packets(rng, thrown(rng, kind, case.presented, min(CONNECTION[kind], size - done))):
+                began = time.process_time()  # not what other programs take meanwhile
+                visitor.tell(packet)
+                await asyncio.sleep(rng.choices([0.0, 0.01, 0.2], [40, 10, 1 if kind == "noise" else 5])[0])
+                longest = max(longest, time.process_time() - began)
+                done += len(packet)
+            await asyncio.sleep(rng.choice([0.1, 0.5, 5.0]))
+            judge.weigh(bridge, client)
+            if len(visitor.heard) != judge.told[client.name]:
+                judge.say(f"{case.presented}: replies that the transcript does not know", case.model)
+            visitor.close()
+        await asyncio.sleep(5.0)
+        began = bridge.controller.now()
+        while any(client.busy for client in clients):
+            if bridge.controller.now() - began > PATIENCE:
+                judge.say(f"{case.presented}: what was asked comes to no end", f"{case}, {kind}")
+                break
+            await asyncio.sleep(10.0)
+    return done, longest
+
+
+def memory() -> int:
+    """The most this process has needed, bytes."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+def growth(seed: int, size: int = 60_000) -> dict[str, float]:
+    """Bytes of memory that stay, per byte thrown at one connection: either surface, either mount. It takes long."""
+
+    async def program(case: Case) -> float:
+        rng = Random(seed)
+        bridge = Bridge(case.mount, driven=case.driven, presented=case.presented, surface=case.model)
+        bridge.transcript.sinks.clear()
+        asyncio.get_running_loop().set_exception_handler(lambda *_: None)  # that is looked for elsewhere
+        async with bridge:
+            visitor, marks = bridge.client(), []
+            for n in range(15):
+                for packet in packets(rng, thrown(rng, KINDS[n % 3], case.presented, size // 6)):
+                    visitor.tell(packet)
+                    await asyncio.sleep(0.02)
+                visitor.heard = b""
+                await asyncio.sleep(60.0)
+                gc.collect()  # a fault and its traceback hold each other
+                marks.append(tracemalloc.get_traced_memory()[0])
+        return (min(marks[12:]) - min(marks[6:9])) / size  # what is read once has been read by then
+
+    tracemalloc.start()
+    figures = {}
+    for case in {(case.presented, case.driven): case for case in reversed(cases())}.values():
+        figures[str(case)] = run(program(case))
+    tracemalloc.stop()
+    return figures
+
+
+def main() -> int:
+    """Throw, print figures -> exit code."""
+    parser = argparse.ArgumentParser(description="Throw random bytes at every surface.")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--bytes", type=int, default=20_000_000, help="in all")
+    parser.add_argument("--seconds", type=float, default=1200.0, help="no new gateway is begun after so long")
+    parser.add_argument("--only", default="", help="surfaces whose name begins so, as in lx200:autostar")
+    arguments = parser.parse_args()
+    SKY.load()
+    rng, began = Random(arguments.seed), time.perf_counter()
+    wanted = [case for case in cases() if str(case).startswith(arguments.only)]
+    sides = [side for side in PROTOCOLS if any(case.presented == side for case in wanted)]
+    thrown_at: Counter[str] = Counter()
+    spent: Counter[str] = Counter()
+    found: Counter[str] = Counter()
+    first: dict[str, str] = {}
+    tally: Counter[str] = Counter()
+    longest, early = 0.0, 0
+    plan = []
+    for side in sides:
+        own = [case for case in wanted if case.presented == side]
+        share = arguments.bytes / len(sides) / len(own)
+        plan += [(case, kind, int(share * part)) for case in own for kind, part in SHARES.items()]
+    rng.shuffle(plan)
+    reached = set()
+    for n, (case, kind, size) in enumerate(plan):
+        if time.perf_counter() - began > arguments.seconds:
+            break
+        judge, start = Judge(case), time.process_time()
+        try:
+            done, slowest = run(throw(case, kind, Random(rng.getrandbits(64)), size, judge))
+        except Exception as error:
+            judge.say(f"{case}: {kind}: {error!r}")
+            done, slowest = 0, 0.0
+        reached.add(case)
+        thrown_at[f"{case.presented} {kind}"] += done
+        spent[f"{case.presented} {kind}"] += time.process_time() - start  # type: ignore[assignment]
+        tally.update(commands=judge.commands, replies=judge.replies, requests=judge.requests)
+        longest = max(longest, slowest)
+        found.update(judge.found)
+        for what, about in judge.first.items():
+            if first.setdefault(what, about) is about:
+                print(f"FOUND {what} ({case}, {kind}): {about[:600]}", flush=True)
+        early = memory() if n == len(plan) // 4 else early
+    for what, size in sorted(thrown_at.items()):
+        print(f"{what:18} {size:>10,} bytes in {spent[what]:6.1f} s, {spent[what] / max(1, size) * 1e6:6.1f} us a byte")
+    print(f"{len(reached)} of {len(wanted)} surfaces; {tally['commands']:,} commands, {tally['replies']:,} replies, "
+          f"{tally['requests']:,} requests to mounts; longest packet {longest:.3f} s")  # fmt: skip
+    grown = (memory() - early) / 2**20
+    print(f"peak memory {memory() / 2**20:.0f} MiB, {grown:.1f} MiB more than after a quarter of it")
+    if longest > LONGEST:
+        found[f"a packet took {longest:.1f} s"] += 1
+    for what, per_byte in growth(arguments.seed).items():
+        print(f"{what}: {per_byte:+.4f} bytes of memory stay of each byte")
+        if per_byte > 0.5:
+            found[f"{what} keeps what it hears"] += 1
+    for what, count in found.most_common():
+        print(f"FOUND {count:>7} x {what}")
+    print("nothing was found" if not found else f"{len(found)} kinds of findings")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

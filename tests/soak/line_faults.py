@@ -1,0 +1,407 @@
+"""A gateway between clients and a simulated mount over a faulty line, on virtual time: what is ever told wrongly?
+
+The simulator's own state is the truth: everything that the hub delivers is compared with what the mount could have said
+within the age an answer may have. The mount slews, is moved by hand and stopped all the while, so that an old answer is
+a wrong one. ``trial`` is one run; the same seed gives the same run.
+
+    python -m tests.soak.line_faults [--exchanges 100000] [--seed 1]
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import math
+import sys
+import time
+from collections import Counter, deque
+from random import Random
+from statistics import mean
+from typing import Any
+
+from gateway.astro.spherical import separation, wrap180
+from gateway.core import operations as op
+from gateway.core.errors import Fault
+from gateway.mount.link.queue import MountLink
+from gateway.mount.readings.cache import MISSING
+from gateway.protocols.base.driver import Send
+from tests.soak.faulty import BREAKING, FaultyWire, Kind
+from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.virtual import run
+
+#: Degrees: what the coarsest reply resolves, and one that a garbled answer may be off beyond what a slew explains.
+RESOLUTION, MARGIN = 0.01, 0.06
+#: Seconds: how old a position may be when it is told, on top of the exchange that brought it.
+AGE, EXCHANGE = 0.5, 0.9
+LONGEST_WAIT = 60.0
+#: Seconds after which the end or the beginning of a slew must have been told, whatever was lost meanwhile.
+SETTLED = 40.0
+POSITION = {"nexstar": b":GR#", "lx200": b"e"}
+MOUNTS = {"nexstar": ("cge", "6-8se"), "lx200": ("autostar", "lx200gps", "lx200")}
+
+
+class Trial:
+    """One run; ``wrong`` counts by what was wrong, ``notes`` tells each in words."""
+
+    def __init__(self, driven: str, model: str, seed: int, rate: float, kinds: tuple[Kind, ...]) -> None:
+        presented = "lx200" if driven == "nexstar" else "nexstar"
+        self.driven, self.random = driven, Random(seed)
+        self.bridge = Bridge(model, driven=driven, presented=presented, surface=None)
+        self.sim = self.bridge.sim
+        self.exact = Kind.ALTERED not in kinds
+        # No serial line and no TCP stream reorders; on a line that does, a stop is not always sure to have been heard.
+        self.ordered, self.unsure = Kind.OVERTAKEN not in kinds, 0
+        # An overtaken answer agrees with the present ones where nothing but the sky has moved since.
+        self.resolution = MARGIN if Kind.OVERTAKEN in kinds else RESOLUTION
+        self.wire = FaultyWire(self.sim.feed, seed, rate, kinds, self._rebooted, text=driven == "lx200")
+        line = self.bridge.controller.line
+        line.wire = self.wire
+        self.line: MountLink = line
+        self.strange: list[Send] = []
+        self.acknowledged: list[tuple[Send, bool]] = []
+        in_step, exchange = line.talk.in_step, line.talk.exchange
+
+        async def exchanging(ask: Send, firm: bool = False) -> Any:
+            self.wire.strange, self.wire.of_another = None, False
+            outcome = await exchange(ask, firm)
+            if self.wire.strange is not None and not self.wire.proving and not isinstance(outcome, Fault):
+                self.strange.append(ask)
+            if not isinstance(outcome, Fault):
+                self.acknowledged.append((ask, self.wire.of_another))
+            return outcome
+
+        line.talk.exchange = exchanging  # type: ignore[method-assign]
+        order = self.bridge.controller.belief._order
+
+        async def ordering(ask: Send, rank: int) -> Any:
+            done = len(self.acknowledged)
+            answer = await order(ask, rank)
+            own = [another for other, another in self.acknowledged[done:] if other is ask]
+            if own and all(own):
+                if self.ordered:
+                    self._is_wrong("order", f"{ask.command} was acknowledged by another's answer")
+                self.unsure += 1
+            return answer
+
+        self.bridge.controller.belief._order = ordering  # type: ignore[method-assign]
+
+        async def proving() -> bool:
+            self.wire.proving = True
+            try:
+                return await in_step()
+            finally:
+                self.wire.proving = False
+
+        line.talk.in_step = proving  # type: ignore[method-assign]
+        self.bridge.transcript.sinks.append(self.wire.follow)
+        self.trail: deque[tuple[float, float, float]] = deque(maxlen=4000)
+        self.wrong: Counter[str] = Counter()
+        self.notes: list[str] = []
+        self.asked: Counter[str] = Counter()
+        self.longest, self.carried = 0.0, 0
+        self.identity: Any = None
+        self.site: Any = None
+        self.rebooted = -1e9
+        self.changed = -1e9
+        self.slewing_since: float | None = None
+        self.said_since, self.said = 0.0, False
+        self.still_since: float | None = 0.0
+        self._hear()
+
+    def _hear(self) -> None:
+        """Every question to the mount is a sample of the truth."""
+        feed = self.sim.feed
+
+        def heard(data: bytes) -> bytes:
+            answer = bytes(feed(data))
+            self._sample()
+            return answer
+
+        self.wire._feed = heard
+
+    def _sample(self) -> None:
+        now = asyncio.get_running_loop().time()
+        self.trail.append((now, *self._position()))
+        slewing = bool(self.sim.slewing)
+        self.slewing_since = (now if self.slewing_since is None else self.slewing_since) if slewing else None
+        self.still_since = None if slewing else (now if self.still_since is None else self.still_since)
+
+    def _position(self) -> tuple[float, float]:
+        self.sim.truth()
+        if self.driven == "lx200":
+            return self.sim.position()  # type: ignore[no-any-return]
+        from gateway.astro.spherical import fold_declination
+
+        return fold_declination(*self.sim.mechanics.believed(self.sim.now))
+
+    def _rebooted(self) -> Any:
+        """The mount loses its alignment, its precision and what it was doing; it keeps its place and its clock."""
+        self.rebooted = asyncio.get_running_loop().time()
+        sim = self.sim
+        sim.mechanics.cancel(sim.now)
+        if self.driven == "lx200":
+            sim.high = False
+            sim.track(False)
+        else:
+            sim.aligned = False
+            sim.track(0)
+        return self.wire._feed
+
+    # --- the program --------------------------------------------------------------------------------------------------
+
+    async def play(self, exchanges: int) -> None:
+        """Let clients work until the line has carried that many exchanges."""
+        bridge, wire = self.bridge, self.wire
+        rate, wire.rate = wire.rate, 0.0
+        async with bridge:
+            self.identity = await bridge.controller.read(op.GetIdentity())
+            self.site = bridge.observatory.mount_site
+            wire.rate = rate
+            tasks = [
+                asyncio.ensure_future(work)
+                for work in (
+                    self._poller(0.25),
+                    self._poller(0.6),
+                    self._watcher(),
+                    self._mover(bridge.client("10.0.0.9")),
+                    self._renewer(),
+                )
+            ]
+            while wire.exchanges < exchanges:
+                await asyncio.sleep(5.0)
+                for task in tasks:
+                    if task.done():
+                        task.result()
+            self.carried, wire.rate = wire.exchanges, 0.0
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            await asyncio.sleep(60.0)  # a line that is left alone must come back
+            if self.line.state != "up" or not await self._request(bridge.client(), POSITION[self.driven], 1):
+                self._is_wrong("hang", f"line {self.line.state}: {self.line.reason}")
+
+    async def _poller(self, every: float) -> None:
+        """A program that shows where the telescope points, through the surface."""
+        client = self.bridge.client(f"10.0.1.{int(every * 100)}")
+        while True:
+            if self.driven == "nexstar":
+                raw = await self._request(client, b":GR#:GD#", 2)
+                if raw.count(b"#") == 2:
+                    self._check_position(*_lx200_position(raw), paired=True)
+            else:
+                raw = await self._request(client, b"e", 1)
+                if raw:
+                    self._check_position(*_nexstar_position(raw), paired=False)
+            await asyncio.sleep(every * self.random.uniform(0.8, 1.2))
+
+    async def _request(self, client: Visitor, data: bytes, replies: int) -> bytes:
+        """Ask, and be patient; then something that needs no mount must be answered."""
+        loop = asyncio.get_running_loop()
+        began = loop.time()
+        client.heard = b""
+        local, echo = (b":Gc#", b"24#") if self.driven == "nexstar" else (b"Kx", b"x#")
+        client.tell(data + local)
+        while not client.heard.endswith(echo) and loop.time() - began < LONGEST_WAIT:
+            await asyncio.sleep(0.01)
+        self.longest = max(self.longest, loop.time() - began)
+        self.asked[data.decode("latin-1")[:4]] += 1
+        if not client.heard.endswith(echo):
+            self._is_wrong("hang", f"{data!r} and {local!r}: {client.heard!r}")
+            return b""
+        answer = client.heard.removesuffix(echo)
+        self.asked["answered" if answer else "silent"] += 1
+        return answer
+
+    async def _mover(self, client: Visitor) -> None:
+        """A program that slews, moves by hand and stops."""
+        draw = self.random
+        while True:
+            what = draw.random()
+            if self.driven == "nexstar":
+                if what < 0.6:
+                    ra, dec = draw.randrange(24), draw.randrange(20, 80)
+                    reply = await self._request(client, b":Sr%02d:00:00#:Sd+%02d*00:00#:MS#" % (ra, dec), 3)
+                    if reply[:2] != b"11" or not (reply == b"110" or (reply[2:3] in b"12" and reply[-1:] == b"#")):
+                        self._is_wrong("reply", f"goto: {reply!r}")
+                else:
+                    client.tell(b":RS#:M%c#" % draw.choice(b"nsew"))
+                await asyncio.sleep(draw.uniform(0.5, 12.0))
+                client.tell(b":Q#")
+            else:
+                if what < 0.6:
+                    await self._request(client, b"r%06X00,%06X00" % (draw.randrange(2**24), draw.randrange(2**21)), 1)
+                else:
+                    client.tell(b"P\x02%c%c\x09\x00\x00\x00" % (draw.choice(b"\x10\x11"), draw.choice(b"\x24\x25")))
+                await asyncio.sleep(draw.uniform(0.5, 12.0))
+                client.tell(b"P\x02\x10\x24\x00\x00\x00\x00P\x02\x11\x24\x00\x00\x00\x00M")
+            await asyncio.sleep(draw.uniform(0.1, 2.0))
+
+    async def _renewer(self) -> None:
+        """Ask anew for what is told but once: who, where and when."""
+        controller = self.bridge.controller
+        while True:
+            await asyncio.sleep(self.random.uniform(5.0, 20.0))
+            for operation in (op.GetSite(), op.GetClock(), op.GetIdentity()):
+                await controller.identification.learn(operation)
+
+    async def _watcher(self) -> None:
+        """Everything else that the hub delivers, compared with the simulator."""
+        controller, loop = self.bridge.controller, asyncio.get_running_loop()
+        while True:
+            await asyncio.sleep(self.random.uniform(0.2, 0.5))
+            for operation in (op.GetStatus(), op.Slewing(), op.HorizontalPosition()):
+                began = loop.time()
+                value = controller.peek(operation)
+                try:
+                    value = await controller.read(operation) if value is MISSING else value
+                except Fault:
+                    continue
+                if loop.time() - began > LONGEST_WAIT:
+                    self._is_wrong("hang", f"{operation} took {loop.time() - began:.1f} s")
+                self._check(operation, value, loop.time())
+            self._check_settings(loop.time())
+
+    # --- the truth ----------------------------------------------------------------------------------------------------
+
+    def _is_wrong(self, what: str, words: str) -> None:
+        self.wrong[what] += 1
+        if len(self.notes) < 20:
+            self.notes.append(f"{asyncio.get_running_loop().time():.3f} {what}: {words}")
+
+    def _oldest(self, now: float) -> float:
+        """The time before which nothing that is told now may come from."""
+        line = self.line
+        old = line.state != "up" or self.bridge.controller.telling.told_old  # which the log says
+        allowed = 10.0 if old else max(AGE, 2.5 * line.typical)
+        return now - allowed - EXCHANGE
+
+    def _check_position(self, ra: float, dec: float, paired: bool) -> None:
+        """A position told to a client, against where the mount was while it may have been asked."""
+        now = asyncio.get_running_loop().time()
+        self._sample()
+        self.asked["positions"] += 1
+        oldest = self._oldest(now)
+        samples = [sample for sample in self.trail if sample[0] >= oldest]
+        if self.exact:
+            off_ra = min((abs(wrap180(ra - s[1])) * math.cos(math.radians(dec)) for s in samples), default=999.0)
+            off_dec = min((abs(dec - s[2]) for s in samples), default=999.0)
+            low = self.driven == "lx200" and now - self.rebooted < 40.0  # until it is told to be precise
+            off, allowed = max(off_ra, off_dec), 0.03 if low else self.resolution
+        else:
+            off = min((separation(ra, dec, s[1], s[2]) for s in samples), default=999.0)
+            allowed = self._fastest() * AGE + MARGIN
+        if off > allowed:
+            age = next((now - s[0] for s in reversed(self.trail) if separation(ra, dec, s[1], s[2]) < 0.05), None)
+            said = f"off by {off:.3f}" + ("" if age is None else f": as it was {age:.1f} s ago")
+            self._is_wrong("position", f"{ra:.4f} {dec:.4f} {said}; line {self.line.state}")
+
+    def _fastest(self) -> float:
+        return float(self.sim.mechanics.fastest) * math.sqrt(2.0)
+
+    def _check(self, operation: op.Operation, value: Any, now: float) -> None:
+        self.asked[type(operation).__name__] += 1
+        if isinstance(operation, op.Slewing):
+            self._sample()
+            if value != self.said or self.bridge.controller.motions.goto_waits:  # one that waits counts as under way
+                self.said_since, self.said = now, bool(value)
+            since = self.still_since if value else self.slewing_since
+            if since is not None and min(now - since, now - self.said_since) > SETTLED and self.line.state == "up":
+                said, true = now - self.said_since, now - since
+                self._is_wrong("slewing", f"said {value} for {said:.1f} s, {not value} for {true:.1f} s")
+        elif isinstance(operation, op.GetStatus):
+            equatorial = self.sim.german if self.driven == "nexstar" else self.sim.letter == "P"
+            old = now - self.rebooted < 30.0
+            if not old and (value.aligned != self.sim.aligned or value.equatorial != equatorial):
+                self._is_wrong("status", f"{value}, aligned {self.sim.aligned}")
+        elif value is not None and -90.0 <= value.alt <= 90.0 and 0.0 <= value.az < 360.0:
+            return
+        else:
+            self._is_wrong("horizon", str(value))
+
+    def _check_settings(self, now: float) -> None:
+        observatory, controller = self.bridge.observatory, self.bridge.controller
+        place = observatory.mount_site
+        if place != self.site:
+            self._is_wrong("site", f"{place}, not {self.site}")
+        clock = observatory.clock()
+        utc = self.sim.utc() + (self.bridge.clock() - self.sim.now)
+        if clock is not None and abs(clock.unix - utc) > 2.7:
+            self._is_wrong("clock", f"off by {clock.unix - utc:.1f} s")
+        identity = controller.snapshot.value(op.GetIdentity)
+        if identity is not None and identity != self.identity:
+            self._is_wrong("identity", f"{identity}, not {self.identity}")
+
+
+def _lx200_position(raw: bytes) -> tuple[float, float]:
+    ra, dec = raw.split(b"#")[:2]
+    hours = [int(part) for part in ra.split(b":")]
+    sign = -1.0 if dec[:1] == b"-" else 1.0
+    degrees = [int(dec[n : n + 2]) for n in (1, 4, 7)]
+    return (
+        15.0 * (hours[0] + hours[1] / 60 + hours[2] / 3600),
+        sign * (degrees[0] + degrees[1] / 60 + degrees[2] / 3600),
+    )
+
+
+def _nexstar_position(raw: bytes) -> tuple[float, float]:
+    ra, dec = (int(part[:6], 16) * 360.0 / 2**24 for part in raw[:17].split(b","))
+    return ra, wrap180(dec)
+
+
+def trial(driven: str, model: str, seed: int, rate: float, kinds: tuple[Kind, ...], exchanges: int) -> Trial:
+    """One run on virtual time."""
+    made: list[Trial] = []
+
+    async def program() -> None:
+        made.append(Trial(driven, model, seed, rate, kinds))
+        await made[0].play(exchanges)
+
+    run(program())
+    return made[0]
+
+
+def main() -> int:
+    """All of it: both drivers, three rates, every kind of fault alone and all together."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--exchanges", type=int, default=100_000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--driven", choices=list(MOUNTS), default=None)
+    parser.add_argument("--kind", choices=[kind.name for kind in Kind], default=None)
+    given = parser.parse_args()
+    began = time.monotonic()
+    groups: list[tuple[str, tuple[Kind, ...]]] = [(kind.value, (kind,)) for kind in Kind]
+    groups += [("all that break the form", BREAKING), ("all", tuple(Kind))]
+    if given.kind:
+        groups = [(Kind[given.kind].value, (Kind[given.kind],))]
+    rates = (0.01, 0.05, 0.20)
+    driven = [given.driven] if given.driven else list(MOUNTS)
+    share = max(200, given.exchanges // (len(groups) * len(rates) * len(driven)))
+    total, wrong, faults, seed = 0, Counter[str](), 0, given.seed
+    print(
+        f"{'faults':34} {'mount':9} rate  exchanges  faults  strange  unsure  wrong  answered  silent  longest",
+        " sane after",
+    )
+    for name, kinds in groups:
+        for protocol in driven:
+            for rate in rates:
+                seed += 1
+                model = MOUNTS[protocol][seed % len(MOUNTS[protocol])]
+                done = trial(protocol, model, seed, rate, kinds, share)
+                wire = done.wire
+                sane = [seconds for times in wire.sane_after.values() for seconds in times]
+                total, faults = total + done.carried, faults + sum(wire.faults.values())
+                wrong += done.wrong
+                print(
+                    f"{name:34} {model:9} {rate:4.0%} {done.carried:10} {sum(wire.faults.values()):7} "
+                    f"{len(done.strange):8} {done.unsure:7} {sum(done.wrong.values()):6} {done.asked['answered']:9} "
+                    f"{done.asked['silent']:7} {done.longest:7.1f}s {mean(sane) if sane else 0.0:8.2f} s",
+                    flush=True,
+                )
+                for note in done.notes[:5]:
+                    print(f"    seed {seed}: {note}")
+    print(f"{total} exchanges, {faults} faults, wrong: {dict(wrong) or 0}, {time.monotonic() - began:.0f} s")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,91 @@
+"""What programs get over a poor line, and how soon the first answer comes: figures by hand, on virtual time.
+
+A program asks for the position and again 0.3 s after every answer, for 120 s on each line, while the mount rests and
+while it slews. Then a classic LX200 is met for the first time, at several speeds of the line.
+
+    python -m tests.soak.poor_lines [--seconds 120]
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+
+from tests.support.in_process_gateway import Bridge
+from tests.support.poor_line import Polls, Poor, over, poll
+from tests.support.virtual import run
+
+LINES = {
+    "as it should be": Poor(),
+    "3 % lost": Poor(lost=0.03),
+    "3 % garbled": Poor(garbled=0.03),
+    "3 % doubled": Poor(doubled=0.03),
+    "3 % of each": Poor(lost=0.03, garbled=0.03, doubled=0.03),
+    "round trip of 1 s": Poor(seconds=1.0),
+    "answers 3.6 s late": Poor(seconds=3.6),
+}
+MOUNTS = {"cpc": "nexstar", "lx200gps": "lx200", "lx200": "lx200"}
+GOTO = b":RM#:Me#"
+
+
+async def polled(model: str, driven: str, poor: Poor, seconds: float, moving: bool, seed: int = 1) -> Polls:
+    """The figures of one line."""
+    bridge = Bridge(
+        model, driven=driven, presented="lx200", surface="autostar", named=driven == "lx200", config={"sun": 0.0}
+    )
+    over(bridge, poor, seed)
+    bridge.controller.start()
+    try:
+        async with asyncio.timeout(90.0):
+            await bridge.controller.settled.wait()
+    except TimeoutError:
+        pass
+    if moving:
+        mover = bridge.client("10.0.0.8")
+        mover.tell(b":Sr08:00:00#:Sd+60*00:00#:MS#")
+        bridge.sim.mechanics.speed = 0.2
+    polls = await poll(bridge, seconds)
+    await bridge.controller.close()
+    return polls
+
+
+async def first_answer(model: str, named: bool, latency: float) -> float:
+    """Seconds from the start of a gateway until the position is answered to a program that asks twice a second."""
+    bridge = Bridge(model, driven="lx200", presented="lx200", surface="autostar", latency=latency, named=named)
+    bridge.controller.start()
+    loop, client = asyncio.get_running_loop(), bridge.client()
+    began = loop.time()
+    while client.heard.count(b"#") < 2 and loop.time() < began + 60.0:
+        if client.answered:
+            client.tell(b":GR#:GD#")
+        await asyncio.sleep(0.05)
+    took = loop.time() - began
+    await bridge.controller.close()
+    return took
+
+
+def main() -> None:
+    """Print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=120.0)
+    seconds = parser.parse_args().seconds
+    for moving in (False, True):
+        print("\npolls answered of those asked, wrong ones, longest wait:", "in motion" if moving else "at rest")
+        for name, poor in LINES.items():
+            for model, driven in MOUNTS.items():
+                polls = run(polled(model, driven, poor, seconds, moving))
+                print(
+                    f"{name:20} {model:10} {polls.answered:4} of {polls.asked:4}  wrong {polls.wrong}"
+                    f"  {polls.longest:.2f} s",
+                    flush=True,
+                )
+    print("\nseconds to the first answer")
+    for named in (True, False):
+        for latency in (0.0, 0.15, 0.5):
+            for model in ("lx200", "lx200-16", "autostar", "lx200gps"):
+                took = run(first_answer(model, named, latency))
+                print(f"{model:10} {'named' if named else '     '} {latency:.2f} s a reply: {took:.2f} s", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,50 @@
+"""Random sequences for as long as you like: ``python -m tests.soak.random_sequences --minutes 10``.
+
+Every play has a seed, which says everything: mount, version, presented model, place, hour, and every byte that is said.
+A play with complaints is printed with its seed; the same seed plays it again, and ``--said`` shows what was said.
+With ``--by-hand`` the plays are motions by hand near a limit.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import time
+from collections import Counter
+
+from tests.property import random_by_hand
+from tests.property.random_play import cast, play
+
+
+def main() -> int:
+    """0 when no play was complained of."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--seed", type=int, default=0, help="the first one")
+    parser.add_argument("--plays", type=int, default=10**9, help="stop after so many")
+    parser.add_argument("--steps", type=int, default=80, help="in each play")
+    parser.add_argument("--by-hand", action="store_true", help="arrows and motors near a limit, and nothing else")
+    parser.add_argument("--said", action="store_true", help="print what was said")
+    arguments = parser.parse_args()
+    logging.disable()
+    ends = time.monotonic() + 60.0 * arguments.minutes
+    total: Counter[str] = Counter()
+    worst: Counter[str] = Counter()
+    for seed in range(arguments.seed, arguments.seed + arguments.plays):
+        if time.monotonic() > ends:
+            break
+        done = random_by_hand.play(seed) if arguments.by_hand else play(seed, arguments.steps, *cast(seed))
+        total.update(plays=1, steps=done.steps, looks=done.looks, commanded=done.commanded, bad=bool(done.complaints))
+        for limit, degrees in done.worst.items():
+            worst[limit] = max(worst[limit], degrees)  # type: ignore[assignment]
+        if done.complaints:
+            print(done.name, *done.complaints[:8], sep="\n    ", flush=True)
+        if arguments.said:
+            print(*done.said, sep="\n")
+    print(", ".join(f"{count} {name}" for name, count in total.items()))
+    print("farthest beyond a limit, degrees:", ", ".join(f"{name} {worst[name]:.2f}" for name in worst))
+    return int(total["bad"] > 0)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,384 @@
+"""From a client's byte to the mount's byte: how long a stop waits beyond the exchange that is on the wire. Standalone.
+
+    python -m tests.soak.stop_latency [--seconds 60] [--copies 3] [--clients 200] [--seed 1]
+
+Real gateways, each with a mount of its own behind 9600 baud (``paced.py``); clients and mounts live in this process and
+share its clock. A motion is begun and ended again at a random moment: by ``:Q#`` or ``:Qn#``, by ``M`` or rate 0. What
+counts is the first stopping byte at the mount, less the later of the client's byte and the end of the exchange in
+flight: idle, among many that poll, and while another client floods the gateway. Told beside it is how late a bare echo
+in a process of its own was meanwhile, which is what the machine adds, and the gateway twice: on its way in and out.
+Clients and mounts stand for other computers: where there are processors enough, the gateway has one of its own, and the
+crowd takes only time that nobody wants. The 99th percentile is that of all endings together: of every stop, and of
+those during which no processor was taken away from this machine (``stolen.py``), which are what is judged. A crowd
+that is answered wrongly, or not at all, fails it, too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import gc
+import itertools
+import os
+import random
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+from gateway.app.config import Endpoint
+from gateway.app.simulated import make_simulator
+from tests.benchmarks import processes
+from tests.benchmarks.figures import percentile
+from tests.soak.paced import Exchange, PacedMount
+from tests.soak.stolen import Thefts, watched
+from tests.support.process import Running
+
+#: A request that comes to the mount this soon after the client's byte had been sent before it came to the gateway.
+RACE = 0.001
+LONGEST = 1.2
+GOAL = 0.002
+LOST = 4.0
+FLOOD_EVERY = 0.02
+#: From when to when, seconds from the client's byte, no processor may be away: the same for every stop, late or not.
+BEFORE, AFTER = 0.02, 0.15
+
+
+class Stop(NamedTuple):
+    """How it was sent, when, and how late it came, seconds."""
+
+    ending: str
+    sent: float
+    added: float
+
+
+class Ending(NamedTuple):
+    """What begins a motion, there and back, what ends it; what the mount hears first of its beginning and its end."""
+
+    name: str
+    begin: tuple[bytes, ...]
+    end: bytes
+    begins: Callable[[bytes], bool]
+    stops: Callable[[bytes], bool]
+
+
+class Way(NamedTuple):
+    """A surface, a mount, and what a client that knows no measure sends."""
+
+    name: str
+    mount: str
+    model: str
+    surface: str
+    endings: tuple[Ending, ...]
+    flood: tuple[bytes, ...]
+
+
+def _slew(axis: int, positive: bool, rate: int) -> bytes:
+    return bytes((ord("P"), 2, axis, 36 if positive else 37, rate, 0, 0, 0))
+
+
+def _nexstar_stops(request: bytes) -> bool:
+    return request == b"M" or (request[:1] == b"P" and request[3:5] in (b"\x24\0", b"\x25\0"))
+
+
+def _nexstar_moves(request: bytes) -> bool:
+    return request[:3] == b"P\2\x11" and request[3:4] in b"\x24\x25" and request[4] != 0
+
+
+WAYS = (
+    Way(
+        "LX200 on NexStar",
+        "nexstar",
+        "cge",
+        "lx200",
+        (
+            Ending(":Q#", (b":RM#:Mn#", b":RM#:Ms#"), b":Q#", _nexstar_moves, _nexstar_stops),
+            Ending(
+                ":Qn#",
+                (b":RM#:Mn#", b":RM#:Ms#"),
+                b":Qn#",
+                _nexstar_moves,
+                lambda request: request[:5] == b"P\2\x11\x24\0",
+            ),
+        ),
+        (
+            b":GR#",
+            b":GD#",
+            b":GA#",
+            b":GZ#",
+            b":GS#",
+            b":D#",
+            b":GW#",
+            b":Gt#",
+            b":TQ#",
+            b":TL#",
+            b":TS#",
+            b":RC#:Me#",
+            b":Qe#",
+            b":Sr05:00:00#",
+            b":Sd+80*00:00#",
+            b":Mge0100#",
+        ),
+    ),
+    Way(
+        "NexStar on LX200",
+        "lx200",
+        "lx200gps",
+        "nexstar",
+        (
+            Ending(
+                "M",
+                (b"r20000000,20000000", b"r30000000,20000000"),
+                b"M",
+                lambda request: request == b":MS#",
+                lambda request: request == b":Q#",
+            ),
+            Ending(
+                "rate 0",
+                (_slew(17, True, 7), _slew(17, False, 7)),
+                _slew(17, True, 0),
+                lambda request: request in (b":Mn#", b":Ms#"),
+                lambda request: request in (b":Qn#", b":Qs#"),
+            ),
+        ),
+        (
+            b"e",
+            b"z",
+            b"L",
+            b"t",
+            b"w",
+            b"h",
+            b"J",
+            b"V",
+            _slew(16, True, 5),
+            _slew(16, True, 0),
+            b"P\3\x10\6\xff\xff\0\0",
+            b"P\3\x10\6\xff\xfd\0\0",
+            b"T\2",
+        ),
+    ),
+)
+
+
+class Bench(NamedTuple):
+    """One gateway with its mount, and the port its clients use; ``both`` are its LX200 and its NexStar port."""
+
+    way: Way
+    mount: PacedMount
+    gateway: Running
+    port: int
+    both: tuple[int, int]
+
+
+#: The processors of this machine: the last one is the gateway's, with more than one the others are everybody else's.
+PROCESSORS = sorted(os.sched_getaffinity(0))
+OTHERS = PROCESSORS[:-1] or PROCESSORS
+
+
+@contextlib.contextmanager
+def _beside() -> Iterator[None]:
+    """What is started here runs on the gateway's processor."""
+    os.sched_setaffinity(0, PROCESSORS[-1:])
+    yield
+    os.sched_setaffinity(0, OTHERS)
+
+
+async def _bench(way: Way, chance: random.Random, state: str, running: list[Running]) -> Bench:
+    """Start a gateway and wait for it."""
+    mount = PacedMount(make_simulator(Endpoint(way.mount, "sim", way.model), clock=time.time), chance)
+    where = f"{way.mount}@socket://127.0.0.1:{await mount.listen()}"
+    with _beside():
+        gateway = Running(
+            "run",
+            "--mount",
+            where,
+            "--sun",
+            "0",
+            "--state",
+            state,
+            "--lowest",
+            "-90",
+            "--dead-man",
+            "600",
+            *(word for name in ("lx200", "nexstar") for word in ("--surface", f"{name}@tcp://127.0.0.1:0")),
+        )
+    running.append(gateway)
+    ports = [int((await asyncio.to_thread(gateway.ready)).rpartition(":")[2]) for _ in range(2)]
+    return Bench(way, mount, gateway, ports[way.surface == "nexstar"], (ports[0], ports[1]))
+
+
+async def _drain(reader: asyncio.StreamReader) -> None:
+    while await reader.read(4096):
+        pass
+
+
+async def _measure(bench: Bench, until: float, chance: random.Random, found: list[Stop]) -> None:
+    """Motions, each ended at a random moment, one after the other."""
+    loop = asyncio.get_running_loop()
+    reader, writer = await asyncio.open_connection("127.0.0.1", bench.port)
+    drain = loop.create_task(_drain(reader))
+    for number in itertools.count():
+        if loop.time() > until:
+            break
+        ending = bench.way.endings[number // 2 % len(bench.way.endings)]
+        first = len(bench.mount.exchanges)
+        writer.write(ending.begin[number % 2])
+        await asyncio.sleep(chance.uniform(0.0, LONGEST))
+        before = len(bench.mount.exchanges)
+        sent = loop.time()
+        writer.write(ending.end)
+        added = await _added(bench.mount.exchanges, before, sent, ending)
+        if any(ending.begins(one.request) for one in bench.mount.exchanges[first:]):
+            found.append(Stop(ending.name, sent, added))  # else there was nothing yet to be ended
+        await asyncio.sleep(chance.uniform(0.3, 0.8))  # a stop is several exchanges
+    drain.cancel()
+    writer.close()
+
+
+async def _added(exchanges: list[Exchange], before: int, sent: float, ending: Ending) -> float:
+    """Seconds that the stop has waited beyond what it had to; LOST when none came."""
+    loop = asyncio.get_running_loop()
+    while loop.time() < sent + LOST:
+        await asyncio.sleep(0.005)
+        stop = next((one for one in exchanges[before:] if ending.stops(one.request)), None)
+        if stop is not None:
+            place = exchanges.index(stop, before)
+            flying = [one for one in exchanges[max(0, before - 1) : place] if one.came <= sent + RACE]
+            due = max([sent, *(one.ended for one in flying if one.ended is not None)])
+            return max(0.0, stop.came - due)
+    return LOST
+
+
+async def _flood(bench: Bench, chance: random.Random) -> None:
+    """One client that sends whatever comes to its mind."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", bench.port)
+    drain = asyncio.get_running_loop().create_task(_drain(reader))
+    try:
+        while True:
+            writer.write(chance.choice(bench.way.flood))
+            await asyncio.sleep(FLOOD_EVERY)
+    finally:
+        drain.cancel()
+        writer.close()
+
+
+async def _echo(port: int, found: list[float]) -> None:
+    """How late a program is on this machine that only sends back what it gets."""
+    loop = asyncio.get_running_loop()
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    while True:
+        await asyncio.sleep(0.05)
+        began = loop.time()
+        writer.write(b":GR#")
+        await reader.readexactly(4)
+        found.append(loop.time() - began)
+
+
+async def _situation(
+    name: str,
+    ways: Sequence[Way],
+    arguments: argparse.Namespace,
+    chance: random.Random,
+    state: str,
+    running: list[Running],
+) -> bool:
+    """Measure one situation, print its rows -> whether the goal was met."""
+    loop = asyncio.get_running_loop()
+    copies = arguments.copies if name == "idle" else 1
+    benches = [await _bench(way, chance, state, running) for way in ways for _ in range(copies)]
+    crowds = []
+    found: dict[str, list[Stop]] = {}
+    bare: list[float] = []
+    with processes.echo(state, "asyncio") as echo:
+        if name == "crowd":
+            for bench in benches:
+                crowds.append(
+                    await asyncio.create_subprocess_exec(
+                        sys.executable,
+                        "-m",
+                        "tests.soak.crowd",
+                        *map(str, bench.both),
+                        "--clients",
+                        str(arguments.clients),
+                        "--meek",
+                    )
+                )
+        background = [loop.create_task(_echo(echo, bare))]
+        if name == "flood":
+            background += [loop.create_task(_flood(bench, chance)) for bench in benches]
+        await asyncio.sleep(2.0)
+        gc.freeze()  # this process must not be what is late
+        until = loop.time() + arguments.seconds * arguments.copies / copies
+        async with watched(PROCESSORS) as thefts:
+            await asyncio.gather(
+                *(_measure(bench, until, chance, found.setdefault(bench.way.name, [])) for bench in benches)
+            )
+        for task in background:
+            task.cancel()
+        await asyncio.gather(*background, return_exceptions=True)
+        for process in crowds:
+            process.send_signal(signal.SIGINT)
+        answered = [await process.wait() == 0 for process in crowds]
+    for bench in benches:
+        await asyncio.to_thread(bench.gateway.end)
+        if bench.gateway.said:
+            print(f"  {bench.way.name} said: {bench.gateway.said[-1000:]}")
+    print(f"{name}: a bare echo took {percentile(bare, 50) * 1e3:.2f} ms, p99 {percentile(bare, 99) * 1e3:.2f} ms")
+    met = [_told(way, stops, thefts) for way, stops in found.items()]
+    return all(met) and all(answered)
+
+
+def _told(way: str, stops: list[Stop], thefts: Thefts) -> bool:
+    """Print the rows of a way -> whether the goal was met."""
+    alone = [stop for stop in stops if not thefts.between(stop.sent - BEFORE, stop.sent + AFTER)]
+    endings = sorted({stop.ending for stop in stops})
+    rows = [(name, [stop.added for stop in stops if stop.ending == name]) for name in endings]
+    rows += [("every one", [stop.added for stop in stops]), ("undisturbed", [stop.added for stop in alone])]
+    for name, added in rows:
+        if added:
+            print(
+                f"  {way:<17} {name:<11} {len(added):4} times: median {percentile(added, 50) * 1e3:7.2f} ms, "
+                f"p99 {percentile(added, 99) * 1e3:7.2f} ms, longest {max(added) * 1e3:7.2f} ms",
+                flush=True,
+            )
+    if not thefts.seen:
+        print("  whether a processor was away could not be watched (no real-time priority)")
+    return bool(alone) and percentile([stop.added for stop in alone], 99) <= GOAL
+
+
+async def _all(arguments: argparse.Namespace, running: list[Running]) -> bool:
+    met = True
+    for name in arguments.situations:  # under a load one gateway at a time: it is its own load that counts
+        for ways in [WAYS] if name == "idle" else [(way,) for way in WAYS]:
+            with tempfile.TemporaryDirectory() as state:
+                met &= await _situation(name, ways, arguments, random.Random(arguments.seed), state, running)
+    return met
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=60.0, help="of every situation")
+    parser.add_argument("--copies", type=int, default=3, help="gateways side by side; under a load, longer")
+    parser.add_argument("--clients", type=int, default=200, help="of a crowd")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--situations", nargs="+", default=["idle", "crowd", "flood"])
+    arguments = parser.parse_args()
+    os.sched_setaffinity(0, OTHERS)
+    running: list[Running] = []
+    try:
+        met = asyncio.run(_all(arguments, running))
+    finally:
+        for one in running:
+            if one.process.poll() is None:
+                one.process.kill()
+                one.process.wait()
+    print(f"seed {arguments.seed}: p99 {'within' if met else 'NOT within'} {GOAL * 1e3:g} ms")
+    print("load of the machine:", *(f"{one:.1f}" for one in os.getloadavg()))
+    return 0 if met else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,188 @@
+"""A line swallows one byte, one command or one reply of an order or of its stop: what was told to stop stands still.
+
+For every mount, every way to move and every word for stop the traffic after the order, and after its stop, is counted
+on a line without fault; then each command, each reply and each byte of it is lost in turn, on virtual time. Ten seconds
+after the stop the mount's true axes must not move but by tracking. Standalone, exit code 1 when something moves.
+
+    python -m tests.soak.swallow [--only cge] [--bytes 3] [--processes 2] [--stop-only]
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from itertools import product
+from typing import Any
+
+from msgspec import Struct
+
+from gateway.protocols.mechanics.truth import truth_of
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+#: Protocol, model and version.
+MOUNTS: dict[str, tuple[str, str, str | None]] = {
+    "cpc": ("nexstar", "cpc", "4.21"), "cge": ("nexstar", "cge", "4.21"), "6-8se": ("nexstar", "6-8se", "4.21"),
+    "avx": ("nexstar", "avx", "5.31"), "slt": ("nexstar", "slt", "4.03"),
+    "nexstar-gps/1.2": ("nexstar", "nexstar-gps", "1.2"), "nexstar-gps/2.2": ("nexstar", "nexstar-gps", "2.2"),
+    "gt": ("nexstar", "gt", "101.0"), "lx200": ("lx200", "lx200", None), "lx200-16": ("lx200", "lx200-16", None),
+    "lx200gps": ("lx200", "lx200gps", None), "autostar": ("lx200", "autostar", None),
+}  # fmt: skip
+#: What a program of either kind says: typed from the manuals.
+LX200_MOTIONS = {"arrow": b":RM#:Me#", "nudge": b":RG#:Mn#", "goto": b":Sr08:00:00#:Sd+30*00:00#:MS#",
+                 "pulse": b":Mgn3000#", "park": b":hP#"}  # fmt: skip
+LX200_ENDS = {"arrow": (b":Qe#", b":Q#"), "nudge": (b":Qn#", b":Q#"), "goto": (b":Q#", b":Qe#"),
+              "pulse": (b":Q#", b":Qn#"), "park": (b":Q#",)}  # fmt: skip
+NEXSTAR_MOTIONS = {"arrow": b"P\x02\x10\x24\x09\x00\x00\x00", "goto": b"r55555500,15555500",
+                   "rate": b"P\x03\x11\x06\x40\x00\x00\x00"}  # fmt: skip
+_RATE_0 = b"P\x02\x10\x24\x00\x00\x00\x00", b"P\x02\x11\x24\x00\x00\x00\x00"
+NEXSTAR_ENDS = {"arrow": (_RATE_0[0],), "goto": (b"M", _RATE_0[0]), "rate": (_RATE_0[1],)}
+#: Seconds: from an order to its stop, and from there to the judge.
+HELD, ALLOWED = 2.0, 10.0
+#: Seconds after an order, or a stop, whose traffic is swallowed.
+WINDOW = 1.5
+QUIET = {"lowest": -90.0, "sun": 0.0, "dead_man": 600.0}
+
+
+class Case(Struct, frozen=True):
+    """One line with one fault. ``after`` is "order" or "stop"; ``lost`` is "command", "reply", "byte" or "", none."""
+
+    mount: str
+    program: str
+    motion: str
+    end: bytes
+    after: str = "stop"
+    lost: str = ""
+    number: int = 0
+
+
+class Outcome(Struct, frozen=True):
+    """``moved``: seconds after the stop until the true axes came to rest; ``size``: commands, replies and bytes."""
+
+    case: Case
+    moved: float
+    moves: bool
+    size: tuple[int, int, int]
+    swallowed: bytes
+    sent: tuple[bytes, ...] = ()
+
+
+class Swallowing:
+    """Stands between a gateway and its simulated mount and loses one thing, once it is armed."""
+
+    def __init__(self, bridge: Any, case: Case) -> None:
+        self._feed, self._case, self._until = bridge.controller.line.wire._feed, case, 0.0
+        self.commands = self.replies = self.bytes = 0
+        self.swallowed = b""
+        bridge.controller.line.wire._feed = self._hear
+
+    def arm(self) -> None:
+        self._until = asyncio.get_running_loop().time() + WINDOW
+
+    def _hear(self, data: bytes) -> bytes:
+        if asyncio.get_running_loop().time() >= self._until:
+            return bytes(self._feed(data))
+        lost, number = self._case.lost, self._case.number
+        self.commands += 1
+        first = self.bytes
+        self.bytes += len(data)
+        if lost == "command" and self.commands == number:
+            self.swallowed = data
+            return b""
+        if lost == "byte" and first < number <= self.bytes:
+            self.swallowed = data
+            data = data[: number - first - 1] + data[number - first :]
+        answer = bytes(self._feed(data))
+        if answer:
+            self.replies += 1
+            if lost == "reply" and self.replies == number:
+                self.swallowed = data
+                return b""
+        return answer
+
+
+async def _play(case: Case) -> Outcome:
+    driven, model, version = MOUNTS[case.mount]
+    lx200 = case.program == "lx200"
+    surface = "lx200gps" if lx200 else "cge"
+    async with Bridge(model, version, driven=driven, presented=case.program, surface=surface, config=QUIET) as bridge:
+        line = Swallowing(bridge, case)
+        client, other = bridge.client(), bridge.client("10.0.0.9")
+        question = b":GR#" if lx200 else b"e"
+        before = len(bridge.sent())
+        if case.after == "order":
+            line.arm()
+        client.tell((LX200_MOTIONS if lx200 else NEXSTAR_MOTIONS)[case.motion])
+        await asyncio.sleep(HELD)
+        if case.after == "stop":
+            line.arm()
+        client.tell(case.end)
+        moved = 0.0
+        for tenth in range(1, round(ALLOWED * 10) + 1):
+            if tenth % 5 == 1:
+                other.tell(question)
+            await asyncio.sleep(0.1)
+            if truth_of(bridge.sim).moving:
+                moved = tenth / 10.0
+        moves = truth_of(bridge.sim).moving
+        sent = tuple(bridge.sent()[before:]) if moves else ()
+        return Outcome(case, moved, moves, (line.commands, line.replies, line.bytes), line.swallowed, sent)
+
+
+def play(case: Case) -> Outcome:
+    """One case, on virtual time."""
+    return run(_play(case))
+
+
+def plain(mounts: list[str], afters: tuple[str, ...] = ("stop", "order")) -> Iterator[Case]:
+    """Every mount, motion and stop, without a fault."""
+    for mount, after in product(mounts, afters):
+        for program, ends in (("lx200", LX200_ENDS), ("nexstar", NEXSTAR_ENDS)):
+            for motion, words in ends.items():
+                for end in words:
+                    yield Case(mount, program, motion, end, after)
+
+
+def faulty(calm: Outcome, every: int) -> Iterator[Case]:
+    """Each command and reply of a calm line lost in turn, and every so many bytes one byte."""
+    case = calm.case
+    for lost, count, step in zip(("command", "reply", "byte"), calm.size, (1, 1, every), strict=True):
+        for number in range(1, count + 1, step):
+            yield Case(case.mount, case.program, case.motion, case.end, case.after, lost, number)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", choices=list(MOUNTS), nargs="*", default=list(MOUNTS))
+    parser.add_argument("--bytes", type=int, default=5, help="every so many bytes one is lost")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--stop-only", action="store_true", help="leave the traffic of the order alone")
+    arguments = parser.parse_args()
+    began, bad = time.monotonic(), 0
+    cases = list(plain(arguments.only, ("stop",) if arguments.stop_only else ("stop", "order")))
+    with ProcessPoolExecutor(arguments.processes) as pool:
+        calm = list(pool.map(play, cases, chunksize=4))
+        faults = [case for outcome in calm for case in faulty(outcome, arguments.bytes)]
+        outcomes = calm + list(pool.map(play, faults, chunksize=16))
+    for outcome in outcomes:
+        if outcome.moves:
+            bad += 1
+            case = outcome.case
+            print(
+                f"MOVES {case.mount} {case.program} {case.motion}, {case.end!r}: {case.lost or 'nothing'} "
+                f"{case.number} lost after the {case.after}: {outcome.swallowed!r}; sent {list(outcome.sent)}"
+            )
+    print("\n| mount | lines with a fault | longest in motion after the stop | moves after 10 s |\n|---|---|---|---|")
+    for mount in arguments.only:
+        own = [outcome for outcome in outcomes if outcome.case.mount == mount]
+        print(f"| {mount} | {len(own)} | {max(one.moved for one in own):.1f} s | {sum(one.moves for one in own)} |")
+    print(f"\n{len(outcomes)} lines, {bad} of them leave something moving; {time.monotonic() - began:.0f} s")
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

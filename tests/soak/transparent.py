@@ -1,0 +1,28 @@
+"""91 things asked of every kind of mount, directly and through a gateway of its own protocol: how many answers differ.
+
+python -m tests.soak.transparent
+"""
+
+from __future__ import annotations
+
+import sys
+
+from tests.support.transparent import ALLOWED, MOUNTS, asked_of, differences
+from tests.support.virtual import run
+
+
+def main() -> int:
+    """0 when no more answers differ than are allowed, else 1."""
+    worst = 0
+    for protocol, model, version in MOUNTS:
+        found = run(differences(protocol, model, version))
+        worst = max(worst, len(found))
+        print(f"{protocol}:{model}{f'/{version}' if version else ''}: {len(found)} of {asked_of(protocol)} differ")
+        for item in found:
+            print(f"    {item.asked!r}: the mount {item.direct!r}, the gateway {item.shared!r}")
+    print(f"at most {worst} differ, {ALLOWED} may")
+    return int(worst > ALLOWED)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

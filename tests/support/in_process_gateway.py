@@ -1,0 +1,80 @@
+"""A whole gateway on virtual time, as the product rehearses it, with what only tests need: files, ends, a judge."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from gateway.app.state.file import MarkerContent
+from gateway.app.state.motion_marker import InThread
+from gateway.app.state.store import StateStore
+from gateway.diagnostics.rehearsal.stage import Stage, Visitor
+from tests.support.sent_forms import malformed
+
+__all__ = ["EVENING", "Bridge", "Visitor", "here"]
+
+#: 2026-01-15 22:00 UTC
+EVENING = 1768514400.0
+
+
+async def here(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Files are written at once: a thread knows nothing of virtual time."""
+    return function(*arguments)
+
+
+class Bridge(Stage):
+    """``sim`` is the simulated mount, ``hub`` the gateway's, ``client()`` a new connection."""
+
+    keeping: StateStore | None = None
+
+    def __init__(
+        self,
+        mount: str = "6-8se",
+        version: str | None = None,
+        *,
+        surface: str | None = "autostar",
+        start: float = EVENING,
+        driven: str = "nexstar",
+        presented: str = "lx200",
+        state: Path | None = None,
+        in_thread: InThread | None = None,
+        **settings: Any,
+    ) -> None:
+        """With ``state`` a directory for what is kept; the other settings are those of a stage."""
+        self._state, self._in_thread = state, in_thread
+        self._driven, self._hands_on = driven, presented == driven == "nexstar"
+        self.warned: list[str] = []
+        super().__init__(mount, version, surface=surface, start=start, driven=driven, presented=presented, **settings)
+
+    def remember(self) -> tuple[dict[str, Any], Callable[[], None]]:
+        if self._state is None:
+            return super().remember()
+        self.keeping = StateStore(
+            self._driven,
+            "bridge",
+            MarkerContent(f"{self._driven}@bridge", 9600),
+            str(self._state),
+            self.warned.append,
+            self._in_thread or here,
+        )
+        self.keeping.attach(self.controller)
+        return self.keeping.shared, self.keeping.changed
+
+    async def __aexit__(self, failed: object = None, *_: object) -> None:
+        await super().__aexit__()
+        if self.keeping is not None:
+            await self.keeping.close()
+        if failed is None and not self._hands_on:  # what passes through is the program's own
+            assert not (wrong := malformed(self._driven, self.sent())), f"no paper writes it so: {wrong}"
+
+    async def kill(self) -> None:
+        """End as a killed process does: nothing more is sent or written, only the lock is let go."""
+        assert self.keeping is not None
+        tasks = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
+        for task in tasks:
+            task.cancel()
+        self.controller.motions.close()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        self.keeping._lock.release()

@@ -1,0 +1,92 @@
+"""Two gateways in a row, in one process on virtual time: what one surface says is what the next driver hears."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
+from gateway.app.gateway import DRIVERS, FACES
+from gateway.astro.ephemeris import Sky
+from gateway.clients.acceptor import ConnectionAcceptor
+from gateway.core import operations as op
+from gateway.core.wire_log import Entry, Transcript
+from gateway.mount.controller import MountController, Policy
+from gateway.mount.link.queue import MountLink
+from gateway.mount.safety.limits import Limits
+from gateway.mount.site.site_clock import SiteClock
+from gateway.transport import ConnectionHandler
+from gateway.transport.wires import OnData, OnLost
+from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.sent_forms import malformed
+
+#: Seconds until the outer gateway must have found out what it drives.
+MOST = 60.0
+
+
+class GuestWire:
+    """A wire to the surface of another gateway."""
+
+    name = "the other gateway"
+
+    def __init__(self, reception: ConnectionAcceptor) -> None:
+        self._reception = reception
+        self._guest: ConnectionHandler | None = None
+
+    async def open(self, on_data: OnData, on_lost: OnLost) -> None:
+        loop = asyncio.get_running_loop()
+        self._guest = self._reception.arrive("chain", "chain", lambda data: loop.call_soon(on_data, bytes(data)))
+
+    def write(self, data: bytes) -> None:
+        assert self._guest is not None
+        self._guest.feed(data)
+
+    async def close(self) -> None:
+        if self._guest is not None:
+            self._guest.close()
+            self._guest = None
+
+
+class Chain:
+    """``outer`` speaks to clients and drives ``inner``, which drives the simulated mount."""
+
+    def __init__(self, inner: Bridge, link: str, presented: str, surface: str | None = None) -> None:
+        self.inner, self._link = inner, link
+        loop = asyncio.get_running_loop()
+        self.transcript = Transcript(inner.clock)
+        self.entries: list[Entry] = []
+        self.transcript.sinks.append(self.entries.append)
+        driver, follow_ups, dialogue = DRIVERS[link](Endpoint(link, "-"), MountConfig(at="-"), loop.time)
+        self.driver: Any = driver
+        line = MountLink(GuestWire(inner.reception), dialogue, self.transcript)
+        observatory = SiteClock(loop.time, inner.clock, None)
+        limits = Limits(lowest=-90.0, sun=0.0)  # the inner gateway and the mount have limits of their own
+        self.controller = MountController(driver, follow_ups, line, Sky(), observatory, self.transcript, Policy(limits))
+        face = FACES[presented](Endpoint(presented, "-", surface), SurfaceConfig(at="-"), limits)
+        self.reception = ConnectionAcceptor(self.controller, face, {"sites": {}}, inner.clock, lambda: None)
+
+    async def __aenter__(self) -> Chain:
+        await self.inner.__aenter__()
+        self.controller.start()
+        async with asyncio.timeout(MOST):  # else one that is never identified is asked for ever
+            await self.controller.settled.wait()
+        return self
+
+    async def __aexit__(self, failed: object = None, *_: object) -> None:
+        await self.controller.close()
+        await self.inner.__aexit__(failed)
+        if failed is None:
+            assert not (wrong := malformed(self._link, self.sent())), f"no paper writes it so: {wrong}"
+
+    def client(self) -> Visitor:
+        return Visitor(self, "127.0.0.1")
+
+    def sent(self) -> list[bytes]:
+        """What the outer gateway sent to the inner one."""
+        return [entry.data for entry in self.entries if entry.side == "mount" and entry.arrow == ">"]
+
+
+def equatorial(raw: bytes) -> op.Equatorial:
+    """The answer of ``e`` in degrees."""
+    ra, dec = (int(part[:6], 16) * 360.0 / 2**24 for part in raw.rstrip(b"#").split(b","))
+    return op.Equatorial(ra, dec - 360.0 if dec > 180 else dec)

@@ -1,0 +1,143 @@
+"""Connections to a ``fixture.Mount`` through the product's own reception, so that what one keeps for the next is real.
+
+The hub behind it is the smallest that a client can do with: reads are at hand, everything else is performed at once.
+Needs a running event loop; ``tests.support.virtual.run`` gives one on virtual time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from typing import Any, cast
+
+from gateway.app.config import Endpoint, SurfaceConfig
+from gateway.app.gateway import FACES
+from gateway.clients.acceptor import ConnectionAcceptor
+from gateway.core import operations as op
+from gateway.core.errors import Fault
+from gateway.core.wire_log import Transcript
+from gateway.mount.fair_scheduler import FairScheduler
+from gateway.mount.readings.cache import MISSING
+from gateway.mount.safety.limits import Limits
+from gateway.mount.safety.rules.dead_man import HostActivity, Presence
+from tests.support.fake_mount import Mount
+
+
+class Still:
+    """Stands in for the hub. ``changed`` is to be called when the mount's readings were set anew."""
+
+    def __init__(self, mount: Mount) -> None:
+        self.mount, self.loop = mount, asyncio.get_running_loop()
+        self.now = self.loop.time
+        self.transcript = Transcript(self.clock)
+        self.presence = Presence(self.now)
+        self.version = self.stops = 0
+        self.closed = False
+        self.motions = self
+        self.turnstile = FairScheduler(self.loop, lambda: False)
+        #: What the host's clock is ahead of the loop's, and the mount's ahead of the host's.
+        self._epoch = mount.clock.unix - self.now()
+        self._ahead = 0.0
+
+    def clock(self) -> float:
+        """The host's clock."""
+        return self._epoch + self.now()
+
+    def changed(self) -> None:
+        self.version += 1
+
+    def again(self, operation: op.Operation) -> None:
+        """No halt is ever under way: each is done at once."""
+
+    def peek(self, operation: op.Operation) -> Any:
+        if isinstance(operation, op.Position | op.Slewing) and self.mount.fault is None:
+            return self.mount.perform(operation)
+        return MISSING
+
+    def impossible(self, operation: op.Operation) -> None:
+        """Everything may be tried."""
+
+    def touch(self, kinds: list[type[op.Operation]], now: float) -> None:
+        """Nobody refreshes anything here."""
+
+    def fresh_until(self, kinds: list[type[op.Operation]]) -> float:
+        return self.now() + 0.5
+
+    async def perform(
+        self, operation: op.Operation, stops: int | None = None, life: HostActivity | None = None, patience: float = 3.5
+    ) -> Any:
+        await asyncio.sleep(0)
+        self.mount.clock = op.Moment(self.clock() + self._ahead, self.mount.clock.offset)
+        answer = self.mount.perform(operation)
+        self._ahead = self.mount.clock.unix - self.clock()
+        self.changed()
+        return answer
+
+    def begin_stop(self) -> None:
+        self.stops += 1
+        self.spawn(self.perform(op.Stop()))
+
+    def begin(
+        self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: HostActivity
+    ) -> asyncio.Task[None]:
+        async def finish() -> None:
+            try:
+                await self.perform(operation, stops)
+            except Fault as fault:
+                failed(fault)
+
+        return self.spawn(finish())
+
+    def spawn(self, work: Coroutine[Any, Any, Any]) -> asyncio.Task[Any]:
+        return self.loop.create_task(work)
+
+
+class House:
+    """A mount behind a port. ``visit`` is one connection."""
+
+    def __init__(
+        self,
+        mount: Mount | None = None,
+        model: str = "autostar",
+        protocol: str = "lx200",
+        version: str | None = None,
+        **settings: Any,
+    ) -> None:
+        self.mount = mount or Mount()
+        self.controller = Still(self.mount)
+        face = FACES[protocol](Endpoint(protocol, "-", model, version), SurfaceConfig(at="-", **settings), Limits())
+        self.shared: dict[str, Any] = {"sites": {}}
+        self.reception = ConnectionAcceptor(
+            cast(Any, self.controller), face, self.shared, self.controller.clock, lambda: None
+        )
+
+    def visit(self, host: str = "192.168.4.2") -> Visit:
+        return Visit(self, host)
+
+
+class Visit:
+    """One connection from a host."""
+
+    def __init__(self, house: House, host: str) -> None:
+        self._heard = b""
+        self._guest = house.reception.arrive(f"{host}:1", host, self._hear)
+
+    def _hear(self, data: bytes) -> None:
+        self._heard += data
+
+    async def ask(self, data: bytes) -> bytes:
+        """Bytes in, everything that comes back for them."""
+        self._guest.feed(data)
+        await asyncio.sleep(0.01)
+        heard, self._heard = self._heard, b""
+        return heard
+
+    async def dribble(self, data: bytes, seconds: float) -> bytes:
+        """The same, one byte after the other."""
+        for byte in data:
+            self._guest.feed(bytes((byte,)))
+            await asyncio.sleep(seconds)
+        return await self.ask(b"")
+
+    def close(self) -> None:
+        self._guest.close()

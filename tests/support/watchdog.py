@@ -1,0 +1,121 @@
+"""A simulated mount and a gateway in processes of their own: how the mount comes to rest when the gateway dies."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from tests.support.process import PATIENCE, Running, ask
+
+SIMULATED = {"nexstar": "nexstar:cge", "lx200": "lx200:lx200gps"}
+#: What a gateway can come to grief by: a signal, and whether its process lives on.
+FATES = {"killed": signal.SIGKILL, "frozen": signal.SIGSTOP, "quit": signal.SIGQUIT, "blocked": signal.SIGUSR1}
+#: A gateway whose event loop SIGUSR1 blocks for so many seconds.
+BLOCKED = 4
+PROGRAM = f"""
+import signal, sys, time
+from gateway.cli import main
+signal.signal(signal.SIGUSR1, lambda number, frame: time.sleep({BLOCKED}))
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+class Started(Running):
+    """A gateway process that can also be made to hang."""
+
+    def __init__(self, *arguments: str) -> None:
+        super().__init__(*arguments, by=[sys.executable, "-bb", "-c", PROGRAM])
+
+
+class Watched:
+    """``kind`` is the mount's protocol, ``port`` how the gateway reaches it: ``tcp`` or ``pty``.
+
+    ``truth`` is a file to which the simulated mount writes where its axes truly are.
+    """
+
+    def __init__(self, started: list[Running], place: Path, kind: str, port: str, truth: Path | None = None) -> None:
+        self.kind = kind
+        link = f"pty:{place}/mount"
+        places = ["--at", "tcp://127.0.0.1:0", *(["--at", link] if port == "pty" else [])]
+        self.sim = Running("sim", SIMULATED[kind], *places, *(["--truth", str(truth)] if truth else []))
+        started.append(self.sim)
+        self.mount = self.sim.ready()
+        where = self.mount.replace("tcp", "socket") if port == "tcp" else self.sim.ready().removeprefix("pty:")
+        self.arguments = (
+            "run",
+            "--mount",
+            f"{kind}@{where}",
+            "--surface",
+            "lx200@tcp://127.0.0.1:0",
+            "--state",
+            str(place),
+            "--sun",
+            "0",
+        )
+        self.started = started
+        self.begin()
+
+    def begin(self) -> None:
+        self.gateway = Started(*self.arguments)
+        self.started.append(self.gateway)
+        self.where = self.gateway.ready()
+
+    def declination(self) -> float:
+        """Degrees, by the mount's own word."""
+        if self.kind == "nexstar":
+            return int(ask(self.mount, b"e")[9:17], 16) / 2**32 * 360.0
+        told = ask(self.mount, b":GD#").decode("latin-1")
+        return float(told[0] + "1") * (int(told[1:3]) + int(told[4:6]) / 60 + int(told[7:9]) / 3600)
+
+    def speed(self) -> float:
+        """Degrees a second, over a fifth of a second."""
+        began, before = time.monotonic(), self.declination()
+        time.sleep(0.2)
+        after, ended = self.declination(), time.monotonic()
+        return abs((after - before + 180.0) % 360.0 - 180.0) / (ended - began)
+
+    def move(self, seconds: float = 1.0) -> None:
+        """By hand, southwards at the fastest rate, until it does."""
+        deadline = time.monotonic() + PATIENCE
+        ask(self.where, b":RS#:Ms#:GVP#")
+        while self.speed() < 1.0:
+            assert time.monotonic() < deadline
+            ask(self.where, b":RS#:Ms#:GVP#")  # a gateway that has just come back to life stops the mount first
+        time.sleep(seconds)
+
+    def meet(self, fate: str) -> float:
+        """Let the gateway come to grief -> the seconds until the mount was seen at rest, a fifth too many."""
+        began = time.monotonic()
+        self.gateway.process.send_signal(FATES[fate])
+        while self.speed() > 0.05:
+            assert time.monotonic() - began < PATIENCE, "the mount goes on moving"
+        return time.monotonic() - began
+
+    def watchdog(self) -> int | None:
+        """The process id of the watchdog of this gateway."""
+        for path in Path("/proc").glob("[0-9]*"):
+            try:
+                words: list[Any] = (path / "cmdline").read_bytes().split(b"\0")
+            except OSError:
+                continue
+            gateway = str(self.gateway.process.pid).encode()
+            if len(words) > 5 and words[3].endswith(b"watchdog/process.py") and words[5] == gateway:
+                return int(path.name)
+        return None
+
+    def close(self) -> None:
+        """End the gateway and its watchdog at once, without their repeated stops."""
+        watchdog = self.watchdog()
+        for number in (watchdog, self.gateway.process.pid):
+            if number is not None and (number == watchdog or self.gateway.process.poll() is None):
+                os.kill(number, signal.SIGKILL)
+
+    def tracks(self) -> bool:
+        """Whether the mount tracks, by its own word; an LX200GPS tells it with its letters."""
+        if self.kind == "nexstar":
+            return ask(self.mount, b"t") == b"\x02#"
+        return b"T" in ask(self.mount, b":GW#:GVP#")[:3]

@@ -1,0 +1,185 @@
+"""Programs get what they need: by the name in ``client``, or by the first bytes of their own connection."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from gateway.app.config import SurfaceConfig
+from gateway.app.config.describing import named
+from gateway.app.config.programs import programs, recognisable, settled, wanted_by
+from gateway.app.gateway import manners
+from gateway.clients.equinox import J2000
+from gateway.core.wire_log import Entry
+from tests.support.fake_mount import Mount, Talk
+from tests.support.transcript_files import files, read
+from tests.support.virtual import run
+from tests.support.visits import House
+
+TCP = "lx200@tcp://127.0.0.1:0"
+GENUINE = b" M31 EX GAL MAG 3.5 SZ178.0'#"
+CLEAN = b"1M31 EX GAL MAG 3.5 SZ178.0'#"
+MOBILE = (b"Ka", b"##", b"#\x06")
+DESKTOP = (b"#:GR#", b"#:GD#")
+
+
+def house(**keys: str) -> tuple[House, list[Entry]]:
+    """A port as ``Gateway`` puts it together, and what is noted down."""
+    surface = SurfaceConfig(at=TCP, **keys)  # type: ignore[arg-type]
+    built = House(Mount())
+    j2000 = J2000(built.mount.sky, built.controller.clock)
+    face = replace(built.reception.face, manners=tuple(manners("lx200", surface, j2000)))
+    built.reception.face = face
+    entries: list[Entry] = []
+    built.controller.transcript.sinks.append(entries.append)
+    return built, entries
+
+
+@pytest.mark.parametrize(
+    ("at", "client", "key", "value"),
+    [
+        (TCP, "stellarium-mobile", "equinox", "j2000"),
+        (TCP, "stellarium", "sync_text", CLEAN[:-1].decode()),
+        (TCP, "stellarium", "equinox", None),
+        (TCP, "starry-night", "precision", "low"),
+        (TCP, "skysafari", "equinox", "jnow"),
+        (TCP, "cartes-du-ciel", "precision", None),
+        ("nexstar@tcp://:0", "ascom", "equinox", None),
+        ("nexstar:cge/4.13@tcp://:0", "ascom", "equinox", "j2000"),
+        ("nexstar:cge/4.14@tcp://:0", "ascom", "equinox", None),
+        ("nexstar:gt/101.0@tcp://:0", "ascom", "equinox", "j2000"),
+        ("nexstar:cge/4.17@tcp://:0", "skysafari", "equinox", "j2000"),
+        ("nexstar:avx/starsense-1.19@tcp://:0", "skysafari", "equinox", None),
+        ("nexstar@tcp://:0", "starry-night", "precision", None),
+        (TCP, "auto", "equinox", None),
+        (TCP, "any", "equinox", None),
+    ],
+)
+def test_a_named_program_gets_what_it_needs(at: str, client: str, key: str, value: str | None) -> None:
+    assert getattr(settled(SurfaceConfig(at=at, client=client)), key) == value
+
+
+def test_what_the_user_set_is_left_as_it_is() -> None:
+    surface = SurfaceConfig(at=TCP, client="stellarium-mobile", equinox="jnow")
+    assert settled(surface).equinox == "jnow"
+    assert wanted_by(surface) == []
+
+
+@pytest.mark.parametrize("protocol", ["lx200", "nexstar"])
+def test_every_row_is_of_use(protocol: str) -> None:
+    """Its key is one of the surface's, its value is allowed there, and it says why."""
+    for name, row in programs(protocol).items():
+        assert bool(row.first) == bool(row.told), name
+        for need in row.needs:
+            key = named("surface", need.key)
+            assert key is not None, name
+            assert not key.choices or need.value in key.choices, name
+            assert need.why, name
+
+
+def test_a_named_stellarium_has_its_conversation() -> None:
+    """The whole file, with the profile in the place of its own ``sync_text``."""
+    [path] = files("lx200-stellarium.txt")
+    conversation = read(path)
+    given = settled(SurfaceConfig(at=TCP, client="stellarium"))
+    assert given.sync_text == conversation.settings["sync_text"]
+
+
+def test_starry_night_begins_in_low_precision() -> None:
+    given = settled(SurfaceConfig(at=TCP, client="starry-night"))
+    assert Talk(precision=given.precision).send(b":GR#") == b"12:34.9#"
+
+
+def test_stellarium_mobile_is_told_j2000_and_nobody_else_is() -> None:
+    async def story() -> None:
+        built, entries = house()
+        mobile, other = built.visit(), built.visit()
+        assert [await mobile.ask(data) for data in MOBILE] == [b"", b"", b"P"]
+        of_date, j2000 = await other.ask(b":GR#"), await mobile.ask(b"#:GR#")
+        assert of_date == b"12:34:56#"
+        assert j2000 == b"12:33:40#"  # 26.2 years of 3.07 + 1.34 sin(ra) tan(dec) = 2.87 s back
+        assert [entry.note for entry in entries if "treated" in entry.note] == [
+            "this is Stellarium Mobile PLUS, and treated so"
+        ]
+        assert await mobile.ask(b"#:Sr05:34:32#") == b"1"
+        assert await mobile.ask(b"#:Sd+22:00:52#") == b"1"
+        assert await mobile.ask(b"#:MS#") == b"0"
+        target = built.mount.asked[-1]
+        sky = built.mount.sky.to_of_date(15 * (5 + 34 / 60 + 32 / 3600), 22 + 52 / 3600, built.controller.clock())
+        assert (target.ra, target.dec) == pytest.approx(sky, abs=1e-6)  # type: ignore[attr-defined]
+
+    run(story())
+
+
+def test_stellarium_mobile_is_recognised_byte_by_byte() -> None:
+    async def story() -> None:
+        built, _ = house()
+        visit = built.visit()
+        assert await visit.dribble(b"".join(MOBILE), 0.01) == b"P"
+        assert await visit.ask(b"#:GR#") != b"12:34:56#"
+
+    run(story())
+
+
+def test_a_recognised_stellarium_gets_the_reply_that_it_can_read() -> None:
+    async def story() -> None:
+        built, _ = house()
+        stellarium, other = built.visit(), built.visit()
+        for data in DESKTOP:
+            assert await stellarium.ask(data)
+        for visit, text in ((stellarium, CLEAN), (other, GENUINE)):
+            for data in (b":Sr12:34:00#", b":Sd+45*12:00#"):
+                assert await visit.ask(data) == b"1"
+            assert await visit.ask(b":CM#") == text
+
+    run(story())
+
+
+def test_an_explicit_key_beats_recognition() -> None:
+    async def story() -> None:
+        for keys in ({"equinox": "jnow"}, {"client": "any"}, {"client": "skysafari"}):
+            built, _ = house(**keys)
+            visit = built.visit()
+            for data in MOBILE:
+                await visit.ask(data)
+            assert await visit.ask(b"#:GR#") == b"12:34:56#", keys
+
+    run(story())
+
+
+@pytest.mark.parametrize("path", files("lx200-*.txt"), ids=lambda path: path.stem)
+def test_only_the_right_program_is_recognised(path: Path) -> None:
+    """Every conversation that is known, from its first byte on."""
+
+    async def story() -> None:
+        built, entries = house()
+        visit = built.visit()
+        for line in read(path).lines:
+            if line.mark == ">":
+                await visit.ask(line.data)
+        notes = [entry.note for entry in entries if "treated so" in entry.note]
+        expected = {"lx200-stellarium": 1, "lx200-stellarium-mobile": 1}
+        assert len(notes) == expected.get(path.stem, 0)
+
+    run(story())
+
+
+def test_nobody_is_recognised_where_connections_do_not_end() -> None:
+    assert set(recognisable(SurfaceConfig(at=TCP))) == {b"Ka###\x06", b"#:GR##:GD#"}
+    for at in ("lx200@pty:/tmp/x", "lx200@/dev/ttyS1", "nexstar@tcp://:0"):
+        assert recognisable(SurfaceConfig(at=at)) == {}
+
+
+def test_a_command_without_a_reply_leaves_one_reason_per_host() -> None:
+    async def story() -> None:
+        built, entries = house()
+        for host in ("192.168.4.2", "192.168.4.2", "192.168.4.3"):
+            visit = built.visit(host)
+            for data in (b":XY12#", b":XY12#", b":Q#", b":GR#"):
+                await visit.ask(data)
+        notes = [entry for entry in entries if entry.arrow == "!"]
+        assert [entry.note for entry in notes] == ["no reply to b':XY12#': lx200 has no such command"] * 2
+
+    run(story())

@@ -1,0 +1,122 @@
+"""The configuration as text: the one in effect reads back, the example is complete, the table of the keys is fresh."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+import tomli
+
+from gateway.app.config import Source, make_config, read_tables
+from gateway.app.config.describing import keys
+from gateway.app.config.keys import Config
+from gateway.app.config.lines import Place
+from gateway.app.config.programs import settled
+from gateway.app.config.showing import effective, example, table, toml
+from gateway.cli import main
+
+ROOT = Path(__file__).parents[4]
+ALL = """log = true
+[[mount]]
+name = "pier"
+at = "nexstar:cge/4.21@/dev/ttyUSB0"
+site = [-33.5, 151.25]
+park = [1, 2]
+[[mount]]
+name = "dome"
+at = "lx200@sim"
+lowest = 12.5
+[[surface]]
+mount = "pier"
+at = "lx200@tcp://:4030"
+client = "stellarium"
+[[surface]]
+mount = "dome"
+at = "lx200@tcp://:4031"
+client = "starry-night"
+precision = "high"
+sync-text = "say \\"when\\" \\\\ now"
+"""
+
+
+def back(tmp_path: Path, text: str) -> tuple[Config, Source]:
+    path = tmp_path / "gateway.toml"
+    path.write_text(text, "utf-8")
+    tables, source = read_tables(path)
+    return make_config(tables, source), source
+
+
+def test_what_is_in_effect_reads_back_as_the_same(tmp_path: Path) -> None:
+    config, source = back(tmp_path, ALL)
+    again, _ = back(tmp_path, effective(config, source))
+    assert (again.mount, again.wait, again.log) == (config.mount, config.wait, config.log)
+    assert again.surface == [settled(surface) for surface in config.surface]
+    assert again.surface[0].sync_text is not None
+
+
+def test_what_is_no_default_says_where_it_comes_from(tmp_path: Path) -> None:
+    config, source = back(tmp_path, ALL)
+    source.name = "g.toml"
+    source.flags[("mount", 1, "lowest")] = "--lowest"
+    lines = effective(config, source).splitlines()
+    assert "log = true  # g.toml:1" in lines
+    assert "site = [-33.5, 151.25]  # g.toml:5" in lines
+    assert "lowest = 12.5  # --lowest" in lines
+    assert "lowest = 0.0" in lines
+    assert 'precision = "high"  # g.toml:19' in lines
+    assert any(line.startswith('sync-text = "1M31') and "# client stellarium: " in line for line in lines)
+    assert "# mode: not set" in lines
+
+
+def test_every_default_is_shown_without_a_mark() -> None:
+    flags: dict[Place, str] = {("mount", 0, "at"): "--mount", ("surface", 0): "--surface"}
+    tables = {"mount": [{"at": "nexstar@sim"}], "surface": [{"at": "lx200@tcp://:0"}]}
+    source = Source("command line", flags=flags)
+    lines = effective(make_config(tables, source), source).splitlines()[2:]
+    assert [line for line in lines if "  # " in line] == [
+        'at = "nexstar@sim"  # --mount',
+        'at = "lx200@tcp://:0"  # --surface',
+    ]
+
+
+def test_the_example_is_valid_as_it_is(tmp_path: Path) -> None:
+    config, _ = back(tmp_path, example())
+    assert (len(config.mount), len(config.surface)) == (1, 1)
+
+
+def test_the_example_has_every_key(tmp_path: Path) -> None:
+    text = re.sub(r"(?m)^#(?! )", "", example())
+    back(tmp_path, text)
+    tables = tomli.loads(text)
+    assert set(tables["mount"]) == {key.name for key in keys("mount")}
+    assert set(tables["surface"][0]) == {key.name for key in keys("surface")}
+    assert set(tables) == {"mount", "surface"} | {key.name for key in keys("")}
+
+
+def test_every_key_is_described() -> None:
+    for name in ("", "mount", "surface"):
+        for key in keys(name):
+            assert key.words
+            assert key.right
+            assert key.example is not None, key.name
+            assert isinstance(key.default, bool) or key.shown, key.name
+
+
+def test_the_table_of_the_keys_is_fresh() -> None:
+    page = (ROOT / "docs" / "configuration.md").read_text("utf-8")
+    _, begin, rest = page.partition("<!-- keys: mount-gateway config --table -->\n")
+    assert begin
+    assert rest.partition("<!-- end of keys -->")[0] == table(), "put in what mount-gateway config --table prints"
+
+
+@pytest.mark.parametrize("value", [True, 0, -1.5, 'a "b" \\ \x7f \n é', [1.0, -2.0], ["a"]])
+def test_values_are_written_as_toml(value: object) -> None:
+    assert tomli.loads(f"x = {toml(value)}") == {"x": value}
+
+
+def test_the_command_prints_both(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["config", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--site", "-33.9,151.2"]) == 0
+    assert tomli.loads(capsys.readouterr().out)["mount"]["site"] == [-33.9, 151.2]
+    assert main(["config", "--example"]) == 0
+    assert capsys.readouterr().out == example()

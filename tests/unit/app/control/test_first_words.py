@@ -1,0 +1,212 @@
+"""What is said at the start of what was found and does not fit, and at the end of how the mount was left."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.app.control.first_words import first_words, last_words
+from gateway.core.operations import Stop
+from tests.support.in_process_gateway import Bridge
+from tests.support.process import GATEWAY, PATIENCE, Running, ask
+from tests.support.virtual import run
+
+
+def said(bridge: Any, model: str | None = None, version: str | None = None) -> tuple[list[str], list[str]]:
+    """What is told and what is warned of."""
+    lines = list(first_words(bridge.controller, model, version))
+    return [line.text for line in lines if not line.warns], [line.text for line in lines if line.warns]
+
+
+def at_the_start(**settings: Any) -> tuple[list[str], list[str]]:
+    named = {name: settings.pop(name) for name in ("named_model", "named_version") if name in settings}
+
+    async def program() -> tuple[list[str], list[str]]:
+        async with Bridge(**settings) as bridge:
+            return said(bridge, named.get("named_model"), named.get("named_version"))
+
+    result: tuple[list[str], list[str]] = run(program())
+    return result
+
+
+def test_the_mount_its_site_and_its_clock_are_told() -> None:
+    assert at_the_start() == ([
+        "found Celestron NexStar, 6-8se, version 4.21",
+        "site 45.0 N 10.0 E, told by the mount; clock 2026-01-15 22:00:01 UTC, told by the mount",
+    ], [])  # fmt: skip
+
+
+def test_a_mount_that_is_not_aligned_is_told_of() -> None:
+    for driven, mount in (("nexstar", "cpc"), ("lx200", "lx200gps")):
+        surface = "lx200" if driven == "nexstar" else "nexstar"
+        _, warned = at_the_start(
+            driven=driven,
+            mount=mount,
+            presented=surface,
+            surface="autostar" if surface == "lx200" else None,
+            aligned=False,
+        )
+        assert [words for words in warned if words.startswith("the mount is not aligned: ")], driven
+
+
+@pytest.mark.parametrize(("driven", "mount", "named", "told"), [
+    ("nexstar", "6-8se", "cge", "6-8se"),
+    ("nexstar", "cpc", "6-8se", "cpc"),
+    ("lx200", "autostar", "lx200gps", "autostar"),
+    ("lx200", "lx200gps", "autostar", "lx200gps"),
+    ("lx200", "lx200-16", "lx200gps", None),
+])  # fmt: skip
+def test_another_model_than_was_named_is_told_of(driven: str, mount: str, named: str, told: str | None) -> None:
+    surface = "lx200" if driven == "nexstar" else "nexstar"
+    _, warned = at_the_start(
+        driven=driven,
+        mount=mount,
+        presented=surface,
+        named_model=named,
+        surface="autostar" if surface == "lx200" else None,
+    )
+    words = [
+        f"the mount was named as {named}, and says that it is {told}: leave the model out, it is asked for, or "
+        f"write {told}"
+    ]
+    assert [line for line in warned if "named" in line] == (words if told else [])
+
+
+def test_the_model_that_was_named_is_no_doubt() -> None:
+    for driven, mount in (
+        ("nexstar", "6-8se"),
+        ("nexstar", "cge"),
+        ("lx200", "autostar"),
+        ("lx200", "lx200gps"),
+        ("lx200", "lx200"),
+        ("lx200", "lx200-16"),
+    ):
+        surface = "lx200" if driven == "nexstar" else "nexstar"
+        _, warned = at_the_start(
+            driven=driven,
+            mount=mount,
+            presented=surface,
+            named_model=mount,
+            named=True,
+            surface="autostar" if surface == "lx200" else None,
+        )
+        assert not [line for line in warned if "named" in line], mount
+
+
+def test_another_version_than_was_named_is_told_of() -> None:
+    assert at_the_start(named_model="6-8se", named_version="3.0")[1] == [
+        "the hand control was named as version 3.0, and says that it is 4.21: leave the version out, it is asked for"
+    ]
+    assert at_the_start(mount="cge", version="4.21", named_model="cge", named_version="4.21")[1] == []
+
+
+@pytest.mark.parametrize(
+    ("site", "hint"),
+    [
+        ((45.0, -10.0), "the sign of a longitude looks wrong, east is positive"),
+        ((-45.0, 10.0), "the sign of a latitude looks wrong, north is positive"),
+        ((-45.0, -10.0), "both signs look wrong, north and east are positive"),
+        ((10.0, 45.0), "latitude and longitude look swapped, latitude comes first"),
+        ((30.0, 20.0), ""),
+    ],
+)
+def test_a_site_that_is_written_wrongly_is_told_of(site: tuple[float, float], hint: str) -> None:
+    _, [warned] = at_the_start(config={"site": site})
+    assert warned.startswith("the mount stands at 45.0 N 10.0 E, the configuration says ")
+    assert hint in warned
+    assert "look" in warned or not hint
+
+
+def test_at_the_end_it_says_how_the_mount_was_left() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            client = bridge.client()
+            await client.ask(b":RS#:Mn#:GVP#")
+            await asyncio.sleep(2)
+            moved = bridge.controller.motions.busy
+            await bridge.controller.close()
+            told = last_words(bridge.controller, moved)
+            assert told is not None
+            assert (told.text, told.warns) == ("stopped the mount; tracking is on", False)
+            await asyncio.sleep(100)
+            told = last_words(bridge.controller, False)
+            assert told is not None
+            assert told.text == "the mount was not moving; tracking was on when it last said so"
+
+    run(program())
+
+
+def test_a_stop_that_was_not_heard_is_no_good_end() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            bridge.controller.motions.owe_stop()
+            told = last_words(bridge.controller, True)
+            assert told is not None
+            assert told.warns
+            assert told.text.startswith("the mount has not acknowledged the stop: look at it")
+            await bridge.controller.perform(Stop())
+
+    run(program())
+
+
+def test_a_run_says_it_on_stdout(tmp_path: Path, started: list[Running]) -> None:
+    """After the ready line, which waits for nothing of this; and Ctrl-C is answered."""
+    simulator = Running("sim", "nexstar:cpc", "--at", f"pty:{tmp_path}/mount", "--unaligned")
+    started.append(simulator)
+    simulator.ready()
+    command = [
+        *GATEWAY,
+        "run",
+        "--mount",
+        f"nexstar:cge@{tmp_path}/mount",
+        "--surface",
+        "lx200@tcp://127.0.0.1:0",
+        "--state",
+        str(tmp_path),
+        "--sun",
+        "0",
+        "--no-watchdog",
+    ]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as gateway:
+        assert gateway.stdout is not None
+        ready = gateway.stdout.readline()
+        assert ready.startswith("ready lx200")
+        assert gateway.stdout.readline() == "found Celestron NexStar, cpc, version 4.21\n"
+        assert gateway.stdout.readline().startswith("site ")
+        ask(ready.strip().partition("@")[2], b":RS#:Mn#:GVP#")
+        gateway.send_signal(signal.SIGINT)
+        out, err = gateway.communicate(timeout=PATIENCE)
+        assert gateway.returncode == 0
+    assert out.startswith("stopped the mount; tracking is o")
+    assert err.splitlines()[:2] == [
+        "mount-gateway: the mount was named as cge, and says that it is cpc: leave the model out, it is asked for, or "
+        "write cpc",
+        "mount-gateway: the mount is not aligned: where it points means nothing yet, and no limit can be watched; "
+        "align it at its hand control",
+    ]
+
+
+def test_a_baud_rate_that_the_mount_does_not_talk_at_is_said(tmp_path: Path, started: list[Running]) -> None:
+    simulator = Running("sim", "nexstar:cpc", "--at", f"pty:{tmp_path}/mount", "--baud", "9600")
+    started.append(simulator)
+    simulator.ready()
+    command = [
+        *GATEWAY,
+        "run",
+        "--mount",
+        f"nexstar@{tmp_path}/mount",
+        "--baud",
+        "19200",
+        "--surface",
+        "lx200@tcp://127.0.0.1:0",
+        "--state",
+        str(tmp_path),
+    ]
+    told = subprocess.run(command, capture_output=True, text=True, check=False, timeout=3 * PATIENCE)
+    words = f"nexstar@{tmp_path}/mount: the mount answers at 9600 baud, and not at 19200: leave --baud out"
+    assert (told.returncode, told.stderr.splitlines()[-1]) == (2, f"mount-gateway: {words}")

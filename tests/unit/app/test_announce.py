@@ -1,0 +1,240 @@
+"""Announcing: SkySafari's question and mDNS, all of it on 127.0.0.1."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import subprocess
+import sys
+from collections.abc import Sequence
+from ipaddress import ip_address
+from typing import Any
+
+import pytest
+
+from gateway.app.config import Config, MountConfig, SurfaceConfig
+from gateway.app.discovery import Announcement, Offer, offered
+from gateway.app.discovery.addresses import in_words, to_type
+from gateway.app.discovery.skyfi import answer
+from gateway.cli.serve import serving
+from tests.support.process import Running
+
+LOCAL = ("127.0.0.1", 50000)
+EVERYWHERE = Offer("lx200", "autostar", "tcp", "0.0.0.0", 4030)
+OTHER_PORT = Offer("nexstar", "6-8se", "tcp", "10.1.2.3", 4040)
+
+
+@pytest.mark.parametrize(
+    ("question", "says"),
+    [
+        (b"skyfi?", b"skyfi@127.0.0.1"),
+        (b"skyfi:NAME?", b"skyfi:NAME@127.0.0.1"),
+        (b"skyfi:My Scope?\r\n", b"skyfi:My Scope@127.0.0.1"),
+        (b"SkyFi:?", b"SkyFi:@127.0.0.1"),
+        (b"skyfi", b""),
+        (b"skyfi??", b""),
+        (b"skyfi@127.0.0.1", b""),  # another one's answer
+        (b"skyfi:" + b"x" * 65 + b"?", b""),
+        (b"xskyfi?", b""),
+        (b"", b""),
+    ],
+)
+def test_the_question_and_its_answer(question: bytes, says: bytes) -> None:
+    assert answer(question, [EVERYWHERE], LOCAL) == says
+
+
+def test_the_address_is_that_of_the_surface() -> None:
+    six = Offer("lx200", "autostar", "tcp", "fe80::1", 4030)
+    assert answer(b"skyfi?", [OTHER_PORT], LOCAL) == b"skyfi@10.1.2.3"
+    assert answer(b"skyfi?", [OTHER_PORT, EVERYWHERE], LOCAL) == b"skyfi@127.0.0.1"  # where SkySafari connects
+    assert answer(b"skyfi?", [six, OTHER_PORT], LOCAL) == b"skyfi@10.1.2.3"
+    assert answer(b"skyfi?", [six], LOCAL) == b""
+
+
+def test_offers_are_what_the_network_can_reach() -> None:
+    names = [
+        "lx200:autostar@tcp://0.0.0.0:4030 pier",
+        "nexstar:cge@rfc2217://[::1]:4031",
+        "lx200:lx200@pty:/tmp/x",
+        "lx200:lx200@/dev/ttyS1",
+        "lx200:autostar@tcp://127.0.0.1:4040",
+        "lx200:autostar@tcp://[fe80::1%eth0]:1",
+    ]
+    found = offered(names)
+    assert [(offer.scheme, offer.host, offer.port, offer.wide) for offer in found] == [
+        ("tcp", "0.0.0.0", 4030, True),
+        ("rfc2217", "::1", 4031, False),
+        ("tcp", "127.0.0.1", 4040, False),
+        ("tcp", "fe80::1%eth0", 1, True),
+    ]
+    assert (found[0].protocol, found[0].model, found[0].mount) == ("lx200", "autostar", "pier")
+
+
+def test_skysafari_is_answered_until_the_end() -> None:
+    async def main() -> None:
+        told: list[str] = []
+        announcement, second = Announcement(told.append, told.append), Announcement(told.append, told.append)
+        await announcement.answer([EVERYWHERE], "127.0.0.1", 0)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as phone:
+            phone.setblocking(False)
+            phone.connect(("127.0.0.1", announcement.skyfi_port))
+            phone.send(b"nonsense")
+            phone.send(b"skyfi:Newton?")
+            async with asyncio.timeout(5):
+                assert await asyncio.get_running_loop().sock_recv(phone, 100) == b"skyfi:Newton@127.0.0.1"
+            assert told == []
+            await second.answer([EVERYWHERE], "127.0.0.1", announcement.skyfi_port)  # another gateway
+            assert second.skyfi_port == 0 and len(told) == 1 and "ddress already in use" in told[0]
+            await announcement.close()
+            await asyncio.sleep(0)
+            phone.send(b"skyfi?")
+            with pytest.raises(ConnectionRefusedError):
+                async with asyncio.timeout(5):
+                    await asyncio.get_running_loop().sock_recv(phone, 100)
+        await second.answer([], "127.0.0.1", 0)
+        assert second.skyfi_port == 0
+
+    asyncio.run(main())
+
+
+@pytest.mark.parametrize(("surfaces", "discovery", "found"), [
+    (["lx200@tcp://127.0.0.1:0", "lx200@tcp://0.0.0.0:0"], True, ["0.0.0.0"]),
+    (["lx200@tcp://127.0.0.1:0", "lx200@tcp://0.0.0.0:0"], False, []),
+    (["lx200@tcp://127.0.0.1:0"], True, []),
+])  # fmt: skip
+def test_run_announces_what_it_presents(
+    monkeypatch: pytest.MonkeyPatch, surfaces: list[str], discovery: bool, found: list[str]
+) -> None:
+    done, said = asyncio.Event(), []
+
+    class Listener(Announcement):
+        async def answer(self, offers: Sequence[Offer], *_: Any) -> None:
+            said.append([offer.host for offer in offers])
+
+        def publish(self, offers: Sequence[Offer], *_: Any) -> None:
+            said.append([offer.host for offer in offers])
+            done.set()
+
+        async def close(self) -> None:
+            said.append("closed")
+
+    monkeypatch.setattr("gateway.app.discovery.Announcement", Listener)
+    monkeypatch.setattr(serving, "until_signal", lambda: done)
+    config = Config([MountConfig("nexstar@sim")], [SurfaceConfig(at) for at in surfaces], discovery=discovery)
+    assert serving.with_loop(True, lambda: serving.serve_mounts(config)) == 0
+    assert said == [found, found, "closed"]
+
+
+def test_without_zeroconf_it_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "zeroconf", None)
+
+    async def main() -> None:
+        warned: list[str] = []
+        noted: list[str] = []
+        announcement = Announcement(warned.append, noted.append)
+        announcement.publish([EVERYWHERE])
+        await asyncio.sleep(0)
+        await announcement.close()
+        assert warned == [] and len(noted) == 1 and "mount-gateway[mdns]" in noted[0]
+
+    asyncio.run(main())
+
+
+#: Both ends on 127.0.0.1, in a process of their own: zeroconf does not live under -bb.
+MDNS = """
+import asyncio, json
+from zeroconf import ServiceStateChange
+from zeroconf.asyncio import AsyncServiceBrowser, AsyncServiceInfo, AsyncZeroconf
+from gateway.app.discovery import Announcement, Offer
+
+KIND = "_nexstar._tcp.local."
+
+async def main():
+    announcement = Announcement(print, print)
+    announcement.publish([Offer("nexstar", "cge", "rfc2217", "127.0.0.1", 4030, "pier")], ["127.0.0.1"])
+    seen, changed = [], asyncio.Event()
+
+    def heard(zeroconf, service_type, name, state_change):
+        seen.append((name, state_change.name))
+        changed.set()
+
+    phone = AsyncZeroconf(interfaces=["127.0.0.1"])
+    browser = AsyncServiceBrowser(phone.zeroconf, [KIND], handlers=[heard])
+    async with asyncio.timeout(15):
+        await changed.wait()
+        info = AsyncServiceInfo(KIND, seen[0][0])
+        await info.async_request(phone.zeroconf, 3000)
+        changed.clear()
+        await announcement.close()
+        while seen[-1][1] != "Removed":
+            await changed.wait()
+            changed.clear()
+    await browser.async_cancel()
+    await phone.async_close()
+    print(json.dumps([seen, info.port, info.parsed_addresses(), info.decoded_properties]))
+
+asyncio.run(main())
+"""
+
+
+def test_mdns_finds_a_surface_and_learns_of_its_end() -> None:
+    done = subprocess.run([sys.executable, "-c", MDNS], capture_output=True, text=True, timeout=30, check=False)
+    assert done.returncode == 0, done.stderr
+    seen, port, where, record = json.loads(done.stdout)
+    assert [state for _, state in seen] == ["Added", "Removed"]
+    assert seen[0][0].startswith("pier on ") and seen[0][0].endswith("._nexstar._tcp.local.")
+    assert (port, where) == (4030, ["127.0.0.1"])
+    assert (record["model"], record["transport"], record["mount"]) == ("cge", "rfc2217", "pier")
+
+
+# --- what a person types ---------------------------------------------------------------------------------------------
+
+
+def held(*addresses: str) -> list[tuple[str, Any]]:
+    """``INTERFACE=ADDRESS`` as this computer's."""
+    return [(name, ip_address(text)) for name, _, text in (one.partition("=") for one in addresses)]
+
+
+HOME = held(
+    "lo=127.0.0.1",
+    "eth0=169.254.3.4",
+    "docker0=172.17.0.1",
+    "tun0=10.8.0.2",
+    "wlan0=192.168.1.23",
+    "wlan0=fe80::5",
+    "wlan0=2001:db8::7",
+)
+
+
+@pytest.mark.parametrize(
+    ("host", "own", "says"),
+    [
+        ("0.0.0.0", HOME, "on your phone: 192.168.1.23 or 10.8.0.2, port 4030"),
+        ("::", HOME, "on your phone: 192.168.1.23 or 10.8.0.2, port 4030"),
+        ("::", held("wlan0=2001:db8::7"), "on your phone: 2001:db8::7, port 4030"),
+        ("10.8.0.2", HOME, "on your phone: 10.8.0.2, port 4030"),
+        ("0.0.0.0", held("lo=127.0.0.1"), "no other computer reaches port 4030: this one is in no network now"),
+    ],
+)
+def test_it_is_told_what_to_type_into_a_phone(host: str, own: list[tuple[str, Any]], says: str) -> None:
+    offer = Offer("lx200", "autostar", "tcp", host, 4030)
+    assert in_words(offer, to_type(offer, lambda: own, lambda far: "192.168.1.23")) == says
+
+
+def test_a_port_for_serial_programs_is_for_other_computers() -> None:
+    offer = Offer("lx200", "autostar", "rfc2217", "0.0.0.0", 4030)
+    assert in_words(offer, ["192.168.1.23"]) == "on another computer: rfc2217://192.168.1.23:4030"
+
+
+def test_the_ready_line_is_followed_by_it(started: list[Running]) -> None:
+    gateway = Running("run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://0.0.0.0:0", "--surface",
+                      "lx200@tcp://127.0.0.1:0", "--no-discovery")  # fmt: skip
+    started.append(gateway)
+    gateway.ready()
+    local = gateway.ready()
+    assert gateway.process.stdout is not None
+    line = gateway.process.stdout.readline()
+    assert line.startswith(("on your phone: ", "no other computer reaches port ")) and local not in line
+    assert gateway.end() == 0
+    assert gateway.process.stdout.closed

@@ -1,0 +1,206 @@
+"""A mount that is held is moved by no program until it is let go, over restarts too; all else goes on."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.app.control.orders import orders
+from gateway.app.state import hold as on_disk
+from gateway.astro.spherical import wrap180
+from gateway.core import operations as op
+from gateway.core.errors import Held
+from gateway.core.motion_kinds import MOTIONS
+from gateway.mount.safety.rules.held import Hold
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+WORDS = b"The mount is held: mount-gateway stop --release"
+RATE = op.Rate(name="max")
+#: All that takes its turn among the motions, and whether a held mount does it.
+DONE: dict[op.Operation, bool] = {
+    op.Goto(10.0, 20.0): False, op.GotoHorizontal(10.0, 50.0): False, op.GotoAxes(10.0, 20.0): False,
+    op.Park(): False, op.Home(): False, op.CancelGoto(): True, op.Sync(10.0, 20.0): True,
+    op.Move(op.Direction.NORTH, RATE): False, op.MoveAxis(1, 1, RATE): False, op.Halt(1): True,
+    op.Pulse(op.Direction.NORTH, 100): False, op.PulseAxis(1, 1, 100): False,
+    op.SetTracking(on=True): False, op.SetTracking(on=True, mode=op.Tracking.ALTAZ): False,
+    op.SetTracking(on=False): True, op.TrackRate("sidereal"): True, op.SetHome(): False, op.Unpark(): False,
+    op.Sleep(): True, op.Wake(): False, op.Focus(1): True, op.Choose("LM"): True,
+}  # fmt: skip
+MOUNTS = [("nexstar", "6-8se"), ("nexstar", "cge"), ("lx200", "lx200"), ("lx200", "autostar"), ("lx200", "lx200gps")]
+
+
+def test_of_everything_that_can_move_it_is_known_whether_a_held_mount_does_it() -> None:
+    assert {type(operation) for operation in DONE} == set(MOTIONS)
+    held, free = Hold(), Hold()
+    held.on = True
+    for operation, done in DONE.items():
+        free.admit(operation)
+        if done:
+            held.admit(operation)
+        else:
+            with pytest.raises(Held):
+                held.admit(operation)
+
+
+async def _order(bridge: Bridge, word: str) -> str:
+    assert bridge.keeping is not None
+    return await orders(bridge.controller, bridge.keeping)[word]()
+
+
+def _axes(bridge: Bridge) -> tuple[float, float]:
+    bridge.sim.truth()
+    first, second = bridge.sim.mechanics.axes(bridge.sim.now)
+    return float(first), float(second)
+
+
+async def _rests(bridge: Bridge, seconds: float = 3.0) -> bool:
+    """Whether the axes turn no faster than the sky."""
+    before = _axes(bridge)
+    await asyncio.sleep(seconds)
+    after = _axes(bridge)
+    return all(abs(wrap180(now - then)) < 0.006 * seconds for then, now in zip(before, after, strict=True))
+
+
+LX200 = (b":RS#:Mn#", b":RG#:Me#", b":Mgn2000#", b":hP#", b":hF#", b":AL#:AP#", b":hW#", b":RS#:Mw#:Ms#")
+NEXSTAR = (b"P\2\x10\x24\x09\0\0\0", b"P\2\x11\x25\x09\0\0\0", b"P\3\x10\x06\x40\0\0\0", b"b40000000,10000000",
+           b"r40000000,10000000", b"B4000,1000", b"R4000,1000", b"T\2", b"y", b"P\3\x11\x26\x32\x64\0\0")  # fmt: skip
+
+
+@pytest.mark.parametrize(("driven", "mount"), MOUNTS)
+@pytest.mark.parametrize(("presented", "said"), [("lx200", LX200), ("nexstar", NEXSTAR)])
+def test_no_program_moves_a_held_mount(
+    tmp_path: Path, driven: str, mount: str, presented: str, said: tuple[bytes, ...]
+) -> None:
+    async def program() -> None:
+        async with Bridge(mount, driven=driven, presented=presented, surface=None, state=tmp_path) as bridge:
+            assert await _order(bridge, "hold") == "held"
+            client = bridge.client()
+            if presented == "lx200":
+                await client.ask(b":AL#", 2.0)
+            else:
+                await client.ask(b"T\0", 2.0)
+            tracking = bridge.sim.tracking
+            for command in said:
+                client.tell(command)
+                assert await _rests(bridge), command
+                assert bridge.sim.tracking <= tracking, command
+            assert any(WORDS.decode() in entry.note for entry in bridge.entries), "it is in the log"
+            assert await client.ask(b":GR#" if presented == "lx200" else b"e")
+            assert await _order(bridge, "release") == "released"
+            client.tell(said[0])
+            assert not await _rests(bridge)
+
+    run(program())
+
+
+def test_a_goto_is_refused_in_words_and_settings_go_on(tmp_path: Path) -> None:
+    async def program() -> None:
+        async with Bridge(state=tmp_path) as bridge:
+            assert await _order(bridge, "hold") == "held"
+            client = bridge.client()
+            assert await client.ask(b":Sr07:00:00#:Sd+30*00:00#", until=b"11") == b"11"
+            assert await client.ask(b":MS#", until=b"#") == b"1" + WORDS + b"#"
+            assert await client.ask(b":SMhere#:GM#", until=b"e#") == b"1here#"
+            assert await client.ask(b":Q#:GVP#") == b"Autostar#"
+
+    run(program())
+
+
+def test_holding_stops_first_and_says_so_only_when_it_was_seen(tmp_path: Path) -> None:
+    async def program() -> None:
+        async with Bridge("cge", state=tmp_path) as bridge:
+            client = bridge.client()
+            client.tell(b":RS#:Mn#")
+            await asyncio.sleep(2)
+            assert not await _rests(bridge, 1.0)
+            assert await _order(bridge, "hold") == "held"
+            assert await _rests(bridge)
+            assert bridge.sim.tracking, "it follows the sky as before"
+            await _order(bridge, "release")
+            client.tell(b":RS#:Mn#")
+            await asyncio.sleep(2)
+            bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+            answer = await _order(bridge, "hold")
+            assert answer.startswith("failed not stopped: ") and answer.endswith("; it is held from now on")
+            assert bridge.controller.hold.on and on_disk.is_held(tmp_path)
+
+    run(program())
+
+
+def test_it_outlives_the_gateway_and_that_is_said_at_the_start(tmp_path: Path) -> None:
+    async def program() -> None:
+        async with Bridge(state=tmp_path) as first:
+            assert await _order(first, "hold") == "held"
+        async with Bridge(state=tmp_path, on=first) as second:
+            assert second.warned == [
+                "nexstar@bridge: the mount is held: no program moves it until mount-gateway stop --release"
+            ]
+            second.client().tell(b":RS#:Mn#")
+            assert await _rests(second)
+            assert await _order(second, "release") == "released"
+            second.client().tell(b":RS#:Mn#")
+            assert not await _rests(second)
+        async with Bridge(state=tmp_path, on=first) as third:
+            assert third.warned == []
+            assert not third.controller.hold.on
+
+    run(program())
+
+
+def test_where_it_cannot_be_written_it_holds_in_memory_and_that_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(folder: Path) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    async def program() -> None:
+        async with Bridge(state=tmp_path) as bridge:
+            monkeypatch.setattr(on_disk, "hold", full)
+            answer = await _order(bridge, "hold")
+            assert answer == (
+                "failed it is stopped and held, but a restart of the gateway forgets that: "
+                f"{tmp_path}/hold cannot be written (No space left on device)"
+            )
+            bridge.client().tell(b":RS#:Mn#")
+            assert await _rests(bridge)
+            assert await _order(bridge, "release") == "released"
+
+    run(program())
+
+
+def test_a_motion_on_its_way_to_the_mount_does_not_slip_through(tmp_path: Path) -> None:
+    async def program() -> None:
+        for step in range(12):
+            async with Bridge("cge", state=tmp_path / str(step)) as bridge:
+                bridge.client().tell(b":RS#:Mn#:Sr07:00:00#:Sd+30*00:00#:MS#")
+                await asyncio.sleep(0.05 * step)
+                assert await _order(bridge, "hold") == "held"
+                bridge.client().tell(b":Mw#:Me#")
+                await asyncio.sleep(1)
+                assert await _rests(bridge), step
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    "make", [lambda path: path.write_text(""), lambda path: path.mkdir(), lambda path: path.symlink_to("nowhere")]
+)
+def test_whatever_has_that_name_holds(tmp_path: Path, make: Callable[[Path], Any]) -> None:
+    assert not on_disk.is_held(tmp_path)
+    make(tmp_path / "hold")
+    assert on_disk.is_held(tmp_path)
+
+
+def test_the_file_says_what_it_is_and_goes_with_the_release(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "state"
+    on_disk.hold(folder)
+    on_disk.hold(folder)
+    assert (folder / "hold").read_bytes().startswith(b"mount-gateway stop --hold: ")
+    assert folder.stat().st_mode & 0o777 == 0o700
+    assert [on_disk.release(folder), on_disk.release(folder), on_disk.is_held(folder)] == [True, False, False]

@@ -1,0 +1,171 @@
+"""The line that tells how the mounts are: what is on it, what is left out where it is narrow, and what it costs."""
+
+from __future__ import annotations
+
+import asyncio
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from gateway.app.status import Rate, StatusLine, status
+from gateway.cli.serve.live import Onlooker, look
+from gateway.core.errors import NoAnswer
+from gateway.core.operations import Equatorial, Position, Status, Tracking
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+CRAB = Equatorial((5 + 34 / 60 + 32 / 3600) * 15, 22 + 0 / 60 + 52 / 3600)
+ALIGNED = Status(Tracking.ALTAZ, aligned=True, equatorial=False)
+
+
+def seen(**others: Any) -> StatusLine:
+    usual = {"name": "cpc", "state": "up", "position": CRAB, "status": ALIGNED, "programs": 2, "rate": 4.125}
+    return StatusLine(**{**usual, **others})
+
+
+@pytest.mark.parametrize(
+    ("look", "text"),
+    [
+        (seen(), "cpc  05:34:32 +22°00'52\"  tracking  2 programs  4.1/s"),
+        (seen(position=Equatorial(359.9999, -0.5), programs=1),
+         "cpc  00:00:00 -00°30'00\"  tracking  1 program  4.1/s"),
+        (seen(slewing=True, by_hand=True), "cpc  05:34:32 +22°00'52\"  slewing  2 programs  4.1/s"),
+        (seen(by_hand=True), "cpc  05:34:32 +22°00'52\"  moved by hand  2 programs  4.1/s"),
+        (seen(status=Status(Tracking.OFF, True, False)),
+         "cpc  05:34:32 +22°00'52\"  not tracking  2 programs  4.1/s"),
+        (seen(status=Status(Tracking.ALTAZ, False, False)),
+         "cpc  05:34:32 +22°00'52\"  not aligned  2 programs  4.1/s"),
+        (seen(status=None, programs=0), "cpc  05:34:32 +22°00'52\"  no programs  4.1/s"),
+        (seen(age=41.2), "cpc  05:34:32 +22°00'52\" 41 s ago  tracking  2 programs  4.1/s"),
+        (seen(asleep=True), "cpc  05:34:32 +22°00'52\"  asleep  2 programs  4.1/s"),
+        (seen(held=True), "cpc  05:34:32 +22°00'52\"  held, tracking  2 programs  4.1/s"),
+        (seen(held=True, status=None), "cpc  05:34:32 +22°00'52\"  held  2 programs  4.1/s"),
+        (seen(state="busy"), "cpc  05:34:32 +22°00'52\"  busy  2 programs  4.1/s"),
+        (seen(position=None, status=None), "cpc  no position yet  2 programs  4.1/s"),
+        (seen(state="opening", position=None, rate=0), "cpc  opening  2 programs  0.0/s"),
+        (seen(state="down", reason="the mount does not answer", slewing=True, rate=0),
+         "cpc  down: the mount does not answer  2 programs  0.0/s"),
+    ],
+)  # fmt: skip
+def test_everything_is_on_it(look: StatusLine, text: str) -> None:
+    assert status([look]) == text
+
+
+@pytest.mark.parametrize(
+    ("columns", "text"),
+    [
+        (54, "cpc  05:34:32 +22°00'52\"  tracking  2 programs  4.1/s"),
+        (50, "cpc  05:34:32 +22°00'52\"  tracking  2 programs"),
+        (40, "cpc  05:34:32 +22°00'52\"  tracking"),
+        (30, "cpc  05:34:32 +22°00'52\""),
+        (14, "cpc  05:34:32…"),
+        (1, "…"),
+        (0, ""),
+    ],
+)
+def test_a_narrow_one_tells_what_matters_most(columns: int, text: str) -> None:
+    assert status([seen()], columns) == text
+
+
+def test_it_never_is_longer_than_the_room() -> None:
+    both = [seen(name="pier"), seen(name="dome", state="down", reason="cannot open /dev/ttyUSB1: no such port")]
+    assert status(both).count("|") == 1
+    assert all(len(status(both, columns)) <= columns for columns in range(160))
+
+
+def test_a_rate_is_that_of_the_last_looks() -> None:
+    rate = Rate(2)
+    counts = [(0, 7), (1, 11), (2, 13), (4, 13), (6, 13)]
+    assert [rate.per_second(at, count) for at, count in counts] == [0, 4, 3, 2 / 3, 0]
+
+
+def gateway(bridge: Bridge, name: str | None = None) -> Any:
+    """As much of a gateway as a look needs."""
+    return SimpleNamespace(controller=bridge.controller, receptions=[bridge.reception], mount="nexstar@sim",
+                           config=SimpleNamespace(name=name))  # fmt: skip
+
+
+def test_a_look_sees_what_the_mount_does_and_asks_it_nothing() -> None:
+    async def program() -> None:
+        async with Bridge(mount="cpc") as bridge:
+            pier, rate = gateway(bridge), Rate()
+            await asyncio.sleep(20)
+            settled = len(bridge.sent())
+            await asyncio.sleep(30)
+            unseen = len(bridge.sent())
+            for _ in range(300):
+                assert look(pier, rate).state == "up"
+                await asyncio.sleep(0.1)
+            assert len(bridge.sent()) - unseen <= unseen - settled + 1  # a heartbeat now and then, as before
+            first = look(pier, rate)
+            assert (first.name, first.slewing, first.programs) == ("cpc", False, 0)
+            assert first.position is not None and first.status is not None and first.status.aligned
+            client = bridge.client()
+            await client.ask(b":RM#:Me#:GR#")
+            assert look(pier, rate).by_hand
+            assert look(pier, rate).programs == 1
+            await client.ask(b":Q#:GR#")
+            await asyncio.sleep(1)
+            assert not look(pier, rate).by_hand
+            await client.ask(b":Sr05:34:32#:Sd+22*00:52#:MS#", until=b"110")
+            await asyncio.sleep(1)
+            assert look(gateway(bridge, "pier"), rate).name == "pier"
+            assert "slewing" in status([look(pier, rate)])
+            assert look(pier, rate).rate > 0
+
+    run(program())
+
+
+def test_programs_are_counted_as_they_come_and_go() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            reception = bridge.reception
+            one, other, passing, line, serial = (
+                reception.arrive(name, host, lambda data: None)
+                for name, host in (
+                    ("10.0.0.1:4", "10.0.0.1"),
+                    ("10.0.0.1:5", "10.0.0.1"),
+                    ("10.0.0.2:6", "10.0.0.2"),
+                    ("/tmp/lx200", "pty:/tmp/lx200"),
+                    ("/dev/ttyS0", "/dev/ttyS0"),
+                )
+            )
+            assert reception.programs() == 3  # nobody has been heard on the two serial lines
+            line.feed(b":GR#")
+            serial.feed(b":")
+            assert reception.programs() == 5
+            passing.close()
+            assert reception.programs() == 5  # it may open a connection for every command
+            one.close()
+            assert reception.programs() == 4  # its host is still here with another one
+            await asyncio.sleep(11)
+            assert reception.programs() == 1
+            other.close()
+            line.close()
+            await asyncio.sleep(11)
+            assert reception.programs() == 0
+
+    run(program())
+
+
+def test_a_position_that_no_mount_should_tell_is_survived() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            bridge.controller.snapshot.put(Position, Equatorial(0.0, 95.0), bridge.controller.now())
+            onlooker = Onlooker([gateway(bridge)])
+            assert "beyond 90 degrees" in onlooker.line()
+            assert onlooker.line(12) == "an altitude,"
+
+    run(program())
+
+
+def test_a_mount_that_is_gone_is_told_with_the_reason() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            bridge.controller.line._down("the mount does not answer")
+            with pytest.raises(NoAnswer):
+                await bridge.controller.line.exchange(None)  # type: ignore[arg-type]
+            assert "down: the mount does not answer" in status([look(gateway(bridge), Rate())])
+
+    run(program())

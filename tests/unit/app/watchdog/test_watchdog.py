@@ -1,0 +1,272 @@
+"""The mount does not outlive its gateway: whatever becomes of it, the watchdog process stops what it has set moving."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.app.config import MountConfig
+from gateway.app.gateway import Gateway
+from gateway.app.watchdog.client import LASTED, PROGRAM, available
+from gateway.app.watchdog.process import SILENCE, Mount, Watch
+from gateway.mount.shutdown import stop_commands
+from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
+from gateway.transport.wires import on_the_wire
+from tests.support.in_process_gateway import Bridge
+from tests.support.process import PATIENCE, Running
+from tests.support.virtual import run
+from tests.support.watchdog import Watched
+
+pytestmark = pytest.mark.skipif(not available(), reason="this system cannot hand a line to another process")
+
+#: Seconds from the gateway's end to the mount's rest, with what the simulated mount takes to run out.
+AT_REST = 4.0
+
+
+@pytest.fixture
+def watch(tmp_path: Path, started: list[Running]) -> Iterator[Callable[[str, str], Watched]]:
+    """Makes a mount of that protocol behind a gateway on that kind of port. At the end nobody waits for watchdogs."""
+    made: list[Watched] = []
+
+    def make(kind: str, port: str) -> Watched:
+        made.append(Watched(started, tmp_path, kind, port))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+@pytest.mark.parametrize(
+    ("fate", "kind", "port"),
+    [("killed", "nexstar", "tcp"), ("frozen", "lx200", "pty"), ("blocked", "nexstar", "pty"), ("quit", "lx200", "tcp")],
+)
+def test_a_gateway_that_comes_to_grief_does_not_leave_its_mount_moving(
+    watch: Callable[[str, str], Watched], fate: str, kind: str, port: str
+) -> None:
+    watched = watch(kind, port)
+    watched.move()
+    assert watched.meet(fate) < AT_REST
+    if fate in ("frozen", "blocked"):
+        if fate == "frozen":
+            watched.gateway.process.send_signal(signal.SIGCONT)
+        watched.move()  # it goes on, and its motions are watched again
+        assert watched.meet("killed") < AT_REST
+    assert watched.gateway.process.stderr is not None
+    assert watched.gateway.process.stderr.readline().startswith("mount-gateway watchdog: the gateway (process ")
+    deadline = time.monotonic() + PATIENCE
+    while not watched.tracks():
+        assert time.monotonic() < deadline
+
+
+def await_end(number: int) -> None:
+    """Until that process has ended, or is left for its parent to take note of."""
+    deadline = time.monotonic() + PATIENCE
+    while (state := Path(f"/proc/{number}/stat")).exists() and ") Z " not in state.read_text():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_the_next_gateway_has_the_port_at_once(watch: Callable[[str, str], Watched]) -> None:
+    """The watchdog shares the port's lock with the gateway that is dead, and ends when another one has the mount."""
+    watched = watch("nexstar", "pty")
+    watched.move(0.0)
+    old = watched.watchdog()
+    killed = watched.gateway.process
+    killed.send_signal(signal.SIGKILL)
+    assert killed.stderr is not None
+    assert "watchdog" in killed.stderr.readline()
+    watched.begin()
+    deadline = time.monotonic() + PATIENCE
+    while watched.speed() > 0.05:
+        assert time.monotonic() < deadline
+    assert old is not None
+    await_end(old)
+
+
+def test_one_that_was_killed_is_replaced(watch: Callable[[str, str], Watched]) -> None:
+    watched = watch("nexstar", "tcp")
+    first = watched.watchdog()
+    assert first is not None
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        os.kill(first, number)  # what ends a gateway from outside reaches the watchdog, too
+    time.sleep(LASTED + 0.1)  # one that does not live so long is not started again
+    assert watched.watchdog() == first
+    os.kill(first, signal.SIGKILL)
+    deadline = time.monotonic() + PATIENCE
+    while watched.watchdog() in (None, first):
+        assert time.monotonic() < deadline
+    watched.move(0.0)
+    assert watched.meet("killed") < AT_REST
+
+
+def test_ctrl_z_stops_the_mount_and_suspends_then(watch: Callable[[str, str], Watched]) -> None:
+    watched = watch("lx200", "tcp")
+    watched.move(0.0)
+    watched.gateway.process.send_signal(signal.SIGTSTP)
+    state = Path(f"/proc/{watched.gateway.process.pid}/stat")
+    deadline = time.monotonic() + PATIENCE
+    while ") T " not in state.read_text():
+        assert time.monotonic() < deadline
+    time.sleep(RAMP_SECONDS)  # the motors run down
+    assert watched.speed() < 0.05
+    watched.gateway.process.send_signal(signal.SIGCONT)
+    watched.gateway.end()
+    assert "suspended: the mount was stopped" in watched.gateway.said
+    assert "watchdog" not in watched.gateway.said, "nothing was left for it to do"
+
+
+def test_it_can_be_put_out(tmp_path: Path, started: list[Running]) -> None:
+    gateway = Running(
+        "run",
+        "--mount",
+        "nexstar@socket://127.0.0.1:9",
+        "--surface",
+        "lx200@tcp://127.0.0.1:0",
+        "--state",
+        str(tmp_path),
+        "--wait",
+        "--no-watchdog",
+    )
+    started.append(gateway)
+    gateway.ready()
+    children = Path(f"/proc/{gateway.process.pid}/task/{gateway.process.pid}/children").read_text().split()
+    assert not children
+
+
+# --- the process by itself --------------------------------------------------------------------------------------
+
+
+class Process:
+    """The watchdog process with a gateway and a line that are this test's own."""
+
+    def __init__(self) -> None:
+        self.gateway, there = socket.socketpair()
+        self.line, self.handed = socket.socketpair()
+        self.line.settimeout(PATIENCE)
+        self.gateway.settimeout(PATIENCE)
+        self.process = subprocess.Popen(
+            [sys.executable, "-I", "-S", str(PROGRAM), str(there.fileno()), "1"],
+            pass_fds=[there.fileno()],
+            stderr=subprocess.PIPE,
+        )
+        there.close()
+
+    def introduce(self, lock: Path) -> None:
+        words = b"line 0 " + b"pier".hex().encode() + b" " + str(lock).encode().hex().encode()
+        socket.send_fds(self.gateway, [words + b"\n"], [self.handed.fileno()])
+
+    def heard(self) -> bytes:
+        """What is on the line at this moment."""
+        self.line.setblocking(False)
+        try:
+            return self.line.recv(1000)
+        except BlockingIOError:
+            return b""
+        finally:
+            self.line.settimeout(PATIENCE)
+
+
+@pytest.fixture
+def process() -> Iterator[Process]:
+    one = Process()
+    yield one
+    one.process.kill()
+    one.process.communicate()
+    for link in (one.gateway, one.line, one.handed):
+        link.close()
+
+
+def test_it_is_silent_until_something_moves_and_repeats_the_stop_until_another_has_the_mount(
+    process: Process, tmp_path: Path
+) -> None:
+    lock = tmp_path / "mount.lock"
+    lock.write_text("1")
+    process.introduce(lock)
+    process.gateway.sendall(b"moving 0 4d 500210\nbeat\nrest 0\n")
+    time.sleep(2.0)
+    assert process.heard() == b"", "at rest no heartbeat is due"
+    process.gateway.sendall(b"moving 0 4d 500210\n")
+    assert process.line.recv(1) == b"M", "it was silent for too long"
+    assert process.gateway.recv(100) == b"stopped 0\n"
+    process.gateway.close()
+    time.sleep(0.5)
+    heard = process.heard()
+    assert heard.startswith(b"P\x02\x10")
+    assert heard.endswith(b"MP\x02\x10"), "once more, now that the gateway has ended"
+    lock.write_text("2")
+    process.process.wait(PATIENCE)
+    assert process.heard() in (b"", b"MP\x02\x10"), "the mount is another gateway's"
+
+
+@pytest.mark.parametrize(("stood_still", "stopped"), [(0.0, 1), (10.0, 0)])
+def test_one_that_was_not_run_itself_does_not_say_that_the_gateway_was_silent(
+    monkeypatch: pytest.MonkeyPatch, stood_still: float, stopped: int
+) -> None:
+    """A virtual machine that was paused with something in motion: the gateway has its time to be heard, too."""
+    here, there = socket.socketpair()
+    clock, waits, stops = [100.0], [], []
+
+    def wait(*arguments: Any) -> tuple[list[Any], list[Any], list[Any]]:
+        seconds = arguments[3]
+        waits.append(seconds)
+        clock[0] += seconds + stood_still
+        if len(waits) == 2:
+            raise InterruptedError
+        return [], [], []
+
+    monkeypatch.setattr("gateway.app.watchdog.process.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("gateway.app.watchdog.process.select.select", wait)
+    watch = Watch(there, "1")
+    monkeypatch.setattr(watch, "is_silent", lambda mounts: stops.append(mounts))
+    watch.mounts["0"] = Mount("pier", "", -1)
+    watch.mounts["0"].stop, watch.heard = [b"M"], clock[0]
+    with here, there, pytest.raises(InterruptedError):
+        watch.run()
+    assert len(stops) == stopped
+    assert waits == pytest.approx([SILENCE, 0.0 if stopped else SILENCE])
+
+
+# --- what it is told --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("moving", [b":RS#:Mn#", b":Sr07:00:00#:Sd+30*00:00#:MS#"])
+def test_the_stop_is_known_beforehand_and_the_driver_learns_nothing_from_it(moving: bytes) -> None:
+    """Celestron's manual: both motors at rate 0, M for a goto, and tracking as it was (T 2 on a CGE)."""
+
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            client = bridge.client()
+            client.tell(moving)
+            await client.ask(b":GVP#")
+            driver = bridge.controller.driver
+            before = repr(sorted(vars(driver).items(), key=lambda item: item[0]))
+            commands = stop_commands(driver, bridge.controller.line.dialogue)
+            assert repr(sorted(vars(driver).items(), key=lambda item: item[0])) == before
+            assert {b"M", b"P\2\x10$\0\0\0\0", b"P\2\x11$\0\0\0\0"} <= set(commands)
+            for command in commands:
+                bridge.sim.feed(command)
+            assert bridge.sim.tracking
+            assert not bridge.sim.slewing
+
+    run(program())
+
+
+def test_telnet_bytes_are_doubled_where_the_line_is_rfc_2217() -> None:
+    assert on_the_wire("rfc2217://pier:4000", b"P\xff\0") == b"P\xff\xff\0"
+    assert on_the_wire("/dev/ttyUSB0", b"P\xff\0") == b"P\xff\0"
+
+
+def test_a_simulated_mount_of_the_gateway_itself_needs_none() -> None:
+    gateway = Gateway(MountConfig(at="nexstar@sim"), [])
+    gateway._watch()
+    assert gateway.watched is None

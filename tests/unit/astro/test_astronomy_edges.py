@@ -1,0 +1,119 @@
+"""The sky where its tables end: before 1972, at leap seconds, after the last prediction, 1900 and 2100, and back again.
+
+Outside the table the Earth's turning is not known, so both sides are given the same UT1. Judges: Skyfield with
+DE421 up to 2053, PyEphem (Moshier's Moon) to 2099.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gateway.astro.ephemeris import Sky
+from gateway.astro.spherical import SIDEREAL_RATE, from_vector, separation, wrap180
+from tests.support import sky_judge as judge
+
+YEAR = 365.25 * 86400.0
+EXACT = Sky()
+EXACT.load()
+ARCSECOND = 1.0 / 3600.0
+
+
+@pytest.fixture(scope="module")
+def scale() -> Any:
+    return judge.timescale()[0]
+
+
+@pytest.fixture(scope="module")
+def kernel() -> Iterator[Any]:
+    opened = judge.ephemeris()
+    yield opened
+    opened.close()
+
+
+def years(first: float, last: float, count: int) -> judge.Array:
+    return np.random.default_rng(int(first)).uniform((first - 1970.0) * YEAR, (last - 1970.0) * YEAR, count)
+
+
+def test_before_the_leap_seconds_unix_time_is_ut1_and_the_moon_keeps_the_almanacs_time(scale: Any, kernel: Any) -> None:
+    """1900 to 1972: Skyfield's own observed TT-UT1. A constant 42 s would put the Moon 35" off in 1900."""
+    when = years(1900.0, 1971.9, 250)
+    t = scale.ut1_jd(when / 86400.0 + 2440587.5)
+    assert np.abs(judge.sidereal_error(EXACT, when, np.zeros(250), t.gast)).max() < 0.001
+    sun, moon = (judge.apparent(kernel["earth"], t, kernel[body])[0] for body in ("sun", "moon"))
+    assert judge.apart(judge.ours(EXACT.sun, when), sun).max() < 0.1
+    error = judge.apart(judge.angles(judge.ours(EXACT._almanac(0.0).moon, when)), moon)
+    assert error.max() < 20.0
+    assert judge.rms(error) < 3.5
+
+
+def test_terrestrial_time_takes_no_step_into_1972() -> None:
+    before, after = (EXACT._exact._terrestrial(63072000.0 + s) * 86400.0 for s in (-0.01, 0.01))  # type: ignore[union-attr]
+    assert after - before == pytest.approx(0.02, abs=1e-6)
+
+
+@pytest.mark.parametrize(("first", "last"), [(1900.0, 1972.9), (2028.5, 2053.0), (2053.0, 2099.9), (2100.1, 2130.0)])
+def test_sidereal_time_and_axes_outside_the_table_at_equal_ut1(scale: Any, first: float, last: float) -> None:
+    """From 2100 on the closed forms answer: 0.05 s and 0.5" there."""
+    when = years(first, last, 100)
+    table = EXACT._exact._rotation.ut1_utc  # type: ignore[union-attr]
+    ut1_utc = np.array([table(float(moment)) if first < 2100.0 else 0.0 for moment in when])
+    t = scale.ut1_jd((when + ut1_utc) / 86400.0 + 2440587.5)
+    seconds, axes = (0.001, 0.001) if first < 2100.0 else (0.05, 0.5)
+    assert np.abs(judge.sidereal_error(EXACT, when, np.zeros(100), t.gast)).max() < seconds
+    dice = np.random.default_rng(7)
+    ra, dec = dice.uniform(0.0, 360.0, 100), dice.uniform(-90.0, 90.0, 100)
+    of_date = judge.turned(t.M, ra, dec)
+    assert judge.apart(judge.ours(EXACT.to_of_date, ra, dec, when), of_date).max() < axes
+
+
+def test_sun_and_moon_after_the_table_by_another_ephemeris() -> None:
+    """2028 to 2099 at equal TT: how many leap seconds will come, nobody knows."""
+    ephem = pytest.importorskip("ephem")
+    sun_error, moon_error = [], []
+    for moment in years(2028.0, 2099.9, 200):
+        tt = EXACT._exact._terrestrial(float(moment)) + 25567.5  # type: ignore[union-attr]  # days since 1899-12-31 12h
+        date = ephem.Date(tt - ephem.delta_t(ephem.Date(tt)) / 86400.0)
+        for body, found, errors in (
+            (ephem.Sun(date, epoch=date), EXACT.sun(float(moment)), sun_error),
+            (ephem.Moon(date, epoch=date), from_vector(EXACT._almanac(moment).moon(float(moment))), moon_error),
+        ):
+            errors.append(separation(*found, *np.degrees([float(body.g_ra), float(body.g_dec)])) / ARCSECOND)
+    assert max(sun_error) < 2.0
+    assert max(moon_error) < 25.0  # PyEphem's own few arcseconds are in it
+    assert judge.rms(np.array(moon_error)) < 5.0
+
+
+def test_over_a_leap_second_the_earth_turns_on(scale: Any) -> None:
+    """2016-12-31: from 23:59:59.5 to 00:00:00.5 Unix time counts one second where two pass."""
+    midnight = 1483228800.0
+    before, after = (EXACT.sidereal_time(midnight + s, 0.0) for s in (-0.5, 0.5))
+    assert wrap180(after - before) == pytest.approx(2.0 * SIDEREAL_RATE, abs=0.005 * SIDEREAL_RATE)
+    for t, found in ((scale.utc(2016, 12, 31, 23, 59, 59.5), before), (scale.utc(2017, 1, 1, 0, 0, 0.5), after)):
+        assert wrap180(found - 15.0 * t.gast) * 240.0 == pytest.approx(0.0, abs=0.005)
+
+
+moments = st.floats(-2.3e9, 4.2e9)
+directions = st.tuples(st.floats(0.0, 360.0), st.one_of(st.floats(-90.0, 90.0), st.sampled_from([-90.0, 90.0])))
+latitudes = st.one_of(st.floats(-90.0, 90.0), st.sampled_from([-90.0, 0.0, 90.0]))
+
+
+@settings(derandomize=True)
+@given(directions, moments, st.sampled_from([EXACT, Sky()]))
+def test_j2000_to_date_and_back(place: tuple[float, float], moment: float, sky: Sky) -> None:
+    back = sky.to_j2000(*sky.to_of_date(*place, moment), moment)
+    assert separation(*back, *place) < 1e-6 * ARCSECOND
+
+
+@settings(derandomize=True)
+@given(directions, latitudes, st.floats(-180.0, 180.0), moments, st.sampled_from([EXACT, Sky()]))
+def test_horizon_to_equator_and_back(
+    place: tuple[float, float], lat: float, lon: float, moment: float, sky: Sky
+) -> None:
+    back = sky.horizon(*sky.equatorial(*place, lat, lon, moment), lat, lon, moment)
+    assert separation(*back, *place) < 1e-6 * ARCSECOND

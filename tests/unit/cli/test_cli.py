@@ -1,0 +1,246 @@
+"""The command line as a person meets it: ready lines, one clear line for every mistake, clean ends."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import signal
+import socket
+import subprocess
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from gateway.cli import main
+from gateway.cli.serve import serving
+from gateway.diagnostics.detect import scan_port
+from gateway.diagnostics.detect.probe import Patience
+from tests.support.process import GATEWAY, PATIENCE, Running, ask
+
+
+def refused(*arguments: str) -> str:
+    """The one line that a mistake gets, and nothing else; in this process, for a Python takes long to start."""
+    out, error = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
+        assert main(list(arguments)) == 2
+    [line] = error.getvalue().splitlines()
+    assert out.getvalue() == "" and line.startswith("mount-gateway: ")
+    return line
+
+
+def test_a_mistake_ends_the_process_with_code_2() -> None:
+    done = subprocess.run([*GATEWAY, "run"], capture_output=True, text=True, timeout=PATIENCE)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("mount-gateway: ") and done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_demo_serves_tcp_and_a_virtual_serial_port(tmp_path: Path, started: list[Running], number: int) -> None:
+    pty = tmp_path / "lx200"
+    demo = Running("demo", "--port", "0", "--pty", str(pty))
+    started.append(demo)
+    tcp, serial_name = demo.ready(), demo.ready()
+    assert serial_name == f"pty:{pty}"
+    assert re.fullmatch(rb"\d\d:\d\d:\d\d#", ask(tcp, b":GR#"))
+    device = os.open(pty, os.O_RDWR | os.O_NOCTTY)
+    os.write(device, b"#:GD#")
+    heard = b""
+    while not heard.endswith(b"#"):
+        heard += os.read(device, 100)
+    os.close(device)
+    assert re.fullmatch(rb"[+-]\d\d\*\d\d:\d\d#", heard)
+    assert demo.end(number) == 0
+    assert not pty.is_symlink()
+
+
+def test_a_stale_link_is_replaced_and_a_held_one_is_not(tmp_path: Path, started: list[Running]) -> None:
+    pty = tmp_path / "lx200"
+    pty.symlink_to("/dev/pts/999")
+    first = Running("demo", "--port", "0", "--pty", str(pty))
+    started.append(first)
+    first.ready()
+    first.ready()
+    assert os.readlink(pty) != "/dev/pts/999"
+    assert "another gateway holds it" in refused("demo", "--port", "0", "--pty", str(pty))
+
+
+def test_a_file_is_not_taken_for_a_link(tmp_path: Path) -> None:
+    path = tmp_path / "lx200"
+    path.write_text("precious")
+    assert str(path) in refused("demo", "--port", "0", "--pty", str(path))
+    assert path.read_text() == "precious"
+
+
+def test_a_port_in_use_is_named(started: list[Running]) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        where = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
+        line = refused("run", "--mount", "nexstar@sim", "--surface", f"lx200@{where}")
+    assert where in line
+    assert "in use" in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (
+            ["run", "--mount", "nexstar@/dev/does-not-exist", "--surface", "lx200@tcp://:0"],
+            "no such port; mount-gateway detect",
+        ),
+        (["run", "--mount", "nexstar:gpe@sim", "--surface", "lx200@tcp://:0"], "did you mean"),
+        (["run", "--mount", "nexstr@sim", "--surface", "lx200@tcp://:0"], "no protocol"),
+        (["run", "--mount", "nexstar:cge/new@sim", "--surface", "lx200@tcp://:0"], "no version"),
+        (["run", "--mount", "nexstar", "--surface", "lx200@tcp://:0"], "PROTOCOL"),
+        (["run", "--mount", "nexstar@sim"], "at least one surface"),
+        (["run", "--surface", "lx200@tcp://:0"], "which mount"),
+        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://nowhere"], "tcp://HOST:PORT"),
+        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--site", "north"], "LAT,LON"),
+        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--lowest", "95"], "lowest"),
+        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--sun", "near"], "0 to 90"),
+        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--sun=-5"], "0 to 90"),
+        (["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", "--hour-angle-limit", "13"], "up to 12"),
+        (["run", "--mount", "nexstar@foo://bar", "--surface", "lx200@tcp://:0"], "foo://bar"),
+        (["run", "--config", "/does/not/exist.toml"], "/does/not/exist.toml"),
+        (["sim", "nexstar:cge", "--time", "yesterday"], "2026-01-15"),
+        (["sim", "nexstar:cge", "--site", "91,0"], "latitude"),
+        (["sim", "nexstar:cge", "--speed", "0"], "--speed"),
+        (["sim", "nexstar:cge", "--at", "pty:/does/not/exist/x"], "/does/not/exist/x"),
+        (["explain", "lx200", "nexstar", ":XY#"], "no command"),
+        (["explain", "lx200", "telescope", ":GR#"], "is no protocol (lx200, nexstar) and no model"),
+        (["tables", "--wire"], "--wire goes with --check"),
+    ],
+)
+def test_a_mistake_gets_one_clear_line(arguments: list[str], says: str) -> None:
+    assert says in refused(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('[mount]\nat = "nexstar@sim"\nlattitude = 3\n[[surface]]\nat = "lx200@tcp://:0"', "lattitude"),
+        ('[mount]\nat = "nexstar@sim"\nsite-tme = "never"\n[[surface]]\nat = "lx200@tcp://:0"', "'site-time'"),
+        ('[mount]\nat = "nexstar@sim"\nsite-time = "often"\n[[surface]]\nat = "lx200@tcp://:0"', "unaligned"),
+        ('[mount]\nat = "nexstar@sim"\nsun = "of"\n[[surface]]\nat = "lx200@tcp://:0"', "sun"),
+        ('[mount]\nat = "nexstar@sim"\ndead-man = 0\n[[surface]]\nat = "lx200@tcp://:0"', "dead-man"),
+        ('[mount]\nat = "nexstar@sim"\nbaud = "fast"\n[[surface]]\nat = "lx200@tcp://:0"', "baud"),
+        ('[mount]\nat = "nexstar@sim"\n[[surface]]\nequinox = "jnow"', "at"),
+        ("[mount\n", "gateway.toml"),
+    ],
+)
+def test_a_mistake_in_the_file_is_named(tmp_path: Path, text: str, says: str) -> None:
+    path = tmp_path / "gateway.toml"
+    path.write_text(text)
+    line = refused("run", "--config", str(path))
+    assert says in line
+    assert str(path) in line
+
+
+def test_a_config_file_is_obeyed(tmp_path: Path, started: list[Running]) -> None:
+    path = tmp_path / "gateway.toml"
+    path.write_text(
+        '[mount]\nat = "nexstar:cge@sim"\nsite = [-34.0, 18.5]\n'
+        '[[surface]]\nat = "lx200:lx200gps@tcp://127.0.0.1:0"\nprecision = "low"\n'
+    )
+    gateway = Running("run", "--config", str(path))
+    started.append(gateway)
+    where = gateway.ready()
+    assert ask(where, b":GVP#") == b"LX2001#"
+    assert re.fullmatch(rb"\d\d:\d\d\.\d#", ask(where, b":GR#"))
+    assert ask(where, b":Gt#") == b"-34*00#"
+
+
+class Stranger:
+    """Something on a line that is no hand control. ``answers`` says what it answers to which byte."""
+
+    def __init__(self, answers: dict[bytes, bytes]) -> None:
+        self.answers, self.heard = answers, b""
+        self.socket = socket.create_server(("127.0.0.1", 0))
+        self.socket.settimeout(PATIENCE)
+        self.mount = f"nexstar@socket://127.0.0.1:{self.socket.getsockname()[1]}"
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                link, _ = self.socket.accept()
+                link.settimeout(PATIENCE)
+                while piece := link.recv(100):
+                    self.heard += piece
+                    for asked, answer in self.answers.items():
+                        if asked in piece:
+                            link.sendall(answer)
+                link.close()
+
+    def taken_for_a_hand_control(self) -> str:
+        """The one line that a gateway ends with."""
+        with self.socket:
+            return refused("run", "--mount", self.mount, "--surface", "lx200@tcp://127.0.0.1:0")
+
+
+@pytest.fixture
+def _hasty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stranger is given a tenth of the time; how long it should be is the business of the tests of ``detect``."""
+    monkeypatch.setattr(serving, "FIRST_WORD", 0.3)
+    monkeypatch.setattr(scan_port, "AT_9600", Patience(quiet=0.1, restless=0.3, first=0.1, answer=0.4))
+
+
+@pytest.mark.usefixtures("_hasty")
+def test_a_silent_line_is_said_to_be_one() -> None:
+    silent = Stranger({})
+    line = silent.taken_for_a_hand_control()
+    assert "no mount answers" in line
+    assert f"mount-gateway detect {silent.mount.partition('@')[2]} looks closer" in line
+    assert "--wait" in line
+
+
+@pytest.mark.usefixtures("_hasty")
+def test_a_meade_behind_a_nexstar_endpoint_is_recognised() -> None:
+    meade = Stranger({b"\x06": b"P"})
+    assert "speaks lx200" in meade.taken_for_a_hand_control()
+    assert b":" not in meade.heard
+
+
+def test_a_silent_line_is_waited_for(started: list[Running]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        mount = f"nexstar@socket://127.0.0.1:{silent.getsockname()[1]}"
+        waiting = Running("run", "--wait", "--mount", mount, "--surface", "lx200@tcp://127.0.0.1:0")
+        started.append(waiting)
+        assert ask(waiting.ready(), b":GVP#") == b"Autostar#"
+
+
+def test_a_mount_that_comes_later_is_found(started: list[Running]) -> None:
+    with socket.socket() as reserved:
+        reserved.bind(("127.0.0.1", 0))
+        port = reserved.getsockname()[1]
+    gateway = Running("run", "--wait", "--mount", f"nexstar@socket://127.0.0.1:{port}", "--surface", "lx200@tcp://:0")
+    started.append(gateway)
+    where = gateway.ready()
+    simulator = Running("sim", "nexstar:cpc", "--at", f"tcp://127.0.0.1:{port}")
+    started.append(simulator)
+    simulator.ready()
+    deadline = time.monotonic() + PATIENCE
+    host, _, number = where.removeprefix("tcp://").rpartition(":")
+    with socket.create_connection((host, int(number)), PATIENCE) as link:
+        link.settimeout(1.0)
+        heard = b""
+        while not heard and time.monotonic() < deadline:
+            link.sendall(b":GR#")
+            try:
+                heard = link.recv(100)
+            except TimeoutError:
+                continue
+    assert re.match(rb"\d\d:\d\d:\d\d#", heard)
+
+
+def test_tables_and_explain_print(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["tables"]) == 0
+    tables = capsys.readouterr().out
+    assert "LX200 on NexStar" in tables
+    assert "NexStar on LX200" in tables
+    assert main(["explain", "lx200", "nexstar", ":MS#"]) == 0
+    assert "r3B78FC00,0FA79B00" in capsys.readouterr().out

@@ -1,0 +1,108 @@
+"""The demo beside other programs: it takes what is free and says so, and what is theirs stays theirs."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from gateway.cli.serve import demo
+from gateway.core.errors import UserError
+from gateway.transport.device_link import DeviceLink, is_free
+from tests.support.process import Running
+from tests.unit.cli.test_cli import refused
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="there are no pseudo-terminals")
+
+
+@pytest.fixture
+def terminal() -> Iterator[str]:
+    """A pseudo-terminal that another program holds."""
+    master, slave = os.openpty()
+    yield os.ttyname(slave)
+    os.close(master)
+    os.close(slave)
+
+
+def test_the_live_link_of_another_program_is_left_alone(tmp_path: Path, terminal: str) -> None:
+    path = tmp_path / "lx200"
+    path.symlink_to(terminal)
+    assert f"another program has a link of that name to {terminal}, which is in use" in refused(
+        "demo", "--port", "0", "--pty", str(path)
+    )
+    assert os.readlink(path) == terminal
+    assert not is_free(str(path)) and os.readlink(path) == terminal
+
+
+def test_what_a_killed_gateway_left_behind_is_taken(tmp_path: Path, terminal: str, started: list[Running]) -> None:
+    """Though its pseudo-terminal's number is another program's by now."""
+    path = tmp_path / "lx200"
+    killed = Running("demo", "--port", "0", "--pty", str(path))
+    started.append(killed)
+    assert [killed.ready(), killed.ready()][1] == f"pty:{path}"
+    killed.end(signal.SIGKILL)
+    path.unlink()
+    path.symlink_to(terminal)
+    link = DeviceLink(str(path))
+    link.point("/dev/pts/99999")
+    link.close()
+    assert not path.is_symlink()
+
+
+def test_a_second_pair_of_the_same_port_has_the_same_name(tmp_path: Path, terminal: str) -> None:
+    link = DeviceLink(str(tmp_path / "lx200"))
+    link.point(terminal)
+    link.point("/dev/pts/99999")
+    link.close()
+
+
+def test_a_name_in_use_is_followed_by_the_next(tmp_path: Path, terminal: str) -> None:
+    path = tmp_path / "lx200"
+    assert demo.free_name(str(path)) == str(path)
+    path.symlink_to(terminal)
+    (tmp_path / "lx200-2").write_text("mine")
+    (tmp_path / "lx200-3").symlink_to("/dev/pts/99999")  # nobody's
+    assert demo.free_name(str(path)) == f"{path}-3"
+    assert (os.readlink(path), (tmp_path / "lx200-2").read_text()) == (terminal, "mine")
+    with pytest.raises(UserError, match="is in use"):
+        DeviceLink(str(path)).check()
+
+
+def test_a_port_in_use_is_followed_by_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        number = taken.getsockname()[1]
+        monkeypatch.setattr(demo, "DEMO_PORT", number)
+        assert number < demo.free_port() < number + demo.OTHERS
+
+
+def test_the_demo_says_where_it_is_instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+    monkeypatch.setattr(demo, "free_port", lambda: 4031)
+    monkeypatch.setattr(demo, "free_name", lambda path: str(tmp_path / "lx200-2"))
+    monkeypatch.setattr(
+        demo, "serve_mounts", lambda config, banner: told.extend([banner, *(surface.at for surface in config.surface)])
+    )
+    monkeypatch.setattr(demo, "with_loop", lambda fast, serve: serve() or 0)
+    from gateway.cli import main
+
+    assert main(["demo"]) == 0
+    assert told[0].splitlines() == [
+        "another program uses port 4030; this demo takes port 4031",
+        f"there is a /tmp/lx200 of another program already; this demo takes {tmp_path / 'lx200-2'}",
+        "A simulated NexStar 6/8 SE, driven by whatever LX200 program connects.",
+        "It slews 4 times as fast as a real one. Ctrl-C ends it.",
+    ]
+    assert told[1:] == ["lx200@tcp://127.0.0.1:4031", f"lx200@pty:{tmp_path / 'lx200-2'}"]
+
+
+def test_a_port_that_was_asked_for_is_not_exchanged() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        assert "the port is in use by another program" in refused("demo", "--port", str(taken.getsockname()[1]))

@@ -1,0 +1,61 @@
+"""How much of the conversation is shown: by flag and by file, in words where it is written wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.cli import _bound, main, parser
+from gateway.cli.serve.settings import settings
+from tests.support.process import Running, ask
+
+RUN = ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0"]
+
+
+@pytest.mark.parametrize(
+    ("flags", "log"),
+    [
+        ([], False),
+        (["--log"], "all"),
+        (["--no-log"], False),
+        (["--log=mount"], "mount"),
+        (["--log=refusals"], "refusals"),
+        (["--log", "--wait"], "all"),
+        (["--log=program", "--no-log"], False),
+    ],
+)
+def test_flags(flags: list[str], log: Any) -> None:
+    words = _bound([*RUN, *flags])
+    assert settings(parser(words[:1]).parse_args(words))[0].log == log
+
+
+def test_a_word_behind_the_flag_is_no_part_of_it() -> None:
+    words = _bound(["demo", "--log", "--port", "0"])
+    assert parser(words[:1]).parse_args(words).log == "all"
+
+
+@pytest.mark.parametrize(("written", "log"), [("true", True), ("false", False), ('"changes"', "changes")])
+def test_in_a_file(written: str, log: Any, tmp_path: Path) -> None:
+    path = tmp_path / "gateway.toml"
+    path.write_text(f'log = {written}\n[mount]\nat = "nexstar@sim"\n[[surface]]\nat = "lx200@tcp://:0"\n')
+    assert settings(parser(["run"]).parse_args(["run", "--config", str(path)]))[0].log == log
+
+
+def test_what_it_may_be_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*RUN, "--log=mounts"]) == 2
+    said = capsys.readouterr().err
+    assert "--log" in said and "program, mount, changes, refusals" in said
+
+
+def test_a_gateway_shows_only_what_is_asked_for() -> None:
+    gateway = Running(*RUN, "--sun", "0", "--log=changes")
+    try:
+        where = gateway.ready()
+        assert ask(where, b":GR#") and ask(where, b":Sr05:34:32#", b"1") == b"1"
+    finally:
+        gateway.end()
+    lines = gateway.said.splitlines()
+    assert any("> :Sr05:34:32#" in line for line in lines) and not any("> :GR#" in line for line in lines)
+    assert max(len(line) for line in lines) <= 80

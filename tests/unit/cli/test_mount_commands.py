@@ -1,0 +1,220 @@
+"""``status``, ``goto``, ``park``, ``unpark``, ``sync``, ``move`` and ``watch`` from the shell, on gateways that run."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from gateway.app.control.commands import Body, Spot
+from gateway.app.recording.format import read
+from gateway.astro.catalog.files import NotInstalled
+from gateway.cli import main
+from gateway.cli.mount.places import place
+from gateway.core.errors import UserError
+from gateway.diagnostics.replay.replaying import replay
+from tests.support.process import GATEWAY, PATIENCE, Running, ask
+
+Say = Callable[..., tuple[int, str, str]]
+#: Wherever and whenever a test runs, nothing here is below the horizon or near the Sun.
+ANYWHERE = ("--lowest", "-90", "--sun", "0")
+
+
+@pytest.fixture
+def say(capsys: pytest.CaptureFixture[str]) -> Say:
+    """A command -> its exit code, stdout, stderr."""
+
+    def run_it(*arguments: str) -> tuple[int, str, str]:
+        code = main(list(arguments))
+        out, err = capsys.readouterr()
+        return code, out.strip(), err.strip()
+
+    return run_it
+
+
+def gateway(started: list[Running], state: Path, *more: str) -> Running:
+    running = Running(
+        "run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0", "--state", str(state), *ANYWHERE, *more
+    )
+    started.append(running)
+    return running
+
+
+def test_where_no_gateway_runs_that_is_said(say: Say, tmp_path: Path) -> None:
+    for words in (["status"], ["watch"], ["park"], ["move", "north"], ["goto", "M42"], ["sync", "05:00", "+10"]):
+        code, out, err = say(*words, "--state", str(tmp_path))
+        assert (code, out) == (1, "")
+        assert err.startswith("mount-gateway: no gateway runs here; mount-gateway run starts one")
+    assert say("status", "--json", "--state", str(tmp_path))[:2] == (1, "[]")
+
+
+def test_a_night_at_the_shell(say: Say, tmp_path: Path, started: list[Running]) -> None:
+    """One gateway, every command; what was recorded of it replays."""
+    which = ("--state", str(tmp_path))
+    running = gateway(started, tmp_path, "--record", str(tmp_path / "night.rec"))
+    where = running.ready()
+    code, out, err = say("status", *which)
+    assert (code, err) == (0, "")
+    assert out.splitlines()[0] == "6-8se (nexstar@sim)"
+    assert "  mount     Celestron NexStar, 6-8se, version 4.21" in out
+    assert "  wanted    no motion" in out
+    assert say("move", "north", "--rate", "9", "--seconds", "0.5", *which) == (0, "it was moved north for 0.5 s", "")
+    assert say("goto", "10:00:00", "-05:30:00", *which) == (0, "it goes to 10:00:00 -05°30'00\"", "")
+    [state] = json.loads(say("status", "--json", "--mount", "sim", *which)[1])
+    assert state["look"]["slewing"]
+    assert state["wanted"][0].startswith("a goto to 10:00:00 -05°30'00\"")
+    assert ask(where, b":Q#:GVP#").endswith(b"#")
+    code, out, err = say("sync", "10:00:00", "60", *which)
+    assert (code, out) == (1, "")
+    assert err.startswith("mount-gateway: Sync refused: ")
+    assert say("unpark", *which)[:2] == (0, "it is in service again, and tracks")
+    assert say("goto", "nowhere", *which) == (
+        2,
+        "",
+        ("mount-gateway: 'nowhere' is no place: write RA DEC, like 05:34:32 +22:00:52, or a name, like M42 or Jupiter"),
+    )
+    assert say("status", "--mount", "dome", *which)[0] == 1
+    assert running.end() == 0
+    outcome = replay(read(tmp_path / "night.rec"))
+    assert (outcome.guessed, outcome.differences, outcome.strayed) == ("", [], [])
+
+
+def test_ctrl_c_stops_what_was_begun(tmp_path: Path, started: list[Running]) -> None:
+    which = ("--state", str(tmp_path))
+    gateway(started, tmp_path).ready()
+    for words in (("goto", "03:00:00", "+80", "--wait"), ("move", "west", "--rate", "9", "--seconds", "25")):
+        with subprocess.Popen(
+            [*GATEWAY, *words, *which], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as command:
+            deadline = time.monotonic() + PATIENCE
+            while not _wanted(which) and time.monotonic() < deadline:
+                time.sleep(0.1)
+            assert _wanted(which)
+            command.send_signal(signal.SIGINT)
+            out, err = command.communicate(timeout=PATIENCE)
+            assert (command.returncode, out.splitlines()[-1:], err) == (1, ["the mount was stopped"], "")
+        while _wanted(which) and time.monotonic() < deadline:
+            time.sleep(0.1)
+        assert not _wanted(which)
+
+
+def _wanted(which: tuple[str, ...]) -> list[str]:
+    told = subprocess.run([*GATEWAY, "status", "--json", *which], stdout=subprocess.PIPE, check=True, timeout=PATIENCE)
+    wanted: list[str] = json.loads(told.stdout)[0]["wanted"]
+    return wanted
+
+
+def test_of_several_one_must_be_named(say: Say, tmp_path: Path, started: list[Running]) -> None:
+    """Two mounts of one gateway, by name."""
+    config = tmp_path / "gateway.toml"
+    config.write_text(
+        "\n".join(
+            f'''
+        [[mount]]
+        at = "{protocol}@sim"
+        name = "{name}"
+        state = "{tmp_path}"
+        [[surface]]
+        at = "lx200@tcp://127.0.0.1:0"
+        mount = "{name}"
+    '''
+            for protocol, name in (("nexstar", "pier"), ("lx200", "dome"))
+        )
+    )
+    running = Running("run", "--config", str(config))
+    started.append(running)
+    running.ready()
+    running.ready()
+    which = ("--state", str(tmp_path))
+    told = say("unpark", *which)
+    assert (told[0], told[2]) == (
+        2,
+        "mount-gateway: 2 mounts run here; say which one is meant: --mount dome or --mount pier",
+    )
+    assert say("unpark", "--mount", "dome", *which)[0] == 0
+    code, out, _ = say("status", *which)
+    assert (code, "pier (nexstar@sim)" in out, "dome (lx200@sim)" in out) == (0, True, True)
+    assert say("stop", "--mount", "dome", *which)[:2] == (0, "lx200@sim: stopped")
+    assert say("status", "--mount", "attic", *which)[2].startswith("mount-gateway: no gateway runs here for attic; ")
+
+
+def test_watch_tells_a_line_a_second(tmp_path: Path, started: list[Running]) -> None:
+    gateway(started, tmp_path).ready()
+    with subprocess.Popen(
+        [*GATEWAY, "watch", "--state", str(tmp_path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as command:
+        assert command.stdout is not None
+        for _ in range(2):
+            assert command.stdout.readline().startswith("6-8se  ")
+        command.send_signal(signal.SIGINT)
+        assert command.wait(PATIENCE) == 0
+
+
+class Typed:
+    """What was typed as a place."""
+
+    def __init__(self, *words: str, j2000: bool = False) -> None:
+        self.place, self.j2000 = list(words), j2000
+
+
+@pytest.mark.parametrize(("words", "found"), [
+    (("05:30:00", "+22:30:00"), Spot(82.5, 22.5)),
+    (("05:30", " -05:30"), Spot(82.5, -5.5)),
+    (("5h30m00s", "22d30m00s"), Spot(82.5, 22.5)),
+    (("5h30m", "22°30'"), Spot(82.5, 22.5)),
+    (("82.5", "22.5"), Spot(82.5, 22.5)),
+    (("82.5", " -0.5"), Spot(82.5, -0.5)),
+    (("jupiter",), Body("Jupiter")),
+    (("Moon",), Body("Moon")),
+])  # fmt: skip
+def test_a_place_is_understood(words: tuple[str, ...], found: Spot | Body) -> None:
+    assert place(Typed(*words)) == found  # type: ignore[arg-type]
+
+
+def test_an_object_is_of_2000() -> None:
+    for words in (("M42",), ("NGC", "1976"), ("ngc1976",), ("messier 42",)):
+        spot = place(Typed(*words))  # type: ignore[arg-type]
+        assert isinstance(spot, Spot)
+        assert spot.j2000
+        assert (round(spot.ra, 1), round(spot.dec, 1)) == (83.8, -5.4)
+
+
+@pytest.mark.parametrize(("words", "told"), [
+    (("25:00:00", "+22"), "is not a right ascension: it is from 0 to 24"),
+    (("05:00:00", "+92"), "is not a declination: it is from -90 to 90"),
+    (("05:61:00", "+22"), "is not a right ascension: write it like 05:34:32, or in degrees like 83.63"),
+    (("05:00:00",), "is no place: write RA DEC"),
+    (("M999",), "M999: the library has no such object"),
+    (("XYZ12",), "no catalogue is called 'XYZ'; there are M, NGC, IC, C, UGC and HIP"),
+    (("Sun",), "the Sun is no goal here"),
+])  # fmt: skip
+def test_what_is_no_place_is_said(words: tuple[str, ...], told: str) -> None:
+    with pytest.raises(UserError) as refused:
+        place(Typed(*words))  # type: ignore[arg-type]
+    assert told in str(refused.value)
+
+
+def test_without_the_library_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(catalogue: str, number: int) -> None:
+        raise NotInstalled
+
+    monkeypatch.setattr("gateway.astro.catalog.deepsky.look_up", missing)
+    with pytest.raises(UserError, match=r"pip install 'mount-gateway\[library\]'"):
+        place(Typed("M42"))  # type: ignore[arg-type]
+
+
+def test_a_declination_below_the_equator_is_no_flag() -> None:
+    told = subprocess.run(
+        [sys.executable, "-m", "gateway", "goto", "05:00", "-5:30", "--mount", "none"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=PATIENCE,
+    )
+    assert (told.returncode, "no gateway runs here for none" in told.stderr) == (1, True)

@@ -1,0 +1,262 @@
+"""``mount-gateway stop`` reaches its gateway whatever became of the state folder, or says what it could not know."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from gateway.app import reach, stop_command
+from gateway.app.control import ControlEndpoint, client
+from gateway.cli import main
+from gateway.system import processes
+from gateway.system import runtime_folders as runtime
+from gateway.system.processes import Process, serves
+from gateway.system.runtime_folders import user
+from tests.integration.stops.test_shutdown import Moving
+from tests.support.process import PATIENCE, Running, ask
+
+Stop = Callable[..., tuple[int, str]]
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="by /proc")
+NOTHING = "nothing to stop: no gateway runs, and none ended in motion"
+
+
+@pytest.fixture
+def seen(monkeypatch: pytest.MonkeyPatch) -> list[Process]:
+    """The gateways that ``stop`` sees among the processes: other tests' are none of them."""
+    found: list[Process] = []
+    monkeypatch.setattr(processes, "gateways", lambda: found)
+    monkeypatch.setattr(stop_command, "BETWEEN", 0.01)
+    return found
+
+
+@pytest.fixture
+def stop(capsys: pytest.CaptureFixture[str]) -> Stop:
+    """``mount-gateway stop`` -> its exit code and what it said."""
+
+    def run_it(*arguments: str) -> tuple[int, str]:
+        code = main(["stop", *arguments])
+        return code, "".join(capsys.readouterr()).strip()
+
+    return run_it
+
+
+def test_a_gateway_is_reached_when_its_folder_is_gone(
+    tmp_path: Path, started: list[Running], stop: Stop, seen: list[Process]
+) -> None:
+    state = tmp_path / "state"
+    moving = Moving(started, state)
+    seen.append(Process(moving.gateway.process.pid, os.getuid()))
+    moving.move()
+    shutil.rmtree(state)
+    assert stop("--state", str(state)) == (0, f"{moving.endpoint}: stopped")
+    assert not moving.moves()
+    assert moving.tracking()
+
+
+@LINUX
+def test_a_gateway_that_could_write_nothing_is_reached(started: list[Running], stop: Stop, seen: list[Process]) -> None:
+    """/proc takes files of nobody, not even of root; a full disk and a read-only one do neither."""
+    moving = Moving(started, Path("/proc"))
+    seen.append(Process(moving.gateway.process.pid, os.getuid()))
+    moving.move()
+    assert stop("--state", "/proc") == (0, f"{moving.endpoint}: stopped")
+    assert not moving.moves()
+    code, words = stop("--state", "/proc", "--hold")
+    assert code == 1
+    assert f"{moving.endpoint}: it is stopped and held, but a restart of the gateway forgets that: /proc/hold" in words
+    ask(moving.where, b":RS#:Mn#:GVP#")
+    time.sleep(0.5)
+    assert not moving.moves()
+
+
+@LINUX
+def test_a_gateway_without_a_descriptor_left_stops_its_mount(
+    tmp_path: Path, started: list[Running], stop: Stop
+) -> None:
+    import resource
+
+    moving = Moving(started, tmp_path)
+    moving.move()
+    pid = moving.gateway.process.pid
+    _, most = resource.prlimit(pid, resource.RLIMIT_NOFILE)
+    resource.prlimit(pid, resource.RLIMIT_NOFILE, (3, most))
+    assert stop("--state", str(tmp_path)) == (0, f"{moving.endpoint}: stopped")
+    assert not moving.moves()
+
+
+def test_a_frozen_gateway_is_said_to_be_one(
+    tmp_path: Path, started: list[Running], stop: Stop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client, "HEARD", 0.3)
+    moving = Moving(started, tmp_path)
+    moving.gateway.process.send_signal(signal.SIGSTOP)
+    began = time.monotonic()
+    code, words = stop("--state", str(tmp_path))
+    assert code == 1
+    assert f"the gateway (process {moving.gateway.process.pid}) does not answer" in words
+    assert time.monotonic() - began < 8.0
+
+
+def test_held_over_a_restart_until_it_is_released(tmp_path: Path, started: list[Running], stop: Stop) -> None:
+    here = ("--state", str(tmp_path))
+    moving = Moving(started, tmp_path)
+    moving.move()
+    held = f"held: no gateway moves a mount of {tmp_path} until mount-gateway stop --release"
+    assert stop(*here, "--hold") == (0, f"{moving.endpoint}: held\n{held}")
+    assert not moving.moves()
+    goto = b":Sr07:00:00#:Sd+30*00:00#:MS#"
+    refused = b"111The mount is held: mount-gateway stop --release#"
+    assert ask(moving.where, goto, refused) == refused
+    moving.gateway.end(signal.SIGKILL)
+    moving.begin()
+    assert ask(moving.where, goto, refused) == refused
+    moving.gateway.end()
+    assert moving.gateway.said.startswith(f"mount-gateway: {moving.endpoint}: the mount is held: ")
+    assert stop(*here, "--release") == (0, f"released: gateways may move the mounts of {tmp_path} again")
+    assert stop(*here, "--release") == (0, "nothing to release: no gateway runs, and nothing is held")
+    moving.begin()
+    moving.move()
+    assert stop(*here)[0] == 0
+
+
+def test_a_hold_is_for_a_whole_folder(stop: Stop, seen: list[Process], tmp_path: Path) -> None:
+    assert stop("--hold", "--mount", "x")[0] == 2
+    assert stop("--hold", "--release")[0] == 2
+    (tmp_path / "file").write_text("")
+    code, words = stop("--hold", "--state", str(tmp_path / "file"))
+    assert code == 1 and f"{tmp_path}/file/hold: " in words
+
+
+# --- what could not be known ------------------------------------------------------------------------------------
+
+
+def test_with_nothing_there_nothing_is_to_stop(stop: Stop, seen: list[Process], tmp_path: Path) -> None:
+    assert stop() == (0, NOTHING)
+    assert stop("--state", str(tmp_path)) == (0, NOTHING)
+
+
+def test_a_folder_that_cannot_be_looked_into_does_not_pass_for_nothing(
+    stop: Stop, seen: list[Process], tmp_path: Path
+) -> None:
+    place = tmp_path / "state"
+    place.write_text("")
+    code, words = stop("--state", str(place))
+    assert code == 1
+    assert words == (
+        f"{place}: Not a directory: whether a gateway of that folder runs, or was killed in motion, "
+        "cannot be seen; stop as the user that the gateway runs as"
+    )
+
+
+def test_a_gateway_of_another_user_is_named(
+    stop: Stop, seen: list[Process], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reach, "user", lambda: os.getuid() + 1000)
+    seen.append(Process(4711, 1))  # Debian's daemon
+    code, words = stop()  # a folder that is not there says nothing of who runs
+    assert code == 1
+    assert words.startswith("a gateway of ") and " runs as process 4711: stop it as " in words
+    assert words.endswith(", or as root")
+    monkeypatch.delenv("STATE_DIRECTORY")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    (tmp_path / "mount-gateway").mkdir()
+    assert stop()[0] == 1, "whose folder is asked for was not said"
+    assert stop("--state", str(tmp_path))[0] == 1, "whoever owns that folder may have a gateway"
+    monkeypatch.setattr(reach, "user", os.getuid)
+    assert stop("--state", str(tmp_path)) == (0, NOTHING), "a folder of one's own is no other user's"
+
+
+def test_one_of_ones_own_that_cannot_be_asked_is_named(stop: Stop, seen: list[Process]) -> None:
+    seen.append(Process(4711, os.getuid()))
+    code, words = stop()
+    assert code == 1
+    assert "a gateway runs as process 4711 and cannot be asked" in words and "kill 4711" in words
+
+
+def test_without_a_folder_given_every_gateway_of_this_user_is_stopped(
+    tmp_path: Path, started: list[Running], stop: Stop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In folders of its own for what lives as long as a session, so that no other test's gateway is stopped."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(processes, "gateways", list)
+    moving = Moving(started, tmp_path / "state")
+    monkeypatch.delenv("STATE_DIRECTORY")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "elsewhere"))
+    moving.move()
+    assert stop() == (0, f"{moving.endpoint}: stopped")
+    assert not moving.moves()
+    assert stop("--state", str(tmp_path / "other")) == (0, NOTHING)
+
+
+@pytest.mark.skipif(user() != 0, reason="only root looks into folders of others")
+def test_root_reaches_what_another_user_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.delenv("XDG_RUNTIME_DIR")
+    monkeypatch.setattr(runtime, "SESSIONS", tmp_path / "run")
+    theirs, fake = tmp_path / "mount-gateway-1", tmp_path / "mount-gateway-2"
+    theirs.mkdir()
+    door = '{"mount": "m", "pid": 4711, "port": 9, "secret": "s", "state": "/x"}'
+    (theirs / "a.control").write_text(door)
+    (theirs / "b.control").write_text(door)
+    os.chown(theirs, 1, 1)
+    os.chown(theirs / "a.control", 1, 1)
+    fake.symlink_to(theirs)
+    found = reach.look(reach.Scope(tmp_path / "none"))
+    assert [path for path, _ in found.gateways] == [theirs / "a.control"], "b is not of the folder's owner"
+    assert reach.look(reach.Scope(Path("/x"), alone=True)).gateways
+    assert not reach.look(reach.Scope(tmp_path, alone=True)).gateways
+
+
+@pytest.mark.parametrize(("words", "is_one"), [
+    (["/usr/bin/python3", "/usr/local/bin/mount-gateway", "run", "--mount", "x"], True),
+    (["/v/bin/python", "-bb", "-m", "gateway", "demo"], True),
+    (["python3.11", "/src/gateway/__main__.py", "run"], True),
+    (["mount-gateway", "run"], True),
+    (["/usr/bin/python3", "/usr/local/bin/mount-gateway", "stop"], False),
+    (["/usr/bin/python3", "/usr/local/bin/mount-gateway", "sim", "nexstar"], False),
+    (["sudo", "mount-gateway", "run"], False), (["vi", "mount-gateway", "run"], False),
+    (["python", "-m", "pytest", "gateway"], False), ([""], False), ([], False), (["mount-gateway"], False),
+])  # fmt: skip
+def test_a_gateway_is_known_by_its_command_line(words: list[str], is_one: bool) -> None:
+    assert serves([*words, ""]) is is_one
+
+
+@LINUX
+def test_a_gateway_is_seen_among_the_processes(started: list[Running]) -> None:
+    gateway = Running("run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
+    started.append(gateway)
+    gateway.ready()
+    pid = gateway.process.pid
+    assert Process(pid, os.getuid()) in processes.gateways()
+    assert processes.is_gateway(pid)
+    gateway.end()
+    assert not processes.is_gateway(pid) and not processes.exists(pid)
+
+
+@LINUX
+def test_a_process_that_does_not_look_like_one_is_not_taken_for_gone(
+    tmp_path: Path, stop: Stop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Started by another program, for one: it has the port, and it does not answer."""
+    monkeypatch.setattr(client, "HEARD", 0.2)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as frozen:
+        frozen.bind(("127.0.0.1", 0))
+        other = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+        door = ControlEndpoint("m", other.pid, frozen.getsockname()[1], "s", str(tmp_path))
+        (tmp_path / "m.control").write_bytes(msgspec.json.encode(door))
+        code, words = stop("--state", str(tmp_path))
+        assert code == 1 and f"the gateway (process {other.pid}) does not answer" in words
+        other.communicate(b"\n", PATIENCE)
+        assert stop("--state", str(tmp_path)) == (0, NOTHING)
+    assert list(tmp_path.iterdir()) == []

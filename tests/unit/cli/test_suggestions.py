@@ -1,0 +1,403 @@
+"""What a person types that is none of the commands, flags and mounts: it is said what was meant, and done where that is
+beyond doubt."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from gateway.app.config import called, parse_device, parse_endpoint, parse_site
+from gateway.app.config.called import PROTOCOLS
+from gateway.app.config.places import right
+from gateway.app.stop_command import Report
+from gateway.cli import main
+from gateway.cli.suggestions import plainly
+from gateway.core.errors import UserError
+from gateway.diagnostics.detect.ports import named, whole
+from gateway.protocols.wireformat.command_set import load
+from tests.support.process import Running, ask
+from tests.unit.cli.test_cli import refused
+
+FILE = '[mount]\nat = "nexstar:cpc@sim"\n[[surface]]\nat = "lx200@tcp://127.0.0.1:0"\n'
+PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder that one is in."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ([], "which command? mount-gateway demo needs no mount"),
+        (["rum"], "there is no command 'rum'; did you mean mount-gateway run?"),
+        (["Detect"], "did you mean mount-gateway detect?"),
+        (["gateway.toml"], "did you mean mount-gateway run gateway.toml?"),
+        (["nexstar@sim"], "did you mean mount-gateway run --mount nexstar@sim?"),
+        (["--mount", "x"], "for example: mount-gateway run --mount"),
+        (["run", "--mont", "x"], "run has no flag --mont; did you mean --mount?"),
+        (["run", "--write", "x"], "mount-gateway detect and mount-gateway tables have it"),
+        (["run", "--name", "pier"], "name is written in gateway.toml, under [mount]; mount-gateway config --example"),
+        (["run", "nexstar@sim", "lx200@tcp://:0"], "write --mount before the mount, and --surface before where"),
+        (["run", "nexstar@sim"], "write --mount before the mount, and --surface before where"),
+        (["run", "a.toml", "--config", "b.toml"], "a.toml and --config b.toml: write one file"),
+        (["explain", ":GR#"], "missing: mount, command; for example: mount-gateway explain lx200 nexstar :MS#"),
+        (["decode"], "missing: FILE; for example: mount-gateway decode night.rec"),
+        (["completion", "tcsh"], "shell 'tcsh': write one of bash, zsh, fish"),
+        (["demo", "--speed", "fast"], "--speed 'fast': write a number"),
+        (["demo", "--port", "x"], "--port 'x': write a whole number"),
+        (["sim", "nexstar", "--latency", "slow"], "--latency 'slow': write a number"),
+        (["run", "--mount"], "--mount: what it is set to is missing behind it"),
+        (["stop", "--hold", "--release"], "--release and --hold cannot be had together"),
+        (
+            ["run", *PLAIN, "--surface", "nexstar@tcp://:0", "--allow", "10.0.0.1"],
+            "--allow: there are 2 surfaces; write allow in gateway.toml, under the [[surface]]",
+        ),
+        (
+            ["run", *PLAIN, "--surface", "lx200@pty:/tmp/x", "--read-only"],
+            "--read-only: there are 2 surfaces; write read-only in gateway.toml",
+        ),
+        (
+            [
+                "run",
+                "--mount",
+                "nexstar@sim",
+                "--surface",
+                "lx200@pty:/tmp/x",
+                "--surface",
+                "lx200@pty:/tmp/y",
+                "--allow",
+                "10.0.0.1",
+            ],
+            "--allow: none of these surfaces is on a network",
+        ),
+        (["run", "--mount", "nexstar@sim", "--allow", "10.0.0.1"], "at least one surface is needed"),
+        (
+            ["run", "--mount", "nexstar@sim", "--surface", "lx200@pty:/tmp/x", "--allow", "10.0.0.1"],
+            "--allow: nobody comes from a network here; write it on a surface at tcp://",
+        ),
+        (["run", *PLAIN, "--allow", "10.0.0.1/8"], "--allow '10.0.0.1/8': write 10.0.0.0/8"),
+    ],
+)
+def test_it_is_said_what_was_meant(arguments: list[str], says: str, here: Path) -> None:
+    assert says in refused(*arguments)
+
+
+def test_words_of_later_versions_of_python_are_handed_on() -> None:
+    assert plainly("something new", "mount-gateway run", "") == "something new (mount-gateway run --help tells more)"
+
+
+def test_the_file_of_this_folder_is_read(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "gateway.toml").write_text(FILE)
+    assert main(["config"]) == 0
+    told = capsys.readouterr()
+    assert 'at = "nexstar:cpc@sim"  # gateway.toml:2' in told.out
+    assert told.err.startswith("mount-gateway: going by gateway.toml, which is in this folder; --config FILE")
+    assert main(["config", "--lowest", "7"]) == 0
+    assert "lowest = 7.0  # --lowest" in capsys.readouterr().out
+
+
+def test_who_names_a_mount_does_not_mean_the_file_here(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "gateway.toml").write_text("not even TOML")
+    assert main(["config", *PLAIN]) == 0
+    assert capsys.readouterr().err == ""
+    assert "gateway.toml:1" in refused("config")  # a mistake in it stands alone on stderr
+
+
+def test_a_file_needs_no_flag(here: Path, started: list[Running]) -> None:
+    path = here / "other.toml"
+    path.write_text(FILE)
+    gateway = Running("run", str(path))
+    started.append(gateway)
+    assert ask(gateway.ready(), b":GR#")
+    assert gateway.end() == 0
+
+
+def test_a_surface_takes_its_keys_from_flags(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--client", "stellarium", "--allow", "10.0.0.0/8,127.0.0.1", "--max-clients", "3", "--precision=low"]
+    assert main(["config", *PLAIN, *words, "--read-only"]) == 0
+    told = capsys.readouterr().out
+    for line in (
+        'client = "stellarium"  # --client',
+        'allow = ["10.0.0.0/8", "127.0.0.1"]  # --allow',
+        "max-clients = 3  # --max-clients",
+        'precision = "low"  # --precision',
+        "read-only = true  # --read-only",
+    ):
+        assert f"{line}\n" in told
+    assert main(["config", *PLAIN, "--read-only=10.0.0.0/8"]) == 0
+    assert 'read-only = ["10.0.0.0/8"]  # --read-only\n' in capsys.readouterr().out
+
+
+def test_who_may_connect_is_for_the_surface_on_the_network(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["config", "--surface", "lx200@pty:/tmp/x", *PLAIN, "--allow", "10.0.0.1"]) == 0
+    first, second = capsys.readouterr().out.split("[[surface]]")[1:]
+    assert "# allow: not set" in first and 'allow = ["10.0.0.1"]  # --allow\n' in second
+
+
+def test_a_flag_changes_the_one_surface_of_a_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "gateway.toml").write_text(FILE)
+    assert main(["config", "--client", "stellarium"]) == 0
+    told = capsys.readouterr().out
+    assert 'client = "stellarium"  # --client\n' in told
+    assert 'at = "lx200@tcp://127.0.0.1:0"  # gateway.toml:4\n' in told
+
+
+# --- mounts by the words on them -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("word", "device"),
+    [
+        ("6se", "nexstar:6-8se"),
+        ("8se", "nexstar:6-8se"),
+        ("5se", "nexstar:4-5se"),
+        ("cpc800", "nexstar:cpc"),
+        ("CPC 1100", "nexstar:cpc"),
+        ("lx90", "lx200:autostar"),
+        ("etx", "lx200:autostar"),
+        ("etx90", "lx200:autostar"),
+        ("ETX-125", "lx200:autostar"),
+        ("avx", "nexstar:avx"),
+        ("celestron", "nexstar"),
+        ("Meade", "lx200"),
+        ("Celestron NexStar 8 SE", "nexstar:6-8se"),
+        ("celestron:6se/4.10", "nexstar:6-8se/4.10"),
+        ("nexstar:6se", "nexstar:6-8se"),
+        ("lx200:etx", "lx200:autostar"),
+        ("Meade LX200-ACF", "lx200:lx200gps"),
+        ("NexStar", "nexstar"),
+        ("lx200", "lx200"),
+        ("nexstar:cge/3.02", "nexstar:cge/3.02"),
+        ("starsense/1.19", "nexstar:starsense/1.19"),
+    ],
+)
+def test_a_mount_is_known_by_what_owners_call_it(word: str, device: str) -> None:
+    assert str(parse_device(word)) == f"{device}@"
+    assert parse_endpoint(f"{word}@sim") == parse_endpoint(f"{device}@sim")
+
+
+@pytest.mark.parametrize(
+    ("word", "says"),
+    [
+        ("celestrn", "did you mean 'celestron'?"),
+        ("cpc1200", "did you mean 'cpc1100'?"),
+        ("nexstr", "'nexstar'?"),
+        ("nexstar:lx90", "nexstar has no model 'lx90'; write lx200:autostar"),
+        ("telescope", "write nexstar for a Celestron, lx200 for a Meade, or the name of the mount"),
+    ],
+)
+def test_another_word_is_refused_with_what_was_meant(word: str, says: str) -> None:
+    with pytest.raises(UserError) as refusal:
+        parse_device(word)
+    assert says in str(refusal.value)
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_every_word_stands_for_one_mount_that_there_is(protocol: str) -> None:
+    names = {*load(protocol).models, called.ANY, *(["starsense"] if protocol == "nexstar" else [])}
+    rows = called.called(protocol)
+    assert set(rows) <= names
+    words = [word for side in PROTOCOLS for row in called.called(side).values() for word in row]
+    assert len(words) == len(set(words))
+    for model, row in rows.items():
+        for word in row:
+            assert parse_device(word).protocol == protocol and (model == called.ANY or parse_device(word).where == "")
+
+
+@pytest.mark.parametrize(
+    "subcommand",
+    [
+        ("config", "--surface", "lx200@tcp://:0", "--mount", "6se@sim"),
+        ("explain", "etx", "6se", ":GR#"),
+        ("tables", "--model", "6se"),
+    ],
+)
+def test_they_are_known_in_every_subcommand(subcommand: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(list(subcommand)) == 0
+    assert capsys.readouterr().out
+
+
+def test_a_simulated_mount_has_its_owners_name(started: list[Running]) -> None:
+    mount = Running("sim", "etx90")
+    started.append(mount)
+    assert ask(mount.ready(), b":GVP#") == b"Autostar#"
+    mount.end()
+
+
+@pytest.mark.parametrize(
+    ("half", "says"),
+    [
+        ("/dev/ttyACM0", "nexstar@/dev/ttyACM0 (Celestron) or lx200@/dev/ttyACM0 (Meade)"),
+        ("6se", "6se@/dev/ttyUSB0"),
+        ("nexstar@", "nexstar@/dev/ttyUSB0"),
+    ],
+)
+def test_half_an_endpoint_is_made_whole_in_the_example(half: str, says: str) -> None:
+    with pytest.raises(UserError) as refusal:
+        parse_endpoint(half)
+    assert str(refusal.value).endswith(f"for example {says}")
+
+
+# --- ports for detect ------------------------------------------------------------------------------------------------
+
+
+def test_a_port_may_be_named_without_its_folder(tmp_path: Path) -> None:
+    (tmp_path / "ttyUSB7").touch()
+    assert whole("ttyUSB7", tmp_path) == str(tmp_path / "ttyUSB7")
+    assert [whole(text, tmp_path) for text in ("ttyUSB8", "COM3", "/dev/ttyS0", "socket://1.2.3.4:5")] == [
+        "ttyUSB8", "COM3", "/dev/ttyS0", "socket://1.2.3.4:5"]  # fmt: skip
+
+
+def test_an_address_is_one_of_the_network() -> None:
+    assert named("192.168.1.50:4030").url == "socket://192.168.1.50:4030"
+    assert named("meade@pi.local:4030").named == parse_endpoint("lx200@socket://pi.local:4030")
+    assert named("8se@/dev/ttyUSB0").named == parse_endpoint("nexstar:6-8se@/dev/ttyUSB0")
+
+
+# --- places as people write them -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("mount", "surface", "says"),
+    [
+        ("nexstar@sim", "lx200@127.0.0.1:4030", "--surface: lx200@127.0.0.1:4030: write lx200@tcp://127.0.0.1:4030"),
+        ("nexstar@sim", "lx200@tcp:127.0.0.1:4030", "write lx200@tcp://127.0.0.1:4030"),
+        ("nexstar@sim", "lx200@tcp:/[::1]:4030", "write lx200@tcp://[::1]:4030"),
+        ("nexstar@sim", "lx200@4030", "write lx200@tcp://127.0.0.1:4030"),
+        ("nexstar@sim", "lx200@socket://0.0.0.0:4030", "write lx200@tcp://0.0.0.0:4030"),
+        ("6se@192.168.1.5:4030", "lx200@tcp://:0", "--mount 6se@192.168.1.5:4030: write 6se@socket://192.168.1.5:4030"),
+        ("lx200@tcp://10.0.0.1:4030", "lx200@tcp://:0", "write lx200@socket://10.0.0.1:4030"),
+        ("lx200@pty:/tmp/meade", "lx200@tcp://:0", "write lx200@/tmp/meade"),
+        (
+            "nexstar@sim",
+            "lx200@tcp://no-computer.invalid:4030",
+            "no address is known for the name no-computer.invalid; write 0.0.0.0 for everybody",
+        ),
+    ],
+)
+def test_a_place_is_told_as_it_should_be_written(mount: str, surface: str, says: str) -> None:
+    assert says in refused("run", "--mount", mount, "--surface", surface)
+
+
+def test_a_device_may_lack_its_folder(tmp_path: Path) -> None:
+    (tmp_path / "ttyUSB7").touch()
+    assert right("ttyUSB7", False, tmp_path) == str(tmp_path / "ttyUSB7")
+    for where, listening in [
+        ("COM3", False),
+        ("/dev/ttyS0", False),
+        ("sim", False),
+        ("pty:/tmp/x", True),
+        ("tcp://:4030", True),
+        ("socket://a:1", False),
+        ("rfc2217://a:1", True),
+        ("hwgrep://x", False),
+    ]:
+        assert right(where, listening, tmp_path) == "", where
+    assert right("rfc2217:a:1", False, tmp_path) == "rfc2217://a:1"
+
+
+def test_a_simulated_mount_listens_at_a_place_that_is_one() -> None:
+    assert "sim: --at 5000: write --at tcp://127.0.0.1:5000" in refused("sim", "nexstar", "--at", "5000")
+
+
+def test_a_port_of_the_system_is_not_to_be_had(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(errno.EACCES, "error while attempting to bind on address ('127.0.0.1', 80)")
+
+    monkeypatch.setattr(asyncio.base_events.BaseEventLoop, "create_server", refuse)
+    monkeypatch.setitem(sys.modules, "uvloop", None)
+    assert "ports below 1024 are for the system's own services; take a higher one, such as 4030" in refused(
+        "run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:80"
+    )
+
+
+@pytest.mark.parametrize("quotes", ["“”", "„“", "‘’", "«»"])
+def test_quotes_of_a_word_processor_are_named(quotes: str, here: Path) -> None:
+    (here / "gateway.toml").write_text(f"[mount]\nat = {quotes[0]}nexstar@sim{quotes[1]}\n", "utf-8")
+    assert "gateway.toml:2: column 6: " in (line := refused("run"))
+    assert 'the quotes here are typographic ones: write plain ones, as in "nexstar@/dev/ttyUSB0"' in line
+
+
+def test_the_same_place_twice_by_flags_speaks_of_no_file() -> None:
+    line = refused(
+        "run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://:4055", "--surface", "nexstar@tcp://:4055"
+    )
+    assert "tcp://:4055 is taken by another one already" in line and "file" not in line
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["nexstar", "lx200", "r34AB,12CE"], "goto right ascension and declination is written like 'r3B78EC00,0"),
+        (["lx200", "nexstar", "GR"], "did you mean ':GR#'? Its : is missing"),
+        (["lx200", "nexstar", ":GR"], "did you mean ':GR#'? Its # is missing"),
+        (["lx200", "nexstar", "e"], "it is one of nexstar: write explain nexstar lx200"),
+    ],
+)
+def test_explain_knows_what_was_meant(words: list[str], says: str) -> None:
+    assert says in refused("explain", *words)
+
+
+# --- sites ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("48.1,11.6", (48.1, 11.6)),
+        ("-33.9,151.2", (-33.9, 151.2)),
+        ("48°08'N,11°36'E", (48.1333333, 11.6)),
+        ("45.5N, 122.7W", (45.5, -122.7)),
+        ("33 51 31 S,151d12m32sE", (-33.8586111, 151.2088889)),
+        ("11°36'E,48°08'N", (48.1333333, 11.6)),
+        ("48:08:00,-11:36:00", (48.1333333, -11.6)),
+        ("45.5,240.5", (45.5, 240.5)),
+    ],
+)
+def test_a_site_may_be_written_as_on_a_map(text: str, place: tuple[float, float]) -> None:
+    assert parse_site(text) == pytest.approx(place, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "text", ["north", "48.1", "48.1,11.6,5", "48h,11h", "48°08'N,x", "95°N,11°E", "48°08'W,11°36'W"]
+)
+def test_what_is_no_site_is_refused(text: str) -> None:
+    with pytest.raises(UserError, match="write LAT,LON, north and east positive: 45"):
+        parse_site(text)
+
+
+def test_stop_knows_a_mount_by_its_owners_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    asked: list[object] = []
+
+    async def order_all(scope: object, mount: str | None, word: str) -> Report:
+        asked.append(mount)
+        return Report([], [])
+
+    monkeypatch.setattr("gateway.app.stop_command.order_all", order_all)
+    for name in ("6se@/dev/ttyUSB0", "/dev/ttyUSB0", "x@y"):
+        assert main(["stop", "--state", str(tmp_path), "--mount", name]) == 0
+    assert asked == ["nexstar:6-8se@/dev/ttyUSB0", "/dev/ttyUSB0", "x@y"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there are no pseudo-terminals")
+def test_a_second_gateway_is_sent_to_the_first(tmp_path: Path, started: list[Running]) -> None:
+    mount = Running("sim", "nexstar:cpc", "--at", f"pty:{tmp_path / 'mount'}")
+    started.append(mount)
+    mount.ready()
+    words = ("--mount", f"6se@{tmp_path / 'mount'}", "--surface", "lx200@tcp://127.0.0.1:0", "--state", str(tmp_path))
+    first = Running("run", *words)
+    started.append(first)
+    first.ready()
+    second = Running("run", *words)
+    started.append(second)
+    assert second.end(0) == 2
+    assert f"another mount-gateway (process {first.process.pid}) has this mount: programs connect to" in second.said

@@ -1,0 +1,130 @@
+"""No file can be opened any more: programs are refused in words, and what is connected moves the mount all the same."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import os
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from gateway.app.gateway import Gateway
+from gateway.core.errors import MappingError
+from gateway.protocols.nexstar import rates
+from gateway.protocols.wireformat.command_set import CommandSet
+from gateway.system import file_limits
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+from tests.unit.transport.test_ports import address, ask, serve
+
+
+class Resource(SimpleNamespace):
+    """The limits of a process."""
+
+    RLIMIT_NOFILE, RLIM_INFINITY = 7, -1
+
+    def getrlimit(self, which: int) -> tuple[int, int]:
+        return self.soft, self.hard
+
+    def setrlimit(self, which: int, limits: tuple[int, int]) -> None:
+        self.soft, self.hard = limits
+
+
+@pytest.mark.parametrize(
+    ("soft", "hard", "after", "says"),
+    [
+        (1024, 1048576, 1258, ""),
+        (1024, -1, 1258, ""),
+        (-1, -1, -1, ""),
+        (4096, 4096, 4096, ""),
+        (1024, 1024, 1024, "no more than about 966 programs can be connected, not the 1200 of max-clients;"),
+        (256, 512, 512, "no more than about 454 programs"),
+        (30, 30, 30, "no more than about 0 programs"),
+    ],
+)  # fmt: skip
+def test_room_is_made_as_far_as_the_system_lets(
+    soft: int, hard: int, after: int, says: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    limits = Resource(soft=soft, hard=hard)
+    monkeypatch.setattr(file_limits, "resource", limits)
+    words = file_limits.make_room(1200, 3)
+    assert (limits.soft, limits.hard) == (after, hard)
+    assert says in words if says else words == ""
+
+
+def test_who_comes_when_no_file_is_left_is_turned_away_with_one_line_and_later_let_in(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async def program(gateway: Gateway) -> None:
+        notes: list[str] = []
+        gateway.transcript.sinks.append(lambda entry: notes.append(entry.note) if entry.arrow == "!" else None)
+        here = await asyncio.open_connection(*address(gateway))
+        assert await ask(here, b":GVP#")
+        free = os.open(os.devnull, os.O_RDONLY)
+        os.close(free)
+        monkeypatch.setattr(file_limits, "limit", lambda: free + file_limits.SPARE)  # the next one has this number
+        for _ in range(5):
+            reader, writer = await asyncio.open_connection(*address(gateway))
+            with contextlib.suppress(ConnectionResetError):
+                assert await reader.read() == b""
+            writer.close()
+        [line] = [note for note in notes if "turned away" in note]
+        assert "files open at a time" in line
+        assert "ulimit -n" in line
+        assert await ask(here, b":GVP#") == b"Autostar#"
+        monkeypatch.undo()
+        late = await asyncio.open_connection(*address(gateway))
+        assert await ask(late, b":GVP#") == b"Autostar#"
+        late[1].close()
+        here[1].close()
+
+    serve(program, "lx200@tcp://127.0.0.1:0")
+
+
+def test_an_arrow_begins_though_no_file_can_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rates.rate_tables.cache_clear()
+
+    async def nothing_opens(function: Any, *arguments: Any) -> Any:
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+    def no_table(protocol: CommandSet, name: str) -> Any:
+        raise MappingError(name, "[file]", os.strerror(errno.EMFILE))
+
+    async def program() -> None:
+        async with Bridge(state=tmp_path, in_thread=nothing_opens) as bridge:
+            monkeypatch.setattr(CommandSet, "extra", no_table)
+            client = bridge.client()
+            for _ in range(3):
+                client.tell(b":RM#:Mn#")
+                await asyncio.sleep(2.0)
+                assert bridge.controller.motions.axes == {2}
+                client.tell(b":Qn#")
+                await asyncio.sleep(8.0)
+                assert bridge.controller.motions.axes == set()
+            assert len([words for words in bridge.warned if "not marked" in words or "written" in words]) == 1
+            assert not any("internal error" in entry.note for entry in bridge.entries)
+
+    run(program())
+
+
+def test_a_defect_is_not_lost_because_nobody_waits_for_what_came_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            client = bridge.client()
+            client.tell(b":RM#:Me#")
+            await asyncio.sleep(2.0)
+
+            async def defect(operation: Any) -> Any:
+                raise ValueError("broken")
+
+            monkeypatch.setattr(bridge.controller.checks, "admit", defect)
+            client.tell(b":Mn#")
+            await asyncio.sleep(3.0)
+            assert any("internal error" in entry.note and "broken" in entry.note for entry in bridge.entries)
+            assert bridge.controller.motions.axes == set()
+
+    run(program())

@@ -1,0 +1,342 @@
+"""Clients that ask without end: the others are served, a stop is as quick as ever, and nothing grows."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import logging
+import socket
+import tracemalloc
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import pytest
+
+from gateway.app.gateway import Gateway
+from gateway.clients.outstanding import BEGUN
+from gateway.transport import intake as pace
+from gateway.transport.intake import BREATH, SHARE
+from tests.support.in_process_gateway import Bridge, Visitor
+from tests.support.nexstar_flows import precise, up
+from tests.support.two_gateways import equatorial
+from tests.support.virtual import run
+from tests.unit.transport.test_ports import address, ask, serve
+
+SLOW = 0.12
+#: Guide rates, backlash, tracking rates, arrows: acknowledged at once, and each some exchanges for the mount.
+COSTLY = b"".join(
+    [
+        *(bytes((80, 2, 16 + axis, 70, rate, 0, 0, 0)) for axis in (0, 1) for rate in range(40, 60)),
+        *(bytes((80, 3, 16, 6, 255, low, 0, 0)) for low in (255, 254, 253)),
+        *(bytes((80, 2, 16 + axis, 36, key, 0, 0, 0)) for axis in (0, 1) for key in (1, 2, 9)),
+    ]
+)
+
+
+def flooded(flood: bytes, test: Callable[[Bridge, Visitor], Awaitable[None]], **settings: Any) -> None:
+    """A gateway with a slow NexStar behind it, one client that repeats ``flood`` for ever, and another one."""
+
+    async def program() -> None:
+        async with Bridge(**{"latency": SLOW, "presented": "nexstar", "surface": "6-8se", **settings}) as bridge:
+            bully, other = bridge.client("10.0.0.66"), bridge.client("10.0.0.1")
+
+            async def pour() -> None:
+                while True:
+                    bully.tell(flood)
+                    await asyncio.sleep(0.2)
+
+            pouring = bridge.controller.spawn(pour())
+            await asyncio.sleep(5)
+            await test(bridge, other)
+            pouring.cancel()
+
+    run(program())
+
+
+async def seconds(client: Visitor, command: bytes, until: bytes = b"#") -> float:
+    began = asyncio.get_running_loop().time()
+    assert await client.ask(command, 60.0, until=until)
+    return asyncio.get_running_loop().time() - began
+
+
+# --- the mount's line -------------------------------------------------------------------------------------------------
+
+
+def test_a_stop_goes_before_everything_that_a_flood_has_asked_for() -> None:
+    async def stopped(bridge: Bridge, other: Visitor) -> None:
+        for _ in range(3):
+            await asyncio.sleep(1.3)
+            before, began = len(bridge.entries), asyncio.get_running_loop().time()
+            bridge.controller.begin_stop()
+            await bridge.controller.motions.stop()
+            assert asyncio.get_running_loop().time() - began < 8 * SLOW
+            first = next(entry for entry in bridge.entries[before:] if entry.side == "mount" and entry.arrow == ">")
+            assert first.data in (b"M", bytes((80, 2, 16, 36, 0, 0, 0, 0))), "after the exchange on the wire"
+
+    flooded(COSTLY, stopped)
+
+
+def test_a_stop_goes_before_what_outlives_it() -> None:
+    async def stopped(bridge: Bridge, other: Visitor) -> None:
+        for _ in range(5):
+            await asyncio.sleep(0.7)
+            began = asyncio.get_running_loop().time()
+            await bridge.controller.motions.stop()
+            assert asyncio.get_running_loop().time() - began < 8 * SLOW
+
+    flooded(b":AL#:AP#" * 20, stopped, presented="lx200", surface="autostar")
+
+
+def test_a_hundred_stops_at_once_are_one() -> None:
+    async def stopped(bridge: Bridge, other: Visitor) -> None:
+        other.tell(b":RM#:Mn#")
+        await asyncio.sleep(2)
+        other.tell(b":Q#" * 100)
+        names = [getattr(task.get_coro(), "__qualname__", "") for task in asyncio.all_tasks()]
+        assert names.count("Stopping._send") == 1
+        await asyncio.sleep(3)
+        assert not bridge.controller.motions.owed
+        assert not bridge.controller.motions.axes
+
+    flooded(b":GVP#", stopped, presented="lx200", surface="autostar")
+
+
+def test_a_joystick_does_not_get_ahead_of_the_line() -> None:
+    async def steered(bridge: Bridge, other: Visitor) -> None:
+        for key in (1, 2, 3, 4, 5, 6, 7, 8, 9, 7):
+            other.tell(bytes((80, 2, 17, 36, key, 0, 0, 0)))
+            await asyncio.sleep(0.02)
+        await asyncio.sleep(4)
+        keys = [sent[4] for sent in bridge.sent() if sent[:4] == bytes((80, 2, 17, 36))]
+        assert keys[-1] == 7
+        assert len(keys) <= 4
+
+    flooded(b"Kx", steered)
+
+
+@pytest.mark.parametrize("flood", [COSTLY, COSTLY[:320], COSTLY[320:344], COSTLY[344:]], ids=lambda f: str(len(f)))
+def test_the_others_are_told_where_the_mount_is(flood: bytes) -> None:
+    async def told(bridge: Bridge, other: Visitor) -> None:
+        waits = []
+        for command in (b"e", b"z", b"t", b"L", b"J") * 4:
+            began = asyncio.get_running_loop().time()
+            if await other.ask(command, 4.0, until=b"#"):
+                waits.append(asyncio.get_running_loop().time() - began)
+            await asyncio.sleep(0.31)
+        assert len(waits) >= 19, "while it moves, every answer is asked for twice, and anew after each order"
+        assert max(waits) < 3.5
+
+    flooded(flood, told)
+
+
+def test_another_ones_goto_is_begun() -> None:
+    async def begun(bridge: Bridge, other: Visitor) -> None:
+        ra, dec = up(bridge, 40.0)
+        assert await other.ask(precise(b"r", ra, dec)) == b"#"
+        await asyncio.sleep(10)
+        assert any(sent.startswith(b"r") for sent in bridge.sent())
+
+    flooded(COSTLY[:344], begun)
+
+
+def test_what_is_under_way_for_one_client_is_bounded() -> None:
+    async def bounded(bridge: Bridge, other: Visitor) -> None:
+        assert len(asyncio.all_tasks()) < 2 * BEGUN + 30
+        assert len(bridge.controller.line._queue) < BEGUN + 10
+
+    flooded(COSTLY * 4, bounded)
+
+
+def test_a_rate_that_is_let_go_ends_at_once_however_many_came_before() -> None:
+    async def ended(bridge: Bridge, other: Visitor) -> None:
+        other.tell(bytes((80, 2, 17, 36, 9, 0, 0, 0)) * 300 + bytes((80, 2, 17, 36, 0, 0, 0, 0)))
+        await asyncio.sleep(2.0)
+        assert 2 not in bridge.controller.motions.axes
+        assert bridge.sent().count(bytes((80, 2, 17, 36, 9, 0, 0, 0))) <= 1, "a newer one takes the place of the older"
+
+    flooded(b"e", ended)
+
+
+def test_hammered_stops_leave_room_for_reads() -> None:
+    """Each is several exchanges; a read that waits for all of them is given up after two seconds."""
+
+    async def read(bridge: Bridge, other: Visitor) -> None:
+        for _ in range(10):
+            assert await seconds(other, b":GA#") < 1.5
+            await asyncio.sleep(0.7)
+
+    flooded(b":Q#", read, presented="lx200", surface="autostar")
+
+
+def test_the_newer_goto_wins_whatever_the_protocol_and_both_see_it() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge, _SecondFace(bridge) as celestron:
+            meade = bridge.client("10.0.0.1")
+            assert await meade.ask(b":Sr%s#:Sd+40*00:00#:MS#" % _hours(up(bridge, 50.0)[0]), until=b"110") == b"110"
+            await asyncio.sleep(1)
+            assert await celestron.ask(b"L") == b"1#"
+            ra, dec = up(bridge, -30.0)
+            assert await celestron.ask(precise(b"r", ra, dec)) == b"#"
+            assert await meade.ask(b":D#") == b"\x7f#"
+            while await celestron.ask(b"L") == b"1#":
+                await asyncio.sleep(1)
+            assert await meade.ask(b":D#") == b"#"
+            seen = equatorial(await celestron.ask(b"e"))
+            assert (seen.ra, seen.dec) == pytest.approx((ra, dec), abs=0.02)
+            assert (await meade.ask(b":GR#"))[:5] == _hours(seen.ra)[:5]
+
+    run(program())
+
+
+def _hours(degrees: float) -> bytes:
+    seconds = round(degrees * 240)
+    return b"%02d:%02d:%02d" % (seconds // 3600, seconds // 60 % 60, seconds % 60)
+
+
+class _SecondFace:
+    """A client of another protocol at the same mount."""
+
+    def __init__(self, bridge: Bridge) -> None:
+        from gateway.app.config import Endpoint, SurfaceConfig
+        from gateway.app.gateway import FACES
+        from gateway.clients.acceptor import ConnectionAcceptor
+        from gateway.mount.safety.limits import Limits
+
+        face = FACES["nexstar"](Endpoint("nexstar", "-", "6-8se"), SurfaceConfig(at="-"), Limits())
+        self.reception = ConnectionAcceptor(bridge.controller, face, {"sites": {}}, bridge.clock, lambda: None)
+
+    async def __aenter__(self) -> Visitor:
+        return Visitor(self, "10.0.0.2")
+
+    async def __aexit__(self, *_: object) -> None:
+        """Nothing to do."""
+
+
+# --- the connections --------------------------------------------------------------------------------------------------
+
+
+def test_three_hundred_connections_and_two_that_send_without_end() -> None:
+    async def program(gateway: Gateway) -> None:
+        links = [await asyncio.open_connection(*address(gateway)) for _ in range(300)]
+        loop, done = asyncio.get_running_loop(), asyncio.Event()
+
+        async def pour(flood: bytes) -> None:
+            reader, writer = await asyncio.open_connection(*address(gateway))
+            while not done.is_set():
+                writer.write(flood)
+                await asyncio.wait([asyncio.ensure_future(reader.read(1 << 20))], timeout=0.001)
+            writer.transport.abort()
+
+        pouring = [asyncio.ensure_future(pour(flood)) for flood in (b":GR#" * 16384, b":" + b"x" * 65535)]
+        await asyncio.sleep(0.1)
+        waits = []
+        for link in links[::10]:
+            began = loop.time()
+            assert len(await ask(link, b":GR#")) == 9
+            waits.append(loop.time() - began)
+        done.set()
+        await asyncio.gather(*pouring)
+        assert sorted(waits)[len(waits) // 2] < 0.05
+        assert all(len(answer) == 9 for answer in await asyncio.gather(*(ask(link, b":GR#") for link in links)))
+        for link in links:
+            link[1].close()
+
+    serve(program, "lx200@tcp://127.0.0.1:0")
+
+
+def test_a_burst_is_answered_to_the_last() -> None:
+    async def program(gateway: Gateway) -> None:
+        link = await asyncio.open_connection(*address(gateway))
+        await ask(link, b":GR#")
+        began = asyncio.get_running_loop().time()
+        link[1].write(b":GR#" * 1000)
+        async with asyncio.timeout(5):
+            assert len(await link[0].readexactly(9000)) == 9000
+        assert asyncio.get_running_loop().time() - began > 4000 // SHARE * BREATH * 0.8, "others had their turn"
+        link[1].close()
+
+    serve(program, "lx200@tcp://127.0.0.1:0")
+
+
+def test_who_does_not_read_is_let_go_without_a_word(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The replies that still come for it are dropped; the event loop would warn of every one of them."""
+    monkeypatch.setattr(pace, "BREATH", 0.001)  # else it takes two seconds to say enough
+
+    async def program(gateway: Gateway) -> None:
+        deaf = socket.create_connection(address(gateway))
+        deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        deaf.setblocking(False)
+        port: Any = gateway.ports[0]
+        (connection,) = await _some(port)
+        connection._transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+        connection._transport.set_write_buffer_limits(high=2048)
+        async with asyncio.timeout(10):
+            while port.connections:
+                try:
+                    deaf.send(b":GVP#" * (SHARE // 5))
+                except OSError:
+                    await asyncio.sleep(0.005)
+                await asyncio.sleep(0)
+        deaf.close()
+
+    with caplog.at_level(logging.WARNING, "asyncio"):
+        serve(program, "lx200@tcp://127.0.0.1:0")
+    assert caplog.records == []
+
+
+async def _some(port: Any) -> list[Any]:
+    while not port.connections:
+        await asyncio.sleep(0.01)
+    return list(port.connections)
+
+
+def test_the_system_looks_after_connections_whose_other_side_has_vanished() -> None:
+    async def program(gateway: Gateway) -> None:
+        link = await asyncio.open_connection(*address(gateway))
+        await ask(link, b":GR#")
+        port: Any = gateway.ports[0]
+        (connection,) = port.connections
+        mine = connection._transport.get_extra_info("socket")
+        assert mine.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+        if hasattr(socket, "TCP_KEEPIDLE"):
+            assert mine.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE) <= 60
+        link[1].close()
+
+    serve(program, "lx200@tcp://127.0.0.1:0")
+
+
+def test_what_a_client_costs_in_memory_is_bounded() -> None:
+    """Half commands, names, drafts, timers, repeated questions: everything that a connection can leave behind."""
+    noise = (
+        b":Sr05:3"
+        + b"x" * 200
+        + b"".join(
+            b":%s#" % word
+            for word in (b"SMabc", b"SL12:00:00", b"SyGP", b"Sr05:34:32", b"GR", b"GD", b"GA", b"D", b"GVP")
+        )
+    )
+
+    async def program() -> None:
+        async with Bridge() as bridge:
+            bridge.transcript.sinks.clear()
+            client = bridge.client()
+
+            async def make() -> None:
+                for number in range(60):
+                    client.tell(noise + b":Sz%03d#" % number)
+                    await asyncio.sleep(0.05)
+                client.heard = b""
+                gc.collect()
+
+            await make()
+            tracemalloc.start()
+            await make()
+            before = tracemalloc.get_traced_memory()[0]
+            await make()
+            after = tracemalloc.get_traced_memory()[0]
+            tracemalloc.stop()
+            assert after - before < 16384
+
+    run(program())

@@ -1,0 +1,199 @@
+"""Clients that are gone: what they sent counts for a second, their backlog begins nothing, what is due is answered."""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+import socket
+import subprocess
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from gateway.transport import open_port
+from gateway.transport.intake import BREATH, SHARE
+from gateway.transport.tcp import TcpPort, split_address
+from tests.support.in_process_gateway import Bridge
+from tests.support.process import PATIENCE, Running
+from tests.support.virtual import run
+from tests.unit.clients.test_backlog import shares
+
+ARROWS = b":RM#:Me#" * 60_000
+
+
+async def flood(visitor: Any, data: bytes, seconds: float) -> None:
+    """As a port reads it."""
+    for share in shares(data)[: round(seconds / BREATH)]:
+        visitor.tell(share)
+        await asyncio.sleep(BREATH)
+
+
+def test_what_is_read_long_after_it_was_sent_begins_nothing_and_holds_nothing() -> None:
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            bully = bridge.client("10.0.0.1")
+            await flood(bully, ARROWS, 0.9)
+            assert bridge.controller.motions.axes == {1}, "for a second it is as good as new"
+            await flood(bully, ARROWS, 7.0)
+            for _ in range(10):
+                await flood(bully, ARROWS, 1.0)
+                assert not bridge.controller.moving
+            said = [entry.note for entry in bridge.entries if "sent so much" in entry.note]
+            assert len(said) == 1
+
+    run(program())
+
+
+def test_what_is_left_behind_ends_motions_and_is_answered() -> None:
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            gone, other = bridge.client("10.0.0.1"), bridge.client("10.0.0.2")
+            await flood(gone, b":GR#" * 20_000, 2.0)
+            other.tell(b":RM#:Mn#")
+            await flood(gone, b":GR#" * 2000, 0.5)
+            gone.heard = b""
+            gone.tell((b":Sr05:00:00#:Sd+30*00:00#:MS#:RM#:Me#" + b":GR#" * SHARE)[:SHARE])
+            await asyncio.sleep(1.0)
+            assert gone.heard.startswith(b"111Stopped.#")
+            assert gone.heard.endswith(b"#")
+            assert bridge.controller.motions.axes == {2}
+            gone.tell((b":Q#" + b":GR#" * SHARE)[:SHARE])
+            await asyncio.sleep(2.0)
+            assert not bridge.controller.moving
+
+    run(program())
+
+
+def test_whoever_has_caught_up_moves_the_mount_and_holds_its_arrow() -> None:
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            client = bridge.client("10.0.0.1")
+            await flood(client, b":GR#" * 10_000, 3.0)
+            for _ in range(12):
+                client.tell(b":GR#:Me#")
+                await asyncio.sleep(0.1)
+            client.tell(b":RM#:Me#")
+            await asyncio.sleep(20.0)
+            assert bridge.controller.motions.axes == {1}
+            client.tell(b":Q#")
+
+    run(program())
+
+
+def test_who_sends_no_more_holds_no_arrow() -> None:
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            client = bridge.client("10.0.0.1")
+            client.tell(b":RM#:Me#")
+            await asyncio.sleep(1.0)
+            client._guest.gone()
+            await asyncio.sleep(7.0)
+            assert not bridge.controller.moving
+
+    run(program())
+
+
+# --- sockets ----------------------------------------------------------------------------------------------------------
+
+
+class Slow:
+    """A guest that answers everything after a moment, and knows when it is left."""
+
+    ended = False
+
+    def __init__(self, write: Callable[[bytes], Any]) -> None:
+        self.write, self.owed = write, 0
+        self.heard, self.late = 0, 0
+        self.left, self.closed = asyncio.Event(), asyncio.Event()
+
+    @property
+    def answered(self) -> bool:
+        return not self.owed
+
+    def feed(self, data: bytes) -> None:
+        self.heard += len(data)
+        self.late += len(data) if self.left.is_set() else 0
+        if self.heard <= SHARE:
+            self.owed += 1
+            asyncio.get_running_loop().call_later(0.1, self._give, data)
+
+    def _give(self, data: bytes) -> None:
+        self.owed -= 1
+        self.write(data)
+
+    def gone(self) -> None:
+        self.left.set()
+
+    def close(self) -> None:
+        self.closed.set()
+
+    def network(self, hang_up: Callable[[bytes], None]) -> None:
+        """Anybody may come."""
+
+
+async def slow_at(scheme: str) -> tuple[TcpPort, list[Slow]]:
+    guests: list[Slow] = []
+
+    def arrive(name: str, host: str, write: Callable[[bytes], Any]) -> Any:
+        guests.append(Slow(write))
+        return guests[-1]
+
+    port = await open_port(f"{scheme}://127.0.0.1:0", arrive)
+    assert isinstance(port, TcpPort)
+    return port, guests
+
+
+@pytest.mark.parametrize("scheme", ["tcp", "rfc2217"])
+def test_who_sends_no_more_is_answered_before_the_connection_closes(scheme: str) -> None:
+    async def main() -> None:
+        port, guests = await slow_at(scheme)
+        reader, writer = await asyncio.open_connection(*split_address(port.where))
+        writer.write(b":GR#")
+        writer.write_eof()
+        async with asyncio.timeout(PATIENCE):
+            assert await reader.read() == b":GR#"
+            await guests[0].closed.wait()
+        writer.close()
+        await port.close()
+
+    asyncio.run(main())
+
+
+# --- the whole --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scheme", ["tcp", "rfc2217"])
+def test_one_command_and_no_more_is_carried_out_and_answered(scheme: str, started: list[Running]) -> None:
+    gateway = Running(
+        "run",
+        "--mount",
+        "lx200:autostar@sim",
+        "--surface",
+        f"lx200@{scheme}://127.0.0.1:0",
+        "--latency",
+        "0.2",
+        "--sun",
+        "0",
+    )
+    started.append(gateway)
+    where = gateway.ready()
+    address = split_address(where)
+    goto = b":Sa+40*00#:Sz180*00#:MA#"
+
+    def answer(said: bytes) -> bytes:
+        with socket.create_connection((str(address[0]), address[1]), PATIENCE) as link:
+            link.settimeout(PATIENCE)
+            link.sendall(said)
+            link.shutdown(socket.SHUT_WR)
+            return b"".join(iter(lambda: link.recv(100), b""))
+
+    assert any(answer(b":Gt#") and answer(b":GA#") for _ in range(5)), "before it has told that, it is sent nowhere"
+    for said, heard in ((b":GR#", b"#"), (goto, b"110"), (b":GVP#", b"#"), (b":D#", b"#")):
+        assert answer(said).endswith(heard), said
+    if shutil.which("socat"):
+        to = f"TCP:{address[0]}:{address[1]}"
+        talk = ["socat", "-t20", "-", to]
+        done = subprocess.run(talk, input=b":GR#", capture_output=True, timeout=PATIENCE, check=True)
+        assert done.stdout.endswith(b"#")
+    assert gateway.end() == 0

@@ -1,0 +1,281 @@
+"""Programs for telescopes are never taken for strangers, and none of them waits longer for its first answer.
+
+That no greeting can be the beginning of what a program may say is proven for all of them, byte by byte: ``NEXSTAR`` and
+``LX200`` are the protocols' grammars, typed from the manuals. The rest is played: conversations, openings, arguments.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import random
+import re
+import tomllib
+from collections.abc import Iterator
+from itertools import product
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gateway.clients.greeting import Beginning, Piece
+from gateway.clients.strangers import IDLE, Greeting, Recogniser, greetings
+from gateway.protocols.lx200.surface.opening import BEGINNING as LX200_BEGINNING
+from gateway.protocols.nexstar.surface.opening import BEGINNING as NEXSTAR_BEGINNING
+from tests.support.callers import Caller
+from tests.support.greetings import GREETINGS, TELNET
+from tests.support.in_process_gateway import Bridge
+from tests.support.manual_files import raw, rows
+from tests.support.transcript_files import files, read
+from tests.support.virtual import run
+
+ROOT = Path(__file__).parents[3]
+Bytes = frozenset[int]
+EVERY = frozenset(range(256))
+
+
+def among(low: int, high: int) -> Bytes:
+    return frozenset(range(low, high + 1))
+
+
+def letters(text: str) -> list[Bytes]:
+    return [frozenset((ord(letter),)) for letter in text]
+
+
+HEX, COMMA, SIXTY, FLAG = frozenset(b"0123456789ABCDEFabcdef"), letters(","), among(0, 59), among(0, 1)
+TIME = [among(0, 23), SIXTY, SIXTY, among(1, 12), among(1, 31), EVERY, EVERY, FLAG]
+#: One-byte commands that only ask, of any version.
+ASKING = "EeZzVvJLMmtwhipl"
+#: Everything a hand control's program can say: command by command, the values of every byte.
+NEXSTAR = [
+    *([frozenset((byte,))] for byte in IDLE),
+    *(letters(letter) for letter in ASKING + "xyu"),
+    [*letters("K"), EVERY],
+    [*letters("T"), among(0, 3)],
+    *([*letters(letter), *[HEX] * 4, *COMMA, *[HEX] * 4] for letter in "RBS"),
+    *([*letters(letter), *[HEX] * 8, *COMMA, *[HEX] * 8] for letter in "rbs"),
+    [*letters("P"), among(1, 8), *[EVERY] * 6],
+    [*letters("W"), among(0, 90), SIXTY, SIXTY, FLAG, among(0, 180), SIXTY, SIXTY, FLAG],
+    [*letters("H"), *TIME],
+    [*letters("I"), *TIME],
+]
+#: A Meade's: an ACK, or a colon and a name, and anything up to a ``#``; what tries other protocols first begins so.
+LX200 = [
+    *([frozenset((byte,))] for byte in (*IDLE, 6)),
+    letters("$Q#"),
+    letters("$$$"),
+    letters("Ka"),
+    letters("V"),
+    *(
+        [
+            *letters(":"),
+            frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz$?"),
+            *[EVERY - {35}] * count,
+            *letters("#"),
+        ]
+        for count in range(20)
+    ),
+]
+
+
+def can_begin(grammar: list[list[Bytes]], first: tuple[Bytes, ...]) -> bool:
+    """Whether some opening of whole commands, and the beginning of one, has these bytes after any idle ones."""
+    states = {(-1, 0)}  # between two commands
+    for values in first:
+        after: set[tuple[int, int]] = set()
+        for number, place in states:
+            for index, command in enumerate(grammar) if number < 0 else [(number, grammar[number])]:
+                if command[place] & values:
+                    after.add((-1, 0) if place + 1 == len(command) else (index, place + 1))
+        states = after
+    return bool(states)
+
+
+@pytest.mark.parametrize("grammar", [NEXSTAR, LX200], ids=["nexstar", "lx200"])
+def test_no_greeting_is_the_beginning_of_what_a_program_can_say(grammar: list[list[Bytes]]) -> None:
+    assert [greeting for greeting in greetings() if can_begin(grammar, greeting.first)] == []
+    assert can_begin(NEXSTAR, tuple(letters("EHe")[:1])) and can_begin(LX200, tuple(letters("#:GR#")))
+
+
+def test_the_table_has_a_row_for_every_greeting_and_no_row_that_another_one_swallows() -> None:
+    for name, data in [*GREETINGS.items(), ("Telnet", TELNET)]:
+        for before in (b"", b"#", b"\r\n", b"\0 ?#"):
+            assert isinstance(Recogniser().hear(before + data), Greeting), name
+    texts = [bytes(min(octet) for octet in greeting.first) for greeting in greetings()]
+    assert len(set(texts)) == len(texts)
+
+
+def test_no_greeting_contains_a_command_that_does_more_than_ask() -> None:
+    """However it is cut: only these go on before it is known what comes. (Any byte of a row stands for itself here.)"""
+    asks = re.compile(rb"(?:[#\r\n\0 ?EeZzVvJLMmtwhipl]|K.)*", re.DOTALL)
+    for greeting in greetings():
+        text = bytes(0x80 if octet == EVERY else min(octet) for octet in greeting.first)
+        for commands in (NEXSTAR_BEGINNING, LX200_BEGINNING):
+            found = commands.match(text[:-1])
+            assert found and asks.fullmatch(found.group()), greeting.words
+
+
+# --- how long anything waits ------------------------------------------------------------------------------------------
+
+NEXSTAR_COMMANDS = st.one_of(
+    st.sampled_from([bytes((byte,)) for byte in (ASKING + "xyu").encode()] + [bytes((byte,)) for byte in IDLE]),
+    st.integers(0, 255).map(lambda byte: bytes((75, byte))),
+    st.integers(0, 3).map(lambda mode: bytes((84, mode))),
+    st.tuples(st.sampled_from("RBS"), st.integers(0, 65535), st.integers(0, 65535)).map(
+        lambda args: b"%c%04X,%04X" % (ord(args[0]), *args[1:])
+    ),
+    st.tuples(st.sampled_from("rbs"), st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1)).map(
+        lambda args: b"%c%08x,%08X" % (ord(args[0]), *args[1:])
+    ),
+    st.tuples(st.integers(1, 4), st.binary(min_size=6, max_size=6)).map(lambda args: bytes((80, args[0])) + args[1]),
+    *(st.tuples(*(st.sampled_from(sorted(values)) for values in command)).map(bytes) for command in NEXSTAR[-3:]),
+)
+LX200_COMMANDS = st.one_of(
+    st.sampled_from([bytes((byte,)) for byte in (*IDLE, 6)] + [b"$Q#"]),
+    st.from_regex(rb":[A-Za-z$?][A-Za-z0-9+*:. \xdf-]{0,16}#", fullmatch=True),
+)
+CUTS = st.lists(st.integers(1, 7), max_size=12)
+
+
+def goes_on(beginning: Beginning, opening: list[bytes], cuts: list[int]) -> None:
+    """Feed an opening, cut somewhere: no byte of a whole command may wait for what comes after it."""
+    whole, ends, sent, heard = b"".join(opening), [], 0, b""
+    for command in opening:
+        ends.append((ends[-1] if ends else 0) + len(command))
+    cuts = [*cuts, len(whole)]
+    for cut in cuts:
+        piece = whole[sent : sent + cut]
+        sent += len(piece)
+        heard += b"".join(piece.data for piece in beginning.hear(Piece(piece, 0.0, 0))) if not beginning.over else piece
+        assert beginning.stranger is None
+        assert len(heard) >= max((end for end in ends if end <= sent), default=0), (opening, cuts)
+    assert heard == whole
+
+
+@settings(max_examples=200)
+@given(st.lists(NEXSTAR_COMMANDS, min_size=1, max_size=5), CUTS)
+def test_no_whole_command_to_a_hand_control_waits(opening: list[bytes], cuts: list[int]) -> None:
+    goes_on(Beginning(NEXSTAR_BEGINNING), opening, cuts)
+
+
+@settings(max_examples=80)
+@given(st.lists(LX200_COMMANDS, min_size=1, max_size=5), CUTS)
+def test_no_whole_command_to_a_meade_waits(opening: list[bytes], cuts: list[int]) -> None:
+    goes_on(Beginning(LX200_BEGINNING), opening, cuts)
+
+
+def manuals() -> Iterator[tuple[str, bytes]]:
+    """Every request form of the manuals, and those beyond them."""
+    for name in ("lx200_forms.txt", "lx200_beyond.txt", "nexstar_forms.txt"):
+        for row in rows(name):
+            yield name.partition("_")[0], raw(row[1])
+
+
+def profiles() -> Iterator[tuple[str, bytes]]:
+    """What single programs are known by, of all profiles."""
+    for protocol in ("lx200", "nexstar"):
+        for row in tomllib.loads((ROOT / "mappings" / protocol / "clients.toml").read_text("utf-8")).values():
+            if "first" in row:
+                yield protocol, row["first"].encode("latin-1")
+
+
+def openings() -> Iterator[tuple[str, bytes]]:
+    yield from manuals()
+    yield from profiles()
+    yield from (("nexstar", command) for command in (b"?E", b"x", b"y", b"u", b"T\2", b"Kx"))
+    yield "lx200", b"Ka"
+    yield "lx200", b"$$$"
+
+
+def test_every_form_of_the_manuals_goes_on_with_its_last_byte_at_the_latest() -> None:
+    found = list(openings())
+    assert len(found) > 190
+    for protocol, form in found:
+        for before, size in product((b"", b"\0", b"#", b"\r\n"), (1, len(form) + 2)):
+            request = before + form
+            beginning = Beginning(NEXSTAR_BEGINNING if protocol == "nexstar" else LX200_BEGINNING)
+            heard = b""
+            for at in range(0, len(request), size):
+                chunk = request[at : at + size]
+                pieces = [Piece(chunk, 0.0, 0)] if beginning.over else beginning.hear(Piece(chunk, 0.0, 0))
+                heard += b"".join(piece.data for piece in pieces)
+            assert beginning.stranger is None and heard == request, request
+
+
+# --- conversations ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("transport", ["tcp", "rfc2217"])
+@pytest.mark.parametrize("path", files("*.txt"), ids=lambda path: path.stem)
+def test_a_conversation_is_answered_over_a_network_when_it_is_on_a_line(path: Path, transport: str) -> None:
+    """The first ten packets of every program, each as the first of its connection and one after the other."""
+    lines = [line for line in read(path).lines if line.mark == ">"][:10]
+    protocol = path.stem.partition("-")[0]
+
+    async def told(trusted: bool, apart: bool) -> list[tuple[float, bytes]]:
+        answers: list[tuple[float, bytes]] = []
+        async with Bridge(presented=protocol, surface=None) as bridge:
+            loop = asyncio.get_running_loop()
+            caller = Caller(bridge.reception, transport, trusted=trusted)
+            for line in lines:
+                if apart:
+                    caller.close()
+                    caller = Caller(bridge.reception, transport, trusted=trusted)
+                began, answer = loop.time(), await caller.ask(line.data, 2.0)
+                answers.append((round(loop.time() - began, 2), answer))
+                assert not caller.gone
+        return answers
+
+    for apart in (False, True):
+        assert run(told(trusted=False, apart=apart)) == run(told(trusted=True, apart=apart))
+
+
+# --- what is kept -----------------------------------------------------------------------------------------------------
+
+
+def test_what_waits_is_bounded() -> None:
+    """Never-ending beginnings of every kind: idle bytes, greetings that stop short, anything."""
+    longest = max(len(greeting.first) for greeting in greetings())
+    chance = random.Random(5)
+    for commands in (NEXSTAR_BEGINNING, LX200_BEGINNING):
+        for _ in range(60):
+            beginning = Beginning(commands)
+            short = chance.choice(greetings()).first[:-1]
+            data = bytes(chance.choice(IDLE) for _ in range(100)) + bytes(chance.choice(sorted(set_)) for set_ in short)
+            for byte in data:
+                if not beginning.over:
+                    beginning.hear(Piece(bytes((byte,)), 0.0, 0))
+                assert len(beginning._waiting) <= longest
+
+
+def test_bytes_that_waited_are_framed_as_of_when_they_came() -> None:
+    """Half an ``H`` is dropped after a second of quiet, although it might have become HEAD."""
+
+    async def program() -> None:
+        async with Bridge(presented="nexstar", surface="6-8se") as bridge:
+            caller = Caller(bridge.reception)
+            caller.tell(b"HE")
+            await asyncio.sleep(3.0)
+            assert await caller.ask(b"Kx") == b"x#"
+
+    run(program())
+
+
+def test_what_follows_a_stop_in_one_write_is_begun_over_a_network_as_on_a_line() -> None:
+
+    async def program() -> None:
+        async with Bridge() as bridge:
+            Caller(bridge.reception).tell(b"#:RS#:Q#:Me#")
+            await asyncio.sleep(1.0)
+            assert bridge.controller.motions.axes == {1}
+
+    run(program())
+
+
+def test_on_a_serial_line_nobody_is_a_stranger() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            client = bridge.client()
+            assert re.fullmatch(rb"\d\d:\d\d:\d\d#", await client.ask(b"GET / HTTP/1.1\r\nHost: scope\r\n\r\n#:GR#"))
+
+    run(program())

@@ -1,0 +1,180 @@
+"""What is no program for telescopes moves nothing: web browsers, port scanners, proxies, whoever finds an open port.
+
+The mount's line is the judge: but for the questions that the gateway itself asks, nothing comes there.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from gateway.app.config import MountConfig, SurfaceConfig
+from gateway.app.gateway import Gateway
+from gateway.app.recording.format import read
+from gateway.app.recording.recorder import Recorder
+from gateway.app.simulated import make_simulator
+from gateway.core.wire_log import Transcript
+from gateway.diagnostics.replay.replaying import replay
+from gateway.mount.link.queue import MountLink
+from gateway.transport.wires import SimulatedTransport
+from tests.support.callers import Caller
+from tests.support.greetings import GREETINGS, TELNET
+from tests.support.in_process_gateway import EVENING, Bridge
+from tests.support.virtual import run
+
+MOUNTS = {"nexstar": "cpc", "lx200": "lx200gps"}
+QUESTION = {"nexstar": b"e", "lx200": b":GR#"}
+#: What a one-byte command that moves nothing may have the gateway ask or tell the mount: E L M V J p h m.
+MAY_ASK = {
+    "nexstar": {b"E", b"e", b"L", b"M", b"J", b"t", b"h", b"V", b"p"},
+    "lx200": {b":GR#", b":GD#", b":D#", b":GW#", b":Q#", b"\x06"},
+}
+#: Shorter than what makes a hand control forget half a command, and longer.
+PAUSES = (0.0, 0.15, 1.2)
+HTTP = {"a visit", "Prometheus", "a form", "a look", "a preflight", "a WebDAV folder", "HTTP/2"}
+
+
+def notes(bridge: Bridge) -> list[str]:
+    return [entry.note for entry in bridge.entries if entry.arrow == "!"]
+
+
+async def own(mount: str, surface: str) -> set[bytes]:
+    """What the gateway asks of a mount when its clients ask for the position alone."""
+    async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None) as bridge:
+        client = Caller(bridge.reception)
+        for _ in range(20):
+            await client.ask(QUESTION[surface])
+            await asyncio.sleep(5.0)
+        return set(bridge.sent())
+
+
+@pytest.mark.parametrize("way", ["whole", "byte by byte"])
+@pytest.mark.parametrize("transport", ["tcp", "rfc2217"])
+@pytest.mark.parametrize("surface", ["nexstar", "lx200"])
+@pytest.mark.parametrize("mount", ["nexstar", "lx200"])
+def test_nothing_of_a_stranger_reaches_the_mount(mount: str, surface: str, transport: str, way: str) -> None:
+    async def program() -> None:
+        allowed = await own(mount, surface) | (MAY_ASK[mount] if way == "byte by byte" else set())
+        settings = {"hibernate": True}
+        async with Bridge(MOUNTS[mount], driven=mount, presented=surface, surface=None, config=settings) as bridge:
+            strangers = GREETINGS if transport == "rfc2217" else {**GREETINGS, "Telnet": TELNET}
+            for number, (name, data) in enumerate(strangers.items()):
+                before, said = len(bridge.sent()), len(notes(bridge))
+                caller = Caller(bridge.reception, transport, number=50000 + number)
+                if way == "whole":
+                    caller.tell(data)
+                else:
+                    await caller.dribble((b"", b"#", b"\n", b"\r\n")[number % 4] + data, PAUSES)
+                await asyncio.sleep(0.5)
+                assert caller.gone, name
+                told = [note for note in notes(bridge)[said:] if "sends" in note]
+                assert len(told) == 1 and "the connection is closed" in told[0], (name, told)
+                assert set(bridge.sent()[before:]) <= allowed, (name, bridge.sent()[before:])
+                assert not bridge.sim.slewing and not bridge.sim.asleep, name
+                if way == "whole":
+                    assert caller.heard.startswith(b"HTTP/1.1 400 ") if name in HTTP else True, name
+                    assert caller.heard == b"" or name in HTTP or b"HTTP" in caller.heard, name
+            friend = Caller(bridge.reception, transport)
+            assert await friend.ask(QUESTION[surface])
+
+    run(program())
+
+
+# --- what a stranger leaves behind ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("gone", "seconds"), [(True, 8), (False, 34)])
+def test_strangers_of_the_same_host_are_no_sign_of_life(gone: bool, seconds: int) -> None:
+    """A web page that asks again and again must not keep an arrow going whose program is gone, or has died."""
+
+    async def program() -> None:
+        async with Bridge() as bridge:
+            mover = Caller(bridge.reception)
+            mover.tell(b":RS#:Me#")
+            await asyncio.sleep(1.0)
+            assert bridge.controller.motions.axes == {1}
+            if gone:
+                mover.close()
+            for number in range(seconds // 2):
+                Caller(bridge.reception, number=50001 + number).tell(GREETINGS["a visit"])
+                await asyncio.sleep(2.0)
+            assert bridge.controller.motions.axes == set()
+
+    run(program())
+
+
+def test_what_a_stranger_has_sent_behind_its_greeting_is_not_heard_either() -> None:
+    """In a crowd pieces wait for their turn: the rest is there already when the first is recognised."""
+
+    async def program() -> None:
+        async with Bridge() as bridge:
+            stranger = Caller(bridge.reception)
+            while bridge.controller.turnstile.open():
+                pass
+            for piece in (b"POST / HTTP/1.1\r\n", b"Host: scope\r\n\r\n", b"#:RS#:Me#"):
+                stranger.tell(piece)
+            assert not stranger.gone
+            await asyncio.sleep(2.0)
+            assert stranger.gone and bridge.controller.motions.axes == set()
+
+    run(program())
+
+
+def test_strangers_are_no_programs_and_hand_nothing_on() -> None:
+    """What a program keeps for its next connection is kept for a minute, whoever calls meanwhile."""
+
+    async def program() -> None:
+        async with Bridge() as bridge:
+            first = Caller(bridge.reception)
+            assert await first.ask(b":Sr05:34:32#") == b"1"
+            first.close()
+            await asyncio.sleep(40.0)
+            for name in ("a visit", "TLS"):
+                Caller(bridge.reception).tell(GREETINGS[name])
+            assert bridge.reception.programs() == 0
+            await asyncio.sleep(30.0)
+            assert await Caller(bridge.reception).ask(b":Gr#") != b"05:34:32#"
+
+    run(program())
+
+
+@pytest.mark.parametrize("presented", ["lx200", "nexstar"])
+def test_an_evening_with_strangers_replays(presented: str, tmp_path: Path) -> None:
+    """Over a network, with a greeting that stops short, and with a hibernation that is refused."""
+    path = tmp_path / "evening.rec"
+    question, sleep = QUESTION[presented], {"nexstar": b"x", "lx200": b":hN#"}[presented]
+
+    async def evening() -> None:
+        loop = asyncio.get_running_loop()
+        config, surfaces = MountConfig(at="nexstar:cpc@sim"), [SurfaceConfig(at=f"{presented}@tcp://:0")]
+        transcript = Transcript(lambda: EVENING + loop.time())
+        gateway = Gateway(config, surfaces, transcript, clock=transcript.clock)
+        wire = SimulatedTransport("sim", make_simulator(gateway.mount, clock=transcript.clock).connection, 0.05)
+        head = {"began": transcript.clock(), "config": {"mount": config, "surface": surfaces}, "past": gateway.past}
+        recorder = Recorder(path, loop.time, msgspec.to_builtins(head))
+        transcript.sinks.append(recorder.put)
+        gateway.prepare(lambda dialogue, to: MountLink(wire, dialogue, to))
+        gateway.begin()
+        await asyncio.sleep(3.0)
+        for number, name in enumerate(("a visit", "TLS", "SMTP", "a WebDAV merge")):
+            program = Caller(gateway.receptions[0], number=50000 + 2 * number)
+            stranger = Caller(gateway.receptions[0], number=50001 + 2 * number)
+            await program.dribble(b"#" + question, (0.05,))
+            await stranger.dribble(GREETINGS[name], (0.3,))
+            assert stranger.gone
+            await program.ask(sleep, 1.0)
+            await program.ask(question)
+            program.close()
+        short = Caller(gateway.receptions[0], number=51000)
+        await short.dribble(b"HEA", (0.1,))
+        await short.ask(question)
+        await gateway.close()
+        recorder.close()
+
+    run(evening())
+    outcome = replay(read(path))
+    assert outcome.differences == [] and outcome.strayed == []
+    assert outcome.clients == 9 and outcome.replies >= 8

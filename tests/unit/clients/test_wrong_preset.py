@@ -1,0 +1,178 @@
+"""A program whose preset is the wrong one is told of in one line, with what to do, also without ``--log``."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+
+import pytest
+
+from gateway.clients.wrong_preset import advice
+from tests.support.callers import Caller
+from tests.support.in_process_gateway import Bridge
+from tests.support.process import Running
+from tests.support.virtual import run
+
+NEXSTAR_ON_LX200 = (
+    "127.0.0.1:50000 sends `{}`: this looks like a NexStar program on an LX200 surface. Choose "
+    '"Meade LX200" in the program, or add --surface nexstar@tcp://127.0.0.1:4031'
+)
+LX200_ON_NEXSTAR = (
+    "127.0.0.1:50000 sends `{}`: this looks like an LX200 program on a NexStar surface. Choose "
+    '"Celestron NexStar" in the program, or add --surface lx200@tcp://127.0.0.1:4031'
+)
+
+
+def _listening(bridge: Bridge) -> list[str]:
+    """What a person is told."""
+    told: list[str] = []
+    bridge.reception.presets.warn = told.append
+    bridge.reception.presets.where = "tcp://127.0.0.1:4030"
+    return told
+
+
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        (b"Ka", "Ka"),
+        (b"V", "V"),
+        (b"e", "e"),
+        (b"J", "J"),
+        (b"h", "h"),
+        (b"Kx#Kx", "Kx"),
+        (b"T\2", "T\\x02"),
+        (b"P\1\x10\xfe\0\0\0\2", "P\\x01\\x10\\xfe\\x00\\x00\\x00\\x02"),
+    ],
+)
+@pytest.mark.parametrize("trusted", [False, True])
+def test_nexstar_on_an_lx200_surface(said: bytes, shown: str, trusted: bool) -> None:
+    async def play() -> None:
+        async with Bridge() as bridge:
+            told = _listening(bridge)
+            caller = Caller(bridge.reception, trusted=trusted)
+            caller.tell(said)
+            await asyncio.sleep(2.9)
+            assert told == []
+            for _ in range(5):
+                await asyncio.sleep(1.0)
+                caller.tell(said)
+            assert told == [NEXSTAR_ON_LX200.format(shown)]
+
+    run(play())
+
+
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        (b":GR#", ":GR#"),
+        (b"#:GR#", ":GR#"),
+        (b"\x06", "\\x06"),
+        (b":Sr05:34:32#", ":Sr05:34:32#"),
+        (b":GVP#:GR#", ":GVP#"),
+    ],
+)
+def test_lx200_on_a_nexstar_surface(said: bytes, shown: str) -> None:
+    async def play() -> None:
+        async with Bridge("lx200gps", driven="lx200", presented="nexstar", surface="cge") as bridge:
+            told = _listening(bridge)
+            caller = Caller(bridge.reception)
+            caller.tell(said)
+            await asyncio.sleep(3.1)
+            assert told == [LX200_ON_NEXSTAR.format(shown)]
+
+    run(play())
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        b"Ka:GR#",
+        b"#:GR#",
+        b"",
+        b"hello\n",
+        b"\xff\xfe\xfd",
+        b"GR#",
+        b"9600,8n1\r\n",
+        b"GET / HTTP/1.0\r\n\r\n",
+        b":XX#",
+        b"\r\n",
+    ],
+)
+def test_whoever_sends_nothing_of_the_kind_is_left_alone(said: bytes) -> None:
+    async def play() -> None:
+        async with Bridge() as bridge:
+            told = _listening(bridge)
+            Caller(bridge.reception).tell(said)
+            await asyncio.sleep(10.0)
+            assert told == []
+
+    run(play())
+
+
+def test_a_program_that_asks_in_the_other_protocol_first_is_none() -> None:
+    """Stellarium Mobile opens every LX200 connection so."""
+
+    async def play() -> None:
+        async with Bridge() as bridge:
+            told = _listening(bridge)
+            for number in range(3):
+                caller = Caller(bridge.reception, number=50000 + number)
+                caller.tell(b"Ka")
+                await asyncio.sleep(2.0)
+                assert await caller.ask(b":GR#") != b""
+                await asyncio.sleep(5.0)
+                caller.close()
+            assert told == []
+
+    run(play())
+
+
+def test_it_may_go_on_in_another_connection() -> None:
+    async def play() -> None:
+        async with Bridge() as bridge:
+            told = _listening(bridge)
+            first = Caller(bridge.reception)
+            first.tell(b"Ka")
+            first.close()
+            await asyncio.sleep(1.0)
+            assert await Caller(bridge.reception, number=50001).ask(b":GR#") != b""
+            await asyncio.sleep(5.0)
+            assert told == []
+
+    run(play())
+
+
+def test_a_program_that_gives_up_and_comes_again_is_told_of_once() -> None:
+    async def play() -> None:
+        async with Bridge() as bridge:
+            told = _listening(bridge)
+            for number in range(60):
+                caller = Caller(bridge.reception, number=50000 + number)
+                caller.tell(b"V")
+                await asyncio.sleep(1.0)
+                caller.close()
+                await asyncio.sleep(1.0)
+            assert told == [NEXSTAR_ON_LX200.format("V")]
+
+    run(play())
+
+
+def test_a_place_beside_a_surface() -> None:
+    assert advice("a", "lx200", b"e", "tcp://0.0.0.0:4030").endswith("--surface nexstar@tcp://0.0.0.0:4031")
+    assert advice("a", "nexstar", b":GR#", "pty:/tmp/nexstar").endswith("--surface lx200@pty:/tmp/nexstar-2")
+
+
+def test_it_is_told_on_a_terminal_without_a_log() -> None:
+    gateway = Running("run", "--mount", "nexstar:6-8se@sim", "--surface", "lx200@tcp://127.0.0.1:0", "--sun", "0")
+    try:
+        port = int(gateway.ready().rpartition(":")[2])
+        with socket.create_connection(("127.0.0.1", port)) as link:
+            link.sendall(b"Ka")
+            link.settimeout(3.5)
+            with contextlib.suppress(TimeoutError):
+                link.recv(1)
+    finally:
+        gateway.end()
+    assert gateway.said.count("sends `Ka`: this looks like a NexStar program on an LX200 surface") == 1
+    assert gateway.said.endswith(f"--surface nexstar@tcp://127.0.0.1:{port + 1}")

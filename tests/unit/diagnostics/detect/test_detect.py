@@ -1,0 +1,364 @@
+"""Detection, in virtual time: every mount, every kind of stranger, and exactly the bytes that each of them is sent."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from gateway.app.config import Endpoint
+from gateway.app.simulated import make_simulator
+from gateway.diagnostics.detect import Finding, SerialPortInfo, look, named
+from gateway.diagnostics.detect.probe import sentence
+from gateway.diagnostics.detect.report import block, command
+from gateway.diagnostics.detect.scan_port import OTHERS
+from tests.support.uart import Device, UartWire
+from tests.support.virtual import run
+
+EVENING = 1768514400.0
+AT_9600, ELSEWHERE = 6.5, 20.0
+#: What a line may be asked before it has said what it is.
+HARMLESS = [b"Kx", b"\x06"]
+GPS = b"$GPRMC,220000.00,A,4500.0,N,01000.0,E,0.0,0.0,150126,,,A*5F\r\n"
+
+MEADES = ("autostar", "lx200", "lx200-16", "lx200gps")
+HAND_CONTROLS = {
+    "nexstar-gps/1.2": "1.2", "nexstar-gps/1.6": "1.6", "i-series-se/2.2": "2.2", "cge/2.3": "2.3", "cge/3.01": "3.01",
+    "4-5se/4.10": "4.10", "6-8se/4.21": "4.21", "cgx/5.31": "5.31", "6-8se/starsense-1.20": "1.20", "gt/101.0": "101.0",
+    "gt/104.0": "104.0",
+}  # fmt: skip
+
+
+def mount(what: str) -> Any:
+    """A simulated mount on the running loop's clock."""
+    protocol, _, model = what.partition(":")
+    name, _, version = model.partition("/")
+    began = asyncio.get_running_loop().time()
+    clock = asyncio.get_running_loop().time
+    return make_simulator(Endpoint(protocol, "-", name, version or None), clock=lambda: EVENING + clock() - began)
+
+
+def seen(
+    make: Callable[[], Device],
+    rate: int = 9600,
+    place: SerialPortInfo = SerialPortInfo("-", "-"),
+    *,
+    talk: bytes = b"",
+    latency: float = 0.1,
+) -> tuple[Finding, UartWire]:
+    """Look at a device in virtual time; one that talks does so every second."""
+
+    async def program() -> tuple[Finding, UartWire]:
+        wire = UartWire(make(), rate, latency)
+
+        async def talking() -> None:
+            while True:
+                await asyncio.sleep(1.0)
+                wire.say(talk)
+
+        talker = asyncio.ensure_future(talking()) if talk else None
+        finding = await look(place, wire)
+        if talker is not None:
+            talker.cancel()
+        assert not wire.is_open
+        return finding, wire
+
+    result: tuple[Finding, UartWire] = run(program())
+    return result
+
+
+def silent(data: bytes) -> bytes:
+    return b""
+
+
+# --- mounts -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("what", [*(f"lx200:{name}" for name in MEADES), *(f"nexstar:{n}" for n in HAND_CONTROLS)])
+def test_every_mount_is_found_at_9600(what: str) -> None:
+    finding, wire = seen(lambda: mount(what).feed)
+    protocol, _, model = what.partition(":")
+    assert finding.mount is not None, finding
+    assert (finding.mount.protocol, finding.baud) == (protocol, 9600)
+    assert finding.seconds < AT_9600
+    assert finding.mount.latency == pytest.approx(0.1, abs=0.02)
+    assert finding.mount.aligned
+    if protocol == "lx200":
+        assert finding.mount.model == model
+        assert wire.sent()[:2] == HARMLESS
+        assert all(data[:1] == b":" or data == b"\x06" for data in wire.sent()[2:])
+    else:
+        assert finding.mount.version == HAND_CONTROLS[model]
+        assert wire.sent()[0] == b"Kx"
+        assert b":" not in b"".join(wire.sent())
+
+
+@pytest.mark.parametrize(("what", "rate"), [
+    ("lx200:autostar", 19200), ("lx200:lx200", 1200), ("lx200:lx200gps", 57600), ("lx200:lx200-16", 28800),
+    ("lx200:autostar", 115200), ("nexstar:4-5se/4.10", 19200),
+])  # fmt: skip
+def test_a_mount_at_another_rate_is_found(what: str, rate: int) -> None:
+    finding, wire = seen(lambda: mount(what).feed, rate)
+    assert finding.mount is not None, finding
+    assert finding.baud == rate
+    assert finding.seconds < AT_9600 + ELSEWHERE
+    assert all(data in HARMLESS for baud, data in wire.log if baud != rate)
+    assert f" --baud {rate} " in command(finding)
+
+
+def test_the_manuals_56700_is_57600() -> None:
+    finding, _ = seen(lambda: mount("lx200:autostar").feed, 56700)
+    assert (finding.mount is not None, finding.baud) == (True, 57600)
+
+
+@pytest.mark.parametrize(("what", "equinox", "ways"), [
+    ("nexstar:nexstar-gps/1.2", "j2000", {"coordinates": "16 bits (E, R)", "sync": "the gateway's offset",
+                                          "arrows": "small gotos", "tracking": "left to the mount"}),
+    ("nexstar:cge/3.01", "j2000", {"coordinates": "precise (e, r)", "sync": "the gateway's offset", "tracking": "T"}),
+    ("nexstar:6-8se/4.21", "jnow", {"coordinates": "precise (e, r)", "sync": "s", "tracking": "T", "site": "w"}),
+    ("nexstar:6-8se/starsense-1.20", "jnow", {"sync": "s", "clock": "h"}),
+    ("nexstar:gt/101.0", "j2000", {"coordinates": "16 bits (E, R)"}),
+    ("lx200:lx200", "jnow", {"coordinates": ":GR# :GD#", "tracking": "left to the mount"}),
+    ("lx200:lx200gps", "jnow", {"tracking": ":AL# and back"}),
+])  # fmt: skip
+def test_it_is_told_how_the_gateway_will_go_about_it(what: str, equinox: str, ways: dict[str, str]) -> None:
+    finding, _ = seen(lambda: mount(what).feed)
+    assert finding.mount is not None
+    assert finding.mount.equinox == equinox
+    assert ways.items() <= finding.mount.ways.items()
+    assert "j2000" in block(finding) or equinox == "jnow"
+
+
+def test_a_slow_hand_control_is_waited_for() -> None:
+    finding, wire = seen(lambda: mount("nexstar:gt/101.0").feed, latency=2.5)
+    assert finding.mount is not None
+    assert wire.sent()[:2] == HARMLESS
+
+
+def test_a_hand_control_that_wakes_late_is_not_sent_to_sleep() -> None:
+    """What is said at 4800 and 2400 baud holds an ``x`` for a hand control, which is hibernation."""
+
+    def device() -> Device:
+        sim, now = mount("nexstar:6-8se/4.21"), asyncio.get_running_loop().time
+        began = now()
+        return lambda data: bytes(sim.feed(data)) if now() > began + 8.0 else b""
+
+    finding, wire = seen(device)
+    assert finding.mount is not None
+    assert finding.baud == 9600
+    assert not {4800, 2400} & {baud for baud, _ in wire.log}
+
+
+def test_half_a_command_is_not_completed() -> None:
+    """Six of the eight bytes of a slew at the highest rate: two more, and the mount would run away."""
+
+    async def program() -> None:
+        sim = mount("nexstar:6-8se/4.21")
+        before = sim.truth()
+        sim.feed(b"P\x02\x10\x24\x09\x00")
+        finding = await look(SerialPortInfo("-", "-"), UartWire(sim.feed))
+        assert finding.mount is not None
+        await asyncio.sleep(5.0)
+        assert sim.truth() == pytest.approx(before, abs=0.01)
+
+    run(program())
+
+
+# --- everything else ----------------------------------------------------------------------------------------------
+
+
+def test_a_silent_port_is_sent_two_harmless_questions_at_every_rate() -> None:
+    finding, wire = seen(lambda: silent)
+    assert finding.state == "silent"
+    assert wire.sent() == [b"Kx", b"\x06"] * 11
+    assert [baud for baud, _ in wire.log[::2]] == [
+        9600,
+        19200,
+        38400,
+        57600,
+        115200,
+        1200,
+        14400,
+        28800,
+        9600,
+        4800,
+        2400,
+    ]
+    assert finding.seconds < AT_9600 + ELSEWHERE
+    assert "nothing here" in block(finding)
+
+
+def test_a_network_address_has_no_other_rates() -> None:
+    finding, wire = seen(lambda: silent, place=SerialPortInfo("socket://127.0.0.1:4030", "-"))
+    assert (finding.state, finding.baud) == ("silent", None)
+    assert wire.sent() == [b"Kx", b"\x06"]
+    assert finding.seconds < AT_9600
+
+
+def test_an_echo_is_not_a_mount() -> None:
+    finding, wire = seen(lambda: lambda data: data)
+    assert finding.state == "echo"
+    assert wire.sent() == [b"Kx"]
+
+
+@pytest.mark.parametrize(("answer", "state"), [
+    (b"ERROR\r\n", "stranger"), (b"Ready#", "stranger"), (b"A\r\n", "stranger"), (b"P1", "stranger"),
+    (b"D", "downloader"),
+])  # fmt: skip
+def test_a_stranger_that_answers_is_left_alone(answer: bytes, state: str) -> None:
+    finding, wire = seen(lambda: lambda data: answer if data == b"\x06" else b"")
+    assert finding.state == state
+    assert wire.sent() == HARMLESS
+    assert finding.mount is None
+
+
+def test_a_letter_that_begins_a_word_is_no_answer_to_ack() -> None:
+    async def program() -> None:
+        def prompt(data: bytes) -> bytes:
+            if data != b"\x06":
+                return b""
+            asyncio.get_running_loop().call_later(0.15, wire.say, b"assword:")
+            return b"P"
+
+        wire = UartWire(prompt)
+        assert (await look(SerialPortInfo("-", "-"), wire)).state == "stranger"
+        assert wire.sent() == HARMLESS
+
+    run(program())
+
+
+def test_who_answers_unintelligibly_may_do_so_at_another_rate() -> None:
+    finding, wire = seen(lambda: lambda data: b"\x15" if data == b"\x06" else b"")
+    assert finding.state == "garbled"
+    assert set(wire.sent()) == set(HARMLESS)
+    assert {baud for baud, _ in wire.log} == {9600, *OTHERS}
+
+
+def test_a_gps_receiver_is_not_spoken_to() -> None:
+    finding, wire = seen(lambda: silent, talk=GPS)
+    assert (finding.state, finding.baud) == ("gps", 9600)
+    assert wire.log == []
+    assert "a GPS receiver talks here: no mount" in block(finding)
+
+
+def test_a_gps_receiver_at_another_rate_is_not_spoken_to() -> None:
+    finding, wire = seen(lambda: silent, 4800, talk=GPS)
+    assert (finding.state, finding.baud) == ("gps", 4800)
+    assert wire.log == []
+
+
+def test_who_talks_unintelligibly_is_not_spoken_to() -> None:
+    finding, wire = seen(lambda: silent, talk=b"\xa5\x5a\x00frame\xff")
+    assert finding.state == "talker"
+    assert wire.log == []
+    assert finding.seconds < AT_9600 + ELSEWHERE
+
+
+def test_a_sentence_counts_by_its_checksum() -> None:
+    assert sentence(b"junk" + GPS + b"$GPG")
+    assert not sentence(GPS.replace(b"A*", b"V*"))
+    assert not sentence(b"$GPRMC,220000.00")
+
+
+def test_a_stray_byte_at_opening_is_no_talk() -> None:
+    async def program() -> None:
+        wire = UartWire(mount("nexstar:cpc").feed)
+        asyncio.get_running_loop().call_later(0.01, wire.say, b"\x00")
+        assert (await look(SerialPortInfo("-", "-"), wire)).mount is not None
+
+    run(program())
+
+
+# --- with the protocol named --------------------------------------------------------------------------------------
+
+
+def test_a_classic_that_does_not_know_ack_is_found_when_it_is_named() -> None:
+    def device() -> Device:
+        sim = mount("lx200:lx200")
+        return lambda data: b"" if data == b"\x06" else bytes(sim.feed(data))
+
+    assert seen(device)[0].state == "silent"
+    finding, wire = seen(device, place=named("lx200:lx200@/dev/ttyUSB0"))
+    assert finding.mount is not None
+    assert wire.sent()[:3] == [b"Kx", b"\x06", b"#:GR#"]
+    assert command(finding) == (
+        "mount-gateway run --mount lx200:lx200@/dev/ttyUSB0 --surface nexstar@tcp://127.0.0.1:4030"
+    )
+
+
+def test_a_hand_control_that_is_named_is_asked_nothing_else() -> None:
+    finding, wire = seen(lambda: silent, place=named("nexstar@socket://127.0.0.1:1"))
+    assert finding.state == "silent"
+    assert wire.sent() == [b"Kx"]
+
+
+def test_a_hand_control_under_the_wrong_name_is_told_nothing_that_it_could_mistake() -> None:
+    finding, wire = seen(lambda: mount("nexstar:cpc").feed, place=named("lx200:autostar@/dev/ttyUSB0"))
+    assert finding.mount is not None
+    assert b":" not in b"".join(wire.sent())
+    assert command(finding) == "mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@tcp://127.0.0.1:4030"
+
+
+# --- trouble ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("when", [0.5, 1.3, 3.0, 6.0])
+def test_a_port_that_vanishes_is_said_to_have(when: float) -> None:
+    async def program() -> Finding:
+        wire = UartWire(silent)
+
+        def vanish() -> None:
+            assert wire.on_lost is not None
+            wire.on_lost("unplugged")
+
+        asyncio.get_running_loop().call_later(when, vanish)
+        return await look(SerialPortInfo("-", "-"), wire)
+
+    assert run(program()).state == "vanished"
+
+
+def test_a_port_that_vanishes_while_the_mount_says_who_it_is() -> None:
+    async def program() -> Finding:
+        wire = UartWire(mount("nexstar:cpc").feed)
+
+        def vanish() -> None:
+            assert wire.on_lost is not None
+            wire.on_lost("unplugged")
+
+        asyncio.get_running_loop().call_later(1.3, vanish)
+        return await look(SerialPortInfo("-", "-"), wire)
+
+    assert run(program()).state == "vanished"
+
+
+def test_a_mount_that_says_nothing_more_is_said_to_be_one() -> None:
+    finding, _ = seen(lambda: lambda data: data[1:2] + b"#" if data == b"Kx" else b"")
+    assert finding.state == "mute"
+    assert re.search("speaks nexstar, but did not say who it is", block(finding))
+
+
+def test_a_defect_in_a_driver_costs_one_port(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def broken(*_: object) -> None:
+        raise KeyError("defect")
+
+    monkeypatch.setattr("gateway.diagnostics.detect.scan_port.identify", broken)
+    finding, _ = seen(lambda: mount("nexstar:cpc").feed)
+    assert finding.state == "mute"
+    assert "please report it: KeyError('defect')" in block(finding)
+
+
+def test_a_rate_that_the_port_does_not_have_is_passed_over() -> None:
+    class Poor(UartWire):
+        def set_baud(self, baud: int) -> None:
+            if baud in (14400, 28800):
+                raise OSError(22, "no such rate")
+            super().set_baud(baud)
+
+    async def program() -> Finding:
+        return await look(SerialPortInfo("-", "-"), Poor(silent))
+
+    finding = run(program())
+    assert (finding.state, finding.rates) == ("silent", len(OTHERS) - 2)

@@ -1,0 +1,282 @@
+"""A recording made on a busy computer replays: not one reply of a crowd is another, whole and part by part."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import signal
+import stat
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from gateway.app.control.orders import stopped
+from gateway.app.recording.format import read
+from gateway.cli import main
+from gateway.core.wire_log import SKY_READY
+from gateway.diagnostics.replay.replaying import Outcome, replay
+from gateway.transport.handler import ConnectionRefused
+from tests.support.busy_computer import Recorded, run_busy
+from tests.support.process import Running, ask
+
+LX200 = (
+    b":GR#",
+    b":GR#",
+    b":GD#",
+    b":GD#",
+    b":GA#:GZ#",
+    b":D#",
+    b":GL#",
+    b":GC#",
+    b":Sr05:34:32#:Sd+22*00:52#",
+    b":MS#",
+    b":Mn#",
+    b":Qn#",
+    b":Q#",
+    b":GV",
+    b"P#",
+    b":junk#",
+    b"\x06",
+)
+NEXSTAR = (
+    b"e",
+    b"e",
+    b"z",
+    b"L",
+    b"J",
+    b"r34AB0500,12CE0500",
+    b"h",
+    b"w",
+    b"t",
+    b"M",
+    b"V",
+    b"K",
+    b"x",
+    b"P\x02\x10\x24\x05\x00\x00\x00",
+    b"P\x02\x10\x24\x00\x00\x00\x00",
+)
+PAIRS = {
+    "lx200 on nexstar": ("nexstar:cpc/4.21", "lx200", LX200),
+    "nexstar on lx200": ("lx200:lx200gps", "nexstar", NEXSTAR),
+    "lx200 on lx200": ("lx200:autostar", "lx200", LX200),
+}
+
+
+async def _program(recorded: Recorded, number: int, words: tuple[bytes, ...], until: float) -> None:
+    """A program that asks faster than the mount answers, and now and then begins anew."""
+    random, loop, told = Random(number), recorded.loop, bytearray()
+    while loop.time() < until:
+        try:
+            guest = recorded.arrive(f"10.0.{number}.1:{random.randrange(10_000)}", told.extend)
+        except ConnectionRefused:
+            await asyncio.sleep(0.3)
+            continue
+        for _ in range(random.randrange(1, 60)):
+            guest.feed(random.choice(words))
+            await asyncio.sleep(random.choice((0.0, 0.01, 0.04, 0.1)))
+        if number % 2:
+            guest.gone()  # it sends no more, and is still told what is due to it
+            await asyncio.sleep(0.05)
+        guest.close()
+
+
+def _live(path: Path, pair: str, *, seconds: float = 5.0, many: int = 30, longest: int = 10_000_000) -> None:
+    mount, presented, words = PAIRS[pair]
+
+    async def night() -> None:
+        async with Recorded(path, mount, presented, longest, max_clients=max(1, many - 3)) as recorded:
+            loop = recorded.loop
+            crowd = [asyncio.create_task(_program(recorded, n, words, loop.time() + seconds)) for n in range(many)]
+            await asyncio.sleep(seconds / 3)
+            recorded.wire.lose()
+            recorded.ahead = 3600.0  # somebody sets the computer's clock
+            recorded.gateway.sky.load()
+            loop.enter(recorded.gateway.transcript.note, "mount", SKY_READY)
+            await asyncio.sleep(seconds / 3)
+            assert recorded.gateway.controller is not None
+            with contextlib.suppress(Exception):
+                await recorded.gateway.entrance.stop(recorded.gateway.controller.stop)
+            recorded.gateway.entrance.tell("d", recorded.gateway.was_stopped)
+            await recorded.gateway.entrance.order(lambda: stopped(recorded.gateway.controller))
+            await asyncio.gather(*crowd)
+
+    run_busy(night(), path.name)
+
+
+def _replayed(path: Path) -> Outcome:
+    outcome = replay(read(path))
+    assert outcome.differences == []
+    assert outcome.strayed == []
+    assert outcome.guessed == ""
+    return outcome
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_not_one_reply_of_a_crowd_is_another(pair: str, tmp_path: Path) -> None:
+    path = tmp_path / "night.rec"
+    _live(path, pair, seconds=7.0)
+    outcome = _replayed(path)
+    assert outcome.clients > 60
+    assert outcome.replies > 400
+    assert outcome.requests > 60
+    text = path.read_text("latin-1")
+    for wanted in ("turned away", " mount l pulled out", " mount s", " mount d", " mount o", " mount q"):
+        assert wanted in text
+    assert text.count(" mount k ") == 2
+
+
+def test_every_part_of_a_recording_replays_up_to_its_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "night.rec"
+    _live(path, "lx200 on nexstar", longest=80_000, seconds=8.0)
+    parts = sorted(tmp_path.glob("night.rec.*"), key=lambda part: int(part.suffix[1:]), reverse=True)
+    assert len(parts) >= 3
+    replies = [_replayed(part).replies for part in [*parts, path]]
+    assert replies == sorted(replies)
+    assert len(set(replies)) >= 3
+    assert main(["replay", str(parts[0])]) == 0
+    assert "the recording goes on after" in capsys.readouterr().out
+    parts[0].unlink()
+    assert main(["replay", str(path)]) == 2
+    assert "beginning is missing" in capsys.readouterr().err
+
+
+def test_another_answer_of_the_mount_shows(tmp_path: Path) -> None:
+    path = tmp_path / "night.rec"
+    _live(path, "lx200 on nexstar", many=4)
+    lines = path.read_text("latin-1").split("\n")
+    touched = [n for n, line in enumerate(lines) if " mount < " in line and len(line.split(" ")[3]) == 18]
+    for n in touched[4:]:
+        lines[n] = lines[n][:-18] + "1234" + lines[n][-14:]
+    path.write_text("\n".join(lines), "latin-1")
+    assert replay(read(path)).differences
+
+
+def test_a_reply_that_is_missing_or_too_much_shows(tmp_path: Path) -> None:
+    path = tmp_path / "night.rec"
+    _live(path, "lx200 on nexstar", many=4)
+    lines = path.read_text("latin-1").split("\n")
+    first = next(n for n, line in enumerate(lines) if " 10.0." in line and " < " in line)
+    path.write_text("\n".join([*lines[:first], *lines[first + 1 :]]), "latin-1")
+    assert replay(read(path)).differences
+    path.write_text("\n".join([*lines[:first], lines[first], *lines[first:]]), "latin-1")
+    assert replay(read(path)).differences
+
+
+def test_two_connections_of_one_name_at_a_time_are_told_apart(tmp_path: Path) -> None:
+    """One port of a computer can be connected to two of ours."""
+    path = tmp_path / "night.rec"
+    told = bytearray(), bytearray()
+
+    async def night() -> None:
+        async with Recorded(path, "nexstar:cpc", "lx200") as recorded:
+            await asyncio.sleep(2.0)
+            first, second = (recorded.arrive("10.0.0.1:5000", one.extend) for one in told)
+            for guest, words in ((first, b":Sr01:00:00#"), (second, b":Sr02:00:00#"), (first, b":Gr#")):
+                guest.feed(words)
+            await asyncio.sleep(0.1)
+            first.close()
+            second.feed(b":Gr#")
+            await asyncio.sleep(1.0)
+            second.close()
+            recorded.arrive("10.0.0.1:5000", told[0].extend).feed(b":GVP#")
+            await asyncio.sleep(1.0)
+
+    run_busy(night(), "names")
+    assert told == (b"101:00:00#Autostar#", b"102:00:00#")
+    assert _replayed(path).clients == 3
+
+
+@pytest.mark.parametrize("part", [0.3, 0.77])
+def test_a_recording_that_is_cut_off_replays_up_to_there(
+    part: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "night.rec"
+    _live(path, "nexstar on lx200", many=6)
+    data = path.read_bytes()
+    cut = data[: data.rindex(b"\n", 0, int(len(data) * part)) + 9]
+    for end in (b"", b"\0" * 600):  # the second is what a disk makes of it when the power fails
+        path.write_bytes(cut + end)
+        assert main(["replay", str(path)]) == 0
+        said = capsys.readouterr().out
+        assert said.count("cut off in the middle of a line") == 1
+        assert "the same bytes" in said
+        assert main(["decode", str(path)]) == 0
+        said = capsys.readouterr().out
+        assert said.count("cut off in the middle of a line") == 1
+
+
+def test_turns_out_of_order_are_told_in_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "night.rec"
+    _live(path, "nexstar on lx200", many=3, seconds=2.0)
+    head, *lines = path.read_text("latin-1").split("\n")
+    path.write_text("\n".join([head, lines[0], *reversed(lines[1:-1]), ""]), "latin-1")
+    assert main(["replay", str(path)]) == 2
+    assert "not in their order" in capsys.readouterr().err
+
+
+def test_one_of_another_version_is_guessed_and_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "night.rec"
+    _live(path, "lx200 on nexstar", many=1)
+    path.write_bytes(path.read_bytes().replace(b'"python": "3.', b'"python": "2.'))
+    outcome = replay(read(path))
+    assert "on Python 2." in outcome.guessed
+    assert outcome.replies > 10
+
+
+def test_a_gateway_of_its_own_that_is_recorded_replays(tmp_path: Path, started: list[Running]) -> None:
+    """Over real sockets, with threads that read the state, write it and load the almanac."""
+    path = tmp_path / "night.rec"
+    gateway = Running(
+        "run",
+        "--mount",
+        "nexstar@sim",
+        "--surface",
+        "lx200@tcp://127.0.0.1:0",
+        "--record",
+        str(path),
+        "--state",
+        str(tmp_path),
+        "--latency",
+        "0.01",
+        "--lowest",
+        "-90",
+        "--sun",
+        "0",
+    )
+    started.append(gateway)
+    where = gateway.ready()
+    for words in (b":GR#:GD#", b":GVP#", b":Mn#:GR#", b":Qn#:GZ#"):
+        with ThreadPoolExecutor(4) as threads:
+            for heard in threads.map(lambda _, words=words: ask(where, words), range(4)):
+                assert heard.endswith(b"#")
+    assert gateway.end() == 0
+    assert gateway.said == ""
+    outcome = _replayed(path)
+    assert (outcome.clients, outcome.replies >= 16) == (16, True)
+    assert read(path).settings["elapsed"] >= 0.0
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+
+
+def test_a_recording_that_broke_off_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "night.rec"
+    gateway = Running(
+        "run",
+        "--mount",
+        "nexstar@sim",
+        "--surface",
+        "lx200@tcp://127.0.0.1:0",
+        "--record",
+        str(path),
+        "--state",
+        str(tmp_path),
+    )
+    where = gateway.ready()
+    for _ in range(2):
+        assert ask(where, b":GR#")
+    gateway.end(signal.SIGKILL)
+    assert main(["replay", str(path)]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert [line for line in said if "breaks off after" in line]
+    assert "the same bytes" in said[-1] and " 0 connections" not in said[-1]

@@ -1,0 +1,36 @@
+"""What was heard last is remembered for a while, and nothing else with it."""
+
+from __future__ import annotations
+
+import gc
+
+from gateway.core.errors import NoDevice
+from gateway.mount.link.verification import KNOWN
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+
+def test_a_device_that_is_not_there_keeps_nobodys_question_in_memory() -> None:
+    """A fault that is raised holds on to everything it came through, as long as somebody holds on to the fault."""
+
+    async def program() -> None:
+        async with Bridge("6-8se", presented="nexstar", surface=None) as bridge:
+            client = bridge.client()
+            for device in range(20, 60):
+                assert await client.ask(bytes((80, 1, device, 18, 0, 0, 0, 1)))  # has it found its switch?
+            client.close()
+            gc.collect()
+            assert not [fault for fault in gc.get_objects() if isinstance(fault, NoDevice) and fault.__traceback__]
+
+    run(program())
+
+
+def test_no_client_makes_it_remember_without_end() -> None:
+    async def program() -> None:
+        async with Bridge("6-8se", presented="nexstar", surface=None) as bridge:
+            client = bridge.client()
+            for device in range(256):
+                await client.ask(bytes((80, 1, device, 18, 0, 0, 0, 1)))
+            assert len(bridge.controller.belief._known) <= KNOWN
+
+    run(program())

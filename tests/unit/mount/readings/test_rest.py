@@ -1,0 +1,191 @@
+"""``stopped`` is only said of a mount that was seen to rest, whatever it acknowledged."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.app.control.orders import stopped
+from gateway.astro.axes import Build
+from gateway.astro.spherical import separation
+from gateway.core import operations as op
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+NORTH = b"P\2\x11\x24\x09\0\0\0"
+#: (driven protocol, mount, firmware, what it needs to be told)
+MOUNTS: list[tuple[str, str, str | None, dict[str, Any]]] = [
+    ("nexstar", "6-8se", None, {}),
+    ("nexstar", "cge", None, {}),
+    ("nexstar", "nexstar-gps", "1.2", {"mode": "alt-az"}),
+    ("nexstar", "nexstar-gps", "1.6", {"mode": "alt-az"}),
+    *(("lx200", mount, None, {}) for mount in ("lx200", "lx200-16", "autostar", "lx200gps")),
+]
+
+
+def bridge_of(driven: str, mount: str, version: str | None, config: dict[str, Any], **others: Any) -> Bridge:
+    return Bridge(mount, version, driven=driven, presented="nexstar", surface=None, config=config, **others)
+
+
+@pytest.mark.parametrize(("driven", "mount", "version", "config"), MOUNTS)
+@pytest.mark.parametrize("state", ["tracking", "not tracking", "not aligned", "coarse"])
+def test_a_mount_that_rests_is_seen_to_whether_it_tracks_or_not(
+    driven: str, mount: str, version: str | None, config: dict[str, Any], state: str
+) -> None:
+    async def program() -> None:
+        async with bridge_of(driven, mount, version, config, aligned=state != "not aligned") as bridge:
+            client = bridge.client()
+            bridge.driver.low = state == "coarse"
+            if state == "not tracking":
+                await client.ask(b"T\0", 3.0)
+            client.tell(NORTH)
+            await asyncio.sleep(3)
+            began = bridge.controller.now()
+            assert await stopped(bridge.controller) == "stopped"
+            assert bridge.controller.now() - began < 6.0
+            before = bridge.sim.truth()
+            await asyncio.sleep(1)
+            assert separation(*before, *bridge.sim.truth()) < 0.006
+
+    run(program())
+
+
+def _deaf(bridge: Bridge, *commands: bytes) -> None:
+    """A mount that acknowledges these commands as always, and does not carry them out."""
+    hear = bridge.controller.line.wire._feed  # type: ignore[attr-defined]
+
+    def feed(data: bytes) -> bytes:
+        return b"#" * (bridge.driver.protocol.name == "nexstar") if data.startswith(commands) else bytes(hear(data))
+
+    bridge.controller.line.wire._feed = feed  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(("driven", "mount", "version", "config"), [
+    ("nexstar", "6-8se", None, {}), ("nexstar", "cge", None, {}),
+    *(("lx200", mount, None, {}) for mount in ("lx200", "lx200-16", "autostar", "lx200gps")),
+])  # fmt: skip
+@pytest.mark.parametrize("rate", [9, 4])
+def test_a_stop_that_was_acknowledged_and_had_no_effect_is_no_stop(
+    driven: str, mount: str, version: str | None, config: dict[str, Any], rate: int
+) -> None:
+    async def program() -> None:
+        async with bridge_of(driven, mount, version, config) as bridge:
+            bridge.client().tell(NORTH.replace(b"\x09", bytes((rate,))))
+            await asyncio.sleep(3)
+            _deaf(bridge, b"P\2\x10\x24\0", b"P\2\x11\x24\0", b"M", b"T", b":Q")
+            began = bridge.controller.now()
+            answer = await stopped(bridge.controller)
+            assert answer.startswith("failed it acknowledged the stop and still moves after 8 s, ")
+            assert bridge.controller.now() - began < 14.0
+
+    run(program())
+
+
+@pytest.mark.parametrize(("driven", "mount"), [
+    ("nexstar", "cge"), ("nexstar", "6-8se"), ("lx200", "lx200"), ("lx200", "lx200-16"), ("lx200", "autostar"),
+])  # fmt: skip
+def test_an_axis_that_turns_the_tube_about_where_it_points_is_seen(driven: str, mount: str) -> None:
+    """At the pole or in the zenith, where a motor runs and the place on the sky stays the same."""
+
+    async def program() -> None:
+        async with bridge_of(driven, mount, None, {"highest": 90.0}) as bridge:
+            bridge.sim.truth()
+            equatorial = bridge.sim.mechanics.build is not Build.ALTAZ
+            await bridge.controller.perform(op.Goto(30.0, 90.0) if equatorial else op.GotoHorizontal(0.0, 90.0))
+            await asyncio.sleep(90)
+            assert await stopped(bridge.controller) == "stopped"
+            bridge.client().tell(b"P\2\x10\x24\x09\0\0\0")
+            await asyncio.sleep(3)
+            _deaf(bridge, b"P\2\x10\x24\0", b"P\2\x11\x24\0", b"M", b"T", b":Q")
+            assert "still moves" in await stopped(bridge.controller)
+
+    run(program())
+
+
+def test_a_mount_that_runs_on_is_waited_for() -> None:
+    async def program() -> None:
+        async with bridge_of("nexstar", "cge", None, {}) as bridge:
+            bridge.client().tell(NORTH)
+            await asyncio.sleep(3)
+            hear, later = bridge.controller.line.wire._feed, asyncio.get_running_loop().call_later  # type: ignore[attr-defined]
+
+            def feed(data: bytes) -> bytes:
+                if data.startswith((b"P\2\x11\x24\0", b"T")):  # two seconds of it
+                    later(2.0, hear, data)
+                    return b"#"
+                return bytes(hear(data))
+
+            bridge.controller.line.wire._feed = feed  # type: ignore[attr-defined]
+            began = bridge.controller.now()
+            assert await stopped(bridge.controller) == "stopped"
+            assert 2.0 < bridge.controller.now() - began < 6.0
+
+    run(program())
+
+
+@pytest.mark.parametrize("question", [b"e", b"E"])
+def test_a_mount_that_nobody_can_see_is_not_stopped(question: bytes) -> None:
+    async def program() -> None:
+        async with bridge_of("nexstar", "cge", None, {}) as bridge:
+            bridge.client().tell(NORTH)
+            await asyncio.sleep(3)
+            hear = bridge.controller.line.wire._feed  # type: ignore[attr-defined]
+            bridge.controller.line.wire._feed = lambda data: b"" if data[:1] in b"eE" else hear(data)  # type: ignore[attr-defined]
+            answer = await stopped(bridge.controller)
+            assert answer.startswith("failed the stop was sent, and nobody can see whether it rests: ")
+
+    run(program())
+
+
+def test_on_a_line_that_is_down_the_stop_is_owed_and_that_is_said() -> None:
+    async def program() -> None:
+        async with bridge_of("nexstar", "cge", None, {}) as bridge:
+            bridge.client().tell(NORTH)
+            await asyncio.sleep(3)
+            hear = bridge.controller.line.wire._feed  # type: ignore[attr-defined]
+            bridge.controller.line.wire._feed = lambda data: b""  # type: ignore[attr-defined]
+            for _ in range(2):  # at first it is only silent, then known to be down
+                answer = await stopped(bridge.controller)
+                assert answer.startswith("failed ")
+                assert answer.endswith("; the stop is owed, and the first thing that it is sent when it answers again")
+                await asyncio.sleep(20)
+            sent = len(bridge.sent())
+            bridge.controller.line.wire._feed = hear  # type: ignore[attr-defined]
+            await asyncio.sleep(10)
+            orders = [frame for frame in bridge.sent()[sent:] if frame[:1] != b"K"]
+            assert list(dict.fromkeys(orders))[:3] == [b"P\2\x11$\0\0\0\0", b"P\2\x10$\0\0\0\0", b"M"]
+            assert await stopped(bridge.controller) == "stopped"
+
+    run(program())
+
+
+def test_a_program_that_goes_on_pressing_is_named_with_the_remedy() -> None:
+    async def program() -> None:
+        async with bridge_of("nexstar", "cge", None, {}) as bridge:
+            client = bridge.client()
+
+            async def press() -> None:
+                while True:
+                    client.tell(NORTH)
+                    await asyncio.sleep(0.3)
+
+            pressing = asyncio.ensure_future(press())
+            await asyncio.sleep(2)
+            answer = await stopped(bridge.controller)
+            pressing.cancel()
+            assert "a program has set it moving again" in answer and "stop --hold" in answer
+
+    run(program())
+
+
+def test_a_mount_that_hibernates_rests() -> None:
+    async def program() -> None:
+        async with bridge_of("nexstar", "cpc", None, {}) as bridge:
+            bridge.client().tell(b"x")
+            await asyncio.sleep(12)
+            assert bridge.sim.asleep
+            assert await stopped(bridge.controller) == "stopped"
+
+    run(program())

@@ -1,0 +1,50 @@
+"""A read that many wait for belongs to all of them: whoever gives up, the others are answered."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.core import operations as op
+from tests.integration.safety.test_by_hand import ready
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+
+@pytest.mark.parametrize("presented", ["lx200", "nexstar"])
+def test_a_stop_that_ends_a_motion_before_it_begins_takes_no_answer_from_others(presented: str) -> None:
+    """An arrow right after a stop waits for the position; so do programs that poll, and the next stop is theirs not."""
+    question, stop = (b":GR#", b":Q#") if presented == "lx200" else (b"e", b"M")
+    arrow = b":Mn#" if presented == "lx200" else b"P\x02\x11\x24\x09\0\0\0"
+
+    async def program(late: float) -> None:
+        async with Bridge("cge", presented=presented, surface=None, latency=0.1, config={"lowest": -90.0}) as bridge:
+            hand, other = bridge.client("127.0.0.1"), bridge.client("127.0.0.2")
+            await bridge.controller.perform(op.Goto(100.0, 40.0))
+            await ready(bridge, hand, question)
+            hand.tell(b":RS#" + arrow if presented == "lx200" else arrow)
+            await asyncio.sleep(2.0)
+            await bridge.controller.stop()
+            hand.tell(arrow)
+            await asyncio.sleep(late)
+            answer = asyncio.create_task(other.ask(question, 3.0))
+            await asyncio.sleep(0.02)
+            hand.tell(stop)
+            bridge.controller.begin_stop()
+            assert await answer
+
+    for step in range(25):
+        run(program(0.02 * step))
+
+
+def test_who_gives_up_a_new_read_ends_it_for_nobody() -> None:
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            waiting = asyncio.create_task(bridge.controller.anew(op.Position()))
+            other = asyncio.create_task(bridge.controller.anew(op.Position()))
+            await asyncio.sleep(0.01)
+            waiting.cancel()
+            assert isinstance(await other, op.Equatorial)
+
+    run(program())

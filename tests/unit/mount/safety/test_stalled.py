@@ -1,0 +1,78 @@
+"""A motion by hand of which the position shows nothing is ended, before a limit is passed that nobody sees."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.mount.motion.ends import Sample
+from gateway.mount.safety.rules.stalled import StallWatch
+from gateway.protocols.mechanics.truth import truth_of
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+
+def freeze(bridge: Any) -> None:
+    """From now on the mount tells where it is now, wherever it goes."""
+    wire, told = bridge.controller.line.wire, {}
+    feed = wire._feed
+
+    def hear(data: bytes) -> bytes:
+        answer = bytes(feed(data))
+        if data in (b"e", b"E", b"z", b"Z", b":GR#", b":GD#", b":GZ#", b":GA#"):
+            return bytes(told.setdefault(data, answer))
+        return answer
+
+    wire._feed = hear
+
+
+@pytest.mark.parametrize(
+    ("mount", "driven"), [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200gps", "lx200"), ("autostar", "lx200")]
+)
+@pytest.mark.parametrize("motion", [b":RM#:Ms#", b":RS#:Me#", b":RC#:Ms#"])
+def test_a_position_that_stands_still_under_an_arrow_ends_it(mount: str, driven: str, motion: bytes) -> None:
+    async def program() -> None:
+        async with Bridge(mount, driven=driven, config={"lowest": 20.0}) as bridge:
+            client = bridge.client()
+            await client.ask(b":GR#")
+            freeze(bridge)
+            client.tell(motion)
+            for _ in range(24):
+                client.tell(b":GR#")
+                await asyncio.sleep(0.5)
+            slow = motion.startswith(b":RC#")
+            assert not truth_of(bridge.sim).moving or slow
+            said = [entry.note for entry in bridge.entries if "its position shows nothing of it" in entry.note]
+            assert len(said) == (0 if slow else 1)
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    ("mount", "driven"),
+    [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200", "lx200"), ("lx200gps", "lx200"), ("autostar", "lx200")],
+)
+@pytest.mark.parametrize("motion", [b":RM#:Mn#:Me#", b":RS#:Ms#", b":RS#:Mw#", b":RC#:Me#"])
+@pytest.mark.parametrize("latency", [0.05, 0.5])
+def test_a_motion_that_is_seen_goes_on(mount: str, driven: str, motion: bytes, latency: float) -> None:
+    async def program() -> None:
+        config = {"lowest": -90.0, "sun": 0.0}
+        async with Bridge(mount, driven=driven, latency=latency, config=config) as bridge:
+            client = bridge.client()
+            client.tell(motion)
+            for _ in range(40):
+                client.tell(b":GR#")
+                await asyncio.sleep(0.5)
+            assert bridge.controller.motions.axes
+            assert not [entry.note for entry in bridge.entries if "shows nothing" in entry.note]
+
+    run(program())
+
+
+def test_over_the_pole_the_way_counts_in_pieces() -> None:
+    watch = StallWatch()
+    for tick in range(40):
+        dec = 85.0 + tick
+        assert watch.look(Sample(tick * 0.5, (0.0, dec if dec <= 90.0 else 180.0 - dec)), {2: 2.0}, 0.1) is None

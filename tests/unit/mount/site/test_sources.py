@@ -1,0 +1,254 @@
+"""The limits go by the best source of site and time: no program's word switches them off, and contradictions are named.
+
+Sites and clocks are set by the manuals' own bytes. The simulated mounts stand at 45 N, 10 E and keep the true time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.astro.spherical import horizon_to_hour_angle, hour_angle_to_horizon, separation
+from gateway.core import operations as op
+from gateway.mount.site.site_clock import SiteClock
+from gateway.mount.site.sources import COMPUTER, CONFIGURED, GPS, MOUNT, PROGRAM, BestSources
+from tests.integration.safety.test_sun import JUNE, SKY
+from tests.support.in_process_gateway import EVENING, Bridge
+from tests.support.virtual import run
+
+LIMIT = 10.0
+
+#: What programs get wrong -> the bytes by which they tell it; 22:00 UTC on 2026-01-15 is right.
+LX200 = {
+    "another latitude": b":St+10*00#",
+    "longitude with the wrong sign": b":Sg010*00#",
+    "Greenwich": b":St+51*29#:Sg000*00#",
+    "latitude and longitude swapped": b":St+10*00#:Sg315*00#",
+    "three hours slow": b":SG+00#:SL19:00:00#:SC01/15/26#",
+    "morning instead of evening": b":SG+00#:SL10:00:00#:SC01/15/26#",
+    "the zone with the wrong sign": b":SG+01#:SL23:00:00#:SC01/15/26#",
+    "a date of 1970": b":SG+00#:SL00:00:00#:SC01/01/70#",
+}
+NEXSTAR = {
+    "another longitude": b"W" + bytes((45, 0, 0, 0, 40, 0, 0, 1)),
+    "three hours slow": b"H" + bytes((19, 0, 0, 1, 15, 26, 0, 0)),
+}
+
+
+def low_target(bridge: Any, altitude: float = 2.0) -> tuple[float, float]:
+    """Right ascension and declination, degrees, of a place that truly stands so high in the south-west."""
+    hour_angle, dec = horizon_to_hour_angle(225.0, altitude, 45.0)
+    return (bridge.sim.mechanics.sky.sidereal(bridge.clock()) - hour_angle) % 360.0, dec
+
+
+def as_lx200(ra: float, dec: float) -> bytes:
+    """The target and ``:MS#``."""
+    hours, degrees = round(ra / 15.0 * 3600) % 86400, round(abs(dec) * 3600)
+    return b":Sr%02d:%02d:%02d#:Sd%s%02d*%02d:%02d#:MS#" % (
+        hours // 3600,
+        hours // 60 % 60,
+        hours % 60,
+        b"-" if dec < 0 else b"+",
+        degrees // 3600,
+        degrees // 60 % 60,
+        degrees % 60,
+    )
+
+
+def altitude(bridge: Any) -> float:
+    """How high the tube truly points."""
+    now, mechanics = bridge.clock(), bridge.sim.mechanics
+    ra, dec = mechanics.truth(now)
+    return hour_angle_to_horizon(mechanics.sky.sidereal(now) - ra, dec, 45.0)[1]
+
+
+@pytest.mark.parametrize("mount", ["cpc", "cge"])
+@pytest.mark.parametrize("wrong", LX200)
+def test_no_lx200_program_switches_a_limit_off(mount: str, wrong: str) -> None:
+    async def program() -> None:
+        async with Bridge(mount, config={"lowest": LIMIT}) as bridge:
+            client = bridge.client()
+            await client.ask(LX200[wrong])
+            await asyncio.sleep(3.0)
+            reply = await client.ask(as_lx200(*low_target(bridge)), until=b"#")
+            assert reply.startswith(b"111Object Below Lower Limit."), reply
+            await asyncio.sleep(20.0)
+            assert altitude(bridge) > LIMIT
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", ["cpc", "cge"])
+@pytest.mark.parametrize("wrong", NEXSTAR)
+def test_no_nexstar_program_switches_a_limit_off(mount: str, wrong: str) -> None:
+    async def program() -> None:
+        async with Bridge(mount, config={"lowest": LIMIT}, presented="nexstar", surface="cpc") as bridge:
+            client = bridge.client()
+            assert await client.ask(NEXSTAR[wrong]) == b"#"
+            await asyncio.sleep(3.0)
+            ra, dec = low_target(bridge)
+            await client.ask(b"r%08X,%08X" % (int(ra / 360 * 2**32), int(dec % 360 / 360 * 2**32)))
+            await asyncio.sleep(20.0)
+            assert altitude(bridge) > LIMIT
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", ["cpc", "cge"])
+@pytest.mark.parametrize("wrong", ["Greenwich", "morning instead of evening", "another latitude"])
+def test_no_program_makes_the_sun_set(mount: str, wrong: str) -> None:
+    """In June, when the Sun is 63 degrees high at 6h +23 26'."""
+
+    async def program() -> None:
+        async with Bridge(mount, start=JUNE) as bridge:
+            client = bridge.client()
+            await client.ask(b":Sg071*45#" if wrong == "Greenwich" else LX200[wrong])
+            await asyncio.sleep(3.0)
+            assert b"Sun" in await client.ask(b":Sr06:00:00#:Sd+23*26:00#:MS#", until=b"#")
+            await asyncio.sleep(20.0)
+            assert separation(*bridge.sim.mechanics.truth(bridge.clock()), *SKY.sun(bridge.clock())) > 20.0
+
+    run(program())
+
+
+@pytest.mark.parametrize("mount", ["cpc", "cge"])
+def test_no_program_has_tracking_switched_off_far_from_a_limit(mount: str) -> None:
+    async def program() -> None:
+        async with Bridge(mount, config={"lowest": LIMIT}) as bridge:
+            client = bridge.client()
+            await client.ask(as_lx200(*low_target(bridge, 55.0)), until=b"0")
+            await asyncio.sleep(30.0)
+            await client.ask(b":SG+00#:SL10:00:00#:SC01/15/26#")
+            for _ in range(60):
+                await client.ask(b":GR#")
+                await asyncio.sleep(1.0)
+            assert bridge.sim.tracking
+            assert altitude(bridge) == pytest.approx(55.0, abs=1.0)
+
+    run(program())
+
+
+def test_the_altitude_that_is_told_is_the_true_one_and_the_site_that_was_set_is_told_again() -> None:
+    async def program() -> None:
+        async with Bridge("cge", config={"lowest": LIMIT}) as bridge:
+            client = bridge.client()
+            await client.ask(as_lx200(*low_target(bridge, 40.0)), until=b"0")
+            await asyncio.sleep(40.0)
+            await client.ask(b":St+10*00#")
+            await asyncio.sleep(3.0)
+            assert (await client.ask(b":Gt#")) == b"+10*00#"
+            told = await client.ask(b":GA#")
+            assert abs(int(told[1:3]) + int(told[4:6]) / 60 - altitude(bridge)) < 0.1
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        (b":St+10*00#:Sg080*00#", b"The mount stands at 45.0 N 10.0 E, a program says 10.0 N 80.0 W."),
+        (b":SG+00#:SL16:00:00#:SC01/15/26#", b"The clocks of the mount and of a program differ by 6.0 hours."),
+    ],
+)
+def test_a_goto_that_one_of_two_sources_forbids_is_not_begun_and_both_are_named(told: bytes, words: bytes) -> None:
+    """45 degrees high in the south-east by the mount, below the horizon by the program."""
+
+    async def program() -> None:
+        async with Bridge("cge") as bridge:
+            client = bridge.client()
+            hour_angle, dec = horizon_to_hour_angle(110.0, 30.0, 45.0)
+            there = (bridge.sim.mechanics.sky.sidereal(bridge.clock()) - hour_angle) % 360.0, dec
+            await client.ask(told)
+            await asyncio.sleep(3.0)
+            assert await client.ask(as_lx200(*there), until=b"#") == b"111Object Below Horizon. %s#" % words
+            assert not bridge.sim.slewing
+            high = (bridge.sim.mechanics.sky.sidereal(bridge.clock()) - 20.0) % 360.0, 60.0
+            if told.startswith(b":St"):
+                return
+            assert (await client.ask(as_lx200(*high), until=b"0")).endswith(b"0"), "above the horizon by both"
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    ("changed", "asked", "told"),
+    [
+        (b"W" + bytes((30, 0, 0, 0, 20, 0, 0, 0)), b":Gt#:Gg#", b"+30*00#-020*00#"),
+        (b"H" + bytes((3, 0, 0, 1, 16, 26, 0, 0)), b":GC#", b"01/16/26#"),
+    ],
+)
+def test_what_is_changed_at_the_hand_control_is_noticed_within_a_minute(
+    changed: bytes, asked: bytes, told: bytes
+) -> None:
+    """Also after a program has set something else."""
+
+    async def program() -> None:
+        async with Bridge("cpc") as bridge:
+            client = bridge.client()
+            await client.ask(b":St+10*00#:SG+00#:SL19:00:00#:SC01/15/26#")
+            bridge.sim.feed(changed)
+            for _ in range(60):
+                await client.ask(b":GR#")
+                await asyncio.sleep(1.0)
+            assert await client.ask(asked, until=told[-3:]) == told
+            assert any("changed at the mount" in entry.note for entry in bridge.entries)
+
+    run(program())
+
+
+# --- which source counts ----------------------------------------------------------------------------------------
+
+
+def test_the_best_source_is_the_mount_then_its_gps_the_configuration_or_this_computer_a_program_last() -> None:
+    observatory = SiteClock(lambda: 0.0, lambda: EVENING, None)
+    best = BestSources(observatory)
+    observatory.keep_site(op.SetSite(1.0, 1.0))
+    observatory.keep_clock(op.SetClock(EVENING + 1e4, 0.0))
+    assert [site.source for site in best.sites()] == [PROGRAM]
+    assert [time.source for time in best.times()] == [COMPUTER, PROGRAM]
+    observatory.configured = op.Place(2.0, 2.0)
+    observatory.gps_says(op.Gps(linked=True, place=op.Place(3.0, 3.0), unix=EVENING + 2e4))
+    observatory.mount_says_site(op.Place(4.0, 4.0))
+    observatory.mount_says_clock(op.Moment(EVENING + 3e4, 0.0))
+    assert [(site.source, site.place.latitude) for site in best.sites()] == [
+        (MOUNT, 4.0),
+        (GPS, 3.0),
+        (CONFIGURED, 2.0),
+        (PROGRAM, 1.0),
+    ]
+    assert [(time.source, time.unix - EVENING) for time in best.times()] == [
+        (MOUNT, 3e4),
+        (GPS, 2e4),
+        (COMPUTER, 0.0),
+        (PROGRAM, 1e4),
+    ]
+    assert len(list(best.contradictions())) == 6
+
+
+def test_a_computer_that_has_lost_its_clock_counts_less_than_a_program() -> None:
+    observatory = SiteClock(lambda: 0.0, lambda: 3600.0, None)  # 1970
+    best = BestSources(observatory)
+    assert best.unix() == 3600.0
+    observatory.keep_clock(op.SetClock(EVENING, 1.0))
+    assert best.unix() == EVENING
+
+
+def test_a_receiver_without_a_fix_and_small_differences_say_nothing() -> None:
+    observatory = SiteClock(lambda: 0.0, lambda: EVENING + 60.0, op.Place(45.1, 10.1))
+    best = BestSources(observatory)
+    observatory.gps_says(op.Gps(linked=False, place=op.Place(0.0, 0.0), unix=0.0))
+    observatory.mount_says_site(op.Place(45.0, 10.0))
+    observatory.mount_says_clock(op.Moment(EVENING, 0.0))
+    assert [site.source for site in best.sites()] == [MOUNT, CONFIGURED]
+    assert not list(best.contradictions())
+
+
+@pytest.mark.parametrize(("ahead", "contradicts"), [(-7200.0, True), (43200.0, True), (-20 * 86400.0, False)])
+def test_a_computer_that_is_off_by_days_contradicts_nobody(ahead: float, contradicts: bool) -> None:
+    """A Raspberry Pi without a clock of its own begins where it was switched off."""
+    observatory = SiteClock(lambda: 0.0, lambda: EVENING + ahead, None)
+    observatory.mount_says_site(op.Place(45.0, 10.0))
+    observatory.mount_says_clock(op.Moment(EVENING, 0.0))
+    assert bool(list(BestSources(observatory).contradictions())) is contradicts

@@ -1,0 +1,132 @@
+"""A Meade that sleeps turns no motor, and what :GW# tells in land mode does not change how the telescope stands."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from tests.support.in_process_gateway import Bridge
+from tests.support.simulated_meade import meade, overhead
+from tests.support.virtual import run
+
+#: What would turn a motor, and what an LX200GPS answers to it while its motors have no power.
+TURNS = [
+    (b":MS#", b"0"),
+    (b":MA#", b"0"),
+    (b":RS#:Mn#", b""),
+    (b":RG#:Mw#", b""),
+    (b":Mge0500#", b""),
+    (b":hP#", b""),
+    (b":hS#", b""),
+    (b":hF#", b""),
+    (b":Aa#", b"0"),
+    (b":AA#", b""),
+    (b":TQ#", b""),
+]
+
+
+@pytest.mark.parametrize(("order", "answer"), TURNS)
+def test_a_sleeping_telescope_turns_nothing_until_it_is_woken(order: bytes, answer: bytes) -> None:
+    sim, clock = meade("lx200gps")
+    assert sim.feed(overhead(sim) + b":Sa+60*00#:Sz120*00#:hN#") == b"1111"
+    before = sim.mechanics.axes(clock.now)
+    assert sim.feed(order) == answer
+    clock.now += 5.0
+    assert sim.mechanics.axes(clock.now) == before and not sim.slewing and not sim.tracking
+    assert sim.feed(b":h?#") == b"0"  # it does not look for its home
+    sim.feed(b":hW#")
+    assert sim.tracking
+    sim.feed(overhead(sim) + b":MS#")
+    clock.now += 5.0
+    assert sim.mechanics.axes(clock.now) != before
+
+
+@pytest.mark.parametrize(("tells_altaz", "said"), [(False, b"PN1"), (True, b"AN1")])
+def test_gw_tells_how_it_stands(tells_altaz: bool, said: bytes) -> None:
+    sim, _ = meade("autostar", land_tells_altaz=tells_altaz)
+    assert sim.feed(b":GW#:AP#:GW#\x06:AL#:GW#\x06:AP#:GW#") == b"AT1PT1P" + said + b"LPT1"
+
+
+@pytest.mark.parametrize("tells_altaz", [False, True])
+@pytest.mark.parametrize("model", ["autostar", "lx200gps"])
+def test_tracking_off_and_on_leaves_a_polar_telescope_polar(model: str, tells_altaz: bool) -> None:
+    """Asked for its mode in between, as INDIGO does: :AA# would end the polar alignment."""
+
+    async def program() -> None:
+        bridge = Bridge(model, driven="lx200", presented="nexstar", surface="6-8se", latency=0.02)
+        bridge.sim.land_tells_altaz = tells_altaz
+        bridge.sim.feed(b":AP#")
+        async with bridge:
+            client = bridge.client()
+            assert await client.ask(b"t") == b"\x02#"
+            assert await client.ask(b"T\0") == b"#"
+            await asyncio.sleep(8.0)
+            assert await client.ask(b"t") == b"\0#"
+            assert await client.ask(b"J") == b"\1#"
+            await asyncio.sleep(8.0)
+            assert await client.ask(b"t") == b"\0#"
+            assert bridge.driver.equatorial
+            assert await client.ask(b"T\2") == b"#"
+            await asyncio.sleep(2.0)
+            assert bridge.sim.letter == "P" and b":AA#" not in bridge.sent()
+            assert await client.ask(b"t") == b"\x02#"
+
+    run(program())
+
+
+@pytest.mark.parametrize("tells_altaz", [False, True])
+def test_a_telescope_that_is_taken_off_its_wedge_is_seen_to_be(tells_altaz: bool) -> None:
+    """At its keys, tracking off before and afterwards: the alignment mode tells that the A is meant."""
+
+    async def program() -> None:
+        bridge = Bridge("autostar", driven="lx200", presented="nexstar", surface="6-8se", latency=0.02)
+        bridge.sim.land_tells_altaz = tells_altaz
+        bridge.sim.feed(b":AP#")
+        async with bridge:
+            client = bridge.client()
+            assert await client.ask(b"T\0") == b"#"
+            bridge.sim.feed(b":AA#")
+            bridge.sim.track(False)
+            await asyncio.sleep(8.0)
+            assert await client.ask(b"t") == b"\0#"
+            assert not bridge.driver.equatorial
+
+    run(program())
+
+
+def test_programs_are_told_in_words_that_the_telescope_sleeps() -> None:
+    """It would say yes to the goto and stay where it is."""
+
+    async def program() -> None:
+        async with Bridge("lx200gps", driven="lx200", presented="lx200", surface=None, latency=0.02) as bridge:
+            client = bridge.client()
+            assert await client.ask(overhead(bridge.sim), until=b"11") == b"11"
+            client.tell(b":hN#")
+            await asyncio.sleep(2.0)
+            assert await client.ask(b":MS#") == b"1The mount is asleep: wake it first.#"
+            client.tell(b":RS#:Mn#")
+            await asyncio.sleep(2.0)
+            assert not bridge.controller.moving and not {b":MS#", b":Mn#"} & set(bridge.sent())
+            client.tell(b":hW#")
+            await asyncio.sleep(1.0)
+            assert await client.ask(b":MS#") == b"0"
+            await asyncio.sleep(1.0)
+            assert bridge.sim.slewing
+
+    run(program())
+
+
+def test_a_telescope_that_was_woken_at_its_keys_moves_again() -> None:
+    async def program() -> None:
+        async with Bridge("lx200gps", driven="lx200", presented="lx200", surface=None, latency=0.02) as bridge:
+            client = bridge.client()
+            assert await client.ask(overhead(bridge.sim), until=b"11") == b"11"
+            client.tell(b":hN#")
+            await asyncio.sleep(2.0)
+            bridge.sim.feed(b":hW#")
+            await asyncio.sleep(8.0)
+            assert await client.ask(b":GW#") == b"AT1"
+            assert await client.ask(b":MS#") == b"0"
+
+    run(program())

@@ -1,0 +1,198 @@
+"""How the simulated Meades move: tracking rates, arrows, guiding, slews, parking and home."""
+
+from __future__ import annotations
+
+import pytest
+
+from gateway.astro.spherical import separation, wrap180
+from tests.support.simulated_meade import MODELS, SITES, meade, overhead
+
+ARCSECOND = 1.0 / 3600.0
+
+
+# --- tracking -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("site", SITES, ids=["north", "south"])
+@pytest.mark.parametrize("model", MODELS)
+def test_tracking_rates(model: str, site: tuple[float, float]) -> None:
+    """Arcseconds that right ascension grows by in an hour: the Sun's 148 and the Moon's 1281."""
+    for command, drift in ((b":TQ#", 0.0), (b":TS#", 147.8), (b":TL#", 1281.0), (b":TM#", 0.0)):
+        sim, clock = meade(model, site)
+        sim.feed(command)
+        before = sim.truth()
+        clock.now += 3600
+        after = sim.truth()
+        assert wrap180(after[0] - before[0]) / ARCSECOND == pytest.approx(drift, abs=1.0), command
+        assert after[1] == pytest.approx(before[1], abs=ARCSECOND)
+        sim.feed(b":TQ#")
+        clock.now += 3600
+        assert separation(*sim.truth(), *after) < ARCSECOND
+
+
+def test_a_slew_keeps_the_tracking_rate() -> None:
+    sim, clock = meade("lx200")
+    assert sim.feed(b":U#:TS#" + overhead(sim) + b":MS#:GT#") == b"11060.0#"
+    clock.now += 600
+    before = sim.truth()
+    clock.now += 3600
+    assert wrap180(sim.truth()[0] - before[0]) / ARCSECOND == pytest.approx(147.8, abs=1.0)
+
+
+def test_hertz() -> None:
+    classic, _ = meade("lx200")
+    assert classic.feed(b":GT#:ST060.0#") == b"60.1#0", "in manual mode only"
+    assert classic.feed(b":TM#:ST060.2#:ST056.3#:ST056.4#:GT#") == b"00156.4#"
+    assert classic.feed(b":T-#:GT#:T+#:T+#:GT#") == b"56.4#56.6#"
+    assert classic.feed(b":TQ#:T+#:GT#:TM#:GT#") == b"60.1#56.7#"
+    gps, _ = meade("lx200gps")
+    assert gps.feed(b":GT#:ST057.9#:GT#") == b"+60.0#1+57.9#"
+
+
+def test_a_classic_that_is_given_a_mode_begins_anew() -> None:
+    sim, clock = meade("lx200")
+    sim.feed(b":U#" + overhead(sim) + b":MS#")
+    clock.now += 300
+    truth = sim.truth()
+    assert separation(*sim.position(), *truth) < ARCSECOND
+    sim.feed(b":AL#:AP#")
+    assert separation(*sim.position(), *truth) > 5.0
+    assert not sim.aligned
+    sim.feed(b":CM#")
+    assert separation(*sim.position(), *truth) < ARCSECOND, "a sync says where it is"
+
+
+@pytest.mark.parametrize("model", ["autostar", "lx200gps"])
+def test_the_others_stop_and_go_by_their_letters(model: str) -> None:
+    sim, clock = meade(model)
+    assert sim.feed(b":AL#:GW#\x06:AA#:GW#\x06") == b"AN1LAT1A"
+    before = sim.truth()
+    clock.now += 600
+    assert separation(*sim.truth(), *before) < ARCSECOND
+
+
+# --- moving -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", ["autostar", "lx200gps"])
+@pytest.mark.parametrize("site", SITES, ids=["north", "south"])
+def test_arrows_of_a_fork(model: str, site: tuple[float, float]) -> None:
+    """North and south move in altitude, west with and east against azimuth."""
+    for letter, axis, sign in ((b"n", 1, 1), (b"s", 1, -1), (b"w", 0, 1), (b"e", 0, -1)):
+        sim, clock = meade(model, site, ramps=False)
+        before = sim.mechanics.axes(sim.now)
+        sim.feed(b":RM#:M" + letter + b"#")
+        clock.now += 3
+        sim.feed(b":Q" + letter + b"#")
+        assert wrap180(sim.mechanics.axes(sim.now)[axis] - before[axis]) * sign == pytest.approx(6.0, abs=0.1)
+        still = sim.truth()
+        clock.now += 600
+        assert separation(*sim.truth(), *still) < ARCSECOND
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_guiding_adds_to_tracking(model: str) -> None:
+    sim, clock = meade(model)
+    before = sim.truth()
+    sim.feed(b":RG#:Mn#")
+    clock.now += 10
+    sim.feed(b":Qn#")
+    assert separation(*sim.truth(), *before) / ARCSECOND == pytest.approx(150.4, abs=1.0)
+    still = sim.truth()
+    clock.now += 600
+    assert separation(*sim.truth(), *still) < ARCSECOND
+    sim.feed(b":Mgs1500#")
+    clock.now += 5
+    guided = 22.6 if model in ("autostar", "lx200gps") else 0.0
+    assert separation(*sim.truth(), *still) / ARCSECOND == pytest.approx(guided, abs=0.5)
+
+
+def test_rates_of_an_lx200gps() -> None:
+    sim, clock = meade("lx200gps", ramps=False)
+    sim.feed(b":RS#")
+    for command, axis, rate in ((b":RE03.0#:Mn#", 1, 3.0), (b":RA02.0#:Mw#", 0, 2.0), (b":RA00.0#:Mw#", 0, 8.0)):
+        before = sim.mechanics.axes(sim.now)
+        sim.feed(command)
+        clock.now += 2
+        sim.feed(b":Q#")
+        assert wrap180(sim.mechanics.axes(sim.now)[axis] - before[axis]) == pytest.approx(2 * rate, abs=0.1)
+    still = sim.truth()
+    sim.feed(b":Rg07.5#:Mgn2000#")
+    clock.now += 10
+    assert separation(*sim.truth(), *still) / ARCSECOND == pytest.approx(15.0, abs=0.5)
+
+
+@pytest.mark.parametrize(("model", "fastest"), [("lx200", 8), ("lx200-16", 4), ("autostar", 8), ("lx200gps", 8)])
+def test_the_fastest_rate(model: str, fastest: int) -> None:
+    sim, _ = meade(model)
+    assert sim.feed(f":Sw1#:Sw9#:Sw2#:Sw{fastest}#:Sw{fastest + 1}#".encode()) == b"00110"
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_stop_ends_a_slew_and_tracks(model: str) -> None:
+    sim, clock = meade(model)
+    sim.feed(overhead(sim) + b":MS#")
+    clock.now += 2
+    assert sim.slewing
+    sim.feed(b":Q#")
+    assert not sim.slewing
+    assert sim.tracking
+
+
+def test_bars_of_a_classic_are_counted_for_each_axis() -> None:
+    sim, _ = meade("lx200")
+    before = sim.position()
+    hours = (before[0] + 30.0) % 360.0 / 15.0
+    sim.feed(f":U#:Sr{int(hours):02d}:{int(hours * 60) % 60:02d}:00#:Sd+80*00#:MS#".encode())
+    bars = sim.feed(b":D#")
+    assert bars == b"\xff" * 3 + b" " * 13 + b"\xff" * 7 + b" " * 9 + b"#"
+
+
+@pytest.mark.parametrize("model", ["autostar", "lx200gps"])
+def test_park_and_sleep(model: str) -> None:
+    sim, clock = meade(model)
+    sim.feed(b":hP#")
+    assert sim.feed(b":D#") == b"\x7f#"
+    clock.now += 120
+    assert sim.feed(b":D#:GW#") == b"#ANP"
+    assert sim.feed(b":U#:U#:GA#")[:6] in (b"+00\xdf00", b"-00\xdf00")
+    sim.feed(overhead(sim) + b":MS#")
+    clock.now += 120
+    assert sim.feed(b":GW#") == b"AT1"
+    if model == "lx200gps":
+        sim.feed(b":hN#")
+        assert not sim.tracking
+        sim.feed(b":hW#")
+        assert sim.tracking
+
+
+def test_a_parked_polar_telescope_points_at_its_pole() -> None:
+    for site, pole in ((SITES[0], 90.0), (SITES[1], -90.0)):
+        sim, clock = meade("lx200-16", site)
+        sim.feed(b":hP#")
+        assert sim.feed(b":D#").strip(b" #") != b""
+        clock.now += 300
+        assert sim.truth()[1] == pytest.approx(pole)
+        assert not sim.tracking
+
+
+@pytest.mark.parametrize(("model", "deaf"), [("lx200-16", b""), ("lx200gps", b"\x15")])
+def test_home(model: str, deaf: bytes) -> None:
+    sim, clock = meade(model)
+    sim.feed(overhead(sim) + b":MS#")
+    clock.now += 300
+    assert sim.feed(b":hF#:h?#:GR#") == b"2" + deaf
+    clock.now += 300
+    assert sim.feed(b":h?#") == b"1"
+    assert sim.feed(overhead(sim) + b":MS#") == b"110"
+    clock.now += 300
+    assert sim.feed(b":hS#:Q#:h?#") == b"0", "interrupted"
+    assert sim.feed(b":Gc#") == b"24#"
+
+
+def test_restart_forgets_the_target_and_the_formats() -> None:
+    sim, _ = meade("lx200gps")
+    sim.feed(overhead(sim) + b":U#:So10#:SMHOME#:AL#")
+    assert sim.feed(b":I#") == b"X"
+    assert sim.feed(b":Gr#:Gd#:Go#:GM#") == b"00:00:00#+00\xdf00:00#00\xdf#HOME#"
+    assert sim.tracking

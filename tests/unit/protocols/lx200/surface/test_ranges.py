@@ -1,0 +1,209 @@
+"""Values out of range are refused and change nothing; sixty carries where programs send it.
+
+The bytes are the manual's forms, typed by hand, each with a value that its field cannot have.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from gateway.clients.access import Access
+from gateway.mount.safety.limits import Limits
+from tests.support.fake_mount import Talk
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+MODELS = ["autostar", "lx200", "lx200-16", "lx200gps"]
+WITH_HORIZON = ["autostar", "lx200-16", "lx200gps"]
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize(
+    "bad",
+    [
+        b":So91#",
+        b":Sh91#",
+        b":So99*#",
+        b":Sh-5#",
+        b":So-5#",
+        b":So-05*#",
+        b":Sh100#",
+        b":Sh540#",
+        b":Sh5401#",
+        b":So-5400#",
+        b":So#",
+        b":Sh45.5.5#",
+        b":Shab#",
+    ],
+)
+def test_a_limit_is_0_to_90_degrees(model: str, bad: bytes) -> None:
+    talk = Talk(model=model)
+    assert talk.send(b":So10*#:Sh80#") == b"11"
+    assert talk.send(bad) == b"0"
+    assert talk.send(b":Go#:Gh#") == b"10*#80*#"
+
+
+def test_four_digits_of_a_limit_are_arcminutes_as_one_program_sends_them() -> None:
+    assert Talk().send(b":So00#:Sh5400#:Go#:Gh#") == b"1100*#90*#"
+    assert Talk().send(b":So0600#:Sh4800#:Go#:Gh#") == b"1110*#80*#"
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("bad", [b":SB0#", b":SB10#", b":SBabc#", b":SB#", b":SB-1#", b":SBz#"])
+def test_a_baud_rate_that_is_none_is_refused(model: str, bad: bytes) -> None:
+    """The manual has no form for this no; it is the one of every other setting."""
+    assert Talk(model=model).send(bad) == b"0"
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("good", [b":SB1#", b":SB6#", b":SB9#"])
+def test_a_baud_rate_of_the_manual_is_taken(model: str, good: bytes) -> None:
+    assert Talk(model=model).send(good) == b"1"
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        b":Srab:cd:ef#",
+        b":Srxx:yy:zz#",
+        b":Sdab*cd:ef#",
+        b":SLab:cd:ef#",
+        b":Sgab*cd#",
+        b":Stab*cd#",
+        b":SCab/cd/ef#",
+        b":SGab#",
+    ],
+)
+def test_letters_in_place_of_a_number_are_answered_once(bad: bytes) -> None:
+    """A program waits for its one character."""
+    talk = Talk()
+    assert talk.send(bad) == b"0"
+    talk.wait(0.2)
+    assert talk.send(b":GR#") == b"12:34:56#"
+
+
+@pytest.mark.parametrize(
+    ("bad", "reads", "before"),
+    [
+        (b":Sr12:34:60#", b":Gr#", b"00:00:00#"),
+        (b":Sr12:60:00#", b":Gr#", b"00:00:00#"),
+        (b":Sr12:60.0#", b":Gr#", b"00:00:00#"),
+        (b":Sr23:59:60#", b":Gr#", b"00:00:00#"),
+        (b":Sd+45*60#", b":Gd#", b"+00*00:00#"),
+        (b":Sd+45*59:60#", b":Gd#", b"+00*00:00#"),
+        (b":Sd-00*60#", b":Gd#", b"+00*00:00#"),
+    ],
+)
+def test_a_target_has_no_sixtieth_minute_or_second(bad: bytes, reads: bytes, before: bytes) -> None:
+    """And a target that was refused is none."""
+    talk = Talk()
+    assert talk.send(b":Sr05:00:00#:Sd+20*00:00#") == b"11"
+    assert talk.send(bad) == b"0"
+    assert talk.send(reads) == before
+    assert talk.send(b":MS#") == b"1No target set.#"
+
+
+@pytest.mark.parametrize("bad", [b":SL12:34:60#", b":SL12:60:00#", b":SL23:59:60#"])
+def test_a_time_of_day_has_no_sixtieth_minute_or_second(bad: bytes) -> None:
+    talk = Talk()
+    assert talk.send(b":GL#") == b"20:15:30#"
+    assert talk.send(bad) == b"0"
+    talk.wait(5.0)
+    assert talk.send(b":GL#") == b"20:15:35#"
+
+
+@pytest.mark.parametrize("model", WITH_HORIZON)
+def test_sixty_carries_where_programs_round_to_it(model: str) -> None:
+    talk = Talk(model=model)
+    assert talk.send(b":Sz 179*60#:Sa+29*60#:MA#") == b"110"
+    assert talk.mount.asked[-1].az == 180.0  # type: ignore[attr-defined]
+    assert talk.mount.asked[-1].alt == 30.0  # type: ignore[attr-defined]
+    assert talk.send(b":Sg074*60#:St40*60#:Gg#:Gt#") == b"11+075*00#+41*00#"
+
+
+@pytest.mark.parametrize(
+    "bad", [b":Sz180*61#", b":Sz180*99#", b":Sa+30*61#", b":Sg074*61#", b":Sg074*99#", b":St+40*61#", b":St+40*99#"]
+)
+def test_sixty_one_is_no_minute(bad: bytes) -> None:
+    talk = Talk()
+    assert talk.send(b":Sg074*30#:St+40*45#") == b"11"
+    assert talk.send(bad) == b"0"
+    assert talk.send(b":Gg#:Gt#") == b"+074*30#+40*45#"
+
+
+@pytest.mark.parametrize("bad", [b":Se+181*00#", b":Se-181*00#", b":Se+360*00#", b":Se+200*00#", b":SE+91*00#"])
+def test_a_place_on_the_moon_is_on_the_moon(bad: bytes) -> None:
+    talk = Talk()
+    assert talk.send(b":SE+20*00#:Se-010*30#") == b"11"
+    assert talk.send(bad) == b"0"
+    assert talk.send(b":MS#")[:1] == b"1"
+
+
+# --- the altitude of a target -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", WITH_HORIZON)
+@pytest.mark.parametrize("out", [b":Sa-10*00#", b":Sa+95*00#", b":Sa-00*01#"])
+def test_an_altitude_out_of_the_slew_range_is_refused_and_nothing_is_chosen(model: str, out: bytes) -> None:
+    talk = Talk(model=model)
+    assert talk.send(b":Sz180*00#:Sa+30*00#") == b"11"
+    assert talk.send(out) == b"0"
+    assert talk.send(b":MA#") == b"1"
+    assert not talk.mount.slewing
+
+
+def test_the_slew_range_is_what_this_client_narrowed_it_to() -> None:
+    talk = Talk()
+    assert talk.send(b":So20*#:Sh70#:Sa+19*59#:Sa+20*00#:Sa+70*00#:Sa+70*01#") == b"110110"
+
+
+def test_the_slew_range_is_the_owners() -> None:
+    talk = Talk()
+    talk.session.settings = {**talk.session.settings, "limits": Limits(lowest=-5.0)}
+    assert talk.send(b":Sa-04*00#:Sa-06*00#") == b"10"
+
+
+# --- small commands without a reply ----------------------------------------------------------------------------------
+
+
+def test_a_focus_speed_that_is_none_changes_nothing() -> None:
+    talk = Talk(model="lx200gps")
+    assert talk.send(b":F3#:F0#:F5#:F9#:F+#") == b""
+    assert talk.mount.asked[-1].speed == 3  # type: ignore[attr-defined]
+
+
+# --- a client that only looks ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        b":SL23:00:00#",
+        b":SG+00#",
+        b":SC11/22/26#",
+        b":St+10*00#",
+        b":Sg100*00#",
+        b":SS12:00:00#",
+        b":ST60.0#",
+        b":SMHOME#",
+        b":hI260320201530#",
+    ],
+)
+def test_whoever_only_looks_is_told_no_by_everything_that_sets(setting: bytes) -> None:
+    async def play() -> None:
+        async with Bridge("cpc", surface="lx200gps", access=Access(read_only=True)) as bridge:
+            client = bridge.client()
+            before = await client.ask(b":GG#")
+            no = b"" if setting.startswith(b":hI") else b"0"
+            assert await client.ask(setting, 3.0) == no
+            assert await client.ask(b":GG#") == before
+
+    run(play())
+
+
+def test_limits_that_leave_nothing_between_them_are_refused() -> None:
+    """The manual's text has the two the other way round: a program that goes by it would lock itself out."""
+    talk = Talk()
+    assert talk.send(b":Sh00#:Gh#") == b"090*#"
+    assert talk.send(b":So85*#:Sh10#:So85*#") == b"101"
+    assert talk.send(b":Go#:Gh#") == b"85*#90*#"

@@ -1,0 +1,201 @@
+"""What the surface is as a whole: never upset, one format for each client, truthful about the mount."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from gateway.core import operations as op
+from gateway.core.errors import NoAnswer
+from gateway.protocols.wireformat.command_set import load
+from tests.support.fake_mount import Mount, Talk
+
+MODELS = ["autostar", "lx200", "lx200-16", "lx200gps"]
+NAMES = sorted(load("lx200").commands)
+
+
+# --- whatever is sent ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "ACK"])
+def test_no_argument_upsets_a_command(name: str) -> None:
+    for model in MODELS:
+        for argument in (
+            b"",
+            b"x",
+            b"abc",
+            b" ",
+            b"-5",
+            b"+",
+            b".",
+            b"0",
+            b"9",
+            b"1.2.3",
+            b"9999999",
+            b"n",
+            b"n-5",
+            b"\xff",
+            b"12:34:56",
+            b"+12*34:56",
+            b"nan",
+            b"inf",
+            b"1e3",
+            b"1_0",
+        ):
+            talk = Talk(model=model)
+            talk.send((b"" if name.startswith("$Q") else b":") + name.encode() + argument + b"#")
+            assert talk.send(b"#:Gc#").endswith((b"24#", b"12#"))
+
+
+@given(
+    st.lists(
+        st.one_of(
+            st.binary(max_size=12),
+            st.sampled_from(NAMES).map(lambda name: b":" + name.encode()),
+            st.just(b"#"),
+            st.just(b"\x06"),
+        ),
+        max_size=30,
+    )
+)
+@example([b":SG", b"-15:00", b"#"])
+def test_no_bytes_upset_the_surface(pieces: list[bytes]) -> None:
+    talk = Talk()
+    talk.send(b"".join(pieces))
+    talk.wait(3)
+    assert talk.send(b"#:Gc#").endswith((b"24#", b"12#"))
+
+
+# --- formats ------------------------------------------------------------------------------------------------------
+
+
+def _degrees(text: bytes) -> float:
+    whole, minutes, *seconds = (float(part) for part in text.strip(b"+-#").replace(b"*", b":").split(b":"))
+    size = whole + minutes / 60 + (seconds[0] / 3600 if seconds else 0)
+    return -size if text.startswith(b"-") else size
+
+
+@given(st.floats(0, 360, exclude_max=True), st.floats(-90, 90))
+def test_both_formats_are_within_half_their_last_digit(ra: float, dec: float) -> None:
+    long, short = Talk(mount := Mount()), Talk(mount)
+    short.send(b":U#")
+    mount.position, mount.horizontal = op.Equatorial(ra, dec), op.Horizontal(ra, dec)
+    for talk, hours, tick in ((long, 1 / 240, 1 / 3600), (short, 1 / 40, 1 / 60)):
+        for command, wanted, size, digit in (
+            (b":GR#", ra, 15.0, hours),
+            (b":GD#", dec, 1.0, tick),
+            (b":GZ#", ra, 1.0, tick),
+            (b":GA#", dec, 1.0, tick),
+        ):
+            reply = talk.send(command)
+            off = _degrees(reply) * size - wanted
+            assert abs((off + 180) % 360 - 180) <= digit / 2 + 1e-9, (command, reply)
+
+
+@pytest.mark.parametrize("start", ["high", "low"])
+def test_the_format_is_a_clients_own(start: str) -> None:
+    long, short = (
+        (b"12:34:56#+45*12:34#", b"12:34.9#+45*13#")
+        if start == "high"
+        else (b"12:34.9#+45*13#", b"12:34:56#+45*12:34#")
+    )
+    one, other = Talk(mount := Mount(), precision=start), Talk(mount, precision=start)
+    assert one.send(b":GR#:GD#") == long
+    assert one.send(b":U#:GR#:GD#") == short
+    assert other.send(b":GR#:GD#") == long
+    assert other.send(b":U#:U#:GR#:GD#") == long
+    assert one.send(b":GR#:GD#") == short
+
+
+def test_pointing_precision_is_no_format() -> None:
+    talk = Talk()
+    assert talk.send(b":P#:GR#:P#:GR#") == b"LOW  PRECISION12:34:56#LOW  PRECISION12:34:56#"
+    assert talk.send(b":U#:P#:GR#") == b"LOW  PRECISION12:34.9#"
+
+
+# --- one instant --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "before", "after"),
+    [(b":GR#", b":GD#", b"+45*12:34#", b"+20*00:00#"), (b":GZ#", b":GA#", b"+40*00:00#", b"+20*00:00#")],
+)
+def test_a_pair_is_one_instant(first: bytes, second: bytes, before: bytes, after: bytes) -> None:
+    def moved() -> Talk:
+        talk = Talk()
+        talk.send(first)
+        talk.mount.position, talk.mount.horizontal = op.Equatorial(100.0, 20.0), op.Horizontal(100.0, 20.0)
+        return talk
+
+    assert moved().send(second) == before
+    assert (talk := moved()).send(second + second) == before + after, "the pair is used up"
+    assert talk.send(first + second).endswith(after)
+    assert moved().send(b":D#" + second) == b"#" + after, "something else came between"
+    talk = moved()
+    talk.wait(1.1)
+    assert talk.send(second) == after, "too long ago"
+    talk = moved()
+    talk.reconnect()
+    assert talk.send(second) == after, "another connection's"
+
+
+# --- truthful about the mount -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("tracking", "aligned", "equatorial", "ack", "state"),
+    [
+        (op.Tracking.ALTAZ, True, False, b"A", b"AT1"),
+        (op.Tracking.EQ_NORTH, True, True, b"P", b"PT1"),
+        (op.Tracking.EQ_SOUTH, False, True, b"P", b"PT0"),
+        (op.Tracking.OFF, True, False, b"A", b"AN1"),
+        (op.Tracking.OFF, False, True, b"P", b"PN0"),
+    ],
+)
+def test_state(tracking: op.Tracking, aligned: bool, equatorial: bool, ack: bytes, state: bytes) -> None:
+    talk = Talk()
+    talk.mount.status = op.Status(tracking, aligned=aligned, equatorial=equatorial)
+    assert talk.send(b"\x06:GW#") == ack + state
+    assert Talk(talk.mount, model="lx200gps").send(b":Aa#") == (b"1" if aligned else b"0")
+
+
+def test_l_is_said_only_to_the_client_that_asked_for_land_mode() -> None:
+    one, other = Talk(mount := Mount()), Talk(mount)
+    assert one.send(b"\x06:AL#\x06") == b"PL"
+    assert other.send(b"\x06") == b"P"
+    assert one.send(b":AP#\x06:AL#:AA#\x06") == b"PP"
+
+
+def test_the_alignment_menu_marks_the_present_mode() -> None:
+    talk = Talk(model="lx200")
+    marked = [talk.send(b":G%d#" % entry).startswith(b">") for entry in range(3)]
+    assert marked == [False, True, False]
+    talk.mount.status = op.Status(op.Tracking.ALTAZ, aligned=True, equatorial=False)
+    assert [talk.send(b":G%d#" % entry).startswith(b">") for entry in range(3)] == [True, False, False]
+    assert talk.send(b":AL#:G2#").startswith(b">")
+
+
+@pytest.mark.parametrize(
+    ("model", "product", "firmware"), [("autostar", b"Autostar", b"43Eg"), ("lx200gps", b"LX2001", b"4.2l")]
+)
+def test_identity_is_the_presented_models(model: str, product: bytes, firmware: bytes) -> None:
+    talk = Talk(model=model)
+    assert talk.send(b":GVP#:GVN#") == product + b"#" + firmware + b"#"
+    assert talk.mount.asked == []
+
+
+def test_a_restart_takes_up_service_and_forgets_this_client() -> None:
+    talk = Talk(model="lx200gps")
+    talk.send(b":U#:H#:AL#:Sr05:34:32#:Sd+22*00:52#:So30#")
+    assert talk.send(b":I#") == b"X"
+    assert talk.mount.of(op.Unpark) == [op.Unpark()]
+    assert talk.send(b":GR#:Gc#\x06:MS#:Go#") == b"12:34:56#24#P1No target set.#00*#"
+    assert Talk().send(b":I#") == b"", "an Autostar has no reply"
+
+
+def test_a_silent_mount_is_answered_with_silence() -> None:
+    talk = Talk()
+    talk.mount.fault = NoAnswer()
+    assert talk.send(b"\x06:GW#:GR#:GD#:D#:GZ#:GA#:h?#:G0#") == b""
+    assert talk.send(b":GVP#:Gc#:GT#:GM#") == b"Autostar#24#60.1#SITE 1#"

@@ -1,0 +1,189 @@
+"""Targets, gotos, syncs and altitude limits, by the bytes a client sends and gets."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.core import errors
+from gateway.core import operations as op
+from gateway.mount.safety.limits import Limits
+from tests.support.fake_mount import Mount, Talk
+
+TARGET = b":Sr05:34:32#:Sd+22*00:52#"
+REFUSED_RA = (b":Sr24:00:00#", b":Sr12:60:00#", b":Sr12:00:61#", b":Sr-01:00:00#", b":Sr#", b":Srabc#", b":Sr05#")
+REFUSED_DEC = (b":Sd+91*00:00#", b":Sd+90*00:01#", b":Sd-90*00:01#", b":Sd+12*60:00#", b":Sd#", b":Sd+22#")
+
+
+# --- targets ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("half", REFUSED_RA + REFUSED_DEC)
+def test_a_refused_half_clears_the_whole_target(half: bytes) -> None:
+    talk = Talk()
+    assert talk.send(TARGET) == b"11"
+    assert talk.send(half) == b"0"
+    assert talk.send(b":MS#") == b"1No target set.#"
+    assert talk.send(b":CM#") == b"#"
+    assert talk.mount.asked == []
+
+
+@pytest.mark.parametrize("other", [b":Sd+22*00:52#", b":Sr05:34:32#"])
+def test_one_half_after_a_refusal_is_no_target(other: bytes) -> None:
+    talk = Talk()
+    talk.send(TARGET + b":Sr25:00:00#")
+    assert talk.send(other + b":MS#") == b"11No target set.#"
+    assert talk.send(TARGET + b":MS#") == b"110"
+
+
+@pytest.mark.parametrize("half", [b":Sa+91*00#", b":Saabc#", b":Sz361*00#", b":Sz#"])
+def test_a_refused_horizontal_half_clears_that_target_alone(half: bytes) -> None:
+    talk = Talk()
+    assert talk.send(TARGET + b":Sz180*00#:Sa+45*00#" + half + b":MA#") == b"111101"
+    assert talk.send(b":MS#") == b"0"
+
+
+@given(st.integers(0, 86399), st.integers(-324000, 324000))
+def test_a_target_is_read_back_as_it_was_set(ra: int, dec: int) -> None:
+    hours = b"%02d:%02d:%02d" % (ra // 3600, ra // 60 % 60, ra % 60)
+    size = abs(dec)
+    degrees = b"%s%02d*%02d:%02d" % (b"-" if dec < 0 else b"+", size // 3600, size // 60 % 60, size % 60)
+    talk = Talk()
+    assert talk.send(b":Sr%s#:Sd%s#:Gr#:Gd#" % (hours, degrees)) == b"11%s#%s#" % (hours, degrees)
+    talk.send(b":CM#")
+    (sync,) = talk.mount.of(op.Sync)
+    assert sync.ra == pytest.approx(ra / 240)
+    assert sync.dec == pytest.approx(dec / 3600)
+
+
+def test_a_goto_carries_the_target_and_this_clients_limits() -> None:
+    talk = Talk()
+    talk.send(TARGET + b":So10#:Sh80#:MS#")
+    (goto,) = talk.mount.of(op.Goto)
+    assert goto.ra == pytest.approx((5 + 34 / 60 + 32 / 3600) * 15)
+    assert goto.dec == pytest.approx(22 + 52 / 3600)
+    assert (goto.lowest, goto.highest, goto.track) == (10.0, 80.0, True)
+
+
+def test_a_goto_of_a_client_in_land_mode_starts_no_tracking() -> None:
+    talk = Talk()
+    talk.send(b":AL#" + TARGET + b":MS#:AP#:MS#")
+    assert [goto.track for goto in talk.mount.of(op.Goto)] == [False, True]
+
+
+# --- refusals -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("fault", "reply"),
+    [
+        (errors.BelowHorizon(), b"1Object Below Horizon.#"),
+        (errors.TooHigh("Object Above Higher Limit."), b"2Object Above Higher Limit.#"),
+        (errors.NotAligned(), b"1Mount not aligned.#"),
+        (errors.NoAnswer(), b"1No answer from mount.#"),
+        (errors.Stopped(), b"1Stopped.#"),
+        (errors.Unsupported("The mount # is too old."), b"1The mount   is too old.#"),
+    ],
+)
+def test_a_goto_is_refused_with_a_digit_and_words(fault: errors.Fault, reply: bytes) -> None:
+    talk = Talk()
+    talk.mount.fault = fault
+    assert talk.send(TARGET + b":MS#") == b"11" + reply
+    assert talk.send(b":Sz180*00#:Sa+45*00#:MA#") == b"111"
+    assert talk.send(b":CM#") == b"#"
+    talk.mount.fault = None
+    assert talk.send(b":MS#") == b"0", "the mount's refusal is none of the target's"
+
+
+def test_a_mount_that_does_not_answer_is_not_spoken_for() -> None:
+    talk = Talk()
+    talk.mount.fault = errors.NoAnswer()
+    assert talk.send(b":GR#:GD#:GZ#:GA#:D#:GW#:GL#:GC#:GS#:Gt#:Gg#\x06") == b""
+    assert talk.send(TARGET) == b"11"
+
+
+# --- limits -------------------------------------------------------------------------------------------------------
+
+
+def _altitude(mount: Mount, ra: float, dec: float) -> float:
+    return mount.sky.horizon(ra, dec, mount.site.latitude, mount.site.longitude, mount.clock.unix)[1]
+
+
+def test_a_target_exactly_at_a_limit_is_allowed() -> None:
+    talk = Talk()
+    altitude = _altitude(talk.mount, (5 + 34 / 60 + 32 / 3600) * 15, 22 + 52 / 3600)
+    assert 40 < altitude < 80
+    for limits, reply in [
+        (Limits(lowest=altitude), b"0"),
+        (Limits(lowest=altitude + 2 / 3600), b"1Object Below Lower Limit.#"),
+        (Limits(highest=altitude), b"0"),
+        (Limits(highest=altitude - 2 / 3600), b"2Object Above Higher Limit.#"),
+    ]:
+        talk.mount.limits = limits
+        assert talk.send(TARGET + b":MS#") == b"11" + reply
+
+
+def test_an_altitude_exactly_at_a_clients_limit_is_allowed() -> None:
+    talk = Talk()
+    assert talk.send(b":Sz180*00#:So20#:Sh60*#") == b"111"
+    assert talk.send(b":Sa+20*00#:MA#:Sa+60*00#:MA#") == b"1010"
+    assert talk.send(b":Sa+19*59:50#:MA#:Sa+60*00:10#:MA#") == b"0101", "and nothing is chosen"
+
+
+def _limited(lowest: float, highest: float) -> Talk:
+    """A client of a gateway whose operator has set limits."""
+    talk = Talk()
+    talk.mount.limits = talk.face.settings["limits"] = Limits(lowest, highest)
+    return talk
+
+
+def test_a_client_narrows_the_operators_limits() -> None:
+    talk = _limited(10, 80)
+    assert talk.send(b":Go#:Gh#") == b"10*#80*#"
+    assert talk.send(b":So20#:Sh4200#:Go#:Gh#") == b"1120*#70*#"
+    assert talk.send(b":So1500#:Sh60*#:Go#:Gh#") == b"1125*#60*#"
+    assert talk.send(b":Sz000*00#:Sa+24*00#:MA#:Sa+25*00#:Sz000*00#:MA#:Sa+61*00#:MA#") == b"10111001"
+
+
+@given(st.integers(0, 90), st.integers(1000, 5400))
+def test_no_client_widens_the_operators_limits(lowest: int, highest: int) -> None:
+    talk = _limited(10, 80)
+    low = b"1" if lowest < 80 else b"0"  # nothing would be left
+    high = b"1" if highest / 60.0 > (max(10, lowest) if low == b"1" else 10) else b"0"
+    assert talk.send(b":So%d#:Sh%d#" % (lowest, highest)) == low + high
+    assert float(talk.send(b":Go#").rstrip(b"*#")) >= 10
+    assert float(talk.send(b":Gh#").rstrip(b"*#")) <= 80
+    assert talk.send(b":Sz000*00#:Sa+09*59#:MA#:Sa+80*01#:MA#") == b"10101"
+
+
+@pytest.mark.parametrize("limit", [b":So#", b":Sh5401#", b":So-5401*#", b":Sh99999#"])
+def test_an_impossible_limit_is_refused(limit: bytes) -> None:
+    talk = _limited(10, 80)
+    assert talk.send(limit + b":Go#:Gh#") == b"010*#80*#"
+
+
+def test_limits_are_each_clients_own() -> None:
+    one, other = Talk(mount := Mount()), Talk(mount)
+    assert one.send(b":So30#:Sz180*00#:Sa+20*00#:MA#") == b"1101"
+    assert other.send(b":Go#:Sz180*00#:Sa+20*00#:MA#") == b"00*#110"
+
+
+# --- sync, bars ---------------------------------------------------------------------------------------------------
+
+
+def test_a_sync_says_by_its_text_whether_it_was_done() -> None:
+    near, far = b":Sr12:40:00#:Sd+45*00:00#", b":Sr05:34:32#:Sd+22*00:52#"
+    assert Talk().send(near + b":CM#") == b"11 M31 EX GAL MAG 3.5 SZ178.0'#"
+    assert Talk(model="lx200").send(near + b":CM#") == b"11Coordinates     matched.        #"
+    assert Talk(sync_text="1Done.").send(near + b":CM#") == b"111Done.#"
+    assert Talk().send(far + b":CM#") == b"11#"
+    assert Talk().send(b":CM#") == b"#"
+
+
+@pytest.mark.parametrize("model", ["autostar", "lx200", "lx200-16", "lx200gps"])
+def test_the_bar_stands_from_the_answer_of_the_goto_until_it_is_over(model: str) -> None:
+    talk = Talk(model=model)
+    assert talk.send(b":D#" + TARGET + b":MS#:D#") == b"#110\x7f#"
+    talk.mount.slewing = False
+    assert talk.send(b":D#") == b"#"

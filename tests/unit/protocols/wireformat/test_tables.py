@@ -1,0 +1,181 @@
+"""The mappings are sound, and a broken row is named with its file and its reason."""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+from datetime import date
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.core.errors import MappingError, UserError
+from gateway.diagnostics import command_tables
+from gateway.diagnostics.rehearsal.explain import explain
+from gateway.protocols.lx200.surface import SPECIALS as LX200_SPECIALS
+from gateway.protocols.nexstar.driver import SPECIALS as NEXSTAR_SPECIALS
+from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_folder
+from gateway.protocols.wireformat.fields import Codec
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+PROTOCOLS = [load("lx200"), load("nexstar")]
+SAMPLES = {"ra": 83.6, "dec": -22.5, "latitude": -33.5, "longitude": 118.25, "date": date(2026, 3, 20)}
+
+
+def _sample(name: str, field: Codec) -> Any:
+    """Some value that the field can carry."""
+    for value in (SAMPLES.get(name), 5, 7.5, "A", "text", *"SEWTP0", "12", "HIGH PRECISION", "GD", "n"):
+        if value is None:
+            continue
+        try:
+            raw = field.encode(value)
+            field.decode(raw)
+        except (ValueError, TypeError, AttributeError):
+            continue
+        return value
+    raise AssertionError(f"no sample for {name}")
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda protocol: protocol.name)
+def test_every_request_finds_its_own_command(protocol: CommandSet) -> None:
+    for command in protocol.commands.values():
+        for picture in command.requests:
+            frame = picture.encode({name: _sample(name, field) for name, field in picture.fields.items()})
+            found = protocol.find(frame)
+            assert found is not None, command
+            # A frame may be written by a more general row, too; its own length and literal must win.
+            assert found[0] is command or len(found[1].literal) >= len(picture.literal), (command, frame, found)
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda protocol: protocol.name)
+def test_no_reply_is_the_beginning_of_another(protocol: CommandSet) -> None:
+    for command in protocol.commands.values():
+        wires = [
+            picture.encode({name: _sample(name, field) for name, field in picture.fields.items()})
+            for reply, picture in command.replies
+            if reply.when is None
+        ]
+        for one, other in combinations(wires, 2):
+            assert not one.startswith(other), command
+            assert not other.startswith(one), command
+
+
+def test_every_function_a_row_calls_exists_and_every_special_is_called() -> None:
+    calls = {row.call for row in load("lx200").surface.values() if row.call}
+    helpers = {"commit", "commit_quiet", "printable", "own_library"}
+    assert calls == LX200_SPECIALS.keys() - helpers
+    ways = {way.call for rows in load("nexstar").driver.values() for way in rows if way.call}
+    assert ways == NEXSTAR_SPECIALS.keys()
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "says"),
+    [
+        ("surface.toml", 'GR = { ask = "Positoin" }', "GR"),
+        ("surface.toml", 'GR = { ask = "Position", tell = ["ra"] }', "one verb"),
+        ("surface.toml", "QQQ = { say = {} }", "no such command"),
+        ("surface.toml", 'GR = { aks = "Position" }', "aks"),
+        ("surface.toml", 'Aa = { call = "align", outcome = "refused" }', "says why"),
+        ("surface.toml", "GR = {", "surface.toml"),
+        ("commands.toml", '[GR]\nrequest = ":GR{x:nonsense}#"\nhelp = "x"', "nonsense"),
+        ("commands.toml", '[GR]\nrequest = ":GR{x}#"\nhelp = "x"', "name:form"),
+        ("commands.toml", '[GR]\nhelp = "x"', "request"),
+    ],
+)
+def test_a_broken_row_is_named(tmp_path: Path, file: str, text: str, says: str) -> None:
+    folder = tmp_path / "lx200"
+    shutil.copytree(mappings_folder() / "lx200", folder)
+    (folder / file).write_text(text)
+    with pytest.raises(MappingError, match=says) as raised:
+        _ = CommandSet("lx200", folder).surface
+    assert file in str(raised.value)
+
+
+def test_the_printed_tables_are_up_to_date(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command_tables.check() == 0, capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("client", "mount"), command_tables.PAIRS)
+def test_no_row_is_missing(client: str, mount: str) -> None:
+    assert command_tables.missing(client, mount) == []
+
+
+def test_a_missing_row_fails_the_check(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    kept = {name: row for name, row in load("lx200").surface.items() if name != "LM"}
+    monkeypatch.setattr(load("lx200"), "_surface", kept)
+    assert command_tables.check() == 1
+    assert "mappings/lx200/surface.toml: [LM]: nothing answers it on a nexstar mount" in capsys.readouterr().err
+
+
+def test_an_explanation_is_of_the_model_that_was_named() -> None:
+    told = explain("lx200:lx200gps", "nexstar:cpc/4.21", ":gT#")
+    assert "outcome on a cpc/4.21 mount: kept (" in told and "\n  before the alignment: translated\n" in told
+    assert "outcome on a cge/3.02 mount: refused" in explain("lx200:lx200gps", "nexstar:cge/3.02", ":gT#")
+    assert "reply: 3.34#" in explain("lx200:lx200", "nexstar", ":GVN#")
+    assert "reply: \\x03\\x02#" in explain("nexstar:cge/3.02", "lx200", "V")
+    assert "version 1.2 does not know it" in explain("nexstar:nexstar-gps/1.2", "lx200", "e")
+    assert "the gateway keeps it as an offset" in explain("lx200", "nexstar:i-series/1.6", ":CM#")
+    with pytest.raises(UserError, match="no model 'cgx9'"):
+        explain("lx200", "nexstar:cgx9", ":CM#")
+
+
+def test_the_table_of_one_mount() -> None:
+    told = command_tables.one("gt/101.0")
+    assert told.startswith("# LX200 commands on gt/101.0\n")
+    assert "| `:CM#` | sync to the target | kept |" in told
+    assert "missing" not in told
+    assert command_tables.one("nexstar:cpc/4.21") == command_tables.one("cpc/4.21") == command_tables.one("cpc")
+    assert "# NexStar commands on lx200\n" in command_tables.one("lx200")
+    for wrong in ("cpx", "lx200:cpc", "cpc/new"):
+        with pytest.raises(UserError, match=r"MODEL or MODEL/VERSION|no version"):
+            command_tables.one(wrong)
+
+
+def test_a_row_that_one_old_version_lacks_fails_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = {name: ways[:1] if name == "Sync" else ways for name, ways in load("nexstar").driver.items()}
+    monkeypatch.setattr(load("nexstar"), "_driver", kept)
+    assert command_tables.missing("lx200", "nexstar") == ["CL", "CM"]
+
+
+@pytest.mark.parametrize(
+    ("said", "outcome"),
+    [
+        (b":AL#", "refused"),
+        (b":AP#", "refused"),
+        (b":Sr05:00:00#:Sd+45*00:00#:CM#", "kept"),
+        (b":Ga#", "kept"),
+        (b":GC#", "kept"),
+        (b":GG#", "kept"),
+        (b":Gg#", "kept"),
+        (b":GL#", "kept"),
+        (b":Gt#", "kept"),
+        (b":hN#", "silent"),
+        (b":hW#", "silent"),
+        (b":I#", "translated"),
+        (b":Mgn0500#", "refused"),
+        (b":RS#:Mn#", "translated"),
+    ],
+)
+@pytest.mark.parametrize(("model", "version"), [("nexstar-gps", "1.2"), ("gt", "101.0")])
+def test_the_outcomes_on_the_oldest_hand_controls_are_what_happens(
+    model: str, version: str, said: bytes, outcome: str
+) -> None:
+    """What is kept there sends nothing but questions; what is translated moves the mount."""
+
+    async def program() -> list[bytes]:
+        config = {"site": (45.0, 10.0), "mode": "alt-az"}
+        async with Bridge(model, version, config=config) as bridge:
+            before = len(bridge.sent())
+            await bridge.client().ask(said, 1.0)
+            await asyncio.sleep(1.0)
+            return [sent for sent in bridge.sent()[before:] if sent[:1] not in b"EZJL"]
+
+    name = load("lx200").find(b":" + said.rpartition(b":")[2])
+    assert name is not None
+    mount = load("nexstar")
+    row = load("lx200").surface[name[0].name]
+    assert command_tables.outcome(row, mount, model, command_tables.effective(mount, model, version)) == outcome
+    assert bool(run(program())) == (outcome == "translated")

@@ -1,0 +1,106 @@
+"""The pace of a simulated serial line: ten bits a byte, each way, one byte after the other."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from pathlib import Path
+
+import pytest
+
+from gateway.app.simulated import _Caller, serve_simulator
+from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
+from gateway.transport.serial_pace import LONGEST, Pace
+from tests.support.simulated_meade import Clock
+from tests.support.virtual import run
+
+#: Seconds that a byte takes at 9600 baud.
+BYTE = 10.0 / 9600.0
+
+
+def test_bytes_arrive_one_after_the_other() -> None:
+    async def program() -> None:
+        loop = asyncio.get_running_loop()
+        began, heard = loop.time(), []
+        pace = Pace(9600, lambda data: heard.append((data, loop.time() - began)))
+        pace.send(b"ab")
+        await asyncio.sleep(1.5 * BYTE)
+        pace.send(b"c")  # behind those that are on the line
+        await asyncio.sleep(10 * BYTE)
+        pace.send(b"d")  # on an idle one
+        await asyncio.sleep(2 * BYTE)
+        assert [data for data, _ in heard] == [b"a", b"b", b"c", b"d"]
+        assert [at for _, at in heard] == pytest.approx([BYTE, 2 * BYTE, 3 * BYTE, 12.5 * BYTE])
+
+    run(program())
+
+
+def test_what_nobody_could_take_in_time_is_lost_and_the_end_forgets_the_rest() -> None:
+    async def program() -> None:
+        heard: list[bytes] = []
+        pace = Pace(9600, heard.append)
+        pace.send(b"x" * (2 * LONGEST))
+        await asyncio.sleep((LONGEST + 1) * BYTE)
+        assert len(b"".join(heard)) == LONGEST
+        pace.send(b"gone")
+        pace.close()
+        await asyncio.sleep(1.0)
+        assert b"gone" not in b"".join(heard)
+
+    run(program())
+
+
+@pytest.mark.parametrize(
+    ("baud", "latency", "seconds"), [(9600, 0.0, 19 * BYTE), (9600, 0.2, 0.2 + 19 * BYTE), (None, 0.0, 0.0)]
+)
+def test_a_question_and_its_answer_take_their_time(baud: int | None, latency: float, seconds: float) -> None:
+    """``e`` is one byte, its answer eighteen."""
+
+    async def program() -> None:
+        loop = asyncio.get_running_loop()
+        heard = b""
+
+        def hear(data: bytes) -> None:
+            nonlocal heard
+            heard += data
+
+        caller = _Caller(SimulatedHandControl("cpc", clock=Clock()), latency, baud, hear)
+        began = loop.time()
+        caller.feed(b"e")
+        while len(heard) < 18:
+            await asyncio.sleep(BYTE / 8)
+        assert loop.time() - began == pytest.approx(seconds, abs=BYTE / 4)
+        caller.feed(b"e")
+        caller.close()
+        await asyncio.sleep(1.0)
+        assert len(heard) == (18 if baud else 36)
+
+    run(program())
+
+
+@pytest.mark.parametrize(("place", "baud", "least"), [
+    ("tcp://127.0.0.1:0", None, 0.0), ("tcp://127.0.0.1:0", 1200, 0.15), ("pty", None, 0.019), ("pty", 1200, 0.15),
+])  # fmt: skip
+def test_pseudo_terminals_have_the_pace_of_a_line_and_tcp_by_option(
+    place: str, baud: int | None, least: float, tmp_path: Path
+) -> None:
+    """Nineteen bytes: 0.02 s at 9600 baud, 0.16 s at 1200."""
+    serial = pytest.importorskip("serial")
+
+    async def program() -> float:
+        where = f"pty:{tmp_path / 'mount'}" if place == "pty" else place
+        [port] = await serve_simulator(SimulatedHandControl("cpc", clock=time.time), [where], 0.0, baud)
+        try:
+            return await asyncio.to_thread(ask, port.where)
+        finally:
+            await port.close()
+
+    def ask(where: str) -> float:
+        url = where.removeprefix("pty:").replace("tcp://", "socket://")
+        with serial.serial_for_url(url, baudrate=baud or 9600, timeout=10.0) as line:
+            began = time.monotonic()
+            line.write(b"e")
+            assert len(line.read(18)) == 18
+            return time.monotonic() - began
+
+    assert least <= asyncio.run(program()) < least + 2.0

@@ -1,0 +1,194 @@
+"""RFC 2217 as a surface: pyserial's own client, plain programs on the same port, and clients that misspeak."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import serial
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gateway.app.gateway import Gateway
+from gateway.transport import open_port
+from gateway.transport.handler import Listener
+from gateway.transport.rfc2217 import over_telnet
+from tests.unit.transport.test_ports import ask, serve
+
+EVERY_BYTE = bytes(range(256)) + b"\xff\xff\xf0\xff\xfa"
+#: WILL COM-PORT-OPTION.
+HELLO = b"\xff\xfb\x2c"
+PYSERIAL = pytest.mark.filterwarnings("ignore::DeprecationWarning:serial.*")  # its client names its thread as of old
+
+
+class Echo:
+    """A guest that sends back what it hears."""
+
+    ended, answered = False, True
+
+    def __init__(self, write: Callable[[bytes], Any]) -> None:
+        self.heard = b""
+        self.write = write
+        self.closed = False
+
+    def feed(self, data: bytes) -> None:
+        self.heard += data
+        self.write(data)
+
+    def serial(self, change_rate: Callable[[int], int]) -> None:
+        pass
+
+    def network(self, hang_up: Callable[[bytes], None]) -> None:
+        pass
+
+    def gone(self) -> None:
+        pass
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class Telnet:
+    """The server without a network: a guest, and what was sent to the client."""
+
+    def __init__(self) -> None:
+        self.sent = b""
+        self.echo: Echo
+        self.guest = over_telnet(self._arrive)("test", "127.0.0.1", self._send)
+
+    def _arrive(self, name: str, host: str, write: Callable[[bytes], Any]) -> Echo:
+        self.echo = Echo(write)
+        return self.echo
+
+    def _send(self, data: bytes) -> None:
+        self.sent += data
+
+
+def session(where: str) -> tuple[bytes, list[Any]]:
+    """pyserial's client in its own thread: every byte there and back, and all the settings there are."""
+    with serial.serial_for_url(where, baudrate=9600, timeout=5) as port:
+        port.write(EVERY_BYTE)
+        heard = port.read(len(EVERY_BYTE))
+        for baud in (300, 115200, 31250):
+            port.baudrate = baud
+        port.bytesize, port.parity, port.stopbits = 7, "E", 2
+        port.dtr = port.rts = False
+        port.dtr = port.rts = True
+        port.rtscts = True
+        port.rtscts = False
+        port.xonxoff = True
+        port.xonxoff = False
+        port.break_condition = True
+        port.break_condition = False
+        port.reset_input_buffer()
+        port.reset_output_buffer()
+        lines = [port.cts, port.dsr, port.cd, port.ri]
+        port.write(b"end")
+        return heard, [*lines, port.read(3)]
+
+
+@pytest.fixture
+def _brisk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """pyserial's client looks for the answer to every setting once in 0.05 s, and rests here and there."""
+    monkeypatch.setattr("serial.rfc2217.time", SimpleNamespace(sleep=lambda seconds: time.sleep(seconds / 50)))
+
+
+@PYSERIAL
+@pytest.mark.usefixtures("_brisk")
+def test_pyserials_own_client_sets_what_it_likes_and_hears_every_byte() -> None:
+    async def main() -> None:
+        port: Listener = await open_port("rfc2217://127.0.0.1:0", lambda name, host, write: Echo(write))
+        try:
+            assert port.where.startswith("rfc2217://127.0.0.1:") and not port.where.endswith(":0")
+            async with asyncio.timeout(20):
+                heard, rest = await asyncio.to_thread(session, port.where)
+        finally:
+            await port.close()
+        assert heard == EVERY_BYTE
+        assert rest == [True, True, True, False, b"end"]
+
+    asyncio.run(main())
+
+
+@PYSERIAL
+@pytest.mark.usefixtures("_brisk")
+def test_a_hand_control_and_a_plain_program_on_one_port() -> None:
+    """A binary 0xFF in both directions: the time zone of ``H`` an hour west of Greenwich, read back by ``h``."""
+    clock = b"H\x0c\x00\x00\x03\x14\x1a\xff\x00"
+
+    def hand_control(where: str) -> tuple[bytes, bytes]:
+        with serial.serial_for_url(where, timeout=5) as port:
+            port.write(clock)
+            done = port.read(1)
+            port.write(b"h")
+            return done, port.read(9)
+
+    async def program(gateway: Gateway) -> None:
+        where = gateway.ports[0].where
+        assert gateway.names()[0].partition("@")[2] == where
+        done, told = await asyncio.to_thread(hand_control, where)
+        assert done == b"#" and told[6:] == b"\xff\x00#"
+        host, _, number = where.removeprefix("rfc2217://").rpartition(":")
+        plain = await asyncio.open_connection(host, int(number))
+        assert await ask(plain, b"Kx") == b"x#"
+        assert await ask(plain, clock) == b"#"
+        plain[1].write(b"h")
+        assert (await plain[0].readexactly(9))[6:] == b"\xff\x00#"
+        plain[1].close()
+
+    serve(program, "nexstar@rfc2217://127.0.0.1:0", mount="nexstar@sim")
+
+
+def test_no_telnet_before_the_client_begins_it() -> None:
+    telnet = Telnet()
+    assert telnet.sent == b""
+    telnet.guest.feed(b":GR#")
+    assert telnet.sent == b":GR#"
+    telnet.guest.feed(b"\xff")  # may be its beginning
+    telnet.guest.feed(b"\x00#")  # is none
+    assert telnet.sent == b":GR#\xff\x00#"
+    telnet.guest.feed(b"a" + HELLO[:1])
+    telnet.guest.feed(HELLO[1:] + b"\xff\xffb")
+    assert telnet.echo.heard == b":GR#\xff\x00#a\xffb"
+    assert telnet.sent.endswith(b"\xff\xffb") and b"\xff\xfb\x2c" in telnet.sent
+    telnet.guest.close()
+    assert telnet.echo.closed
+
+
+@pytest.mark.parametrize("nonsense", [
+    b"\xff\xf0",  # an end without a beginning
+    b"\xff\xfa\xff\xf0", b"\xff\xfa\x2c\xff\xf0", b"\xff\xfa\x2c\x01\x00\xff\xf0",  # too few bytes
+    b"\xff\xfa\x2c\x03\x63\xff\xf0", b"\xff\xfa\x2c\x04\x63\xff\xf0", b"\xff\xfa\x2c\x05\x63\xff\xf0",  # no such value
+    b"\xff\xfa\x2c\x0a\xff\xf0", b"\xff\xfa\x2c\x0b\xff\xf0", b"\xff\xfa\x2c\x0c\xff\xf0", b"\xff\xfa\x2c\x63\xff\xf0",
+    b"\xff\xfd\x63", b"\xff\xf6", b"\xff\xfa\x18\x00vt100\xff\xf0",  # other options, are you there, another terminal
+])  # fmt: skip
+def test_what_no_rfc_knows_is_passed_over(nonsense: bytes) -> None:
+    telnet = Telnet()
+    telnet.guest.feed(HELLO + nonsense + b":GR#")
+    assert telnet.echo.heard == b":GR#"
+    telnet.guest.feed(b"\xff\xfa\x2c\x01\x00\x00\x25\x80\xff\xf0")
+    assert telnet.sent.endswith(b"\xff\xfa\x2c\x65\x00\x00\x25\x80\xff\xf0")  # 9600 baud, as ever
+
+
+def test_a_subnegotiation_without_end_is_not_kept() -> None:
+    telnet = Telnet()
+    telnet.guest.feed(HELLO + b"\xff\xfa" + b"x" * 1000 + b":GR#")
+    assert telnet.echo.heard.endswith(b":GR#")
+
+
+@settings(max_examples=50)
+@given(st.lists(st.binary(max_size=12), max_size=12))
+def test_bytes_arrive_however_they_are_cut(pieces: list[bytes]) -> None:
+    """Escaped as a client must, cut anywhere; and with anything at all nothing is raised."""
+    telnet, whole = Telnet(), b"".join(pieces)
+    for piece in [HELLO, *pieces]:
+        for at in range(0, len(escaped := piece.replace(b"\xff", b"\xff\xff") if piece != HELLO else piece), 5):
+            telnet.guest.feed(escaped[at : at + 5])
+    assert telnet.echo.heard == whole
+    wild = Telnet()
+    for piece in pieces:
+        wild.guest.feed(piece)

@@ -1,0 +1,156 @@
+"""Surfaces on serial ports by name, as the half of a com0com pair is one on Windows; and any pyserial URL."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import socket
+import tty
+
+import pytest
+
+from gateway.app.config import MountConfig, SurfaceConfig
+from gateway.app.gateway import Gateway
+from gateway.core.errors import UserError
+from gateway.transport import open_port, serial_port
+from gateway.transport.pty import speed
+from gateway.transport.wires import SerialTransport
+from tests.unit.transport.test_ports import PATIENCE, serve
+from tests.unit.transport.test_ports_rfc2217 import Echo
+
+
+async def read(descriptor: int, count: int) -> bytes:
+    """What the other half of the pair hears."""
+    heard = b""
+    async with asyncio.timeout(PATIENCE):
+        while len(heard) < count:
+            try:
+                heard += os.read(descriptor, 100)
+            except BlockingIOError:
+                await asyncio.sleep(0.005)
+    return heard
+
+
+def test_a_pair_of_ports_by_name() -> None:
+    """The gateway opens one half, the program has the other; it may fall silent and come back."""
+    program_side, gateway_side = os.openpty()
+    tty.setraw(gateway_side)
+    os.set_blocking(program_side, False)
+    name = os.ttyname(gateway_side)
+
+    async def program(gateway: Gateway) -> None:
+        assert gateway.names()[0].endswith(f"@{name}")
+        for _ in range(2):
+            os.write(program_side, b":GR#")
+            assert len(await read(program_side, 9)) == 9
+
+    try:
+        serve(program, f"lx200@{name}")
+    finally:
+        os.close(program_side)
+        os.close(gateway_side)
+
+
+def test_the_rate_is_the_surface_s_own() -> None:
+    program_side, gateway_side = os.openpty()
+    name = os.ttyname(gateway_side)
+
+    async def main() -> None:
+        gateway = Gateway(MountConfig(at="nexstar@sim"), [SurfaceConfig(at=f"lx200@{name}", baud=38400)])
+        await gateway.open()
+        assert speed(gateway_side) == 38400
+        await gateway.close()
+
+    asyncio.run(main())
+    os.close(program_side)
+    os.close(gateway_side)
+
+
+def test_a_socket_that_is_lost_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A program that listens, and has the gateway come to it."""
+    listening = socket.create_server(("127.0.0.1", 0))
+    listening.setblocking(False)
+
+    async def program(gateway: Gateway) -> None:
+        loop = asyncio.get_running_loop()
+        for again in (0.05, 60.0):  # and not a third time, to somebody who is gone
+            async with asyncio.timeout(PATIENCE):
+                link, _ = await loop.sock_accept(listening)
+                monkeypatch.setattr(serial_port, "AGAIN", again)
+                with link:
+                    link.setblocking(False)
+                    heard = b""
+                    while len(heard) < 9:  # what arrives while a port is being opened is thrown away
+                        await loop.sock_sendall(link, b":GR#")
+                        with contextlib.suppress(TimeoutError):
+                            async with asyncio.timeout(0.05):
+                                heard += await loop.sock_recv(link, 100)
+
+    with listening:
+        serve(program, f"lx200@socket://127.0.0.1:{listening.getsockname()[1]}")
+
+
+def test_a_loop_hears_itself() -> None:
+    async def main() -> None:
+        guests: list[Echo] = []
+
+        def arrive(name: str, host: str, write: object) -> Echo:
+            guests.append(Echo(lambda data: None))
+            guests[0].write = write  # type: ignore[assignment]
+            return guests[0]
+
+        port = await open_port("loop://", arrive)
+        guests[0].write(b"once")
+        guests[0].write = lambda data: None
+        async with asyncio.timeout(PATIENCE):
+            while guests[0].heard != b"once":
+                await asyncio.sleep(0.005)
+        await port.close()
+        assert guests[0].closed
+
+    asyncio.run(main())
+
+
+@pytest.mark.parametrize("where", ["COM5", "com5", "\\\\.\\COM12", "/dev/none", "./none"])
+def test_names_of_ports_are_taken_for_names_of_ports(where: str) -> None:
+    async def main() -> None:
+        await open_port(where, lambda name, host, write: Echo(write))
+
+    with pytest.raises(UserError, match=r"^cannot open "):
+        asyncio.run(main())
+
+
+@pytest.mark.parametrize("where", ["ttyUSB0", "tcp:127.0.0.1:4030", "localhost:4030"])
+def test_what_is_no_name_of_a_port_gets_the_forms_there_are(where: str) -> None:
+    async def main() -> None:
+        await open_port(where, lambda name, host, write: Echo(write))
+
+    with pytest.raises(UserError, match="write tcp://HOST:PORT, rfc2217://HOST:PORT, pty:PATH or the name of a serial"):
+        asyncio.run(main())
+
+
+def test_a_reply_over_a_socket_is_handed_over_in_one_piece() -> None:
+    """18 bytes that arrive together wake the loop once; a byte and the end of the connection lose nothing."""
+    server = socket.create_server(("127.0.0.1", 0))
+
+    async def main() -> tuple[list[bytes], list[str]]:
+        heard: list[bytes] = []
+        lost: list[str] = []
+        wire = SerialTransport(f"socket://127.0.0.1:{server.getsockname()[1]}")
+        await wire.open(heard.append, lost.append)
+        link, _ = server.accept()
+        async with asyncio.timeout(PATIENCE):
+            link.sendall(b"34AB0000,12CE0000#")
+            while sum(map(len, heard)) < 18:
+                await asyncio.sleep(0.002)
+            link.sendall(b"1")
+            link.close()
+            while not lost:
+                await asyncio.sleep(0.002)
+        await wire.close()
+        return heard, lost
+
+    with server:
+        heard, _ = asyncio.run(main())
+    assert heard == [b"34AB0000,12CE0000#", b"1"]

@@ -1,0 +1,104 @@
+"""TCP surfaces: addresses of both kinds, a port that is free again at once, connections that die."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from pathlib import Path
+
+import pytest
+
+from gateway.core.errors import UserError
+from gateway.transport import open_port
+from gateway.transport.tcp import TcpPort, split_address
+from tests.unit.transport.test_ports_rfc2217 import Echo
+
+
+async def echo_at(where: str) -> TcpPort:
+    port = await open_port(where, lambda name, host, write: Echo(write))
+    assert isinstance(port, TcpPort)
+    return port
+
+
+async def reaches(host: str, port: TcpPort) -> bool:
+    reader, writer = await asyncio.open_connection(host, split_address(port.where)[1])
+    writer.write(b"?")
+    async with asyncio.timeout(5):
+        heard = await reader.readexactly(1)
+    writer.close()
+    await writer.wait_closed()
+    return heard == b"?"
+
+
+def has_ipv6() -> bool:
+    try:
+        with socket.create_server(("::1", 0), family=socket.AF_INET6):
+            return True
+    except OSError:
+        return False
+
+
+IPV6 = pytest.mark.skipif(not has_ipv6(), reason="this computer has no IPv6")
+
+
+@IPV6
+@pytest.mark.parametrize("scheme", ["tcp", "rfc2217"])
+def test_ipv6(scheme: str) -> None:
+    async def main() -> None:
+        port = await echo_at(f"{scheme}://[::1]:0")
+        assert port.where.startswith(f"{scheme}://[::1]:")
+        assert await reaches("::1", port)
+        await port.close()
+        both = await echo_at(f"{scheme}://[::]:0")
+        assert await reaches("::1", both) and await reaches("127.0.0.1", both)
+        await both.close()
+
+    asyncio.run(main())
+
+
+def test_a_port_is_free_again_at_once() -> None:
+    """Connections that were closed from this side linger in the system; they must not hold the port."""
+
+    async def main() -> None:
+        port = await echo_at("tcp://127.0.0.1:0")
+        client = socket.create_connection(("127.0.0.1", split_address(port.where)[1]))
+        while not port.connections:
+            await asyncio.sleep(0)
+        where = port.where
+        await port.close()
+        again = await echo_at(where)
+        assert again.where == where
+        with pytest.raises(UserError, match="the port is in use"):
+            await echo_at(where)
+        client.close()
+        await again.close()
+
+    asyncio.run(main())
+
+
+@pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="the system does not show its timers")
+def test_a_connection_is_asked_whether_it_lives() -> None:
+    async def main() -> None:
+        port = await echo_at("tcp://127.0.0.1:0")
+        reader, writer = await asyncio.open_connection("127.0.0.1", split_address(port.where)[1])
+        writer.write(b"?")
+        await reader.readexactly(1)
+        (connection,) = port.connections
+        stream = connection._transport.get_extra_info("socket")
+        tcp = socket.IPPROTO_TCP
+        assert stream.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
+        assert stream.getsockopt(tcp, socket.TCP_NODELAY) == 1
+        silent = stream.getsockopt(tcp, socket.TCP_KEEPIDLE) + stream.getsockopt(
+            tcp, socket.TCP_KEEPINTVL
+        ) * stream.getsockopt(tcp, socket.TCP_KEEPCNT)
+        assert silent <= 60 and stream.getsockopt(tcp, socket.TCP_USER_TIMEOUT) <= 60_000
+        writer.close()
+        await port.close()
+
+    asyncio.run(main())
+
+
+@pytest.mark.parametrize("where", ["tcp://::1:4030", "rfc2217://127.0.0.1", "rfc2217://:70000", "tcp://[::1:4030"])
+def test_an_address_that_is_none_is_said(where: str) -> None:
+    with pytest.raises(UserError, match=f"{where[:3]}.*HOST:PORT|0 .any free one. to 65535"):
+        split_address(where)
