@@ -173,6 +173,10 @@ class ConnectionAcceptor:
         between = [host for host, (at, _) in self._left.items() if host not in connected and now - at <= HERE]
         return [visit.host for visit in self._visits if not visit.lasting or now - visit.heard <= HERE] + between
 
+    def connections(self) -> list[CommandProcessor]:
+        """The programs that are connected."""
+        return [visit.client for visit in self._visits if not visit.stranger]
+
     def programs(self) -> int:
         """How many they are."""
         return len(self.here())
@@ -217,7 +221,7 @@ class _Visit:
         lasting: bool,
         rights: Rights,
     ) -> None:
-        self._client, self._manners, self._left, self.lasting = client, face.manners, left, lasting
+        self.client, self._manners, self._left, self.lasting = client, face.manners, left, lasting
         self._handed_on = handed_on
         self._first: FirstWords | None = first
         self._screen: Beginning | None = None
@@ -240,12 +244,12 @@ class _Visit:
     @property
     def ended(self) -> bool:
         """Whether the last bytes did nothing but end motions without a reply."""
-        return self._client.ended and not self._waiting
+        return self.client.ended and not self._waiting
 
     @property
     def answered(self) -> bool:
         """Whether everything that was fed has been answered, as far as it is answered at all."""
-        return not self._waiting and self._client.answered
+        return not self._waiting and self.client.answered
 
     def feed(self, data: bytes) -> None:
         """Bytes have come."""
@@ -257,18 +261,18 @@ class _Visit:
         if self._backlog.late:
             self._come_late()
         elif was_late and not self._gone:
-            self._client.life.closed = None  # it has caught up, so somebody is there
+            self.client.life.closed = None  # it has caught up, so somebody is there
         self._feed(data, sent)
         self._backlog.took(len(data), now, self._controller.stops)
 
     def _come_late(self) -> None:
         """Nobody knows whether who sent this is still there: it holds no arrow."""
-        if self._client.life.closed is None:
-            self._controller.presence.leave(self._client.life)
+        if self.client.life.closed is None:
+            self._controller.presence.leave(self.client.life)
         if not self._said_late:
             self._said_late = True
-            self._client.transcript.note(
-                self._client.name,
+            self.client.transcript.note(
+                self.client.name,
                 "has sent so much that it is read too late: nothing of it "
                 "sets the mount moving before all of it was read",
             )
@@ -300,32 +304,33 @@ class _Visit:
     def _on_line(self, data: bytes, stops: int | None) -> None:
         """Feed the client, and remember that somebody is there."""
         self.heard = self._controller.now()
-        self._client.feed(data, stops)
+        self.client.feed(data, stops)
 
     def _listen(self, data: bytes, stops: int | None) -> None:
         """Feed the client, and look at what it says as long as it may be one that is known."""
         if self._manners:
             self._begin += data
             self._manners = tuple(manner for manner in self._manners if self._may_be(manner))
-        self._client.feed(data, stops)
+        self.client.feed(data, stops)
 
     def _may_be(self, manner: ClientProfile) -> bool:
         """Whether more must be heard; when enough was heard the client is treated so from here on."""
         if not self._begin.startswith(manner.first):
             return manner.first.startswith(self._begin)
-        client, session = self._client, self._client.session
+        client, session = self.client, self.client.session
         client.equinox = manner.equinox or client.equinox
         session.settings = {**session.settings, **manner.settings}
         session.kept["precision"] = manner.settings.get("precision", session.kept["precision"])
+        client.profile = manner.program
         client.transcript.note(client.name, f"this is {manner.program}, and treated so")
         return False
 
     def serial(self, change_rate: Callable[[int], int]) -> None:
-        self._client.rate = BaudTrial(change_rate)
+        self.client.rate = BaudTrial(change_rate)
 
     def network(self, hang_up: HangUp) -> None:
         """From here on nothing is heard before it is known that no stranger says it."""
-        client, now = self._client, self._controller.now
+        client, now = self.client, self._controller.now
         self._hang_up, self._screen, self._after = hang_up, Beginning(self._face.beginning), self._take
         client.rights = self._rights
         client.came = lambda: now() if self._came is None else self._came
@@ -353,7 +358,7 @@ class _Visit:
         self.stranger, self._take = True, lambda data, stops: None
         if self._first is not None:
             self._first.over = True
-        speaks, client = self._face.speaks, self._client
+        speaks, client = self._face.speaks, self.client
         client.transcript.note(
             client.name,
             f"sends {greeting.words}; this is a port for programs that speak {speaks}: "
@@ -364,6 +369,6 @@ class _Visit:
     def close(self) -> None:
         self._go_on()
         if self._screen is not None and not self.stranger and self._screen.waiting:
-            self._client.transcript.put(self._client.name, "x", self._screen.waiting, HALF_A_WORD)
-        self._client.close()
+            self.client.transcript.put(self.client.name, "x", self._screen.waiting, HALF_A_WORD)
+        self.client.close()
         self._left()

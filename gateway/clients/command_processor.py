@@ -126,6 +126,8 @@ class CommandProcessor:
         #: When the bytes came that are being fed, loop time.
         self.came: Callable[[], float] = controller.now
         self.rights = Rights()
+        #: The program that this was recognised as.
+        self.profile = ""
         self.open = True
         #: Whether the last bytes did nothing but end motions without a reply.
         self.ended = False

@@ -1,4 +1,4 @@
-"""What a page asks for becomes an order to a mount, through the desk that takes a person's orders from the command line.
+"""What a page asks for becomes an order to a mount, by the way that a person's orders at the command line take.
 
 So it passes the same limits, is refused in the same words, and stands in a recording like everything that comes from
 outside.
@@ -90,9 +90,7 @@ class Jogging:
         if at != rate:
             known = number()
             self._held[direction] = known, rate
-        done, words = await carry_out(
-            self._gateway, commands.Press(known, self._who, direction=direction, key=rate)
-        )
+        done, words = await carry_out(self._gateway, commands.Press(known, self._who, direction=direction, key=rate))
         if not done and self._held.get(direction, ("", 0))[0] == known:
             del self._held[direction]
         return done, words

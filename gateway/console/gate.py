@@ -13,6 +13,8 @@ from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from ipaddress import ip_address
 
+from gateway.app.discovery.addresses import held
+
 #: Everything the page needs comes from here; nothing else is loaded, framed or run.
 HEADERS = {
     "Content-Security-Policy": (
@@ -41,17 +43,27 @@ def own_names() -> frozenset[str]:
     return frozenset(("localhost", name, f"{name}.local", socket.gethostname().lower()))
 
 
-def known_host(header: str | None, names: Iterable[str] = ()) -> bool:
-    """Whether ``Host`` is a plain address, or a name of this computer or one of ``names``.
+def known_host(header: str | None, local: str, names: Iterable[str] = ()) -> bool:
+    """Whether ``Host`` is an address of this computer, or a name of it or one of ``names``.
 
-    A plain address is never somebody else's name: rebinding needs a name.
+    ``local`` is the address at which the connection came in. Rebinding needs a name, or an address that is not ours.
     """
     host = host_of(header or "")
     try:
-        ip_address(host.partition("%")[0])
+        address = ip_address(host.partition("%")[0])
     except ValueError:
         return host in own_names() or host in {name.lower() for name in names}
-    return True
+    return address.is_loopback or _plain(local) == _plain(str(address)) or str(address) in own_addresses()
+
+
+def _plain(address: str) -> str:
+    """Without the zone of IPv6 and without what wraps an IPv4 address."""
+    return address.partition("%")[0].removeprefix("::ffff:")
+
+
+def own_addresses() -> frozenset[str]:
+    """Every address of this computer, as it is now."""
+    return frozenset(str(address) for _, address in held())
 
 
 def same_origin(origin: str | None, host: str | None) -> bool:

@@ -88,7 +88,7 @@ class Newest:
 
 
 def as_row(row: Row, index: int, pair: int | None) -> dict[str, Any]:
-    """A row as the page gets it. Bytes become printable text here; the page shows all of it as text, never as markup."""
+    """A row as the page gets it: bytes become printable text here, and the page shows it as text, never as markup."""
     return {
         "mount": index, "time": round(row.time, 3), "side": show(row.side.encode()), "arrow": row.arrow,
         "data": show(row.data), "words": row.words, "kind": row.kind, "pair": pair,

@@ -18,7 +18,7 @@ from gateway.mount.controller import MountController
 
 
 def verdict(controller: MountController, goal: op.Equatorial) -> dict[str, Any]:
-    """Of a place of date: its places, rising and setting (Unix seconds, None where it does not), ``may`` and ``why``."""
+    """Of a place of date: its places, rising and setting (Unix seconds; None: it does not), ``may`` and ``why``."""
     told = place(controller, goal)
     fault = _forbidden(controller, goal, told["alt"])
     why = "" if fault is None else no(fault, controller.policy.limits)

@@ -11,7 +11,7 @@ from typing import Any
 from gateway.app.control.gather import gather
 from gateway.app.gateway import Gateway
 from gateway.app.status import does, on_the_sky
-from gateway.astro.ephemeris import PLANETS
+from gateway.astro.ephemeris.almanac import PLANETS
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
@@ -40,7 +40,8 @@ def mount(gateway: Gateway, index: int) -> dict[str, Any]:
         "does": does(look), "position": here and {**here, "age": round(look.age, 1)},
         **_sky(controller, look.position), "pier": snapshot.value(op.PierSide) or "",
         **_goal(controller, here),
-        "tracking": status.tracking.value if status else "", "tracks": status is not None and status.tracking.value != "off",
+        "tracking": status.tracking.value if status else "",
+        "tracks": status is not None and status.tracking is not op.Tracking.OFF,
         "aligned": status.aligned if status else None, "equatorial": status.equatorial if status else None,
         "german": controller.driver.german, "slewing": look.slewing, "by_hand": look.by_hand, "asleep": look.asleep,
         "held": look.held, "wanted": list(state.wanted), "allowed": list(state.allowed), "lately": list(state.lately),
@@ -153,4 +154,3 @@ def _where_and_when(controller: MountController) -> dict[str, Any]:
 def _limits(controller: MountController) -> dict[str, Any]:
     limits = controller.policy.limits
     return {"lowest": limits.lowest, "highest": limits.highest, "sun": limits.sun, "hour_angle": limits.hour_angle}
-

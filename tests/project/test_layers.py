@@ -10,8 +10,8 @@ import gateway
 ROOT = Path(gateway.__file__).parent
 #: From the highest to the lowest; what stands in one row does not know of each other.
 LAYERS = (
-    "__main__", "cli", "diagnostics", "app", "clients", "mount", "protocols", "transport", "astro", "system", "core",
-    "__init__",
+    "__main__", "cli", "console", "diagnostics", "app", "clients", "mount", "protocols", "transport", "astro",
+    "system", "core", "__init__",
 )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from gateway.app.config.endpoints import nearest, parse_endpoint
-from gateway.app.config.keys import Config, MountConfig
+from gateway.app.config.keys import OFF, Config, MountConfig
 from gateway.app.config.lines import Place
 from gateway.app.config.places import right
 from gateway.app.config.programs import programs
@@ -38,6 +38,7 @@ def mistakes(config: Config) -> Iterator[Mistake]:
     yield from _names(config)
     yield from _clients(config)
     yield from _access(config)
+    yield from _console(config)
     yield from _taken_twice(config)
     if not config.surface:
         yield Mistake(
@@ -130,6 +131,26 @@ def _access(config: Config) -> Iterator[Mistake]:
                 networks(value)
             except UserError as error:
                 yield Mistake(place, str(error))
+
+
+def _console(config: Config) -> Iterator[Mistake]:
+    """An address to listen on, and networks that are some."""
+    for console in config.console:
+        if console.at == OFF:
+            continue
+        try:
+            if not console.at.startswith("tcp://"):
+                raise UserError(f"{console.at!r}: write tcp://127.0.0.1:4080, or off")
+            from gateway.transport.tcp import split_address
+
+            split_address(console.at)
+        except UserError as error:
+            yield Mistake(("console", 0, "at"), str(error))
+        for key, value in (("allow", console.allow), ("read-only", console.read_only)):
+            try:
+                networks(value if isinstance(value, list) else [])
+            except UserError as error:
+                yield Mistake(("console", 0, key), str(error))
 
 
 def _taken_twice(config: Config) -> Iterator[Mistake]:

@@ -15,6 +15,9 @@ from msgspec import Meta, Struct
 
 from gateway.mount.safety.limits import Limits
 
+#: What is written where something is not wanted at all.
+OFF = "off"
+
 
 def _key(words: str, shown: str = "", example: Any = None, *, flag: bool = True, **limits: Any) -> Meta:
     return Meta(description=words, extra={"shown": shown, "example": example, "flag": flag}, **limits)
@@ -214,11 +217,43 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     max_clients: Annotated[int, _key("tcp: no more connections than this at a time", "N", ge=1, le=10000)] = 400
 
 
+class ConsoleConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
+    """``[console]``: the page that shows the mounts in a browser."""
+
+    at: Annotated[
+        str,
+        _key(
+            "where a browser finds the console; another free port is taken where this one is not; off: there is none",
+            "tcp://HOST:PORT",
+        ),
+    ] = "tcp://127.0.0.1:4080"
+    allow: Annotated[
+        list[str] | None,
+        _key(
+            "only browsers of these networks or addresses are shown anything (default: all that reach the port)",
+            "NETWORKS",
+            ["192.168.1.0/24", "127.0.0.1"],
+        ),
+    ] = None
+    read_only: Annotated[
+        bool | list[str],
+        _key("pages show the mounts and may stop them, but move and set nothing: all, or those of these networks",
+             "NETWORKS"),
+    ] = False  # fmt: skip
+    pin: Annotated[
+        _Plain | None, _key("without it a page only looks and stops; whoever types it in may act", "PIN", "4711")
+    ] = None
+    names: Annotated[
+        list[str], _key("further names under which browsers reach this computer", "NAMES", ["pier.example.org"])
+    ] = []  # fmt: skip
+
+
 class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
     """Everything that ``run`` needs."""
 
     mount: list[MountConfig]
     surface: list[SurfaceConfig] = []
+    console: list[ConsoleConfig] = []
     wait: Annotated[bool, _key("keep trying when no mount answers; clients stay connected")] = False
     discovery: Annotated[bool, _key("let programs find surfaces that the network can reach (SkySafari, mDNS)")] = True
     watchdog: Annotated[
@@ -236,10 +271,16 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
         True
     )
 
+    @property
+    def page(self) -> ConsoleConfig | None:
+        """The console; None where there is to be none."""
+        console = self.console[0] if self.console else ConsoleConfig()
+        return None if console.at == OFF else console
+
     def of(self, mount: MountConfig) -> list[SurfaceConfig]:
         """The surfaces of one mount."""
         return [surface for surface in self.surface if surface.mount == mount.name or len(self.mount) == 1]
 
 
 #: Every table and what its keys are; the keys outside any table last.
-TABLES: dict[str, type[Struct]] = {"mount": MountConfig, "surface": SurfaceConfig, "": Config}
+TABLES: dict[str, type[Struct]] = {"mount": MountConfig, "surface": SurfaceConfig, "console": ConsoleConfig, "": Config}

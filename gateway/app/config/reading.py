@@ -38,6 +38,10 @@ _BEYOND: dict[type[Exception], str] = {
 }
 
 
+#: Tables that a file writes once, and that are lists of one here.
+SINGLE = ("mount", "console")
+
+
 class Source(msgspec.Struct):
     """Where the values come from: a file's name and text, and the flags that were given."""
 
@@ -67,7 +71,9 @@ class Source(msgspec.Struct):
 
     def _written(self, place: Place) -> Place:
         """The place as the file has it: a single ``[mount]`` has no number."""
-        single = place[:2] == ("mount", 0) and isinstance(tomli.loads(self.text).get("mount"), dict)
+        single = (
+            place[0] in SINGLE and place[1:2] == (0,) and isinstance(tomli.loads(self.text).get(str(place[0])), dict)
+        )
         return (place[0], *place[2:]) if single else place
 
 
@@ -89,8 +95,9 @@ def read_tables(path: Path) -> tuple[dict[str, Any], Source]:
     except (RecursionError, ValueError) as error:
         raise UserError(f"{path}:{_broken_off(text)}: {_BEYOND[type(error)]}") from None
     source = Source(str(path), text)
-    if isinstance(tables.get("mount"), dict):
-        tables["mount"] = [tables["mount"]]
+    for single in SINGLE:
+        if isinstance(tables.get(single), dict):
+            tables[single] = [tables[single]]
     if isinstance(tables.get("surface"), dict):
         raise UserError(f"{source.where(('surface',))}: [surface]: write [[surface]], there may be several of them")
     return tables, source
@@ -192,7 +199,7 @@ def _line(source: Source, mistake: Mistake) -> UserError:
 
 
 def _title(table: str) -> str:
-    return "[[surface]]" if table == "surface" else "[mount]" if table == "mount" else "the first lines of the file"
+    return {"surface": "[[surface]]", "": "the first lines of the file"}.get(table, f"[{table}]")
 
 
 def _show(value: Any) -> str:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from gateway.app.config import Config, MountConfig, parse_endpoint
 from gateway.app.recording.turns import TurnLoop
+from gateway.cli.serve.console import open_console
 from gateway.cli.serve.live import Screen, find_terminal, look_on
 from gateway.cli.serve.meeting import SAID_AFTER, not_found, waiting
 from gateway.cli.serve.signals import before_suspension, until_signal
@@ -86,6 +87,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     gateways: list[Gateway] = []
     recorders: list[Recorder] = []
     onlookers: list[asyncio.Task[None]] = []
+    console = None
     announcement = Announcement(screen.warn, lambda text: gateways[0].transcript.note("mount", text))
 
     def offers() -> list[Offer]:
@@ -138,12 +140,15 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         )
         gc.freeze()  # what was made so far lives on: looking through it for garbage would hold up a stop
         announcement.publish(offers())  # by now it is known which model fits the mount
+        console = await open_console(config, gateways, screen)
         await done.wait()
     finally:
         notify("STOPPING=1")
         for task in onlookers:
             task.cancel()
         screen.clear()
+        if console is not None:
+            await console.close()
         moved = [gateway.controller is not None and gateway.controller.motions.busy for gateway in gateways]
         await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
         if done.is_set():

@@ -15,6 +15,7 @@ import msgspec
 from gateway.app.config import Config, Source, make_config, read_tables
 from gateway.app.config.describing import Key, keys
 from gateway.app.config.endpoints import parse_site
+from gateway.app.config.keys import OFF
 from gateway.core.errors import UserError
 from gateway.system import journal, streams
 
@@ -69,6 +70,24 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         add_flag(group, key)
     for key in of_surface():
         add_flag(groups[SURFACE], key)
+    add_console(parser)
+
+
+def add_console(parser: Any) -> None:
+    """The flags of the console; what else there is to say of it stands in the file."""
+    group = parser.add_argument_group("the console, a page in the browser")
+    at = next(key for key in keys("console") if key.name == "at")
+    group.add_argument("--console", metavar=at.shown, help=at.help)
+    group.add_argument("--no-console", dest="console", action="store_const", const=OFF, help="no console")
+
+
+def put_console(arguments: argparse.Namespace, tables: dict[str, Any], source: Source) -> None:
+    """What the flags say of the console."""
+    if arguments.console is not None:
+        there = tables.get("console") or [{}]
+        if isinstance(there, list) and isinstance(there[0], dict):
+            tables["console"] = [there[0] | {"at": arguments.console}]
+            source.flags[("console", 0, "at")] = "--no-console" if arguments.console == OFF else "--console"
 
 
 def add_flag(group: Any, key: Key) -> None:
@@ -134,6 +153,7 @@ def _put_flags(arguments: argparse.Namespace, tables: dict[str, Any], source: So
         tables["surface"] = [{"at": surface} for surface in arguments.surface]
         source.flags |= {("surface", number): "--surface" for number in range(len(arguments.surface))}
     _put_surface_flags(arguments, tables, source)
+    put_console(arguments, tables, source)
     for key in keys(""):
         value = getattr(arguments, key.name)
         if value is not None:
