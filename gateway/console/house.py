@@ -19,6 +19,8 @@ from gateway.console.programs import Programs
 from gateway.console.pulse import Pulse
 from gateway.console.recording import Recording
 from gateway.console.talk import Talk
+from gateway.core.operations import GetIdentity, Identity
+from gateway.protocols.wireformat.command_set import load
 
 #: Seconds for which a state is the newest one, and for which the Sun, the Moon and the planets stay where they were.
 FRESH, BODIES_FRESH = 0.15, 10.0
@@ -98,9 +100,8 @@ class House:
 
     async def explain(self, gateway: Gateway, surface: str, command: str) -> tuple[bool, str]:
         """What ``explain`` says of a command on this mount: played in a process of its own, one at a time."""
-        at = gateway.mount
-        mount = at.protocol + (f":{at.model}" if at.model else "") + (f"/{at.version}" if at.version else "")
-        words = [sys.executable, "-m", "gateway", "explain", "--surface", surface, "--mount", mount, "--", command]
+        face = surface or gateway.names()[0].partition("@")[0]
+        words = [sys.executable, "-m", "gateway", "explain", "--", face, _called(gateway), command]
         async with self._explaining:
             process = await asyncio.create_subprocess_exec(
                 *words, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
@@ -115,3 +116,13 @@ class House:
         if process.returncode:
             return False, err.decode("utf-8", "replace").strip() or "no explanation"
         return True, out.decode("utf-8", "replace")
+
+
+def _called(gateway: Gateway) -> str:
+    """The mount as ``explain`` wants it: with the model and version that it has told."""
+    at = gateway.mount
+    model, version = at.model, at.version
+    identity: Identity | None = gateway.controller.snapshot.value(GetIdentity) if gateway.controller else None
+    if identity is not None and identity.model in load(at.protocol).models:
+        model, version = model or identity.model, version or identity.version
+    return at.protocol + (f":{model}" if model else "") + (f"/{version}" if model and version else "")

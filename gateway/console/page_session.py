@@ -153,6 +153,9 @@ class PageSession:
             await self._answer(request.id, False, str(error))
         except ConnectionError:
             pass
+        except Exception as error:  # a defect must not leave a person without an answer
+            self._house.gateways[0].transcript.note("console", f"internal error, please report it: {error!r}")
+            await self._answer(request.id, False, f"internal error, please report it: {error!r}")
 
     async def _do(self, request: requests.Any) -> None:
         house, gateways = self._house, self._house.gateways
@@ -177,9 +180,9 @@ class PageSession:
                 words = "this page may act now" if self._acts else "this is not the pin"
                 await self._answer(request.id, self._acts, words)
             case requests.Jog():
-                await self._answer(request.id, *await jogging.press(Direction(request.direction), request.rate))
+                await self._answer(request.id, *await jogging.press(Direction[request.direction.upper()], request.rate))
             case requests.LetGo():
-                one = None if request.direction is None else Direction(request.direction)
+                one = None if request.direction is None else Direction[request.direction.upper()]
                 await self._answer(request.id, *await jogging.let_go(one))
             case requests.Hold() | requests.Release():
                 word = "hold" if isinstance(request, requests.Hold) else "release"
