@@ -312,6 +312,7 @@ class Moving:
     def begin(self) -> None:
         self.gateway = Running(
             "run",
+            "--no-console",
             "--mount",
             self.endpoint,
             "--surface",

@@ -162,6 +162,7 @@ def test_a_run_says_it_on_stdout(tmp_path: Path, started: list[Running]) -> None
     command = [
         *GATEWAY,
         "run",
+        "--no-console",
         "--mount",
         f"nexstar:cge@{tmp_path}/mount",
         "--surface",
@@ -198,6 +199,7 @@ def test_a_baud_rate_that_the_mount_does_not_talk_at_is_said(tmp_path: Path, sta
     command = [
         *GATEWAY,
         "run",
+        "--no-console",
         "--mount",
         f"nexstar@{tmp_path}/mount",
         "--baud",

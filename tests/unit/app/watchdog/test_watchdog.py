@@ -128,6 +128,7 @@ def test_ctrl_z_stops_the_mount_and_suspends_then(watch: Callable[[str, str], Wa
 def test_it_can_be_put_out(tmp_path: Path, started: list[Running]) -> None:
     gateway = Running(
         "run",
+        "--no-console",
         "--mount",
         "nexstar@socket://127.0.0.1:9",
         "--surface",
