@@ -49,7 +49,9 @@ def script(shell: str) -> str:
         raise UserError("completion: the package shtab is missing; pip install shtab") from None
     from gateway.app.config.describing import keys
     from gateway.app.config.endpoints import PROTOCOLS
+    from gateway.astro.catalog.star_names import HIPPARCOS
     from gateway.cli import parser
+    from gateway.cli.mount.places import BODIES
     from gateway.diagnostics.command_tables import versions
     from gateway.protocols.wireformat.command_set import load
 
@@ -61,6 +63,8 @@ def script(shell: str) -> str:
             action.complete = shtab.FILE  # type: ignore[attr-defined]
         elif action.metavar == "PATH":
             action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
+        elif action.dest == "place":
+            action.choices = [name for name in (*BODIES, *HIPPARCOS) if name.isalpha()]
         elif action.dest == "model" and "--model" in action.option_strings:
             action.choices = [
                 f"{name}/{version}" if version else name

@@ -77,7 +77,10 @@ def test_a_night_at_the_shell(say: Say, tmp_path: Path, started: list[Running]) 
     assert say("goto", "nowhere", *which) == (
         2,
         "",
-        ("mount-gateway: 'nowhere' is no place: write RA DEC, like 05:34:32 +22:00:52, or a name, like M42 or Jupiter"),
+        (
+            "mount-gateway: 'nowhere' is no place: write RA DEC, like 05:34:32 +22:00:52, or a name, like M42, Vega or "
+            "Jupiter"
+        ),
     )
     assert say("status", "--mount", "dome", *which)[0] == 1
     assert running.end() == 0
