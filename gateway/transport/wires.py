@@ -10,9 +10,11 @@ import asyncio
 import contextlib
 import errno
 import os
+import socket
 import threading
 from collections.abc import Callable
 from typing import Any, Protocol
+from urllib.parse import urlsplit
 
 #: What hand controls and telescopes speak at power-on.
 BAUD = 9600
@@ -179,6 +181,11 @@ def open_port(url: str, baud: int) -> Any:
                 errno.EACCES,
                 f"permission denied; sudo usermod -aG {group_of(url)} $USER puts you into the "
                 "group that may use it (then log out and in again)",
+            ) from None
+        if isinstance(error.__context__, socket.gaierror):
+            raise OSError(
+                errno.ENOENT,
+                f"no address is known for the name {urlsplit(url).hostname}; write its number, like 192.168.1.50",
             ) from None
         if "refused" in text:
             raise OSError(errno.ECONNREFUSED, "nobody listens there (connection refused)") from None

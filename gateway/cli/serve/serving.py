@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, cast
 from gateway.app.config import Config, MountConfig, parse_endpoint
 from gateway.app.recording.turns import TurnLoop
 from gateway.cli.serve.live import Screen, find_terminal, look_on
-from gateway.cli.serve.meeting import SAID_AFTER, not_found, waiting
+from gateway.cli.serve.meeting import SAID_AFTER, not_found, waiting, where_else
 from gateway.cli.serve.signals import before_suspension, until_signal
 from gateway.core.errors import Fault, UserError
 from gateway.core.wire_log import SKY_READY, Sink
@@ -303,7 +303,7 @@ async def _find(gateway: Gateway, warn: Callable[[str], None]) -> None:
 def _instead(gateway: Gateway, reason: str) -> str:
     """What to do about a mount's port that cannot be opened."""
     if "in use" not in reason:
-        return "mount-gateway detect shows which ports there are"
+        return where_else(gateway.mount.where)
     from gateway.diagnostics.detect.ports import holder
     from gateway.system.locks import read_pid
 

@@ -138,9 +138,9 @@ def test_a_surface_takes_its_keys_from_flags(capsys: pytest.CaptureFixture[str])
 
 
 def test_who_may_connect_is_for_the_surface_on_the_network(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["config", "--surface", "lx200@pty:/tmp/x", *PLAIN, "--allow", "10.0.0.1"]) == 0
+    assert main(["config", "--surface", "lx200@pty:/tmp/x", *PLAIN, "--allow", "127.0.0.1"]) == 0
     first, second = capsys.readouterr().out.split("[[surface]]")[1:]
-    assert "# allow: not set" in first and 'allow = ["10.0.0.1"]  # --allow\n' in second
+    assert "# allow: not set" in first and 'allow = ["127.0.0.1"]  # --allow\n' in second
 
 
 def test_a_flag_changes_the_one_surface_of_a_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

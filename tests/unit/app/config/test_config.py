@@ -128,7 +128,7 @@ def test_a_single_mount_needs_no_name_and_may_have_one(tmp_path: Path) -> None:
 
 
 def test_no_file_and_no_text_are_told_of(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"nothing\.toml: No such file"):
+    with pytest.raises(UserError, match=r"nothing\.toml: there is no such file"):
         read_tables(tmp_path / "nothing.toml")
     (tmp_path / "image.toml").write_bytes(b"at = \xff\xfe")
     with pytest.raises(UserError, match=r"image\.toml: this is no UTF-8 text"):

@@ -191,7 +191,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     assert path.read_text() == "new"
     write_whole(path, "newer", force=True)
     assert [file.read_text() for file in tmp_path.iterdir()] == ["newer"]
-    with pytest.raises(UserError, match="No such file"):
+    with pytest.raises(UserError, match="there is no folder"):
         write_whole(tmp_path / "no" / "gateway.toml", "new", force=False)
     (tmp_path / "folder").mkdir()
     with pytest.raises(UserError):
