@@ -32,7 +32,8 @@ def read(tmp_path: Path, text: str) -> Config:
 def flags(*words: str) -> Config:
     parser = argparse.ArgumentParser()
     add_settings(parser)
-    return settings(parser.parse_args(["--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", *words]))[0]
+    mount = [] if "--mount" in words else ["--mount", "nexstar@sim"]
+    return settings(parser.parse_args([*mount, "--surface", "lx200@tcp://:0", *words]))[0]
 
 
 @pytest.mark.parametrize(
