@@ -15,6 +15,9 @@ from gateway.core.errors import UserError
 SHELLS = ("bash", "zsh", "fish")
 
 HOW = """\
+To look at it:
+  mount-gateway completion bash
+
 Once, for your own user:
   bash  mkdir -p ~/.local/share/bash-completion/completions
         mount-gateway completion bash > ~/.local/share/bash-completion/completions/mount-gateway

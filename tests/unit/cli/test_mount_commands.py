@@ -77,7 +77,10 @@ def test_a_night_at_the_shell(say: Say, tmp_path: Path, started: list[Running]) 
     assert say("goto", "nowhere", *which) == (
         2,
         "",
-        ("mount-gateway: 'nowhere' is no place: write RA DEC, like 05:34:32 +22:00:52, or a name, like M42 or Jupiter"),
+        (
+            "mount-gateway: 'nowhere' is no place: write RA DEC, like 05:34:32 +22:00:52, or a name, like M42, Jupiter "
+            "or Polaris"
+        ),
     )
     assert say("status", "--mount", "dome", *which)[0] == 1
     assert running.end() == 0
@@ -185,15 +188,27 @@ def test_an_object_is_of_2000() -> None:
         assert (round(spot.ra, 1), round(spot.dec, 1)) == (83.8, -5.4)
 
 
-@pytest.mark.parametrize(("words", "told"), [
-    (("25:00:00", "+22"), "is not a right ascension: it is from 0 to 24"),
-    (("05:00:00", "+92"), "is not a declination: it is from -90 to 90"),
-    (("05:61:00", "+22"), "is not a right ascension: write it like 05:34:32, or in degrees like 83.63"),
-    (("05:00:00",), "is no place: write RA DEC"),
-    (("M999",), "M999: the library has no such object"),
-    (("XYZ12",), "no catalogue is called 'XYZ'; there are M, NGC, IC, C, UGC and HIP"),
-    (("Sun",), "the Sun is no goal here"),
-])  # fmt: skip
+def test_a_star_goes_by_its_name_and_needs_no_library(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.astro.catalog.files.find_spec", lambda name: None)
+    for words in (("Polaris",), ("pole", "star"), ("NORTH STAR",)):
+        spot = place(Typed(*words))  # type: ignore[arg-type]
+        assert isinstance(spot, Spot)
+        assert spot.j2000 and (round(spot.ra), round(spot.dec, 1)) == (38, 89.3)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("25:00:00", "+22"), "is not a right ascension: it is from 0 to 24"),
+        (("05:00:00", "+92"), "is not a declination: it is from -90 to 90"),
+        (("05:61:00", "+22"), "is not a right ascension: write it like 05:34:32, or in degrees like 83.63"),
+        (("05:00:00",), "is no place: write RA DEC"),
+        (("M999",), "M999: the library has no such object"),
+        (("polaris b",), "'polaris b' is no place: did you mean Polaris?"),
+        (("XYZ12",), "no catalogue is called 'XYZ'; there are M, NGC, IC, C, UGC and HIP"),
+        (("Sun",), "the Sun is no goal here"),
+    ],
+)
 def test_what_is_no_place_is_said(words: tuple[str, ...], told: str) -> None:
     with pytest.raises(UserError) as refused:
         place(Typed(*words))  # type: ignore[arg-type]
@@ -205,7 +220,7 @@ def test_without_the_library_that_is_said(monkeypatch: pytest.MonkeyPatch) -> No
         raise NotInstalled
 
     monkeypatch.setattr("gateway.astro.catalog.deepsky.look_up", missing)
-    with pytest.raises(UserError, match=r"pip install 'mount-gateway\[library\]'"):
+    with pytest.raises(UserError, match=r"to install it, type .*pip install '\.\[library\]' in the folder"):
         place(Typed("M42"))  # type: ignore[arg-type]
 
 
