@@ -309,7 +309,8 @@ class Gateway:
         """Put everything together; nothing is opened yet."""
         config, loop = self.config, asyncio.get_running_loop()
         driver, follow_ups, dialogue = DRIVERS[self.mount.protocol](self.mount, config, loop.time)
-        driver.hurry = config.speed
+        if self.mount.where == "sim":
+            driver.hurry = config.speed
         shared = to_shared(self.past.kept) if self.keeping is None else self.keeping.shared
         site = op.Place(*config.site) if config.site else selected_site(shared)
         observatory = SiteClock(loop.time, self.clock, site)
@@ -389,7 +390,10 @@ class Gateway:
         try:
             await self.control.open()
         except OSError as error:
-            self.warn(f"mount-gateway stop will not find this gateway: {error}")
+            self.warn(
+                f"mount-gateway stop, status and goto will not find this gateway: {where[0]}: "
+                f"{error.strerror or error}; --state PATH names another folder"
+            )
 
     async def _fit(self) -> None:
         """Present what fits the mount, where the user named no model."""

@@ -26,7 +26,7 @@ def parse_time(text: str) -> float:
     try:
         moment = datetime.fromisoformat(text)
     except ValueError:
-        raise UserError(f"{text!r} is no time; write it like 2026-01-15T22:00:00Z") from None
+        raise UserError(f"{text!r}: write it like 2026-01-15T22:00:00Z") from None
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 

@@ -15,6 +15,9 @@ from gateway.core.errors import UserError
 SHELLS = ("bash", "zsh", "fish")
 
 HOW = """\
+To look at it:
+  mount-gateway completion bash
+
 Once, for your own user:
   bash  mkdir -p ~/.local/share/bash-completion/completions
         mount-gateway completion bash > ~/.local/share/bash-completion/completions/mount-gateway
@@ -49,6 +52,8 @@ def script(shell: str) -> str:
         raise UserError("completion: the package shtab is missing; pip install shtab") from None
     from gateway.app.config.describing import keys
     from gateway.app.config.endpoints import PROTOCOLS
+    from gateway.app.control.objects import BODIES
+    from gateway.astro.catalog.star_names import HIPPARCOS
     from gateway.cli import parser
     from gateway.diagnostics.command_tables import versions
     from gateway.protocols.wireformat.command_set import load
@@ -61,6 +66,8 @@ def script(shell: str) -> str:
             action.complete = shtab.FILE  # type: ignore[attr-defined]
         elif action.metavar == "PATH":
             action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
+        elif action.dest == "place":
+            action.choices = [name for name in (*BODIES, *HIPPARCOS) if name.isalpha()]
         elif action.dest == "model" and "--model" in action.option_strings:
             action.choices = [
                 f"{name}/{version}" if version else name

@@ -7,6 +7,9 @@ a ``Fault`` is an operation the mount did not carry out (its class name is what 
 
 from __future__ import annotations
 
+import errno
+from pathlib import Path
+
 
 class GatewayError(Exception):
     """Base of every error that the gateway raises on purpose."""
@@ -14,6 +17,20 @@ class GatewayError(Exception):
 
 class UserError(GatewayError):
     """Bad input from a person: says what, where, and what would be right."""
+
+
+def about_file(path: Path | str, error: OSError) -> str:
+    """Why a file cannot be read or written, and what to do about it."""
+    folder = Path(path).parent
+    if error.errno == errno.ENOENT and not folder.is_dir():
+        return f"there is no folder {folder}; make it first, or name another one"
+    if error.errno == errno.ENOENT:
+        return "there is no such file"
+    if error.errno == errno.EISDIR:
+        return "this is a folder: write the name of a file in it"
+    if error.errno in (errno.EEXIST, errno.ENOTDIR):
+        return "there is a file of that name, where a folder is needed"
+    return error.strerror or str(error)
 
 
 class MappingError(UserError):

@@ -46,14 +46,19 @@ def decode(
             text = chunk.data.decode("latin-1")
             yield _line(chunk, began, b"", ", ".join(filter(None, (EVENTS.get(chunk.arrow, ""), text))))
             continue
-        for heard in side.commands(chunk.data, chunk.at) if chunk.arrow == ">" else side.replies(chunk.data):
-            if heard.command or chunk.arrow == "<" or side.unknown <= NOISE:
-                yield _line(chunk, began, heard.data, heard.words)
+        pieces = side.commands(chunk.data, chunk.at) if chunk.arrow == ">" else side.replies(chunk.data)
+        lines = [
+            _line(chunk, began, heard.data, heard.words)
+            for heard in pieces
+            if heard.command or chunk.arrow == "<" or side.unknown <= NOISE
+        ]
         if chunk.at is None and side.heard >= ENOUGH and side.understood < side.heard / 2:
             raise NoConversation(
                 f"this is no conversation in the {side.protocol} protocol: of its first {side.heard} "
-                f"bytes only {side.understood} are commands; the rest was not decoded"
+                f"bytes only {side.understood} are commands; --protocol names the other protocol, if "
+                "it is one in that"
             )
+        yield from lines
     for name, left in talks.items():
         yield from _left_out(left, Chunk(None, name, "!", b""), began)
 

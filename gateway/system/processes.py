@@ -55,6 +55,15 @@ def exists(pid: int) -> bool:
     return True
 
 
+def suspended(pid: int) -> bool:
+    """Whether a process was stopped, by Ctrl-Z for example; False where the system does not tell."""
+    try:
+        state = PROC.joinpath(str(pid), "stat").read_bytes().rpartition(b")")[2].split()[:1]
+    except OSError:
+        return False
+    return state in ([b"T"], [b"t"])
+
+
 def _words(pid: int) -> list[str]:
     """The command line of a process; none for one that is gone, or that the system hides."""
     try:

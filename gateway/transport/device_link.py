@@ -38,14 +38,18 @@ class DeviceLink:
         old = os.readlink(self.path) if os.path.islink(self.path) else ""
         if os.path.exists(self.path) and not old.startswith(TERMINALS):
             what = f"a link to {old}" if old else "a directory" if os.path.isdir(self.path) else "a file"
-            raise UserError(f"cannot make {self.path}: there is {what} of that name already; it is left alone")
+            raise UserError(
+                f"cannot make {self.path}: there is {what} of that name already; it is left alone: remove "
+                "it, or write another name"
+            )
         if not old or old == self._target or not os.path.exists(old):
             return
         owner = os.lstat(self.path).st_uid
         if owner != user() or not self._claim.left:
             whose = "another program" if owner == user() else user_name(owner)
             raise UserError(
-                f"cannot make {self.path}: {whose} has a link of that name to {old}, which is in use; it is left alone"
+                f"cannot make {self.path}: {whose} has a link of that name to {old}, which is in "
+                "use; it is left alone: write another name"
             )
 
     def point(self, target: str) -> None:
@@ -58,7 +62,10 @@ class DeviceLink:
         except OSError as error:
             with contextlib.suppress(OSError):
                 os.unlink(draft)
-            raise UserError(f"cannot make {self.path}: {error.strerror}") from None
+            where = (
+                "; choose a folder that you may write to, such as /tmp" if isinstance(error, PermissionError) else ""
+            )
+            raise UserError(f"cannot make {self.path}: {error.strerror}{where}") from None
         self._target = target
 
     def close(self) -> None:

@@ -227,9 +227,15 @@ class TcpPort:
         except OSError as error:
             reason = error.strerror or str(error)
             if error.errno == errno.EADDRINUSE or "in use" in str(error):
-                reason = "the port is in use by another program (another mount-gateway?)"
+                reason = (
+                    "the port is in use by another program (another mount-gateway?); write another port, or end "
+                    "that program"
+                )
             if "assign requested" in str(error):
-                reason = "this computer has no such address"
+                reason = (
+                    "this computer has no such address; 0.0.0.0 stands for all that it has, 127.0.0.1 for "
+                    "programs on it"
+                )
             if isinstance(error, PermissionError):
                 reason = "ports below 1024 are for the system's own services; take a higher one, such as 4030"
             if isinstance(error, socket.gaierror):

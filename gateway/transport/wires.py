@@ -10,9 +10,11 @@ import asyncio
 import contextlib
 import errno
 import os
+import socket
 import threading
 from collections.abc import Callable
 from typing import Any, Protocol
+from urllib.parse import urlsplit
 
 #: What hand controls and telescopes speak at power-on.
 BAUD = 9600
@@ -180,6 +182,15 @@ def open_port(url: str, baud: int) -> Any:
                 f"permission denied; sudo usermod -aG {group_of(url)} $USER puts you into the "
                 "group that may use it (then log out and in again)",
             ) from None
+        if isinstance(error.__context__, socket.gaierror):
+            raise OSError(
+                errno.ENOENT,
+                f"no address is known for the name {urlsplit(url).hostname}; write its number, like 192.168.1.50",
+            ) from None
+        if number == errno.EISDIR or "Is a directory" in text:
+            raise OSError(errno.EISDIR, "this is a folder, not a serial port") from None
+        if number == errno.ENOTTY or "Inappropriate ioctl" in text:
+            raise OSError(errno.ENOTTY, "this is not a serial port") from None
         if "refused" in text:
             raise OSError(errno.ECONNREFUSED, "nobody listens there (connection refused)") from None
         if url.startswith(("socket://", "rfc2217://")) and "NoneType" in text:

@@ -11,7 +11,7 @@ from gateway.app.config.keys import OFF, Config, MountConfig
 from gateway.app.config.lines import Place
 from gateway.app.config.places import right
 from gateway.app.config.programs import programs
-from gateway.clients.access import networks
+from gateway.clients.access import Access, Networks, networks
 from gateway.core.errors import UserError
 
 _EVERY_ADDRESS = ("0.0.0.0", "::")
@@ -127,10 +127,27 @@ def _access(config: Config) -> Iterator[Mistake]:
             if not parse_endpoint(surface.at).where.startswith(("tcp://", "rfc2217://")):
                 words = "true or false" if key == "read-only" else "it on a surface at tcp://"
                 yield Mistake(place, f"nobody comes from a network here; write {words}")
+                continue
             try:
-                networks(value)
+                found = networks(value)
             except UserError as error:
                 yield Mistake(place, str(error))
+                continue
+            if key == "allow" and (words := _nobody(parse_endpoint(surface.at).where, found)):
+                yield Mistake(place, words)
+
+
+def _nobody(where: str, allowed: Networks) -> str:
+    """Why nobody can connect; empty where somebody can."""
+    from gateway.transport.tcp import exposed, split_address
+
+    host, port = split_address(where)
+    if exposed(where) or Access(allow=allowed).admits(host) or any(network.is_loopback for network in allowed):
+        return ""
+    return (
+        f"nobody could connect: at {host} only programs of this computer arrive, and {host} is not among these; "
+        f"let the surface listen at tcp://0.0.0.0:{port or 4030}, or add {host}"
+    )
 
 
 def _console(config: Config) -> Iterator[Mistake]:

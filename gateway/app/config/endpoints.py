@@ -118,7 +118,7 @@ def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
 
     Only here astropy is loaded, which takes a second: whoever writes plain numbers does not wait for it.
     """
-    wrong = UserError(f"{text!r} is no site; write LAT,LON, north and east positive: 45.5,-122.7 or 45°30'N,122°42'W")
+    wrong = UserError(f"{text!r}: write LAT,LON, north and east positive: 45.5,-122.7 or 45°30'N,122°42'W")
     if len(parts) != 2 or any("h" in part.lower() for part in parts):
         raise wrong
     from astropy.coordinates import Latitude, Longitude

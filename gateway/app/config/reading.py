@@ -19,7 +19,7 @@ from gateway.app.config.describing import keys, named
 from gateway.app.config.endpoints import misplaced, nearest
 from gateway.app.config.keys import TABLES, Config
 from gateway.app.config.lines import Place, line_of
-from gateway.core.errors import UserError
+from gateway.core.errors import UserError, about_file
 
 #: What a person may have meant where the parser tells only what it found.
 _HINTS = {
@@ -82,7 +82,9 @@ def read_tables(path: Path) -> tuple[dict[str, Any], Source]:
     try:
         text = path.read_text("utf-8-sig")
     except OSError as error:
-        raise UserError(f"{path}: {error.strerror}") from None
+        words = about_file(path, error)
+        makes = f"; mount-gateway detect --write {path} makes one" if words.endswith("no such file") else ""
+        raise UserError(f"{path}: {words}{makes}") from None
     except UnicodeDecodeError as error:
         raise UserError(f"{path}: this is no UTF-8 text ({error.reason} at byte {error.start})") from None
     try:

@@ -7,7 +7,7 @@ from typing import Any
 
 from gateway.app.control.endpoints import ControlEndpoint
 from gateway.app.control.messages import Parts, draw, seal, unseal
-from gateway.system.processes import exists, is_gateway
+from gateway.system.processes import exists, is_gateway, suspended
 
 #: Seconds from one time that a question is sent to the next: a datagram may be lost.
 AGAIN = 0.5
@@ -38,13 +38,16 @@ class _Asking(asyncio.DatagramProtocol):
             self.done.set_exception(exc)
 
 
+def silent(pid: int) -> str:
+    """What a gateway that does not answer may be, and what to do about it."""
+    ended = f"end it with kill -9 {pid}, then mount-gateway stop stops its mount without it"
+    goes_on = f"it is suspended (Ctrl-Z?), and kill -CONT {pid} lets it go on; or " if suspended(pid) else ""
+    return f"the gateway (process {pid}) does not answer: {goes_on}{ended}"
+
+
 async def ask(door: ControlEndpoint, word: str, seconds: float) -> str | None:
     """-> the gateway's answer, or ``failed REASON``; None where no gateway is behind the door any more."""
     number = draw()
-    silent = (
-        f"failed the gateway (process {door.pid}) does not answer: end it with kill -9 {door.pid}, then "
-        "mount-gateway stop stops its mount without it"
-    )
     loop = asyncio.get_running_loop()
     try:
         transport, asking = await loop.create_datagram_endpoint(
@@ -62,8 +65,8 @@ async def ask(door: ControlEndpoint, word: str, seconds: float) -> str | None:
                 await asyncio.wait({asking.done}, timeout=AGAIN)
         return asking.done.result()
     except ConnectionError:
-        return silent if is_gateway(door.pid) else None
+        return f"failed {silent(door.pid)}" if is_gateway(door.pid) else None
     except (OSError, TimeoutError):
-        return silent if exists(door.pid) else None
+        return f"failed {silent(door.pid)}" if exists(door.pid) else None
     finally:
         transport.close()

@@ -15,6 +15,7 @@ from gateway.astro.catalog import deepsky, names, stars
 from gateway.astro.catalog.files import NotInstalled
 from gateway.astro.catalog.objects import Entry
 from gateway.core.errors import Fault, UserError
+from gateway.system.own_commands import how_to_add
 
 BODIES = ("Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 RIGHT = "write RA DEC, like 05:34:32 +22:00:52, or a name, like M42, Vega or Jupiter"
@@ -91,8 +92,11 @@ def _named(text: str) -> tuple[str, Entry]:
     entry = _from_library(text, lambda: names.look_up(text, _year()))
     if entry is None:
         close = names.suggestions(text, BODIES)
-        like = f"; did you mean {' or '.join(close)}?" if close else f": {RIGHT}"
-        raise UserError(f"there is no object {text!r}{like}")
+        raise UserError(
+            f"there is no object {text!r}; did you mean {' or '.join(close)}?"
+            if close
+            else f"{text!r} is no place: {RIGHT}"
+        )
     return text, entry
 
 
@@ -101,8 +105,8 @@ def _from_library(name: str, look: Callable[[], Entry | None]) -> Entry | None:
         return look()
     except NotInstalled:
         raise UserError(
-            f"{name}: the object library is not installed; pip install '.[library]' in the folder of the gateway "
-            "brings it, and RA DEC does without"
+            f"{name}: the object library is not installed; to install it, {how_to_add('library')}. RA DEC and the "
+            "names of planets and bright stars work without it"
         ) from None
     except Fault as fault:
         raise UserError(f"{name}: {fault}") from None

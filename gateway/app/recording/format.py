@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
-from gateway.core.errors import UserError
+from gateway.core.errors import UserError, about_file
 from gateway.core.wire_log import show
 
 MARK = "# mount-gateway recording "
@@ -166,7 +166,9 @@ def _format(path: Path) -> int | None:
         with path.open("rb") as file:
             line = file.readline(len(MARK) + 8).decode("latin-1")
     except OSError as error:
-        raise UserError(f"{path}: {error.strerror}") from None
+        words = about_file(path, error)
+        makes = f"; mount-gateway run --record {path} makes one" if words.endswith("no such file") else ""
+        raise UserError(f"{path}: {words}{makes}") from None
     number = line.removeprefix(MARK).rstrip("\n")
     if not line.startswith(MARK) or not number.isdecimal():
         return None

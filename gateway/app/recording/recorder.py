@@ -30,7 +30,7 @@ from gateway.app.recording.format import (
     part_of,
 )
 from gateway.app.recording.turns import TurnLoop
-from gateway.core.errors import UserError
+from gateway.core.errors import UserError, about_file
 from gateway.core.wire_log import Entry
 
 #: A file that has grown to this many bytes is put aside; so many files are kept, the one being written among them.
@@ -77,7 +77,7 @@ class Recorder:
             self._open(first=True)
         except OSError as error:
             self._give_up()
-            raise UserError(f"cannot record to {path}: {error.strerror}") from None
+            raise UserError(f"cannot record to {path}: {about_file(path, error)}") from None
 
     @property
     def _at(self) -> float:

@@ -29,6 +29,7 @@ from gateway.app.state.file import (
     to_shared,
 )
 from gateway.app.state.motion_marker import InThread, MotionMarker
+from gateway.core.errors import about_file
 from gateway.core.operations import Place
 from gateway.mount.controller import MountController
 from gateway.mount.safety.rules.sync_sum import SyncSum
@@ -121,11 +122,15 @@ class StateStore:
             self.held = True
         except Taken as by:
             if not self._simulated:
-                self._say(f"another gateway holds {self.path} ({by}); this one keeps its state in memory")
+                self._say(
+                    f"another mount-gateway ({by}) runs for this mount; what has to outlast a restart is kept by "
+                    f"that one, in {self.path}"
+                )
         except OSError as error:
+            why = about_file(self.directory, error)
             self._say(
-                f"{self.directory} cannot be written to ({error.strerror or error}): what a hand control keeps "
-                "over power-off is kept in memory only; --state PATH names another folder"
+                f"{self.directory} cannot be written to ({why}): what a hand control keeps over power-off is kept "
+                "in memory only; --state PATH names another folder"
             )
 
     def _read(self) -> SavedState:

@@ -57,6 +57,12 @@ def by_row(row: int) -> Entry:
     return _entry(_rows("id = ?", row)[0])
 
 
+def names() -> dict[str, int]:
+    """What people call objects, and the row of each. Raises NotInstalled."""
+    rows = _rows("commonnames != '' AND ra IS NOT NULL ORDER BY id DESC", columns="commonnames, id")
+    return {name.strip(): row for called, row in rows for name in called.split(",")}
+
+
 def matching(wanted: Wanted) -> list[Candidate]:
     """Everything within the limits, in the order of ``order``; not to be changed. Raises NotInstalled."""
     return _matching(data_file("pyongc", "ongc.db"), wanted)

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import errno
 import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gateway.core.errors import UserError
+from gateway.core.errors import UserError, about_file
 
 if TYPE_CHECKING:
     from gateway.diagnostics.detect import Finding
@@ -59,6 +60,9 @@ def _detect(arguments: argparse.Namespace) -> int:
 
     if arguments.write is not None and not arguments.force and arguments.write.exists():
         raise _there_already(arguments.write)
+    if arguments.write is not None and not arguments.write.parent.is_dir():
+        missing = FileNotFoundError(errno.ENOENT, "")
+        raise UserError(f"{arguments.write}: {about_file(arguments.write, missing)}")
     places = list({place.url: place for place in map(named, arguments.port)}.values()) if arguments.port else here()
     if not places:
         print("[]" if arguments.json else "no mount was found", flush=True)
@@ -124,7 +128,7 @@ def write_whole(path: Path, text: str, force: bool) -> None:
         for leftover in [draft, path][: 1 + reserved]:
             with contextlib.suppress(OSError):
                 leftover.unlink()
-        raise UserError(f"{path}: {error.strerror}") from None
+        raise UserError(f"{path}: {about_file(path, error)}") from None
 
 
 def _there_already(path: Path) -> UserError:

@@ -40,15 +40,15 @@ def add_wait(command: argparse.ArgumentParser) -> None:
     command.add_argument("--wait", action="store_true", help="wait until it is there; Ctrl-C stops it")
 
 
-def found(arguments: argparse.Namespace) -> list[ControlEndpoint]:
-    """The gateways that are meant, and run."""
+def found(arguments: argparse.Namespace, all_of_them: bool = False) -> list[ControlEndpoint]:
+    """The gateways that run and are meant, or ``all_of_them`` that could be."""
     from gateway.app.control.endpoints import listened
     from gateway.app.reach import Scope, look
     from gateway.system.files import directory
 
     given = bool(arguments.state or os.environ.get("STATE_DIRECTORY"))
     seen = look(Scope(directory(arguments.state), alone=given))
-    only = arguments.mount
+    only = None if all_of_them else arguments.mount
     return [
         door
         for _, door in seen.gateways
@@ -74,6 +74,11 @@ def nobody(arguments: argparse.Namespace) -> None:
     from gateway.system.files import directory
     from gateway.system.runtime_folders import user_name
 
+    others = found(arguments, all_of_them=True) if arguments.mount else []
+    if others:
+        names = " or ".join(sorted(f"--mount {door.name or door.mount}" for door in others))
+        streams.warn(f"no gateway runs here for {arguments.mount}; write {names}", journal.ERROR)
+        return
     which = f" for {arguments.mount}" if arguments.mount else ""
     streams.warn(NOBODY.format(which=which), journal.ERROR)
     given = bool(arguments.state or os.environ.get("STATE_DIRECTORY"))

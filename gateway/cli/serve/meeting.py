@@ -46,3 +46,10 @@ def not_found(gateway: Gateway) -> str:
         f"{show(asked)}: {answer}. So the cable carries bytes; the baud rate may be another one, or the mount "
         f"speaks another protocol; {rest}"
     )
+
+
+def where_else(where: str) -> str:
+    """What to look at when a mount's port or address cannot be opened."""
+    if where.startswith(("socket://", "rfc2217://")):
+        return "is it switched on, in the same network, and is the number of its port right?"
+    return "mount-gateway detect shows which ports there are"

@@ -11,7 +11,7 @@ import contextlib
 import gc
 import sys
 import time
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any, cast
 
@@ -19,7 +19,7 @@ from gateway.app.config import Config, MountConfig, parse_endpoint
 from gateway.app.recording.turns import TurnLoop
 from gateway.cli.serve.console import open_console
 from gateway.cli.serve.live import Screen, find_terminal, look_on
-from gateway.cli.serve.meeting import SAID_AFTER, not_found, waiting
+from gateway.cli.serve.meeting import SAID_AFTER, not_found, waiting, where_else
 from gateway.cli.serve.signals import before_suspension, until_signal
 from gateway.core.errors import Fault, UserError
 from gateway.core.wire_log import SKY_READY, Sink
@@ -45,7 +45,7 @@ QUICK = 0.5
 CANNOT_OPEN = "cannot open"
 
 
-def with_loop(fast: bool, serve: Callable[[], Awaitable[int]], recorded: bool = False) -> int:
+def with_loop(fast: bool, serve: Callable[[], Coroutine[Any, Any, int]], recorded: bool = False) -> int:
     """Run on uvloop where it is installed, else on asyncio's own; ``recorded``: on one that can be played again."""
     factory: Callable[[], asyncio.AbstractEventLoop] | None = TurnLoop if recorded else None
     if fast and not recorded:
@@ -56,7 +56,7 @@ def with_loop(fast: bool, serve: Callable[[], Awaitable[int]], recorded: bool = 
         except ImportError:
             factory = None
     with asyncio.Runner(loop_factory=factory) as runner:
-        return runner.run(serve())  # type: ignore[arg-type]
+        return runner.run(serve())
 
 
 def start_watchdog(config: Config) -> Watchdog | None:
@@ -308,7 +308,7 @@ async def _find(gateway: Gateway, warn: Callable[[str], None]) -> None:
 def _instead(gateway: Gateway, reason: str) -> str:
     """What to do about a mount's port that cannot be opened."""
     if "in use" not in reason:
-        return "mount-gateway detect shows which ports there are"
+        return where_else(gateway.mount.where)
     from gateway.diagnostics.detect.ports import holder
     from gateway.system.locks import read_pid
 

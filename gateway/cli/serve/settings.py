@@ -7,6 +7,8 @@ the gateway.toml of the folder one is in is read.
 from __future__ import annotations
 
 import argparse
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -37,11 +39,11 @@ GROUPS = {
 }
 MOUNT = "about the mount"
 SURFACE = "about the surface, where there is one (where there are several: in the file)"
-#: The file that is looked for where none is named.
 #: Keys that only a surface on a network can be meant by.
 OF_NETWORK = ("allow", "max-clients")
 #: A flag that may be true or a list stands for true with this.
 ALL = "all"
+#: The file that is looked for where none is named.
 HERE = Path("gateway.toml")
 
 
@@ -54,7 +56,14 @@ def of_surface() -> list[Key]:
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Give a command the flags for everything that can be configured."""
     ends = parser.add_argument_group("what is connected: these, or the same in a file")
-    ends.add_argument("--mount", metavar="ENDPOINT", help="for example nexstar@/dev/ttyUSB0, or nexstar@sim")
+    ends.add_argument(
+        "--mount",
+        metavar="ENDPOINT",
+        help="for example nexstar@/dev/ttyUSB0, or nexstar@sim",
+        action=Once,
+        because="several mounts are written in gateway.toml, each under a [[mount]] of its "
+        "own (mount-gateway config --example shows how)",
+    )
     ends.add_argument(
         "--surface",
         metavar="ENDPOINT",
@@ -62,7 +71,14 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="where programs connect: lx200@tcp://127.0.0.1:4030, lx200@pty:/tmp/lx200; may be repeated",
     )
-    ends.add_argument("--config", type=Path, metavar="FILE", help="read gateway.toml; what is given here wins")
+    ends.add_argument(
+        "--config",
+        type=Path,
+        metavar="FILE",
+        help="read gateway.toml; what is given here wins",
+        action=Once,
+        because="write one file",
+    )
     parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help="the same as --config FILE")
     groups = {title: parser.add_argument_group(title) for title in (MOUNT, SURFACE, *GROUPS)}
     for key in (*keys("mount"), *keys("")):
@@ -102,6 +118,34 @@ def add_flag(group: Any, key: Key) -> None:
         group.add_argument(f"--{key.name}", action=argparse.BooleanOptionalAction, default=None, help=words)
     elif key.flag:
         group.add_argument(f"--{key.name}", metavar=key.shown.replace("|", ","), help=key.help)
+
+
+@contextlib.contextmanager
+def of_flag(flag: str) -> Iterator[None]:
+    """A mistake in what a flag is set to is told with the flag."""
+    try:
+        yield
+    except UserError as error:
+        raise UserError(f"{flag} {error}") from None
+
+
+class Once(argparse.Action):
+    """A flag that may be given once; ``because``: what else is right."""
+
+    def __init__(self, *arguments: Any, because: str, **others: Any) -> None:
+        super().__init__(*arguments, **others)
+        self._because = because
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        if getattr(namespace, self.dest) is not None:
+            raise UserError(f"{option_string} is given twice: {self._because}")
+        setattr(namespace, self.dest, values)
 
 
 def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
@@ -199,7 +243,8 @@ def _on_network(surface: dict[str, Any]) -> bool:
 def _value(key: Key, text: Any) -> Any:
     """A flag's text as the value that the file would have. Raises UserError."""
     if key.name == "site":
-        return list(parse_site(text))
+        with of_flag("--site"):
+            return list(parse_site(text))
     if text == ALL and isinstance(key.default, bool):
         return True
     value = text.split(",") if key.several and text not in key.choices else text

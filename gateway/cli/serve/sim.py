@@ -12,8 +12,9 @@ from gateway.app.config import parse_device, parse_site
 from gateway.app.config.endpoints import PROTOCOLS
 from gateway.app.config.places import right
 from gateway.cli.serve.serving import with_loop
+from gateway.cli.serve.settings import of_flag
 from gateway.cli.serve.signals import until_signal
-from gateway.core.errors import UserError
+from gateway.core.errors import UserError, about_file
 from gateway.protocols.nexstar.versions import made_with
 from gateway.protocols.wireformat.command_set import load
 from gateway.system import streams
@@ -108,11 +109,14 @@ def _sim(arguments: argparse.Namespace) -> int:
         raise UserError("sim: --tolerant is for lx200 mounts; the commands of a hand control have one form each")
     chosen = {"land_tells_altaz": arguments.land_tells_altaz, "tolerant": arguments.tolerant}
     settings = {name: True for name, value in chosen.items() if value}
-    start = parse_time(arguments.time) if arguments.time else None
+    with of_flag("--time"):
+        start = parse_time(arguments.time) if arguments.time else None
+    with of_flag("--site"):
+        site = parse_site(arguments.site)
     simulator = make_simulator(
         endpoint,
         clock=running_clock(start),
-        site=parse_site(arguments.site),
+        site=site,
         aligned=not arguments.unaligned,
         speed=arguments.speed,
         **settings,
@@ -151,7 +155,7 @@ def _open(path: str) -> TextIO:
     try:
         return open(path, "w", encoding="ascii", buffering=1)
     except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror}") from None
+        raise UserError(f"cannot write {path}: {about_file(path, error)}") from None
 
 
 async def _tell_truth(simulator: Any, file: TextIO, done: asyncio.Event) -> None:

@@ -30,6 +30,7 @@ from gateway.protocols.wireformat.command_set import KEEPS, Command, CommandSet,
 TARGET = {"lx200": (":Sr05:34:32#", ":Sd+22*00:52#", ":Sa+50*00#", ":Sz200*00#")}
 #: How long a gateway is left alone before it is asked, seconds.
 IDLE = 3.0
+NO_HINT = "; mount-gateway tables lists them all"
 #: So many commands of a kind in a row are shown.
 MANY = 3
 
@@ -44,7 +45,7 @@ def explain(surface: str, mount: str, typed: str) -> str:
     protocol, driven = load(face.protocol), load(at.protocol)
     found = protocol.find(frame)
     if found is None:
-        raise UserError(f"{face.protocol} has no command {typed!r}{_hint(face.protocol, frame)}")
+        raise UserError(f"{face.protocol} has no command {typed!r}{_hint(face.protocol, frame) or NO_HINT}")
     command, picture = found
     row = protocol.surface.get(command.name)
     lines = [f"{show(frame)}  {command.help}"]

@@ -77,7 +77,10 @@ def test_a_night_at_the_shell(say: Say, tmp_path: Path, started: list[Running]) 
     assert say("goto", "nowhere", *which) == (
         2,
         "",
-        ("mount-gateway: 'nowhere' is no place: write RA DEC, like 05:34:32 +22:00:52, or a name, like M42 or Jupiter"),
+        (
+            "mount-gateway: 'nowhere' is no place: write RA DEC, like 05:34:32 +22:00:52, or a name, like M42, Vega or "
+            "Jupiter"
+        ),
     )
     assert say("status", "--mount", "dome", *which)[0] == 1
     assert running.end() == 0
@@ -205,7 +208,7 @@ def test_without_the_library_that_is_said(monkeypatch: pytest.MonkeyPatch) -> No
         raise NotInstalled
 
     monkeypatch.setattr("gateway.astro.catalog.deepsky.look_up", missing)
-    with pytest.raises(UserError, match=r"pip install 'mount-gateway\[library\]'"):
+    with pytest.raises(UserError, match=r"pip install '\.\[library\]'"):
         place(Typed("M42"))  # type: ignore[arg-type]
 
 

@@ -100,3 +100,8 @@ def test_every_outcome_is_explained() -> None:
     assert "(no is said in the protocol's form for it; where it has none, the log says so)" in explain(
         "lx200gps", "cge/3.02", ":gT#"
     )
+
+
+@pytest.mark.parametrize("command", [":MS#", ":MA#", ":hP#"])
+def test_a_mount_that_is_in_a_hurry_is_not_said_to_stand_wrong(command: str) -> None:
+    assert "axis stands" not in explain("lx200", "nexstar", command)

@@ -27,13 +27,14 @@ def told(reading: float) -> float:
     return degrees(asin(sin(radians(reading))))
 
 
-def corrected(tilt: float | None, difference: float, speed: float) -> float:
+def corrected(tilt: float | None, difference: float, speed: float, hurry: float = 1.0) -> float:
     """How far what is reckoned is off, degrees, when the axis differs by so much from what was corrected so far.
 
-    ``tilt`` is that correction, None where there was none yet; ``speed`` that of the mount in degrees a second.
+    ``tilt`` is that correction, None where there was none yet; ``speed`` that of the mount in degrees a second. A
+    simulated mount that is in a ``hurry`` goes so many times farther before its speed was seen.
     """
     before = tilt or 0.0
-    if abs(difference) <= MATTERS + speed * APART and (speed or not before):
+    if abs(difference) <= MATTERS * hurry + speed * APART and (speed or not before):
         return before
     new = before + difference
     return new if abs(new) > MATTERS else 0.0
@@ -85,7 +86,8 @@ class AltitudeAxis:
             reckoned = last.altitude + _climb(seen) * (now - last.at)
         else:
             reckoned = (self._mount.astrometry.altitude(last.place.ra, last.place.dec) or 0.0) + before
-        tilt = corrected(self.tilt, told(axes.alt) - reckoned, seen.across if moves else 0.0)
+        speed, hurry = (seen.across, self._mount.driver.hurry) if moves else (0.0, 1.0)
+        tilt = corrected(self.tilt, told(axes.alt) - reckoned, speed, hurry)
         if tilt != before and self._mount.readings.age(op.GetStatus, now) > STATUS_AGE:
             return None
         self.tilt, self.synced = tilt, False

@@ -32,7 +32,8 @@ def read(tmp_path: Path, text: str) -> Config:
 def flags(*words: str) -> Config:
     parser = argparse.ArgumentParser()
     add_settings(parser)
-    return settings(parser.parse_args(["--mount", "nexstar@sim", "--surface", "lx200@tcp://:0", *words]))[0]
+    mount = [] if "--mount" in words else ["--mount", "nexstar@sim"]
+    return settings(parser.parse_args([*mount, "--surface", "lx200@tcp://:0", *words]))[0]
 
 
 @pytest.mark.parametrize(
@@ -128,7 +129,7 @@ def test_a_single_mount_needs_no_name_and_may_have_one(tmp_path: Path) -> None:
 
 
 def test_no_file_and_no_text_are_told_of(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"nothing\.toml: No such file"):
+    with pytest.raises(UserError, match=r"nothing\.toml: there is no such file"):
         read_tables(tmp_path / "nothing.toml")
     (tmp_path / "image.toml").write_bytes(b"at = \xff\xfe")
     with pytest.raises(UserError, match=r"image\.toml: this is no UTF-8 text"):

@@ -1,0 +1,76 @@
+"""Names that people call objects by: Vega, Rigel Kent, Ring Nebula; case, spaces, hyphens and the like do not count.
+
+Stars' names are this project's own list, with a Hipparcos number each; those of nebulae, clusters and galaxies are
+OpenNGC's. A name that nobody has given is None; names that look like it are suggested.
+"""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+
+from gateway.astro.catalog import deepsky, named_stars, stars
+from gateway.astro.catalog.files import NotInstalled
+from gateway.astro.catalog.objects import Entry
+from gateway.astro.catalog.star_names import ALSO, HIPPARCOS
+
+#: How like a name must be to be suggested, and how many are.
+ALIKE, SUGGESTED = 0.72, 3
+
+
+def bare(name: str) -> str:
+    """What two spellings of a name have in common."""
+    letters = "".join(letter for letter in name.casefold() if letter.isalnum())
+    return letters.removeprefix("the")
+
+
+_STARS = {bare(name): HIPPARCOS[ALSO.get(name, name)] for name in (*HIPPARCOS, *ALSO)}
+
+
+def star(name: str) -> int | None:
+    """The Hipparcos number of a star's name."""
+    return _STARS.get(bare(name))
+
+
+def look_up(name: str, year: float) -> Entry | None:
+    """The star or deep sky object of a name. Raises NotInstalled where the star's catalogue is missing."""
+    number = star(name)
+    if number is not None:
+        return _star(number, name, year)
+    row = {bare(known): row for known, row in _deep_sky().items()}.get(bare(name))
+    return None if row is None else deepsky.by_row(row)
+
+
+def _star(number: int, name: str, year: float) -> Entry | None:
+    """From the catalogue, else from the bright stars that are known without it. Raises NotInstalled."""
+    try:
+        return stars.hipparcos(number, year)
+    except NotInstalled:
+        place = named_stars.by_number(number, year)
+        if place is None:
+            raise
+        return Entry(name, "*", *place)
+
+
+def beginning(text: str, most: int) -> list[str]:
+    """Names that begin so, the shortest first."""
+    typed = bare(text)
+    spelled = {bare(known): known for known in (*_deep_sky(), *ALSO, *HIPPARCOS)}
+    longer = sorted((known for known in spelled if typed and known.startswith(typed)), key=len)
+    return [spelled[known] for known in longer[:most]]
+
+
+def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:
+    """Names that begin like one that nobody has given, or look like it; ``more`` are names besides these."""
+    spelled = {bare(known): known for known in (*_deep_sky(), *ALSO, *HIPPARCOS, *more)}
+    typed = bare(name)
+    longer = sorted((known for known in spelled if len(typed) > 2 and known.startswith(typed)), key=len)
+    close = [*longer, *get_close_matches(typed, spelled, SUGGESTED, ALIKE)]
+    return [spelled[known] for known in dict.fromkeys(close)][:SUGGESTED]
+
+
+def _deep_sky() -> dict[str, int]:
+    """None where their catalogue is not installed."""
+    try:
+        return deepsky.names()
+    except NotInstalled:
+        return {}

@@ -1,0 +1,22 @@
+"""Only a simulated mount can be in a hurry: limits and plausibility of a real one go by its real speed."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.app.config import MountConfig
+from gateway.app.gateway import Gateway
+from gateway.mount.link.queue import MountLink
+
+
+@pytest.mark.parametrize(("at", "hurry"), [("nexstar@sim", 10.0), ("nexstar@/dev/ttyUSB9", 1.0)])
+def test_speed_is_that_of_a_simulated_mount(at: str, hurry: float) -> None:
+    async def program() -> None:
+        gateway = Gateway(MountConfig(at=at, speed=10.0), [])
+        gateway.prepare(lambda rules, transcript: MountLink(gateway._wire(), rules, transcript))
+        assert gateway.controller is not None
+        assert gateway.controller.driver.hurry == hurry
+
+    asyncio.run(program())

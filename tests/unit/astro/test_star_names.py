@@ -1,0 +1,134 @@
+"""Stars and deep sky objects by name. Places are typed from general knowledge, and compared with the catalogue's."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from gateway.app.control.commands import Spot
+from gateway.astro.catalog import names, stars
+from gateway.astro.catalog.files import NotInstalled
+from gateway.astro.catalog.star_names import ALSO, HIPPARCOS
+from gateway.astro.spherical import separation
+from gateway.cli.completion import script
+from gateway.cli.mount.places import place
+from gateway.core.errors import UserError
+
+#: name, J2000 hours, minutes, degrees, minutes
+PLACES = [
+    ("Achernar", 1, 37.7, -57, 14), ("Albireo", 19, 30.7, 27, 58), ("Aldebaran", 4, 35.9, 16, 31),
+    ("Algol", 3, 8.2, 40, 57), ("Altair", 19, 50.8, 8, 52), ("Antares", 16, 29.4, -26, 26),
+    ("Arcturus", 14, 15.7, 19, 11), ("Betelgeuse", 5, 55.2, 7, 24), ("Canopus", 6, 24.0, -52, 42),
+    ("Capella", 5, 16.7, 46, 0), ("Castor", 7, 34.6, 31, 53), ("Deneb", 20, 41.4, 45, 17),
+    ("Dubhe", 11, 3.7, 61, 45), ("Fomalhaut", 22, 57.7, -29, 37), ("Mizar", 13, 23.9, 54, 56),
+    ("Polaris", 2, 31.8, 89, 16), ("Pollux", 7, 45.3, 28, 2), ("Procyon", 7, 39.3, 5, 14),
+    ("Regulus", 10, 8.4, 11, 58), ("Rigel", 5, 14.5, -8, 12), ("Rigil Kentaurus", 14, 39.6, -60, 50),
+    ("Sirius", 6, 45.1, -16, 43), ("Spica", 13, 25.2, -11, 10), ("Vega", 18, 36.9, 38, 47),
+]  # fmt: skip
+#: Where these lists use a name for another star than the International Astronomical Union does.
+OTHERWISE = {"Algenib", "Gienah", "Markab", "Toliman"}
+
+
+class Typed:
+    """What was typed as a place."""
+
+    j2000 = False
+
+    def __init__(self, *words: str) -> None:
+        self.place = list(words)
+
+
+def spot(*words: str) -> Spot:
+    found = place(Typed(*words))  # type: ignore[arg-type]
+    assert isinstance(found, Spot)
+    return found
+
+
+@pytest.mark.parametrize(("name", "hours", "minutes", "degrees", "arcminutes"), PLACES)
+def test_a_name_is_a_place(name: str, hours: int, minutes: float, degrees: int, arcminutes: int) -> None:
+    found = spot(*name.split())
+    assert found.j2000
+    dec = math.copysign(abs(degrees) + arcminutes / 60.0, degrees)
+    assert separation(found.ra, found.dec, 15.0 * (hours + minutes / 60.0), dec) < 0.03
+
+
+def test_every_name_is_a_star_of_the_catalogue() -> None:
+    entries = {name: stars.hipparcos(number, 2000.0) for name, number in HIPPARCOS.items()}
+    assert len(entries) >= 150
+    for name, entry in entries.items():
+        assert entry is not None and entry.magnitude is not None, name
+        assert entry.magnitude < 5.5 or name in ("Barnard's Star", "Proxima Centauri"), name
+    assert set(ALSO.values()) <= set(HIPPARCOS) and not set(ALSO) & set(HIPPARCOS)
+    assert len(names._STARS) == len(HIPPARCOS) + len(ALSO)  # no two of them are spelled alike
+
+
+def test_the_names_mean_what_they_mean_elsewhere() -> None:
+    """Two lists that were made by others."""
+    from ephem.stars import stars as ephems
+    from skyfield.named_stars import named_star_dict as skyfields
+
+    meant = {name: HIPPARCOS[ALSO.get(name, name)] for name in (*HIPPARCOS, *ALSO)}
+    compared = [name for name in meant if name in skyfields and name not in OTHERWISE]
+    assert len(compared) > 90
+    assert {name: meant[name] for name in compared} == {name: skyfields[name] for name in compared}
+    checked = 0
+    for name in HIPPARCOS:
+        if (body := ephems.get(name)) is not None:
+            entry = stars.hipparcos(HIPPARCOS[name], 2000.0)
+            assert entry is not None
+            where: tuple[Any, Any] = body._ra, body._dec
+            assert separation(entry.ra, entry.dec, *(math.degrees(angle) for angle in where)) < 0.02, name
+            checked += 1
+    assert checked > 90
+
+
+@pytest.mark.parametrize(("typed", "same"), [
+    (("vega",), ("HIP91262",)), (("VEGA",), ("HIP", "91262")), (("rigel", "kent"), ("HIP71683",)),
+    (("Barnards", "star"), ("HIP87937",)), (("El", "Nath"), ("Elnath",)), (("el-nath",), ("Elnath",)),
+    (("North", "Star"), ("Polaris",)), (("m", "31"), ("M31",)), (("m31",), ("NGC224",)), (("M-31",), ("ngc", "224")),
+    (("andromeda galaxy",), ("M31",)), (("The", "Ring", "Nebula"), ("M57",)), (("47 Tuc Cluster",), ("NGC104",)),
+])  # fmt: skip
+def test_spelling_does_not_matter(typed: tuple[str, ...], same: tuple[str, ...]) -> None:
+    first, second = spot(*typed), spot(*same)
+    assert separation(first.ra, first.dec, second.ra, second.dec) < 1e-6
+
+
+@pytest.mark.parametrize(("typed", "told"), [
+    ("Vegga", "there is no object 'Vegga'; did you mean Vega?"),
+    ("Betelguese", "did you mean Betelgeuse or Betelgeux?"),
+    ("Jupitr", "did you mean Jupiter?"),
+    ("Lagoon", "there is no object 'Lagoon'; did you mean Lagoon Nebula?"),
+    ("kaus", "did you mean Kaus Media or Kaus Borealis or Kaus Australis?"),
+    ("nowhere", "'nowhere' is no place: write RA DEC, like 05:34:32 +22:00:52, or a name, like M42, Vega or Jupiter"),
+    ("", "'' is no place: write RA DEC"),
+    ("NGC99999", "NGC99999: the library has no such object; NGC goes from 1 to 7840"),
+    ("HIP0", "HIP0: the library has no such object"),
+    ("the Sun", "the Sun is no goal here"),
+])  # fmt: skip
+def test_what_nobody_knows_is_answered_with_what_was_meant(typed: str, told: str) -> None:
+    with pytest.raises(UserError) as refused:
+        spot(typed)
+    assert told in str(refused.value)
+
+
+def test_without_the_library_names_are_still_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(*_: object) -> None:
+        raise NotInstalled
+
+    monkeypatch.setattr("gateway.astro.catalog.deepsky.data_file", missing)
+    monkeypatch.setattr("gateway.astro.catalog.stars.data_file", missing)
+    assert spot("Vega").dec == pytest.approx(38.78, abs=0.02)
+    with pytest.raises(UserError, match=r"^Mira: the object library is not installed; .*pip install '\.\[library\]'"):
+        spot("Mira")
+    with pytest.raises(UserError, match=r"did you mean Vega\?"):
+        spot("Vegga")
+    with pytest.raises(UserError, match="'Ring Nebula' is no place"):
+        spot("Ring Nebula")
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_shell_completes_names(shell: str) -> None:
+    words = script(shell)
+    assert "Betelgeuse" in words and "Jupiter" in words

@@ -1,0 +1,159 @@
+"""Mistakes of newcomers: each message says what happened, where, and what to do about it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+from pathlib import Path
+
+import pytest
+
+from gateway.app.control.client import silent
+from gateway.cli import main
+from gateway.cli.serve.meeting import where_else
+from gateway.core.errors import UserError
+from gateway.system import processes
+from gateway.transport.device_link import DeviceLink
+from gateway.transport.wires import open_port
+from tests.support.process import Running
+from tests.unit.cli.test_cli import refused
+
+PLAIN = ("--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["run", "lost.toml"], "lost.toml: there is no such file; mount-gateway detect --write lost.toml makes one"),
+        (["run", "none/lost.toml"], "none/lost.toml: there is no folder none; make it first, or name another one"),
+        (["run", "."], ".: this is a folder: write the name of a file in it"),
+        (["decode", "lost.rec"], "lost.rec: there is no such file; mount-gateway run --record lost.rec makes one"),
+        (["replay", "lost.rec"], "lost.rec: there is no such file; mount-gateway run --record lost.rec makes one"),
+        (
+            ["detect", "/dev/null", "--write", "none/g.toml"],
+            "none/g.toml: there is no folder none; make it first, or name another one",
+        ),
+        (
+            ["run", *PLAIN, "--state", "{}", "--record", "none/night.rec"],
+            "cannot record to none/night.rec: there is no folder none; make it first, or name another one",
+        ),
+        (["sim", "nexstar", "--truth", "none/t.jsonl"], "cannot write none/t.jsonl: there is no folder none; make it"),
+        (
+            ["config", *PLAIN, "--mount", "lx200@sim"],
+            "--mount is given twice: several mounts are written in gateway.toml, each under a [[mount]] of its own",
+        ),
+        (["config", "--config", "a.toml", "--config", "b.toml"], "--config is given twice: write one file"),
+        (
+            ["config", *PLAIN, "--allow", "192.168.1.0/24"],
+            "--allow: nobody could connect: at 127.0.0.1 only programs of this computer arrive, and 127.0.0.1 is not "
+            "among these; let the surface listen at tcp://0.0.0.0:4030, or add 127.0.0.1",
+        ),
+        (["config", *PLAIN, "--site", "45"], "--site '45': write LAT,LON, north and east positive: 45.5,-122.7 or"),
+        (["config", *PLAIN, "--site", "148,11"], "--site '148,11': latitude is -90 to 90"),
+        (["sim", "nexstar", "--site", "Rome"], "--site 'Rome': write LAT,LON"),
+        (["sim", "nexstar", "--time", "yesterday"], "--time 'yesterday': write it like 2026-01-15T22:00:00Z"),
+        (["explain", "lx200", "nexstar", ":Zz#"], "lx200 has no command ':Zz#'; mount-gateway tables lists them all"),
+        (["explain", "nexstar", "lx200", "\\xfe"], "; mount-gateway tables lists them all"),
+        (["move", "north", "--rate", "12"], "--rate 12: write one of 1, 2, 3, 4, 5, 6, 7, 8, 9 ("),
+        (
+            ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://192.0.2.7:4030", "--state", "{}"],
+            "this computer has no such address; 0.0.0.0 stands for all that it has, 127.0.0.1 for programs on it",
+        ),
+    ],
+)
+def test_what_to_do_is_said(arguments: list[str], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert says in refused(*[word.format(tmp_path / "state") for word in arguments])
+
+
+def test_a_port_that_is_taken_is_to_be_left_or_ended(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        where = f"127.0.0.1:{taken.getsockname()[1]}"
+        said = refused("run", "--mount", "nexstar@sim", "--surface", f"lx200@tcp://{where}", "--state", str(tmp_path))
+    assert said.endswith("in use by another program (another mount-gateway?); write another port, or end that program")
+
+
+def test_a_name_that_is_taken_is_to_be_another(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(UserError, match="it is left alone: remove it, or write another name"):
+        DeviceLink(str(tmp_path / "file")).check()
+    ours, theirs = os.openpty()
+    os.symlink(os.ttyname(theirs), tmp_path / "link")
+    try:
+        with pytest.raises(UserError, match="which is in use; it is left alone: write another name"):
+            DeviceLink(str(tmp_path / "link")).check()
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+def test_a_name_that_nobody_knows_is_said_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    def unknown(*_: object, **__: object) -> None:
+        raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+
+    monkeypatch.setattr("socket.create_connection", unknown)
+    for url in ("socket://scope.invalid:4030", "rfc2217://scope.invalid:4030"):
+        with pytest.raises(OSError, match=r"no address is known for the name scope\.invalid; write its number, like"):
+            open_port(url, 9600)
+
+
+def test_what_is_behind_an_address_is_no_port_of_this_computer() -> None:
+    for where in ("socket://127.0.0.1:9", "rfc2217://pier:4000"):
+        assert where_else(where) == ("is it switched on, in the same network, and is the number of its port right?")
+    assert where_else("/dev/ttyUSB9") == "mount-gateway detect shows which ports there are"
+
+
+def test_bytes_that_are_no_conversation_are_not_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    noise = tmp_path / "noise.bin"
+    noise.write_bytes(b"\x7fELF" + bytes(range(256)) * 64)
+    assert main(["decode", "--protocol", "nexstar", str(noise)]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "noise.bin: this is no conversation in the nexstar protocol: of its first" in err
+    assert err.endswith("are commands; --protocol names the other protocol, if it is one in that\n")
+
+
+def test_a_gateway_that_is_suspended_is_said_to_be(started: list[Running], tmp_path: Path) -> None:
+    gateway = Running("run", *PLAIN, "--state", str(tmp_path))
+    started.append(gateway)
+    gateway.ready()
+    number = gateway.process.pid
+    assert not processes.suspended(number)
+    assert silent(number) == (
+        f"the gateway (process {number}) does not answer: end it with kill -9 {number}, then "
+        "mount-gateway stop stops its mount without it"
+    )
+    os.kill(number, signal.SIGSTOP)
+    try:
+        os.waitid(os.P_PID, number, os.WSTOPPED | os.WNOWAIT)
+        assert silent(number) == (
+            f"the gateway (process {number}) does not answer: it is suspended (Ctrl-Z?), and kill -CONT {number} lets "
+            f"it go on; or end it with kill -9 {number}, then mount-gateway stop stops its mount without it"
+        )
+    finally:
+        os.kill(number, signal.SIGCONT)
+    assert gateway.end() == 0
+
+
+def test_those_that_run_are_named_where_another_was_asked_for(
+    started: list[Running], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gateway = Running("run", *PLAIN, "--state", str(tmp_path))
+    started.append(gateway)
+    gateway.ready()
+    assert main(["park", "--mount", "pier", "--state", str(tmp_path)]) == 1
+    assert capsys.readouterr().err == ("mount-gateway: no gateway runs here for pier; write --mount nexstar@sim\n")
+    assert gateway.end() == 0
+
+
+def test_a_state_folder_that_is_a_file_is_said_to_be_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").touch()
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        where = f"lx200@tcp://127.0.0.1:{taken.getsockname()[1]}"
+        assert main(["run", "--mount", "nexstar@sim", "--surface", where, "--state", str(tmp_path / "file")]) == 2
+    told = capsys.readouterr().err.splitlines()
+    assert told[0].startswith(
+        f"mount-gateway: {tmp_path / 'file'} cannot be written to (there is a file of that name, "
+        "where a folder is needed): what a hand control keeps"
+    )
