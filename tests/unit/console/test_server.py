@@ -233,19 +233,18 @@ def test_an_arrow_moves_until_it_is_let_go(tmp_path: Path) -> None:
 @pytest.mark.parametrize("how", ["closed", "silent", "cut off"])
 def test_who_is_gone_holds_no_arrow(tmp_path: Path, how: str) -> None:
     async def work() -> None:
-        async with opened(tmp_path) as there, there.page() as watcher:
-            async with there.page() as page:
-                await page.ask("jog", direction="east", rate=7)
-                await watcher.until(lambda: watcher.mount["by_hand"])
-                if how == "closed":
-                    await page.ws.close()
-                elif how == "cut off":
-                    assert page.ws._response.connection is not None
-                    page.ws._response.connection.transport.abort()
-                loop = asyncio.get_running_loop()
-                began = loop.time()
-                await watcher.until(lambda: not watcher.mount["by_hand"])
-                assert loop.time() - began < 3.5
+        async with opened(tmp_path) as there, there.page() as watcher, there.page() as page:
+            await page.ask("jog", direction="east", rate=7)
+            await watcher.until(lambda: watcher.mount["by_hand"])
+            if how == "closed":
+                await page.ws.close()
+            elif how == "cut off":
+                assert page.ws._response.connection is not None
+                page.ws._response.connection.transport.abort()
+            loop = asyncio.get_running_loop()
+            began = loop.time()
+            await watcher.until(lambda: not watcher.mount["by_hand"])
+            assert loop.time() - began < 3.5
 
     play(work())
 
@@ -348,7 +347,7 @@ def test_a_recording_is_begun_ended_and_fetched(tmp_path: Path) -> None:
 def test_a_page_that_reads_nothing_holds_up_nobody(tmp_path: Path) -> None:
     async def work() -> None:
         async with opened(tmp_path) as there:
-            reader, writer = await asyncio.open_connection(there.console.host, there.console.port, limit=1024)
+            _, writer = await asyncio.open_connection(there.console.host, there.console.port, limit=1024)
             key = "dGhlIHNhbXBsZSBub25jZQ=="
             writer.write(
                 f"GET /socket?token={await there.token()} HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\n"
