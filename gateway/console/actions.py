@@ -83,13 +83,11 @@ class Jogging:
         return bool(self._held)
 
     async def press(self, direction: Direction, rate: int) -> tuple[bool, str]:
-        """Press one, or hold it on; the opposite one is let go."""
+        """Press one; the opposite one is let go."""
         for other in [one for one in self._held if one.axis == direction.axis and one is not direction]:
             await self.let_go(other)
-        known, at = self._held.get(direction, ("", 0))
-        if at != rate:
-            known = number()
-            self._held[direction] = known, rate
+        known = number()
+        self._held[direction] = known, rate
         done, words = await carry_out(self._gateway, commands.Press(known, self._who, direction=direction, key=rate))
         if not done and self._held.get(direction, ("", 0))[0] == known:
             del self._held[direction]
