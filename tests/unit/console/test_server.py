@@ -111,9 +111,8 @@ def play(work: Coroutine[Any, Any, None]) -> None:
 )
 def test_a_page_of_somebody_else_is_shown_nothing(tmp_path: Path, headers: dict[str, str], path: str) -> None:
     async def work() -> None:
-        async with opened(tmp_path) as there:
-            async with there.http.get(there.console.where + path, headers=headers) as response:
-                assert response.status == 403
+        async with opened(tmp_path) as there, there.http.get(there.console.where + path, headers=headers) as response:
+            assert response.status == 403
 
     play(work())
 
