@@ -14,7 +14,7 @@ from pathlib import Path
 import gateway
 from gateway.core.errors import UserError
 from gateway.core.wire_log import show
-from gateway.protocols.registry import PROTOCOLS, pairs
+from gateway.protocols.registry import PROTOCOLS, mounts, pairs
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_folder
 from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, SurfaceRow, Version, Way
@@ -186,23 +186,29 @@ def versions(protocol: CommandSet) -> Iterator[tuple[str, str, Version | None]]:
 
 
 def one(device: str) -> str:
-    """The table of one mount, named ``MODEL[/VERSION]`` with or without its protocol. Raises UserError."""
+    """The tables of one mount, named ``MODEL[/VERSION]`` with or without its protocol. Raises UserError."""
     what, _, version = device.rpartition(":")[2].partition("/")
-    for client, mount in pairs():
-        driven = load(mount)
-        if what not in driven.models or device.partition(":")[0] not in (device, mount):
-            continue
-        version = version or driven.models[what].get("versions", [""])[-1]
-        try:
-            counts_as = PROTOCOLS[mount].counts_as(version) if version else None
-        except ValueError:
-            raise UserError(f"{version!r} is no version; write it like 4.21") from None
-        title = f"{what}{'/' if version else ''}{version}"
-        rows = "\n".join(_rows(client, mount, what, counts_as))
-        total = _summary(counts(client, mount, what, counts_as))
-        return f"# {PROTOCOLS[client].title} commands on {title}\n\n{rows}\n\n{total}"
-    names = [name for protocol, _ in pairs() for name in load(protocol).models]
+    tables = [
+        _table(client, mount, what, version or load(mount).models[what].get("versions", [""])[-1])
+        for client, mount in pairs()
+        if what in load(mount).models and device.partition(":")[0] in (device, mount)
+    ]
+    if tables:
+        return "\n\n".join(tables)
+    names = [name for protocol in mounts() for name in load(protocol).models]
     raise UserError(f"no model is called {device!r}; write MODEL or MODEL/VERSION, one of {', '.join(names)}")
+
+
+def _table(client: str, mount: str, model: str, version: str) -> str:
+    """What becomes of one protocol's commands on one mount. Raises UserError."""
+    try:
+        counts_as = PROTOCOLS[mount].counts_as(version) if version else None
+    except ValueError:
+        raise UserError(f"{version!r} is no version; write it like 4.21") from None
+    title = f"{model}{'/' if version else ''}{version}"
+    rows = "\n".join(_rows(client, mount, model, counts_as))
+    total = _summary(counts(client, mount, model, counts_as))
+    return f"# {PROTOCOLS[client].title} commands on {title}\n\n{rows}\n\n{total}"
 
 
 def text() -> str:

@@ -140,7 +140,7 @@ class CommandSet:
 
         A fork is ``alt-az``, or ``equatorial`` on a wedge, as a German mount always is.
         """
-        facts = self.models[model]
+        facts = self.models.get(model, {})
         flags = (key for key, value in facts.items() if value is True)
         build = facts.get("mount", "")
         moves = {"german": "equatorial", "fork": "equatorial" if wedge else "alt-az"}.get(build, "")

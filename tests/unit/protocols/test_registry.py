@@ -1,0 +1,140 @@
+"""The list of protocols is the only one: nothing else names them, and a third one takes one entry."""
+
+from __future__ import annotations
+
+import ast
+import filecmp
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import gateway
+from gateway.protocols.registry import PROTOCOLS, guess, other_surface, pairs
+from gateway.protocols.wireformat.command_set import mappings_folder
+
+ROOT = Path(gateway.__file__).parent
+THIRD = Path(__file__).parent / "third"
+NAMES = re.compile("lx200|nexstar|meade|celestron", re.IGNORECASE)
+#: Where a protocol may be named, because a person reads it: help texts, their examples, and documentation that is
+#: generated. A part of the text stands for itself.
+SAID_TO_PEOPLE = {
+    "app/config/keys.py": (
+        "nexstar@/dev/ttyUSB0",
+        "lx200@tcp://127.0.0.1:4030",
+        "a NexStar while it is not aligned",
+        "0.5 on a NexStar",
+        "(:Mgn#) to a NexStar",
+        "that a NexStar parks at",
+        "may a NexStar that is not aligned",
+        "begins with (lx200)",
+        "without its # (lx200)",
+    ),
+    "app/config/reading.py": ('"nexstar@/dev/ttyUSB0"', "--mount nexstar@/dev/ttyUSB0"),
+    "app/config/checks.py": ("--surface lx200@tcp://127.0.0.1:4030",),
+    "transport/__init__.py": ("pty:/tmp/lx200",),
+    "cli/__init__.py": ("Lets Meade LX200 software drive",),
+    "cli/help.py": ("lx200 (Meade) or nexstar (Celestron)",),
+    "cli/serve/demo.py": ("default /tmp/lx200", "NexStar programs on a simulated Meade"),
+    "cli/serve/run.py": ("mount-gateway run --mount nexstar@/dev/ttyUSB0",),
+    "cli/serve/service.py": ("Description=Gateway between LX200 and NexStar",),
+    "cli/serve/settings.py": ("for example nexstar@/dev/ttyUSB0", "lx200@tcp://127.0.0.1:4030"),
+    "cli/serve/sim.py": ("for example nexstar:cpc/4.21", "mount-gateway sim nexstar:cpc", "nexstar:starsense is"),
+    "cli/inspect/detect.py": ("lx200@/dev/ttyUSB0: some old classics",),
+    "cli/inspect/explain.py": (
+        "mount-gateway explain lx200 nexstar",
+        "believes to speak to: lx200",
+        "the mount: nexstar",
+    ),
+    "cli/inspect/tables.py": ("mount-gateway tables --model nexstar:cge/3.02",),
+    "diagnostics/command_tables.py": ("A NexStar program hears the no-response form", "--surface nexstar@…"),
+}
+
+
+def _literals(tree: ast.AST) -> Iterator[str]:
+    """Every text and every name in a module, but for what documents it."""
+    documentation = {
+        id(node.body[0].value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
+        and node.body
+        and isinstance(node.body[0], ast.Expr)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str | bytes) and id(node) not in documentation:
+            yield node.value if isinstance(node.value, str) else node.value.decode("latin-1")
+        elif isinstance(node, ast.Name):
+            yield node.id
+        elif isinstance(node, ast.Attribute):
+            yield node.attr
+        elif isinstance(node, ast.alias | ast.keyword | ast.arg):
+            yield " ".join(filter(None, (getattr(node, "name", None), getattr(node, "arg", None))))
+        elif isinstance(node, ast.ImportFrom):
+            yield node.module or ""
+        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            yield node.name
+
+
+def test_nothing_else_names_a_protocol() -> None:
+    wrong, seen = [], set()
+    for path in sorted(ROOT.rglob("*.py")):
+        place = path.relative_to(ROOT).as_posix()
+        if place == "protocols/registry.py" or place.split("/")[:2] in (["protocols", name] for name in PROTOCOLS):
+            continue
+        for text in _literals(ast.parse(path.read_text("utf-8"))):
+            if not NAMES.search(text):
+                continue
+            allowed = [part for part in SAID_TO_PEOPLE.get(place, ()) if part in text]
+            seen |= {(place, part) for part in allowed}
+            if not allowed:
+                wrong.append(f"{place}: {text[:80]!r}")
+    assert wrong == []
+    assert seen == {(place, part) for place, parts in SAID_TO_PEOPLE.items() for part in parts}, "the list is too long"
+
+
+def test_a_third_protocol_is_a_folder_a_folder_of_mappings_and_one_entry(tmp_path: Path) -> None:
+    """Decode, sim, explain, tables, run and detect's words go by the list, and its surface pushes."""
+    caches = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT, tmp_path / "gateway", ignore=caches)
+    shutil.copytree(mappings_folder(), tmp_path / "mappings", ignore=caches)
+    shutil.copytree(THIRD / "toy", tmp_path / "gateway" / "protocols" / "toy", ignore=caches)
+    shutil.copytree(THIRD / "mappings", tmp_path / "mappings" / "toy")
+    registry = tmp_path / "gateway" / "protocols" / "registry.py"
+    text = registry.read_text("utf-8")
+    entry = "from gateway.protocols.toy.spec import SPEC as TOY\n\nPROTOCOLS"
+    text = text.replace("\nPROTOCOLS", entry, 1).replace("(LX200, NEXSTAR)", "(LX200, NEXSTAR, TOY)")
+    registry.write_text(text, "utf-8")
+    capture = tmp_path / "capture"
+    capture.write_bytes(b"?\n!05:34:32,+22*00:52\n?\n")
+    done = subprocess.run(
+        [sys.executable, THIRD / "tried.py", capture],
+        cwd=tmp_path,
+        env={"PYTHONPATH": str(tmp_path), "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    shared = [
+        path.relative_to(ROOT).as_posix()
+        for path in ROOT.rglob("*.py")
+        if not filecmp.cmp(path, tmp_path / "gateway" / path.relative_to(ROOT), shallow=False)
+    ]
+    assert shared == ["protocols/registry.py"]
+
+
+def test_what_the_list_says() -> None:
+    assert pairs() == [("lx200", "nexstar"), ("nexstar", "lx200")]
+    assert (other_surface("lx200"), other_surface("nexstar")) == ("nexstar", "lx200")
+    assert (guess(b""), guess(b":GR#"), guess(b"\x06"), guess(b"#:GR#"), guess(b"e")) == (
+        None,
+        "lx200",
+        "lx200",
+        "lx200",
+        "nexstar",
+    )
+    for name, spec in PROTOCOLS.items():
+        assert spec.name == name == spec.commands.name
+        assert spec.default_model in spec.commands.models
