@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import gateway
@@ -138,3 +139,25 @@ def test_what_the_list_says() -> None:
     for name, spec in PROTOCOLS.items():
         assert spec.name == name == spec.commands.name
         assert spec.default_model in spec.commands.models
+
+
+def _imports(path: Path, modules: dict[str, Path]) -> set[str]:
+    """The modules that one imports anywhere, in functions and for types as well."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found |= {
+                f"{node.module}.{alias.name}" if f"{node.module}.{alias.name}" in modules else node.module
+                for alias in node.names
+            }
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+    return found & modules.keys()
+
+
+def test_no_import_circle_in_protocols() -> None:
+    modules = {}
+    for path in (ROOT / "protocols").rglob("*.py"):
+        parts = path.relative_to(ROOT.parent).with_suffix("").parts
+        modules[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    TopologicalSorter({name: _imports(path, modules) - {name} for name, path in modules.items()}).prepare()
