@@ -18,6 +18,7 @@ from gateway.core import operations
 from gateway.core.errors import Disturbed, Fault, Invalid, NoTarget, Silence, Unsupported
 from gateway.core.motion_kinds import begins_motion, may_begin_motion
 from gateway.core.operations import Operation, Own, Stop, Verbatim
+from gateway.protocols.base.ends import Ending, Ends
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.base.read_only import Sealed
 from gateway.protocols.base.subscription import Subscription
@@ -57,13 +58,6 @@ class Speed(NamedTuple):
     """Go on at another baud rate once this command was answered, where there is a serial port."""
 
     baud: int
-
-
-class Ending(NamedTuple):
-    """What a command ends in the moment in which it comes, and the commands that do not get their turn any more."""
-
-    operation: Operation
-    takes_back: frozenset[bytes]
 
 
 #: What some protocols answer whatever was done.
@@ -136,33 +130,19 @@ class Surface:
         self.lacks: Callable[[Mapping[str, Any], bytes], str] = lambda model, frame: ""
 
     @cached_property
-    def _endings(self) -> dict[bytes, Command]:
-        """The commands that end motions, as programs write them."""
-        urgent = [
-            command for command in self.protocol.commands.values() if command.urgent in ("stop", "restart", "axis")
-        ]
-        return {command.request.literal: command for command in urgent if command.name in self.protocol.surface}
+    def ends(self) -> Ends:
+        """What ends motions, by the tables."""
+        return Ends(self.protocol)
 
     def ending(self, session: Session, frame: bytes) -> Ending | None:
         """What a command ends when it comes, before it has its turn; None for all that wait for theirs."""
-        command = self._endings.get(frame)
+        command = self.ends.command(frame)
         if command is None:
             return None
         row = self.protocol.surface[command.name]
-        operation = self._operation(session, row, {}) if command.urgent == "axis" else Stop()
         return Ending(
-            operation, frozenset([self.protocol.commands[name].request.literal for name in command.takes_back])
+            self._operation(session, row, {}) if command.urgent == "axis" else Stop(), self.ends.takes_back(command)
         )
-
-    @cached_property
-    def _marks(self) -> tuple[bytes, ...]:
-        """Bytes of which some are in every command that ends a motion."""
-        marks = {command.mark for command in self.protocol.commands.values() if command.urgent}
-        return tuple([mark for mark in marks if not any(other in mark for other in marks - {mark})])
-
-    def may_end(self, data: bytes) -> bool:
-        """Whether these bytes, which are not cut into commands yet, may be or hold the end of a motion."""
-        return any(mark in data for mark in self._marks)
 
     def handle(self, session: Session, frame: bytes) -> Handling:
         """One framed command -> its reply (empty: none). Yields operations; never raises for what a client sent."""

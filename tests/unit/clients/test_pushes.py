@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from itertools import pairwise
 from typing import Any
 
 from gateway.clients.pushes import Pushes
@@ -95,7 +96,7 @@ def test_what_the_mount_cannot_tell_is_passed_over_and_a_slow_answer_is_not_made
         client.down = False
         await asyncio.sleep(3.0)
         times = [at for at, _ in client.heard]
-        assert [round(later - at, 3) for at, later in zip(times, times[1:], strict=False)] == [0.7] * (len(times) - 1)
+        assert [round(later - at, 3) for at, later in pairwise(times)] == [0.7] * (len(times) - 1)
         client.pushes.close()
 
     run(program())
