@@ -72,6 +72,18 @@ def test_what_ends_motions() -> None:
     assert LX200.commands["Q"].mark == b":Q"
 
 
+def test_what_a_stop_must_not_do_without() -> None:
+    assert [way.ends for way in LX200.driver["Stop"]] == [["Q"]]
+    assert [way.ends for way in NEXSTAR.driver["Stop"]] == [["M", "slew_azm_pos", "slew_alt_pos", "pulse"]]
+
+
+def test_a_stop_without_its_ends_is_named(tmp_path: Path) -> None:
+    (tmp_path / "commands.toml").write_text('[Q]\nrequest = ":Q#"\nhelp = "stop"\n', "utf-8")
+    (tmp_path / "driver.toml").write_text('[[Stop]]\nsend = ["Q"]\n', "utf-8")
+    with pytest.raises(MappingError, match="it needs ends"):
+        _ = CommandSet("lx200", tmp_path).driver
+
+
 def test_what_takes_long_and_what_is_heard_when() -> None:
     assert having(LX200, "long") == {"SC": 14.0, "gT": 600.0}
     assert having(NEXSTAR, "long") == {}
