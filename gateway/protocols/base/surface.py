@@ -47,7 +47,7 @@ class ReuseLastReading(NamedTuple):
 
 
 class Defer(NamedTuple):
-    """Call a special of this surface again after some seconds."""
+    """Call a handler of this surface again after some seconds."""
 
     seconds: float
     special: str
