@@ -94,10 +94,9 @@ MUTATIONS = [
     ),
     Mutation(
         "a hand control has another version",
-        r"(return Identity\((?:.*\n)*?.*version=)[^\n]*",
-        r'\g<1>"4.99",',
+        r"version=mount\.version_text",
+        'version="4.99"',
         "tests/integration/test_driven_models.py",
-        "gateway/protocols/nexstar/driver/*.py",
     ),
     Mutation(
         "a sync of a hand control without one is forgotten",
