@@ -12,6 +12,7 @@ import msgspec
 
 from gateway.app.config import called
 from gateway.app.config.called import PROTOCOLS
+from gateway.astro.offline import go_offline
 from gateway.core.errors import UserError
 from gateway.protocols.nexstar.versions import STARSENSE, STARSENSE_NEWEST, STARSENSE_OLDEST, is_starsense, numbered
 from gateway.protocols.wireformat.command_set import load, parse_version, show_version
@@ -121,6 +122,7 @@ def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
     wrong = UserError(f"{text!r}: write LAT,LON, north and east positive: 45.5,-122.7 or 45°30'N,122°42'W")
     if len(parts) != 2 or any("h" in part.lower() for part in parts):
         raise wrong
+    go_offline()
     from astropy.coordinates import Latitude, Longitude
 
     try:

@@ -12,6 +12,8 @@ import time
 from collections.abc import Callable
 from operator import mul
 
+from gateway.astro.offline import go_offline
+
 TYPE_CHECKING = False  # importing `typing` is more work than importing all this
 if TYPE_CHECKING:
     from queue import SimpleQueue
@@ -81,8 +83,6 @@ class TableLoader:
     def load(self) -> None:
         """What `start` does first, in the caller's own time. Never raises: sets `ready`, or `failure`."""
         try:
-            from gateway.astro.offline import go_offline
-
             go_offline()
             from gateway.astro.ephemeris.by_astropy import day_table
 

@@ -179,7 +179,7 @@ def run(program: str) -> str:
     done = subprocess.run(
         [sys.executable, "-bb", "-W", "error", "-c", program], check=False, capture_output=True, text=True, timeout=60
     )
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 0 and not done.stderr, done.stderr
     return done.stdout.strip()
 
 
@@ -188,24 +188,56 @@ def test_importing_loads_nothing_heavy() -> None:
     assert run(f"import sys, gateway.astro.ephemeris; print(sorted({heavy} & set(sys.modules)))") == "[]"
 
 
-def test_nothing_touches_the_network() -> None:
-    program = """
-import socket, sys
+WATCHED = """
+import os, pathlib, socket, sys
 touched = []
 class Forbidden(socket.socket):
     def __new__(cls, *arguments, **options):
         touched.append(arguments)
         raise OSError("no network here")
 socket.socket = Forbidden
-sys.addaudithook(lambda event, arguments: event.startswith(("socket.", "urllib.")) and touched.append(event))
+def watch(event, arguments):
+    written = event == "open" and (not isinstance(arguments[1], str) or set("wax+") & set(arguments[1]))
+    if event.startswith(("socket.", "urllib.", "subprocess.")) or event == "os.mkdir" or written:
+        touched.append((event, *arguments))
+sys.dont_write_bytecode = True
+sys.addaudithook(watch)
+"""
+ASKED = """
 from gateway.astro.ephemeris import Sky
 sky = Sky()
 sky.load()
 for moment in (-1e9, 0.0, 1.7e9, 4.0e9):
-    sky.horizon(1.0, 2.0, 3.0, 4.0, moment), sky.sun(moment), sky.moon(moment, 1.0, 2.0)
+    sky.horizon(1.0, 2.0, 3.0, 4.0, moment), sky.sun(moment), sky.moon(moment, 1.0, 2.0), sky.planet("Mars", moment)
 print(sky.ready, sky.failure, touched, "astropy" in sys.modules)
 """
-    assert run(program) == "True  [] True"
+NO_HOME = """
+def homeless(cls):
+    raise RuntimeError("there is no home")
+pathlib.Path.home = classmethod(homeless)
+"""
+OLD = """
+from gateway.astro.offline import go_offline
+go_offline()
+from astropy.time import Time
+from astropy.utils import iers
+iers.LeapSeconds._today = staticmethod(lambda: Time("2045-01-01", scale="tai", format="iso", out_subfmt="date"))
+"""
+SITE = "from gateway.app.config.endpoints import parse_site; assert parse_site(\"48°30'N,11°30'E\") == (48.5, 11.5)"
+
+
+@pytest.mark.parametrize("first", ["", NO_HOME, OLD, SITE], ids=["as it is", "no home", "in 2045", "a site as on maps"])
+def test_nothing_touches_the_network_or_the_disk(first: str) -> None:
+    """Nor is anything printed: `run` makes every warning an error, and what is printed must be this."""
+    assert run(WATCHED + first + ASKED) == "True  [] True"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="/proc is a home that nobody can write to")
+def test_a_home_that_cannot_be_written_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", "/proc")
+    monkeypatch.delenv("XDG_CONFIG_HOME", raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    assert run(WATCHED + ASKED) == "True  [] True"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
