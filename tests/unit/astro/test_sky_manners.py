@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import threading
@@ -178,10 +179,10 @@ def test_a_frame_serves_a_whole_minute_of_several_clocks(monkeypatch: pytest.Mon
 
 
 def run(program: str) -> str:
-    """What a fresh interpreter prints."""
-    done = subprocess.run(
-        [sys.executable, "-bb", "-W", "error", "-c", program], check=False, capture_output=True, text=True, timeout=60
-    )
+    """What a fresh interpreter prints, which knows nothing of what was loaded here."""
+    command = [sys.executable, "-bb", "-W", "error", "-c", program]
+    environment = {name: value for name, value in os.environ.items() if name != "ASTROPY_CONFIG_DIR"}
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60, env=environment)
     assert done.returncode == 0 and not done.stderr, done.stderr
     return done.stdout.strip()
 
