@@ -82,10 +82,10 @@ def _from_ecliptic(t: float, longitude: float, latitude: float, distance: float)
 
 
 def _matrix_of_date(t: float) -> Matrix:
-    """ICRS to true equator and equinox of date: the four angles of Fukushima and Williams (IAU 2006), and nutation."""
-    node = -0.052928 + t * (10.556378 + t * (0.4932044 - t * 0.00031238))
-    tilt = 84381.412819 + t * (-46.811016 + t * (0.0511268 + t * 0.00053289))
-    along = -0.041775 + t * (5038.481484 + t * (1.5584175 - t * 0.00018522))
+    """J2000 to true equator and equinox of date: the four angles of Fukushima and Williams (IAU 2006), and nutation."""
+    node = t * (10.556403 + t * (0.4932044 - t * 0.00031238))
+    tilt = 84381.406 + t * (-46.811015 + t * (0.0511269 + t * 0.00053289))
+    along = t * (5038.481507 + t * (1.5584176 - t * 0.00018522))
     in_longitude, in_obliquity = nutation(t)
     to_equator, to_equinox = about_x(obliquity(t) + in_obliquity), about_z(along / 3600.0 + in_longitude)
     return product(to_equator, to_equinox, about_x(-tilt / 3600.0), about_z(-node / 3600.0))

@@ -1,9 +1,9 @@
 """Tables of a day: one thing on the sky every three hours, a cubic between, and who works them out when.
 
-Between rows three hours apart the cubic is within 0.001" of what astropy says, so a command costs microseconds whatever
-the rows have cost. After `start` nobody waits: a day without tables is asked for, and whoever asked does without. The
-thread works out that day and the next one, so that midnight finds its tables. After `load` alone (tests, a replay, a
-rehearsal) a table is worked out when it is asked for, and the same question always has the same answer.
+Between the rows the cubic is within 0.004" of what astropy says (the Moon; the others far less), so a command costs
+microseconds whatever the rows have cost. After `start` nobody waits: a day without tables is asked for, and whoever
+asked does without. The thread works out that day and the next one, so that midnight finds its tables. After `load`
+alone (tests, a replay, a rehearsal) a table is worked out when it is asked for: the same question, the same answer.
 """
 
 from __future__ import annotations
