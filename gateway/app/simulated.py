@@ -77,7 +77,7 @@ class _Caller:
 
     ended = False
 
-    def __init__(self, simulator: Any, latency: float, baud: int | None, write: Callable[[bytes], Any]) -> None:
+    def __init__(self, simulator: Any, latency: float, baud: int | None, write: Callable[[bytes], object]) -> None:
         self._latency, self._write = latency, write
         #: Answers that are under way.
         self._owed = 0

@@ -106,12 +106,12 @@ class ConnectionAcceptor:
         self._left: dict[str, tuple[float, dict[str, Any]]] = {}
         self._visits: set[_Visit] = set()
 
-    def arrive(self, name: str, host: str, write: Callable[[bytes], Any]) -> ConnectionHandler:
+    def arrive(self, name: str, host: str, write: Callable[[bytes], object]) -> ConnectionHandler:
         """A new connection. Raises TurnedAway."""
         self.admit(name, host)
         return self.come(name, host, write)
 
-    def come(self, name: str, host: str, write: Callable[[bytes], Any]) -> ConnectionHandler:
+    def come(self, name: str, host: str, write: Callable[[bytes], object]) -> ConnectionHandler:
         """A new connection that has been admitted."""
         face = self.face
         session = Session(face.model, face.settings, self.clock, self.shared, self.changed)

@@ -106,7 +106,7 @@ class CommandProcessor:
         surface: Surface,
         session: Session,
         framing: Framing,
-        write: Callable[[bytes], Any],
+        write: Callable[[bytes], object],
         stop_frames: frozenset[bytes],
         equinox: Equinox | None,
         transcript: Transcript,

@@ -143,7 +143,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         self._timers.clear()
 
 
-def run(program: Coroutine[Any, Any, Any], loop: Callable[[], VirtualLoop] = VirtualLoop) -> Any:
+def run(program: Coroutine[object, object, Any], loop: Callable[[], VirtualLoop] = VirtualLoop) -> Any:
     """Run a coroutine in virtual time."""
     with asyncio.Runner(loop_factory=loop) as runner:
         return runner.run(program)

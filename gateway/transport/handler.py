@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Protocol
 
 #: Ends a connection: these bytes are the last, and the other side is given the time to read them.
 HangUp = Callable[[bytes], None]
@@ -38,7 +38,7 @@ class ConnectionHandler(Protocol):
 
 
 #: (who it is, the host it comes from, how to write to it) -> its guest.
-Arrive = Callable[[str, str, Callable[[bytes], Any]], ConnectionHandler]
+Arrive = Callable[[str, str, Callable[[bytes], object]], ConnectionHandler]
 
 
 class Listener(Protocol):

@@ -50,7 +50,7 @@ class _Doorman:
     #: Telnet counts what it is told: nothing of it is passed over.
     ended = False
 
-    def __init__(self, arrive: Arrive, name: str, host: str, write: Callable[[bytes], Any]) -> None:
+    def __init__(self, arrive: Arrive, name: str, host: str, write: Callable[[bytes], object]) -> None:
         self.write = write
         self._held = b""
         self._telnet: PortManager | None = None

@@ -141,7 +141,7 @@ class Control(asyncio.DatagramProtocol):
         for task in waiting:
             task.cancel()
         if waiting:
-            await asyncio.wait(cast("list[asyncio.Task[Any]]", waiting), timeout=1.0)
+            await asyncio.wait(cast("list[asyncio.Task[object]]", waiting), timeout=1.0)
             await asyncio.sleep(0)
         self._transport.close()
         self._transport = None

@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from gateway.cli.help import Commands
 from gateway.core.errors import UserError
 from gateway.system import journal
 
@@ -25,7 +26,7 @@ Examples:
 """
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Put the command into the parser."""
     stop = commands.add_parser(
         "stop", help="stop the mount: of every running gateway, and of one that was killed",

@@ -13,7 +13,7 @@ import sys
 import time
 from collections.abc import Callable, Coroutine, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 from gateway.app.config import Config, MountConfig, parse_endpoint
 from gateway.app.recording.turns import TurnLoop
@@ -231,10 +231,10 @@ def _from_the_thread(work: Callable[[], object]) -> Callable[[], None]:
     return call
 
 
-async def _unless(done: asyncio.Event, work: asyncio.Future[Any]) -> None:
+async def _unless(done: asyncio.Event, work: asyncio.Future[list[None]]) -> None:
     """Wait for some work, or for the end of it all. Raises what the work raises."""
-    end = asyncio.ensure_future(done.wait())
-    await asyncio.wait(cast("list[asyncio.Future[Any]]", [end, work]), return_when=asyncio.FIRST_COMPLETED)
+    end: asyncio.Future[bool] = asyncio.ensure_future(done.wait())
+    await asyncio.wait((end, work), return_when=asyncio.FIRST_COMPLETED)
     for future in (end, work):
         future.cancel()
     await asyncio.gather(end, return_exceptions=True)

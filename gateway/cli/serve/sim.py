@@ -11,6 +11,7 @@ from typing import Any, TextIO
 from gateway.app.config import parse_device, parse_site
 from gateway.app.config.endpoints import PROTOCOLS
 from gateway.app.config.places import right
+from gateway.cli.help import Commands
 from gateway.cli.serve.serving import with_loop
 from gateway.cli.serve.settings import of_flag
 from gateway.cli.serve.signals import until_signal
@@ -20,9 +21,9 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.system import streams
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Put the command into the parser."""
-    sim = commands.add_parser("sim", help="a simulated mount for other programs", epilog=_epilog)
+    sim = commands.add_parser("sim", help="a simulated mount for other programs", late=_epilog)
     sim.add_argument("device", metavar="PROTOCOL[:MODEL[/VERSION]]", help="for example nexstar:cpc/4.21")
     sim.add_argument("--at", action="append", metavar="WHERE", help="tcp://HOST:PORT or pty:PATH; may be repeated")
     sim.add_argument("--latency", type=float, default=0.0, metavar="S", help="seconds to answer (a real one: 0.1-0.3)")

@@ -28,7 +28,7 @@ class Send(NamedTuple):
     """
 
     command: str
-    values: Mapping[str, Any] = {}
+    values: Mapping[str, object] = {}
     patience: float | None = None
     long: bool = False
     prompt: bool = False

@@ -17,7 +17,7 @@ import msgspec
 from gateway.core import operations
 from gateway.core.errors import Disturbed, Fault, Invalid, NoTarget, Silence, Unsupported
 from gateway.core.motion_kinds import begins_motion, may_begin_motion
-from gateway.core.operations import Operation, Own, Verbatim
+from gateway.core.operations import Operation, Own, Values, Verbatim
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.base.read_only import Sealed
 from gateway.protocols.wireformat.command_set import Command, CommandSet, SurfaceRow
@@ -115,9 +115,9 @@ class Surface:
         self.protocol, self.specials, self.unanswered = protocol, specials, unanswered
         #: The mount speaks the same protocol: what means nothing here is passed on as it is, where it ``passes``.
         self.verbatim = False
-        self.passes: Callable[[str, Mapping[str, Any]], bool] = lambda name, values: True
+        self.passes: Callable[[str, Values], bool] = lambda name, values: True
         #: Whether this client was told something that the mount's own answer would contradict.
-        self.stands_against: Callable[[Session, str, Mapping[str, Any]], bool] = lambda session, name, values: False
+        self.stands_against: Callable[[Session, str, Values], bool] = lambda session, name, values: False
         #: A reply as the mount itself would write it, where it is the mount that is presented.
         self.as_written: Callable[[str, bytes], bytes] = lambda name, reply: reply
         #: Why what is presented does not know a frame, which is then passed over whatever it says; empty: it knows it.
@@ -196,7 +196,7 @@ class Surface:
         row = self.protocol.own.get(command.name)
         return None if row is None else row.keep
 
-    def _own(self, session: Session, command: Command, keep: str, values: dict[str, Any]) -> Handling:
+    def _own(self, session: Session, command: Command, keep: str, values: Values) -> Handling:
         """The mount's own answer -> the reply. Raises Fault, Unsupported where the gateway answers after all."""
         if self.stands_against(session, command.name, values):
             raise Unsupported
@@ -211,7 +211,7 @@ class Surface:
                 answer = b""
         return self.reply(session, command, answer)
 
-    def _pass_on(self, session: Session, command: Command, row: SurfaceRow | None, values: dict[str, Any]) -> Handling:
+    def _pass_on(self, session: Session, command: Command, row: SurfaceRow | None, values: Values) -> Handling:
         """To a mount of the same protocol; one that lacks it leaves it to this surface."""
         try:
             return (yield Verbatim(command.name, tuple(values.items())))
@@ -238,7 +238,7 @@ class Surface:
             return f"{found[0].help}: not done. {Disturbed.words}"
         return f"{found[0].help}: {row.why or 'not done here'}" if row.outcome == "refused" else ""
 
-    def _act(self, session: Session, command: Command, row: SurfaceRow, values: dict[str, Any]) -> Handling:
+    def _act(self, session: Session, command: Command, row: SurfaceRow, values: Values) -> Handling:
         """Carry out a row's verb -> the reply's values."""
         if row.keep is not None:
             session.kept.update({name: values[name] for name in row.keep})
@@ -259,7 +259,7 @@ class Surface:
             outcome = yield from outcome
         return outcome
 
-    def _operation(self, session: Session, name: str, values: dict[str, Any]) -> Operation:
+    def _operation(self, session: Session, name: str, values: Values) -> Operation:
         """The operation with its fields taken from the command, else from what the client set before."""
         kind = operations.named(name)
         assert kind is not None

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from gateway.astro.axes import Build
 from gateway.astro.spherical import hour_angle_to_horizon, wrap180
+from gateway.core.operations import Values
 from gateway.protocols.lx200.nmea import rmc
 
 if TYPE_CHECKING:
     from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
 
-Values = dict[str, Any]
 
 BARS = 16
 _MENU = {"0": "ALTAZ", "1": "POLAR", "2": "LAND"}

@@ -9,12 +9,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gateway.astro.ephemeris import Sky
+from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator.motion import altitude
 
 if TYPE_CHECKING:
     from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
-
-Values = dict[str, Any]
 
 
 class Thing(NamedTuple):

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from gateway.astro.axes import Build, Pair
 from gateway.astro.spherical import SIDEREAL_RATE, horizon_to_hour_angle, hour_angle_to_horizon, wrap180, wrap360
+from gateway.core.operations import Values
 
 if TYPE_CHECKING:
     from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
 
-Values = dict[str, Any]
 
 #: :RG and :RC in multiples of the sidereal rate, :RM in degrees a second; :RS is the fastest.
 GUIDE, CENTER, FIND = 1.0, 16.0, 2.0

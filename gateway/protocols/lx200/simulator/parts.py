@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator.answers import form
 
 if TYPE_CHECKING:
     from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
 
-Values = dict[str, Any]
 
 _SLOWEST, _FASTEST = 1, 4
 _SWITCHES = {"f": "fan", "r": "derotator", "g": "gps"}

@@ -8,13 +8,13 @@ from datetime import UTC, date, datetime
 from typing import TYPE_CHECKING, Any
 
 from gateway.astro.spherical import wrap180
+from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator.answers import form
 from gateway.protocols.lx200.simulator.tracking import ALIGNING
 
 if TYPE_CHECKING:
     from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
 
-Values = dict[str, Any]
 
 #: Seconds: a classic calculates its planets after a new date; an LX200GPS looks for satellites.
 PLANETS, GPS_FIX = 5.0, 60.0

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 from gateway.astro.axes import Build, Pair
 from gateway.astro.spherical import SIDEREAL_RATE
+from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator.motion import release, slew_axes, take_up
 from gateway.protocols.mechanics.axis_motor import LUNAR_RATE, SOLAR_RATE
 
 if TYPE_CHECKING:
     from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
 
-Values = dict[str, Any]
 
 #: Seconds that an LX200GPS takes to align itself.
 ALIGNING = 120.0

@@ -13,7 +13,7 @@ from datetime import UTC, date, datetime, timedelta
 from typing import Any
 
 from gateway.core.errors import Fault, Invalid, ReadOnly, Unsupported
-from gateway.core.operations import GetClock, Moment, SetClock, SiderealTime
+from gateway.core.operations import GetClock, Moment, SetClock, SiderealTime, Values
 from gateway.protocols.base.surface import Defer, Handling, Session
 from gateway.protocols.wireformat.command_set import Command
 
@@ -40,19 +40,19 @@ def _local(session: Session) -> Handling:
     return datetime.fromtimestamp(moment.unix, UTC).replace(tzinfo=None) + timedelta(hours=offset)
 
 
-def tell_time(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def tell_time(session: Session, command: Command, values: Values) -> Handling:
     """:GL in 24 hours, :Ga in 12."""
     local: datetime = yield from _local(session)
     return {"time": local.hour * 3600 + local.minute * 60 + local.second}
 
 
-def tell_date(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def tell_date(session: Session, command: Command, values: Values) -> Handling:
     """:GC"""
     local: datetime = yield from _local(session)
     return {"date": local.date()}
 
 
-def tell_offset(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def tell_offset(session: Session, command: Command, values: Values) -> Handling:
     """:GG"""
     yield from _commit_if_allowed(session)
     offset = session.kept.get("offset")
@@ -73,7 +73,7 @@ def _draft(session: Session) -> dict[str, Any]:
     return draft
 
 
-def set_piece(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_piece(session: Session, command: Command, values: Values) -> Handling:
     """:SL :SC :SG - one of three; the third one, or a pause, hands them on."""
     if "fault" in values:
         raise values["fault"]
@@ -115,7 +115,7 @@ def _keep_local_time(session: Session, draft: dict[str, Any], offset: float) -> 
         draft.setdefault("date", day)
 
 
-def commit_quiet(session: Session, command: Command | None, values: dict[str, Any]) -> Handling:
+def commit_quiet(session: Session, command: Command | None, values: Values) -> Handling:
     """After the pause: hand on what is there, unless another piece has come meanwhile."""
     if session.clock() - _draft(session).get("touched", 0.0) >= QUIET - 0.1:
         yield from commit(session)
@@ -169,7 +169,7 @@ def _instant(session: Session, day: date, seconds: float, offset: float, is_loca
     return nearer if abs(nearer - session.clock()) <= HOST_KNOWS else universal
 
 
-def set_stamp(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_stamp(session: Session, command: Command, values: Values) -> Handling:
     """:hIyyMMddHHmmss - date and local time at once."""
     session.check_may_set()
     try:
@@ -182,23 +182,23 @@ def set_stamp(session: Session, command: Command, values: dict[str, Any]) -> Han
     yield from commit(session)
 
 
-def tell_sidereal(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def tell_sidereal(session: Session, command: Command, values: Values) -> Handling:
     """:GS - apparent, from the mount's clock and site."""
     yield from _commit_if_allowed(session)
     sidereal: float = yield SiderealTime()
     return {"sidereal": sidereal % 360.0}
 
 
-def set_sidereal(session: Session, command: Command, values: dict[str, Any]) -> None:
+def set_sidereal(session: Session, command: Command, values: Values) -> None:
     """:SS - a mount has no sidereal clock of its own: it follows from clock and site. Raises Unsupported."""
     raise Unsupported("The sidereal time follows from the mount's clock and site: :SL, :SC, :SG and :Sg set those.")
 
 
-def toggle_hours(session: Session, command: Command, values: dict[str, Any]) -> None:
+def toggle_hours(session: Session, command: Command, values: Values) -> None:
     """:H"""
     session.kept["twelve"] = not session.kept.get("twelve", False)
 
 
-def tell_hours(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
+def tell_hours(session: Session, command: Command, values: Values) -> dict[str, str]:
     """:Gc"""
     return {"hours": "12" if session.kept.get("twelve") else "24"}

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from gateway import __version__
 from gateway.core.errors import Fault
-from gateway.core.operations import GetIdentity, GetStatus, Identity, Status
+from gateway.core.operations import GetIdentity, GetStatus, Identity, Status, Values
 from gateway.protocols.base.surface import Handling, Session
 from gateway.protocols.wireformat.command_set import Command
 
@@ -28,7 +26,7 @@ _USAGE = (
 )
 
 
-def help_line(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def help_line(session: Session, command: Command, values: Values) -> Handling:
     """:?? :?+ :?- - an empty line before the first and after the last; models without help say nothing."""
     if not session.model["help"]:
         return b""

@@ -5,16 +5,14 @@ What is kept is the place on the Moon; where that is on the sky is worked out at
 
 from __future__ import annotations
 
-from typing import Any
-
 from gateway.core.errors import NoTarget
-from gateway.core.operations import Equatorial, MoonPlace, Sync
+from gateway.core.operations import Equatorial, MoonPlace, Sync, Values
 from gateway.protocols.base.surface import FireAndForget, Handling, Session
 from gateway.protocols.lx200.surface import selected
 from gateway.protocols.wireformat.command_set import Command
 
 
-def set_moon_target(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_moon_target(session: Session, command: Command, values: Values) -> Handling:
     """:SE the latitude, :Se the longitude; the half that was not set yet is 0."""
     if "fault" in values:
         selected.fail(session, "No object selected")
@@ -24,7 +22,7 @@ def set_moon_target(session: Session, command: Command, values: dict[str, Any]) 
     yield from selected.follow(session, MoonPlace(**place), words)
 
 
-def sync_on_moon(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def sync_on_moon(session: Session, command: Command, values: Values) -> Handling:
     """:CL - only to a place on the Moon; the command has no reply."""
     if not isinstance(session.kept.get("moving"), MoonPlace):
         raise NoTarget

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from gateway.core.errors import Invalid
-from gateway.core.operations import Direction, Halt, Move, Pulse, Rate, SetGuideRate, Stop
+from gateway.core.operations import Direction, Halt, Move, Pulse, Rate, SetGuideRate, Stop, Values
 from gateway.protocols.base.surface import FireAndForget, Handling, Session
 from gateway.protocols.wireformat.command_set import Command
 
@@ -14,7 +12,7 @@ _SIDEREAL = 15.041067
 LONGEST_PULSE = 60_000
 
 
-def move(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def move(session: Session, command: Command, values: Values) -> Handling:
     """:Mn :Ms :Me :Mw - at this client's rate."""
     direction = Direction(command.name[1])
     kept = session.kept
@@ -25,17 +23,17 @@ def move(session: Session, command: Command, values: dict[str, Any]) -> Handling
     yield FireAndForget(Move(direction, rate, lowest=kept.get("lowest"), highest=kept.get("highest")))
 
 
-def halt(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def halt(session: Session, command: Command, values: Values) -> Handling:
     """:Qn :Qs :Qe :Qw - only that axis."""
     yield FireAndForget(Halt(Direction(command.name[1]).axis))
 
 
-def stop(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def stop(session: Session, command: Command, values: Values) -> Handling:
     """:Q - everything."""
     yield FireAndForget(Stop())
 
 
-def choose_rate(session: Session, command: Command, values: dict[str, Any]) -> None:
+def choose_rate(session: Session, command: Command, values: Values) -> None:
     """:RG :RC :RM :RS, and :R<n> with the key's own number (0 is the slowest)."""
     if "fault" in values:
         raise values["fault"]
@@ -45,14 +43,14 @@ def choose_rate(session: Session, command: Command, values: dict[str, Any]) -> N
     session.kept.pop("rate_dec", None)
 
 
-def axis_rate(session: Session, command: Command, values: dict[str, Any]) -> None:
+def axis_rate(session: Session, command: Command, values: Values) -> None:
     """:RA :RE - degrees a second for the arrows of one axis, until another rate is chosen."""
     if "fault" in values:
         raise values["fault"]
     session.kept["rate_ra" if command.name == "RA" else "rate_dec"] = values["rate"] or None
 
 
-def max_rate(session: Session, command: Command, values: dict[str, Any]) -> None:
+def max_rate(session: Session, command: Command, values: Values) -> None:
     """:Sw - the fastest rate for this client; some programs use it as their rate slider, so it is chosen, too."""
     low, high = session.model["max_rates"]
     if "fault" in values or not low <= values["rate"] <= max(high, 8):
@@ -61,7 +59,7 @@ def max_rate(session: Session, command: Command, values: dict[str, Any]) -> None
     session.kept["rate"] = Rate(name="max")
 
 
-def guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def guide_rate(session: Session, command: Command, values: Values) -> Handling:
     """:Rg - arcseconds a second, at most sidereal."""
     if "fault" in values:
         raise values["fault"]
@@ -70,7 +68,7 @@ def guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Ha
         yield FireAndForget(SetGuideRate(axis, fraction))
 
 
-def pulse(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def pulse(session: Session, command: Command, values: Values) -> Handling:
     """:Mg - a timed guide pulse in milliseconds."""
     if "fault" in values:
         raise values["fault"]

@@ -8,12 +8,11 @@ manual's static replies, but LC, LM and LS work, as in their later firmware.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from gateway.astro.catalog import Entry, Wanted, deepsky, describe, search, stars
 from gateway.astro.spherical import separation
 from gateway.core.errors import Invalid, Unsupported
-from gateway.core.operations import Equatorial, MoonPlace, OfCatalog, PlanetPlace, Position, Zenith
+from gateway.core.operations import Equatorial, MoonPlace, OfCatalog, PlanetPlace, Position, Values, Zenith
 from gateway.protocols.base.surface import Handling, Session
 from gateway.protocols.lx200.surface import selected
 from gateway.protocols.lx200.surface.search import LIMITS
@@ -29,7 +28,7 @@ _NOT_FOUND = "Catalog not found"
 _YEAR = 365.25 * 86400.0
 
 
-def choose_catalog(session: Session, command: Command, values: dict[str, Any]) -> None:
+def choose_catalog(session: Session, command: Command, values: Values) -> None:
     """:Lo - on models that do not search the reply is always 1."""
     catalog = None if "fault" in values else _DEEP_SKY.get(values["catalog"])
     session.kept["deep sky"] = catalog
@@ -41,7 +40,7 @@ def choose_catalog(session: Session, command: Command, values: dict[str, Any]) -
         _check(session, lambda: deepsky.look_up(catalog, 1))
 
 
-def choose_stars(session: Session, command: Command, values: dict[str, Any]) -> None:
+def choose_stars(session: Session, command: Command, values: Values) -> None:
     """:Ls - planets and Hipparcos; SAO, GCVS, HR and HD are not to be had."""
     catalog = None if "fault" in values else values["catalog"]
     session.kept["stars"] = catalog if catalog in (_STAR, _HIPPARCOS) else None
@@ -61,13 +60,13 @@ def _check(session: Session, look_up: Callable[[], object]) -> None:
         raise Invalid(_NOT_FOUND) from None
 
 
-def select_object(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def select_object(session: Session, command: Command, values: Values) -> Handling:
     """:LM a Messier object, :LC one of the catalogue that :Lo chose."""
     catalog = "M" if command.name == "LM" else session.kept.get("deep sky", "NGC")
     yield from _select(session, catalog, values, deepsky.look_up)
 
 
-def select_star(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def select_star(session: Session, command: Command, values: Values) -> Handling:
     """:LS - of the catalogue that :Ls chose, else STAR on models that have it and Hipparcos on the others."""
     catalog = session.kept.get("stars", _STAR if session.model["libraries"] else _HIPPARCOS)
     number = values.get("number")
@@ -85,7 +84,7 @@ def select_star(session: Session, command: Command, values: dict[str, Any]) -> H
 
 
 def _select(
-    session: Session, catalog: str | None, values: dict[str, Any], look_up: Callable[[str, int], Entry | None]
+    session: Session, catalog: str | None, values: Values, look_up: Callable[[str, int], Entry | None]
 ) -> Handling:
     """The object of that number becomes the target; what is not there leaves none."""
     number = values.get("number")
@@ -101,7 +100,7 @@ def _select(
         yield from selected.select(session, entry)
 
 
-def browse(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def browse(session: Session, command: Command, values: Values) -> Handling:
     """:LF the first within the limits, beginning in the west; :LN and :LB the ones after and before the object."""
     if not session.model["libraries"]:
         return
@@ -121,7 +120,7 @@ def browse(session: Session, command: Command, values: dict[str, Any]) -> Handli
         selected.fail(session, str(missing))
 
 
-def identify(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def identify(session: Session, command: Command, values: Values) -> Handling:
     """:Lf - how many objects within the limits are in the field, and the one nearest to its centre."""
     if not session.model["libraries"]:
         return {"text": session.model["find_text"]}
@@ -138,7 +137,7 @@ def identify(session: Session, command: Command, values: dict[str, Any]) -> Hand
         return {"text": str(missing)}
 
 
-def object_text(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
+def object_text(session: Session, command: Command, values: Values) -> dict[str, str]:
     """:LI"""
     if not session.model["libraries"]:
         return {"text": session.model["object_text"]}

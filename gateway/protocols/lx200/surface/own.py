@@ -6,11 +6,8 @@ for it; so two programs that look things up do not go to each other's objects.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from gateway.core.errors import Fault
-from gateway.core.operations import Choose, Chosen, Own, Verbatim
+from gateway.core.operations import Choose, Chosen, Own, Values, Verbatim
 from gateway.protocols.base.surface import Handling, Session
 from gateway.protocols.lx200.surface import selected
 from gateway.protocols.wireformat.command_set import Command
@@ -20,14 +17,14 @@ _CATALOGUE = {"LC": "Lo", "LS": "Ls", "LF": "Lo", "LN": "Lo", "LB": "Lo"}
 _CATALOGUES = ("Lo", "Ls")
 
 
-def stands_against(session: Session, name: str, values: Mapping[str, Any]) -> bool:
+def stands_against(session: Session, name: str, values: Values) -> bool:
     """Whether this client was told something that the mount's own answer would contradict."""
     if name == "GG":
         return bool("offset" in session.kept or session.kept.get("draft"))
     return name == "GT" and "hertz" in session.shared
 
 
-def own_library(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def own_library(session: Session, command: Command, values: Values) -> Handling:
     """:Lo :Ls :LC :LM :LS :LF :LN :LB :LI of the telescope itself."""
     kept = session.kept
     if command.name == "LI":

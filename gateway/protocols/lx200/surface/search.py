@@ -7,6 +7,7 @@ from typing import Any
 
 from gateway.astro.catalog import QUALITIES
 from gateway.core.errors import Invalid
+from gateway.core.operations import Values
 from gateway.protocols.base.surface import Session
 from gateway.protocols.wireformat.command_set import Command
 
@@ -16,13 +17,13 @@ LIMITS = {"b": ("brighter", -5.5), "f": ("fainter", 20.0), "F": ("field", 15), "
 _TYPES = re.compile("gpdco", re.IGNORECASE)
 
 
-def tell_search(session: Session, command: Command, values: dict[str, Any]) -> Any:
+def tell_search(session: Session, command: Command, values: Values) -> Any:
     """:Gb :Gf :GF :Gl :Gs :Gy :Gq"""
     name, default = LIMITS[command.name[1]]
     return session.kept.get(name, default)
 
 
-def set_search(session: Session, command: Command, values: dict[str, Any]) -> None:
+def set_search(session: Session, command: Command, values: Values) -> None:
     """:Sb :Sf :SF :Sl :Ss :Sy - the types are five letters in their order, capitals for what is wanted."""
     if "fault" in values:
         raise values["fault"]
@@ -33,7 +34,7 @@ def set_search(session: Session, command: Command, values: dict[str, Any]) -> No
     session.kept[name] = value
 
 
-def step_quality(session: Session, command: Command, values: dict[str, Any]) -> None:
+def step_quality(session: Session, command: Command, values: Values) -> None:
     """:Sq - the next lower quality, from the worst back to the best."""
     present = QUALITIES.index(session.kept.get("quality", "VP"))
     session.kept["quality"] = QUALITIES[(present + 1) % len(QUALITIES)]

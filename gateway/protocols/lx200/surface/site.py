@@ -7,10 +7,9 @@ only where the mount was told the other one; what was entered at the hand contro
 from __future__ import annotations
 
 from contextlib import suppress
-from typing import Any
 
 from gateway.core.errors import Fault, Invalid
-from gateway.core.operations import GetSite, Place, SetSite
+from gateway.core.operations import GetSite, Place, SetSite, Values
 from gateway.protocols.base.surface import Handling, Session
 from gateway.protocols.wireformat.command_set import Command
 
@@ -19,12 +18,12 @@ _NAMED = "MNOP"
 _SITES_AT_MOST = 4
 
 
-def tell_latitude(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def tell_latitude(session: Session, command: Command, values: Values) -> Handling:
     """:Gt"""
     return {"latitude": (yield from _told(session, "latitude"))}
 
 
-def tell_longitude(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def tell_longitude(session: Session, command: Command, values: Values) -> Handling:
     """:Gg"""
     return {"longitude": -(yield from _told(session, "longitude"))}
 
@@ -41,14 +40,14 @@ def _told(session: Session, half: str) -> Handling:
     return getattr(place, half)
 
 
-def set_latitude(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_latitude(session: Session, command: Command, values: Values) -> Handling:
     """:St"""
     if "fault" in values:
         raise values["fault"]
     yield from _set(session, SetSite(latitude=values["latitude"]))
 
 
-def set_longitude(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_longitude(session: Session, command: Command, values: Values) -> Handling:
     """:Sg"""
     if "fault" in values:
         raise values["fault"]
@@ -86,7 +85,7 @@ def _enter(session: Session, index: int) -> Handling:
         session.set_for_all("site", index)
 
 
-def select(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def select(session: Session, command: Command, values: Values) -> Handling:
     """:W - by this model's count, from 0 or from 1; the number that the count does not have is the nearest site."""
     if "fault" in values:
         raise values["fault"]
@@ -112,7 +111,7 @@ def _place(session: Session, index: int) -> SetSite:
     return SetSite(stored.get("latitude"), stored.get("longitude"))
 
 
-def tell_name(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
+def tell_name(session: Session, command: Command, values: Values) -> dict[str, str]:
     """:GM :GN :GO :GP - four names that can be told apart, also before anybody has named a site."""
     index, longest = _NAMED.index(command.name[1]), session.model["names"]
     unnamed = f"SITE {index + 1}" if longest > len("ST1") else f"ST{index + 1}"
@@ -120,7 +119,7 @@ def tell_name(session: Session, command: Command, values: dict[str, Any]) -> dic
     return {"name": stored.get("name", unnamed)[:longest]}
 
 
-def set_name(session: Session, command: Command, values: dict[str, Any]) -> None:
+def set_name(session: Session, command: Command, values: Values) -> None:
     """:SM :SN :SO :SP - 3 letters on the classic, 15 elsewhere."""
     name = values.get("name", "").strip()
     if not name or len(name) > session.model["names"] or not (name.isascii() and name.isprintable()):
@@ -129,12 +128,12 @@ def set_name(session: Session, command: Command, values: dict[str, Any]) -> None
     session.changed()
 
 
-def set_lowest(session: Session, command: Command, values: dict[str, Any]) -> None:
+def set_lowest(session: Session, command: Command, values: Values) -> None:
     """:So - as real programs use it (against the manual's words): the lowest altitude; over 90 it is in arcminutes."""
     _narrow(session, "lowest", _degrees(values))
 
 
-def set_highest(session: Session, command: Command, values: dict[str, Any]) -> None:
+def set_highest(session: Session, command: Command, values: Values) -> None:
     """:Sh - the highest altitude."""
     _narrow(session, "highest", _degrees(values))
 
@@ -148,13 +147,13 @@ def _narrow(session: Session, which: str, altitude: float) -> None:
     session.kept[which] = altitude
 
 
-def _degrees(values: dict[str, Any]) -> float:
+def _degrees(values: Values) -> float:
     if "fault" in values:
         raise values["fault"]
     return float(values["limit"])
 
 
-def tell_limit(session: Session, command: Command, values: dict[str, Any]) -> dict[str, float]:
+def tell_limit(session: Session, command: Command, values: Values) -> dict[str, float]:
     """:Go the lowest, :Gh the highest altitude in force for this client."""
     limits = session.settings["limits"].narrowed(session.kept.get("lowest"), session.kept.get("highest"))
     return {"limit": limits.lowest if command.name == "Go" else limits.highest}

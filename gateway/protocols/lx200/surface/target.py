@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from gateway.core.errors import Fault, NoTarget, Silence, Unsupported
-from gateway.core.operations import Equatorial, Goto, GotoHorizontal, HorizontalPosition, Own, Position, Slewing, Sync
+from gateway.core.operations import (
+    Equatorial,
+    Goto,
+    GotoHorizontal,
+    HorizontalPosition,
+    Own,
+    Position,
+    Slewing,
+    Sync,
+    Values,
+)
 from gateway.protocols.base.surface import Handling, ReuseLastReading, Session
 from gateway.protocols.lx200.surface import selected
 from gateway.protocols.wireformat.command_set import Command
 
 
-def set_target(session: Session, _: Command, values: dict[str, Any]) -> None:
+def set_target(session: Session, _: Command, values: Values) -> None:
     """:Sr :Sd - programs go on to :MS# even after a 0, so a refused half must not leave a stale target."""
     selected.drop(session)
     _set(session, values, "ra", "dec")
 
 
-def set_horizontal_target(session: Session, _: Command, values: dict[str, Any]) -> None:
+def set_horizontal_target(session: Session, _: Command, values: Values) -> None:
     """:Sa :Sz - an altitude beyond the limits is out of the slew range. Raises BelowHorizon, TooHigh, Invalid."""
     if "alt" in values:
         limits = session.settings["limits"].narrowed(session.kept.get("lowest"), session.kept.get("highest"))
@@ -28,7 +36,7 @@ def set_horizontal_target(session: Session, _: Command, values: dict[str, Any]) 
     _set(session, values, "alt", "az")
 
 
-def _set(session: Session, values: dict[str, Any], *pair: str) -> None:
+def _set(session: Session, values: Values, *pair: str) -> None:
     if "fault" in values:
         for name in pair:
             session.kept.pop(name, None)
@@ -36,34 +44,34 @@ def _set(session: Session, values: dict[str, Any], *pair: str) -> None:
     session.kept.update(values)
 
 
-def tell_target(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+def tell_target(session: Session, _: Command, values: Values) -> Handling:
     """:Gr :Gd - zero before any was set, as a Meade says after power-on; what moves, where it is now."""
     if "moving" in session.kept:
         yield from selected.target(session)
     return {name: session.kept.get(name, 0.0) for name in ("ra", "dec")}
 
 
-def right_ascension(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+def right_ascension(session: Session, _: Command, values: Values) -> Handling:
     """:GR"""
     return (yield Position())
 
 
-def declination(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+def declination(session: Session, _: Command, values: Values) -> Handling:
     """:GD - of the same instant as the :GR before it."""
     return (yield ReuseLastReading(Position()) if session.last == b":GR#" else Position())
 
 
-def azimuth(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+def azimuth(session: Session, _: Command, values: Values) -> Handling:
     """:GZ"""
     return (yield HorizontalPosition())
 
 
-def altitude(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+def altitude(session: Session, _: Command, values: Values) -> Handling:
     """:GA - of the same instant as the :GZ before it."""
     return (yield ReuseLastReading(HorizontalPosition()) if session.last == b":GZ#" else HorizontalPosition())
 
 
-def goto(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+def goto(session: Session, _: Command, values: Values) -> Handling:
     """:MS - to the target, or a refusal with words."""
     kept = session.kept
     place: Equatorial = yield from selected.target(session)
@@ -77,7 +85,7 @@ def goto(session: Session, _: Command, values: dict[str, Any]) -> Handling:
     )
 
 
-def goto_horizontal(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+def goto_horizontal(session: Session, _: Command, values: Values) -> Handling:
     """:MA - to the azimuth and altitude of :Sz and :Sa."""
     kept = session.kept
     if "az" not in kept or "alt" not in kept:
@@ -87,7 +95,7 @@ def goto_horizontal(session: Session, _: Command, values: dict[str, Any]) -> Han
     )
 
 
-def sync(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+def sync(session: Session, _: Command, values: Values) -> Handling:
     """:CM - a bare # is what programs read as failure; they want a text at once otherwise."""
     place: Equatorial = yield from selected.target(session)
     yield Sync(place.ra, place.dec)
@@ -103,7 +111,7 @@ def _own_idle() -> Handling:
     return b"" if said.strip(b" #") else said
 
 
-def distance_bars(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+def distance_bars(session: Session, _: Command, values: Values) -> Handling:
     """:D - one bar while a goto is under way, nothing when it is over."""
     slewing = yield Slewing()
     if not slewing and session.model.get("own"):

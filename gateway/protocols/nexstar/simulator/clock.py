@@ -10,14 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gateway.astro.axes import Sky
+from gateway.core.operations import Values
 
 if TYPE_CHECKING:
     from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
 
-Values = dict[str, Any]
 Handler = Callable[["SimulatedHandControl", Values], Values | None]
 
 WEST_MOST, EAST_MOST = -12, 14  # hours: the zones in use

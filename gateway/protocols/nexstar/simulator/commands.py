@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 from gateway.astro.axes import Build
 from gateway.astro.spherical import wrap180
-from gateway.protocols.nexstar.simulator.clock import Handler, Values
+from gateway.core.operations import Values
+from gateway.protocols.nexstar.simulator.clock import Handler
 from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT
 from gateway.protocols.wireformat.command_set import Version
 

@@ -10,8 +10,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
+from gateway.core.operations import Values
 from gateway.protocols.mechanics.axis_motor import LUNAR_RATE, SOLAR_RATE
-from gateway.protocols.nexstar.simulator.clock import GPS, RTC, Handler, Values
+from gateway.protocols.nexstar.simulator.clock import GPS, RTC, Handler
 from gateway.protocols.wireformat.command_set import Version
 
 if TYPE_CHECKING:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from gateway.core.errors import Asleep, Busy, Fault, Invalid, NoAnswer, Unsupported
 from gateway.core.operations import (
     Backlash,
@@ -20,6 +18,7 @@ from gateway.core.operations import (
     Status,
     Tracking,
     TrackRate,
+    Values,
     Wake,
 )
 from gateway.protocols.base.surface import FireAndForget, Handling, Session
@@ -43,7 +42,7 @@ def _axis_and_sense(command: Command) -> tuple[int, int]:
     return (1 if axis == "azm" else 2), (1 if sense == "pos" else -1)
 
 
-def fixed(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def fixed(session: Session, command: Command, values: Values) -> Handling:
     """AUX 0x24, 0x25 - a hand-control key 1-9; 0 stops the axis. Raises Invalid for a key that there is not."""
     axis, sense = _axis_and_sense(command)
     if values["rate"] == 0:
@@ -59,13 +58,13 @@ def _key(session: Session, key: int) -> Rate:
     return Rate(key=key, degrees=key_speed(rate_tables()[session.model["rates"]], key))
 
 
-def variable(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def variable(session: Session, command: Command, values: Values) -> Handling:
     """AUX 0x06, 0x07 - quarter arcseconds a second; the three highest codes are tracking rates."""
     axis, sense = _axis_and_sense(command)
     yield from _rate(axis, sense, values["rate"] / 14400.0, _TRACKING.get(values["rate"]))
 
 
-def fine(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def fine(session: Session, command: Command, values: Values) -> Handling:
     """The same in 1/1024 arcseconds a second."""
     axis = motor(values)
     yield from _rate(axis, 1 if command.name.endswith("pos") else -1, values["rate"] / 1024.0 / 3600.0, None)
@@ -88,7 +87,7 @@ def _modes(session: Session) -> dict[int, Tracking]:
     return _MODES
 
 
-def mode(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def mode(session: Session, command: Command, values: Values) -> Handling:
     """t - binary. What is: a mount that cannot stop tracking goes on after T 0. A StarSense 1.20 says more."""
     status: Status = yield GetStatus()
     told = next((code for code, known in _modes(session).items() if known is status.tracking), 1)
@@ -97,7 +96,7 @@ def mode(session: Session, command: Command, values: dict[str, Any]) -> Handling
     return {"mode": told}
 
 
-def set_mode(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_mode(session: Session, command: Command, values: Values) -> Handling:
     """T - a mode above 3 does nothing; what cannot be done shows in ``t`` and in the log. Raises NoAnswer."""
     wanted = _modes(session).get(values["mode"])
     if wanted is None:
@@ -113,7 +112,7 @@ def set_mode(session: Session, command: Command, values: dict[str, Any]) -> Hand
         return
 
 
-def pulse(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def pulse(session: Session, command: Command, values: Values) -> Handling:
     """AUX 0x26 - percent of sidereal for hundredths of a second; the percentage is the mount's own guide rate.
 
     Raises Invalid for more than 100 percent.
@@ -126,12 +125,12 @@ def pulse(session: Session, command: Command, values: dict[str, Any]) -> Handlin
         session.shared[f"pulse ends {axis}"] = session.clock() + ms / 1000.0
 
 
-def pulse_active(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
+def pulse_active(session: Session, command: Command, values: Values) -> dict[str, int]:
     """AUX 0x27 - of the motor's last pulse, whichever client asked for it."""
     return {"active": int(session.clock() < session.shared.get(f"pulse ends {motor(values)}", 0.0))}
 
 
-def set_guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_guide_rate(session: Session, command: Command, values: Values) -> Handling:
     """AUX 0x46 - a mount that lacks it says so by the no-response form."""
     axis = motor(values)
     yield from _set(session, f"guide rate {axis}", values["rate"], SetGuideRate(axis, values["rate"] / 256.0))
@@ -147,7 +146,7 @@ def _set(session: Session, name: str, value: int, operation: SetGuideRate | Back
     session.set_for_all(name, value)
 
 
-def guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def guide_rate(session: Session, command: Command, values: Values) -> Handling:
     """AUX 0x47 - what the mount says; else what was set, half sidereal at first."""
     axis = motor(values)
     try:
@@ -156,7 +155,7 @@ def guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Ha
         return {"rate": session.shared.get(f"guide rate {axis}", 128)}
 
 
-def set_backlash(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_backlash(session: Session, command: Command, values: Values) -> Handling:
     """AUX 0x10, 0x11 - up to 99; a mount that lacks it says so by the no-response form; a Meade has one for both."""
     axis = motor(values)
     if values["value"] > _FULL_BACKLASH:
@@ -169,7 +168,7 @@ def set_backlash(session: Session, command: Command, values: dict[str, Any]) -> 
     )
 
 
-def backlash(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
+def backlash(session: Session, command: Command, values: Values) -> dict[str, int]:
     """AUX 0x40, 0x41 - what was set."""
     return {"value": session.shared.get(_backlash_name(command, motor(values)), 0)}
 
@@ -178,22 +177,22 @@ def _backlash_name(command: Command, axis: int) -> str:
     return f"backlash {axis} {command.name[-3:]}"
 
 
-def periodic_error(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def periodic_error(session: Session, command: Command, values: Values) -> Handling:
     """AUX 0x0D - a mount that lacks it says so by the no-response form. Raises Invalid for neither on nor off."""
     if values["on"] not in _OFF_OR_ON:
         raise Invalid
     yield PeriodicError(motor(values), bool(values["on"]))
 
 
-def hibernate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def hibernate(session: Session, command: Command, values: Values) -> Handling:
     """x"""
     yield from begin(Sleep())
 
 
-def wake(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def wake(session: Session, command: Command, values: Values) -> Handling:
     """y"""
     yield from begin(Wake())
 
 
-def unsync(session: Session, command: Command, values: dict[str, Any]) -> None:
+def unsync(session: Session, command: Command, values: Values) -> None:
     """u - acknowledged: no mount here keeps a list of syncs."""

@@ -6,9 +6,7 @@ mount's bus answer for themselves.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
+from gateway.core.operations import Values
 from gateway.protocols.base.surface import Session
 from gateway.protocols.nexstar.surface.devices import MOTORS
 
@@ -16,7 +14,7 @@ from gateway.protocols.nexstar.surface.devices import MOTORS
 _AXES = frozenset({"axis_position", "axis_done"})
 
 
-def stands_against(session: Session, name: str, values: Mapping[str, Any]) -> bool:
+def stands_against(session: Session, name: str, values: Values) -> bool:
     """Whether the mount's own answer would contradict what this gateway has told or does."""
     if name in _AXES:
         return values["device"] in MOTORS

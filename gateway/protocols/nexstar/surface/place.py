@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import calendar
 from datetime import UTC, datetime
-from typing import Any
 
 from gateway.core.errors import Fault
-from gateway.core.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite
+from gateway.core.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite, Values
 from gateway.protocols.base.surface import Handling, Possible, Session
 from gateway.protocols.wireformat.command_set import Command
 
 
-def site(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def site(session: Session, command: Command, values: Values) -> Handling:
     """w"""
     place: Place = yield GetSite()
     return {"latitude": place.latitude, "longitude": place.longitude}
 
 
-def set_site(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_site(session: Session, command: Command, values: Values) -> Handling:
     """W - an impossible place does nothing."""
     if "fault" in values:
         return
@@ -30,7 +29,7 @@ def set_site(session: Session, command: Command, values: dict[str, Any]) -> Hand
         return
 
 
-def clock(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def clock(session: Session, command: Command, values: Values) -> Handling:
     """h, i - local time that matches the zone that is told. What was set is told again as it was set.
 
     What the mount itself tells of daylight saving counts, where it tells it.
@@ -58,7 +57,7 @@ def clock(session: Session, command: Command, values: dict[str, Any]) -> Handlin
     }
 
 
-def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_clock(session: Session, command: Command, values: Values) -> Handling:
     """H, I - an impossible time does nothing."""
     zone = values["quarters"] / 4.0 if "quarters" in values else float(values["zone"])
     dst = values["dst"]
