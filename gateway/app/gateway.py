@@ -38,6 +38,7 @@ from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.driver import Driver
 from gateway.protocols.base.frames import Framing
+from gateway.protocols.base.session import Shared, SurfaceSettings
 from gateway.protocols.wireformat.command_set import load
 from gateway.system.runtime_folders import folders
 from gateway.transport import Listener, open_port
@@ -70,13 +71,14 @@ def _nexstar_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], f
 def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> SurfaceBinding:
     from gateway.protocols.base.surface import Surface
     from gateway.protocols.lx200.framing import Framer
+    from gateway.protocols.lx200.session import LxSession
     from gateway.protocols.lx200.surface import SPECIALS
     from gateway.protocols.lx200.surface.opening import BEGINNING
     from gateway.protocols.lx200.surface.own import stands_against
 
     protocol = load("lx200")
     name = endpoint.model or "autostar"
-    settings = {"precision": config.precision or "high", "limits": limits, "sync_text": config.sync_text}
+    settings = SurfaceSettings(config.precision or "high", limits, config.sync_text)
     model = {**protocol.models[name], "name": name}
     halts = {
         b":Q%c#" % letter: (op.Halt(axis), frozenset(b":M%c#" % other for other in letters))
@@ -84,7 +86,7 @@ def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> Su
         for letter in letters
     }
     surface = Surface(protocol, SPECIALS)
-    surface.stands_against = stands_against
+    surface.stands_against, surface.session = stands_against, LxSession
     return SurfaceBinding(
         "LX200",
         surface,
@@ -108,6 +110,7 @@ def _meade_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], flo
 
 def _nexstar_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> SurfaceBinding:
     from gateway.protocols.base.surface import Surface
+    from gateway.protocols.nexstar.session import NexStarSession
     from gateway.protocols.nexstar.surface import SPECIALS, fitting, framing, lacks, presented
     from gateway.protocols.nexstar.surface.devices import no_response, passes
     from gateway.protocols.nexstar.surface.opening import BEGINNING
@@ -117,10 +120,11 @@ def _nexstar_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> 
     fit = None if endpoint.model else lambda polar, german, gps: fitting(polar, german, gps, endpoint.version)
     surface = Surface(load("nexstar"), SPECIALS, no_response)
     surface.passes, surface.lacks, surface.stands_against = passes, lacks, stands_against
+    surface.session = NexStarSession
     still = (bytes((motor, way, 0)) for motor in (16, 17) for way in (36, 37, 6, 7))
-    return SurfaceBinding(
-        "NexStar", surface, framing, BEGINNING, frozenset(), model, {"precision": "high"}, fit=fit, ends=(b"M", *still)
-    )
+    settings = SurfaceSettings("high", limits)
+    ends = (b"M", *still)
+    return SurfaceBinding("NexStar", surface, framing, BEGINNING, frozenset(), model, settings, fit=fit, ends=ends)
 
 
 DRIVERS: dict[str, Callable[[Endpoint, MountConfig, Callable[[], float]], Driven]] = {
@@ -311,8 +315,8 @@ class Gateway:
         driver, follow_ups, dialogue = DRIVERS[self.mount.protocol](self.mount, config, loop.time)
         if self.mount.where == "sim":
             driver.hurry = config.speed
-        shared = to_shared(self.past.kept) if self.keeping is None else self.keeping.shared
-        site = op.Place(*config.site) if config.site else selected_site(shared)
+        shared = Shared(to_shared(self.past.kept)) if self.keeping is None else self.keeping.shared
+        site = op.Place(*config.site) if config.site else selected_site(shared.settings)
         observatory = SiteClock(loop.time, self.clock, site)
         self.controller = MountController(
             driver,
@@ -331,7 +335,6 @@ class Gateway:
             tell_of_motions(self.controller, self.watched)
         self.desk = Desk(self.controller, self.config.name or "", str(self.mount), self.programs)
         self.controller.before_motion = self.entrance.waiting(self.controller.before_motion)
-        changed = (lambda: None) if self.keeping is None else self.keeping.changed
         own: list[SurfaceBinding] = []
         self.controller.identification.told = lambda: self._show_itself(own)
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
@@ -352,7 +355,6 @@ class Gateway:
                     face,
                     shared,
                     self.clock,
-                    changed,
                     number,
                     access(surface, config),
                     endpoint.where,

@@ -8,8 +8,10 @@ port scanner is recognised by its first bytes and turned away before anything of
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Callable, Mapping
+from copy import copy
 from typing import Any
 
 from msgspec import Struct
@@ -25,8 +27,9 @@ from gateway.clients.wrong_preset import FirstWords, Presets
 from gateway.core.operations import Operation
 from gateway.mount.controller import MountController
 from gateway.protocols.base.frames import Framing
-from gateway.protocols.base.read_only import Sealed
-from gateway.protocols.base.surface import Session, Surface
+from gateway.protocols.base.session import Kept, Shared, SurfaceSettings
+from gateway.protocols.base.surface import Surface
+from gateway.protocols.wireformat.command_set import Model
 from gateway.system.file_limits import scarce
 from gateway.transport import ConnectionHandler
 from gateway.transport.baud_trial import BaudTrial
@@ -60,8 +63,8 @@ class SurfaceBinding(Struct, frozen=True):
     #: What a program may begin with, for ``Beginning``.
     beginning: re.Pattern[bytes]
     stop_frames: frozenset[bytes]
-    model: dict[str, Any]
-    settings: dict[str, Any]
+    model: Model
+    settings: SurfaceSettings
     equinox: Equinox | None = None
     #: Commands that halt one axis -> the operation, and the commands that would set this axis moving.
     halts: Mapping[bytes, tuple[Operation, frozenset[bytes]]] = {}
@@ -69,7 +72,7 @@ class SurfaceBinding(Struct, frozen=True):
     ends: tuple[bytes, ...] = ()
     #: Whether the mount is equatorial, whether it is German, whether it has a GPS receiver -> the model to present;
     #: None where the user has named one.
-    fit: Callable[[bool, bool | None, bool], dict[str, Any]] | None = None
+    fit: Callable[[bool, bool | None, bool], Model] | None = None
     manners: tuple[ClientProfile, ...] = ()
 
 
@@ -80,21 +83,14 @@ class ConnectionAcceptor:
         self,
         controller: MountController,
         face: SurfaceBinding,
-        shared: dict[str, Any],
+        shared: Shared,
         host_clock: Callable[[], float],
-        changed: Callable[[], None],
         number: int = 1,
         access: Access = Access(),
         where: str = "",
         warn: Callable[[str], None] = lambda text: None,
     ) -> None:
-        self.controller, self.face, self.shared, self.clock, self.changed = (
-            controller,
-            face,
-            shared,
-            host_clock,
-            changed,
-        )
+        self.controller, self.face, self.shared, self.clock = controller, face, shared, host_clock
         #: Which of the gateway's surfaces this is, counted from 1.
         self.number = number
         self.access = access
@@ -103,7 +99,7 @@ class ConnectionAcceptor:
         )
         self._clients: set[CommandProcessor] = set()
         self._turned: set[tuple[str, str]] = set()
-        self._left: dict[str, tuple[float, dict[str, Any]]] = {}
+        self._left: dict[str, tuple[float, Kept]] = {}
         self._visits: set[_Visit] = set()
 
     def arrive(self, name: str, host: str, write: Callable[[bytes], object]) -> ConnectionHandler:
@@ -114,10 +110,10 @@ class ConnectionAcceptor:
     def come(self, name: str, host: str, write: Callable[[bytes], object]) -> ConnectionHandler:
         """A new connection that has been admitted."""
         face = self.face
-        session = Session(face.model, face.settings, self.clock, self.shared, self.changed)
-        at, kept = self._left.get(host, (-1e9, {}))
+        session = face.surface.session(face.model, face.settings, self.clock, self.shared)
+        at, kept = self._left.get(host, (-1e9, session.kept))
         if self.controller.now() - at <= INHERIT_FOR:
-            session.kept = dict(kept)
+            session.kept = copy(kept)
         client = CommandProcessor(
             name,
             self.controller,
@@ -134,7 +130,7 @@ class ConnectionAcceptor:
         self._clients.add(client)
         if self.access.only_looks(host):
             client.rights = Rights(read_only=True)
-            session.shared = Sealed(self.shared, lambda: client.refuse("a setting", "read only"))
+            session.may_not_set = lambda: client.refuse("a setting", "read only")
         self.controller.transcript.put(name, "+", note=f"surface {self.number}, host {host}")
         rights = replace(client.rights, hibernate=self.access.hibernate)
         visit = _Visit(
@@ -189,7 +185,7 @@ class ConnectionAcceptor:
         """Nobody is at the other end any more: the next connection of this host goes on where this one has got to."""
         if client.life.closed is None:
             self.controller.presence.leave(client.life)
-        self._left[host] = (self.controller.now(), dict(client.session.kept))
+        self._left[host] = (self.controller.now(), copy(client.session.kept))
         for old in [key for key, (at, _) in self._left.items() if self.controller.now() - at > INHERIT_FOR]:
             del self._left[old]
 
@@ -315,8 +311,8 @@ class _Visit:
             return manner.first.startswith(self._begin)
         client, session = self._client, self._client.session
         client.equinox = manner.equinox or client.equinox
-        session.settings = {**session.settings, **manner.settings}
-        session.kept["precision"] = manner.settings.get("precision", session.kept["precision"])
+        session.settings = dataclasses.replace(session.settings, **manner.settings)
+        session.kept.precision = manner.settings.get("precision", session.kept.precision)
         client.transcript.note(client.name, f"this is {manner.program}, and treated so")
         return False
 

@@ -27,16 +27,8 @@ from gateway.mount.link.queue import AT_ONCE, LATE
 from gateway.mount.readings.cache import FRESH, MISSING
 from gateway.mount.safety.rules.dead_man import HostActivity
 from gateway.protocols.base.frames import Framing, Unterminated
-from gateway.protocols.base.surface import (
-    Defer,
-    FireAndForget,
-    Handling,
-    Possible,
-    ReuseLastReading,
-    Session,
-    Speed,
-    Surface,
-)
+from gateway.protocols.base.session import Session
+from gateway.protocols.base.surface import Defer, FireAndForget, Handling, Possible, ReuseLastReading, Speed, Surface
 from gateway.transport.baud_trial import BaudTrial
 
 #: Commands that may wait for their turn in one connection; more than that and the oldest are dropped.
@@ -439,7 +431,7 @@ class CommandProcessor:
     async def _deferred_special(self, special: str) -> None:
         """Run a special later; it has no reply, so it may also outlive its connection."""
         turn = Turn(special.encode(), self.controller.stops, False, self.controller.now())
-        turn.steps = self.surface.specials[special](self.session, None, {})  # type: ignore[arg-type]
+        turn.steps = self.surface.call(special, self.session, None, {})
         try:
             await self._finish(turn, self._through(turn, None))
         except StopIteration:

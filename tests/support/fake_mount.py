@@ -6,6 +6,7 @@ It has no protocol and no time of its own. Gotos and syncs are judged by the pro
 from __future__ import annotations
 
 import calendar
+from copy import copy
 from datetime import datetime
 from functools import cache
 from typing import Any
@@ -135,7 +136,7 @@ class Talk:
         endpoint = Endpoint(protocol, "-", model, version)
         self.face: SurfaceBinding = FACES[protocol](endpoint, SurfaceConfig(at="-", **settings), Limits())
         self.now = self.mount.clock.unix
-        self.session = Session(self.face.model, self.face.settings, lambda: self.now, {"sites": {}})
+        self.session = self.face.surface.session(self.face.model, self.face.settings, lambda: self.now)
         self.framing = self.face.framing(lambda: self.now)
         self.deferred: list[tuple[float, Session, str]] = []
         self._told: dict[type[Any], tuple[float, Any]] = {}
@@ -182,8 +183,8 @@ class Talk:
     def reconnect(self) -> None:
         """Close the connection and open the next one, which begins with what this one has kept."""
         before = self.session
-        self.session = Session(before.model, before.settings, before.clock, before.shared, before.changed)
-        self.session.kept = dict(before.kept)
+        self.session = type(before)(before.model, before.settings, before.clock, before.common)
+        self.session.kept = copy(before.kept)
         self.framing = self.face.framing(lambda: self.now)
 
     def wait(self, seconds: float) -> None:

@@ -19,7 +19,8 @@ from gateway.diagnostics.rehearsal.meaning import meaning
 from gateway.diagnostics.rehearsal.samples import START
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.protocols.base.driver import Driver
-from gateway.protocols.base.surface import Defer, FireAndForget, Handling, Possible, ReuseLastReading, Session, Speed
+from gateway.protocols.base.session import Session
+from gateway.protocols.base.surface import Defer, FireAndForget, Handling, Possible, ReuseLastReading, Speed
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
 #: How long a reply may take, seconds.
@@ -176,7 +177,7 @@ class Player:
 
     def _kept(self) -> str:
         """What this client and all of them together keep, as one comparable text."""
-        return "" if self._session is None else repr((self._session.kept, self.stage.shared))
+        return "" if self._session is None else repr((self._session.kept, self._session.shared))
 
     def _known(self) -> str:
         """The same of the driver and of who knows site and time."""

@@ -21,11 +21,8 @@ from gateway.core.wire_log import Entry, Transcript
 from gateway.mount.controller import MountController
 from gateway.mount.link.queue import MountLink
 from gateway.mount.site.site_clock import SiteClock
+from gateway.protocols.base.session import Shared
 from gateway.transport.wires import SimulatedTransport
-
-
-def _nobody() -> None:
-    """What has changed is kept by nobody."""
 
 
 class Stage:
@@ -93,12 +90,12 @@ class Stage:
         self.face.surface.verbatim = presented == driven
         if shows_itself(Endpoint(driven, "sim"), shown):
             self.controller.identification.told = lambda: own_face(self.controller, self.face)
-        self.shared, changed = self.remember()
-        self.reception = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, changed, access=access)
+        self.shared = self.remember()
+        self.reception = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, access=access)
 
-    def remember(self) -> tuple[dict[str, Any], Callable[[], None]]:
-        """What all clients have in common, and what to call when it has changed: here nothing outlives the stage."""
-        return {"sites": {}}, _nobody
+    def remember(self) -> Shared:
+        """What all clients have in common: here nothing outlives the stage."""
+        return Shared()
 
     def _listening(self, connect: Callable[..., Any]) -> Callable[..., Any]:
         """The same way into the mount, where what it is sent is noted."""

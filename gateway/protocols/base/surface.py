@@ -19,7 +19,7 @@ from gateway.core.errors import Disturbed, Fault, Invalid, NoTarget, Silence, Un
 from gateway.core.motion_kinds import begins_motion, may_begin_motion
 from gateway.core.operations import Operation, Own, Values, Verbatim
 from gateway.protocols.base.frames import Suspect, Unterminated
-from gateway.protocols.base.read_only import Sealed
+from gateway.protocols.base.session import Session
 from gateway.protocols.wireformat.command_set import Command, CommandSet, SurfaceRow
 
 
@@ -60,46 +60,8 @@ class Speed(NamedTuple):
 ACKNOWLEDGED = b"#"
 Want = Operation | FireAndForget | Possible | ReuseLastReading | Defer | Speed
 Handling = Generator[Want, Any, Any]
-Special = Callable[["Session", Command, dict[str, Any]], Any]
-
-
-class Session:
-    """What belongs to one client: its target, formats, rates, limits. ``kept`` is copied when a client comes back."""
-
-    __slots__ = ("changed", "clock", "kept", "last", "model", "refused", "settings", "shared")
-
-    def __init__(
-        self,
-        model: Mapping[str, Any],
-        settings: Mapping[str, Any],
-        clock: Callable[[], float],
-        shared: Any,
-        changed: Callable[[], None] = lambda: None,
-    ) -> None:
-        self.model, self.settings, self.clock = model, settings, clock
-        #: What all clients of a mount have in common, a mapping that may be sealed, and what to call when the lasting
-        #: part of it has changed.
-        self.shared, self.changed = shared, changed
-        #: The frame before this one.
-        self.last = b""
-        #: What the command just handled asked for in vain, where its protocol has no form to say so; empty: nothing.
-        self.refused = ""
-        self.kept: dict[str, Any] = {"precision": settings.get("precision", "high")}
-
-    def set_for_all(self, name: str, value: Any) -> None:
-        """Set what all clients have in common and what outlives the gateway."""
-        self.shared[name] = value
-        self.changed()
-
-    def check_may_set(self) -> None:
-        """For what is set later than it is answered. Raises ReadOnly for a client that only looks."""
-        if isinstance(self.shared, Sealed):
-            self.shared.refuse()
-
-    def known(self, name: str) -> Any:
-        """A kept value, else the presented model's constant, else None."""
-        value = self.kept.get(name)
-        return self.model.get(name) if value is None else value
+#: What a row's ``call`` names: a function ``(session, command, values)`` -> the reply's values, or steps to them.
+Special = Callable[..., object]
 
 
 class Surface:
@@ -113,11 +75,13 @@ class Surface:
     ) -> None:
         #: ``unanswered`` gives the reply to a frame that nothing here answers, and to a fault that has no form.
         self.protocol, self.specials, self.unanswered = protocol, specials, unanswered
+        #: What belongs to one client of this protocol.
+        self.session: type[Session] = Session
         #: The mount speaks the same protocol: what means nothing here is passed on as it is, where it ``passes``.
         self.verbatim = False
         self.passes: Callable[[str, Values], bool] = lambda name, values: True
         #: Whether this client was told something that the mount's own answer would contradict.
-        self.stands_against: Callable[[Session, str, Values], bool] = lambda session, name, values: False
+        self.stands_against: Callable[..., bool] = lambda session, name, values: False
         #: A reply as the mount itself would write it, where it is the mount that is presented.
         self.as_written: Callable[[str, bytes], bytes] = lambda name, reply: reply
         #: Why what is presented does not know a frame, which is then passed over whatever it says; empty: it knows it.
@@ -191,6 +155,11 @@ class Surface:
                 with closing(steps):  # whatever it would ask of the mount is not asked
                     next(steps, None)
 
+    def call(self, name: str, session: Session, command: Command | None, values: Values) -> Handling:
+        """Carry out a special -> the reply's values."""
+        outcome = self.specials[name](session, command, values)
+        return (yield from outcome) if isinstance(outcome, Generator) else outcome
+
     def _keep(self, command: Command) -> str | None:
         """For how long the mount's own answer to a command serves; None where the gateway answers."""
         row = self.protocol.own.get(command.name)
@@ -201,7 +170,7 @@ class Surface:
         if self.stands_against(session, command.name, values):
             raise Unsupported
         if keep == "library":
-            answer = yield from self.specials["own_library"](session, command, values)
+            answer = yield from self.call("own_library", session, command, values)
         elif keep == "order":
             answer = yield Verbatim(command.name, tuple(values.items()))
         else:
@@ -241,7 +210,8 @@ class Surface:
     def _act(self, session: Session, command: Command, row: SurfaceRow, values: Values) -> Handling:
         """Carry out a row's verb -> the reply's values."""
         if row.keep is not None:
-            session.kept.update({name: values[name] for name in row.keep})
+            for name in row.keep:
+                setattr(session.kept, name, values[name])
             return None
         if row.tell is not None:
             return {name: session.known(name) for name in row.tell}
@@ -265,7 +235,7 @@ class Surface:
         assert kind is not None
         fields: dict[str, Any] = {}
         for field, required in _needs(kind):
-            value = values.get(field, session.kept.get(field))
+            value = values.get(field, getattr(session.kept, field, None))
             if value is None and required:
                 raise NoTarget
             if value is not None:
@@ -277,7 +247,7 @@ class Surface:
         if isinstance(answer, bytes):
             return answer
         for reply, picture in command.replies:
-            if reply.fault is None and reply.when in (None, session.kept["precision"], session.model.get("name")):
+            if reply.fault is None and reply.when in (None, session.kept.precision, session.model.get("name")):
                 return self.as_written(command.name, picture.encode(_fields(answer, picture.fields)))
         return b""
 

@@ -23,6 +23,8 @@ from gateway.core.errors import MappingError
 from gateway.protocols.wireformat.template import FrameTemplate, Source
 
 Version = tuple[int, ...]
+#: What differs between models, as a row of ``models.toml`` says it.
+Model = dict[str, Any]
 
 #: How long what a mount answers itself serves everybody, and what stands against it.
 KEEPS = {
@@ -204,7 +206,7 @@ class CommandSet:
         self._surface: dict[str, SurfaceRow] | None = None
         self._own: dict[str, OwnRow] | None = None
         self._driver: dict[str, list[Way]] | None = None
-        self._models: dict[str, dict[str, Any]] | None = None
+        self._models: dict[str, Model] | None = None
 
     def _where(self, file: str) -> str:
         return f"mappings/{self.name}/{file}"
@@ -283,7 +285,7 @@ class CommandSet:
             raise MappingError(where, key, f"outcome {way.outcome!r} is none of {', '.join(OUTCOMES)}")
 
     @property
-    def models(self) -> dict[str, dict[str, Any]]:
+    def models(self) -> dict[str, Model]:
         """Model name -> what differs."""
         if self._models is None:
             self._models = self._read("models.toml", dict[str, Any])

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from gateway.core.errors import NoDevice, Unsupported
 from gateway.core.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Moment, Place, Values
-from gateway.protocols.base.surface import Handling, Session
+from gateway.protocols.base.surface import Handling
 from gateway.protocols.lx200.nmea import rmc
+from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command_set import Command
 
 
-def sentence(session: Session, command: Command, values: Values) -> Handling:
+def sentence(session: LxSession, command: Command, values: Values) -> Handling:
     """:gps - one RMC sentence; without a fix one that says so (V), with the site and the clock in force."""
     try:
         seen: Gps = yield GetGps()
@@ -20,6 +21,6 @@ def sentence(session: Session, command: Command, values: Values) -> Handling:
     return {"text": rmc(place.latitude, place.longitude, seen.unix or moment.unix, seen.linked)}
 
 
-def set_clock(session: Session, command: Command, values: Values) -> Handling:
+def set_clock(session: LxSession, command: Command, values: Values) -> Handling:
     """:gT - 1 when the mount's clock was set from its GPS unit, 0 when there is none or it has no fix."""
     yield ClockFromGps()

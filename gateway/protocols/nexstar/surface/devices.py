@@ -22,7 +22,8 @@ from gateway.core.operations import (
     SetClock,
     Values,
 )
-from gateway.protocols.base.surface import FireAndForget, Handling, Possible, Session
+from gateway.protocols.base.surface import FireAndForget, Handling, Possible
+from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.nexstar.surface.acknowledged import begin
 from gateway.protocols.wireformat.command_set import Command, parse_version
 
@@ -56,7 +57,7 @@ def passes(name: str, values: Values) -> bool:
     return name not in NEVER_PASSED and (name not in MOVERS or values["device"] == FOCUSER)
 
 
-def version(session: Session, command: Command, values: Values) -> dict[str, int]:
+def version(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
     """AUX 0xFE - what is asked for beyond two bytes is the build number."""
     device = values["device"]
     if device in MOTORS:
@@ -69,12 +70,12 @@ def version(session: Session, command: Command, values: Values) -> dict[str, int
     raise NoDevice
 
 
-def _require(session: Session, part: str) -> None:
+def _require(session: NexStarSession, part: str) -> None:
     if part not in session.model["has"]:
         raise NoDevice
 
 
-def _receiver(session: Session) -> Handling:
+def _receiver(session: NexStarSession) -> Handling:
     """What the mount's own receiver tells; one presented over a mount without any has no fix, but site and clock."""
     _require(session, "gps")
     try:
@@ -85,25 +86,25 @@ def _receiver(session: Session) -> Handling:
         return Gps(False, place, moment.unix)
 
 
-def gps_flag(session: Session, command: Command, values: Values) -> Handling:
+def gps_flag(session: NexStarSession, command: Command, values: Values) -> Handling:
     """Linked, and time valid."""
     linked = int((yield from _receiver(session)).linked)
     return {"linked": linked, "valid": linked}
 
 
-def gps_place(session: Session, command: Command, values: Values) -> Handling:
+def gps_place(session: NexStarSession, command: Command, values: Values) -> Handling:
     """Latitude and longitude; before the first fix those of the site."""
     place = (yield from _receiver(session)).place or (yield GetSite())
     return {"latitude": place.latitude, "longitude": place.longitude}
 
 
-def gps_time(session: Session, command: Command, values: Values) -> Handling:
+def gps_time(session: NexStarSession, command: Command, values: Values) -> Handling:
     """Date, year and time by the satellites; before the first fix by the mount's clock."""
     seen = yield from _receiver(session)
     return _calendar(seen.unix if seen.linked else (yield GetClock()).unix)
 
 
-def universal_time(session: Session, command: Command, values: Values) -> Handling:
+def universal_time(session: NexStarSession, command: Command, values: Values) -> Handling:
     """Date, year and time of the clock: always UT."""
     _require(session, "rtc")
     return _calendar((yield GetClock()).unix)
@@ -121,7 +122,7 @@ def _calendar(unix: float) -> dict[str, int]:
     }
 
 
-def set_clock(session: Session, command: Command, values: Values) -> Handling:
+def set_clock(session: NexStarSession, command: Command, values: Values) -> Handling:
     """Set date, year, time of the clock: each changes its own part of UT. Raises Invalid for an impossible one."""
     _require(session, "rtc")
     if not command.known_to(None, session.model["counts_as"]):
@@ -137,7 +138,7 @@ def set_clock(session: Session, command: Command, values: Values) -> Handling:
     yield SetClock(now.timestamp(), moment.offset, moment.dst)
 
 
-def seek_switch(session: Session, command: Command, values: Values) -> Handling:
+def seek_switch(session: NexStarSession, command: Command, values: Values) -> Handling:
     """AUX 0x0B - the search goes for both axes; the motor that is asked second finds it under way."""
     motor(values)
     yield Possible(Home())
@@ -145,13 +146,13 @@ def seek_switch(session: Session, command: Command, values: Values) -> Handling:
         yield Home()
 
 
-def switch_found(session: Session, command: Command, values: Values) -> Handling:
+def switch_found(session: NexStarSession, command: Command, values: Values) -> Handling:
     """AUX 0x12 - 255 when it was found, 0 before and when it was not."""
     motor(values)
     return {"done": 255 if (yield HomeState()) == FOUND else 0}
 
 
-def move_focuser(session: Session, command: Command, values: Values) -> Handling:
+def move_focuser(session: NexStarSession, command: Command, values: Values) -> Handling:
     """AUX 0x24, 0x25 of the focuser, whose positions count outwards; 0 stops it. Raises NoDevice, Invalid."""
     rate = values["rate"]
     if values["device"] != FOCUSER:
@@ -164,7 +165,7 @@ def move_focuser(session: Session, command: Command, values: Values) -> Handling
         yield from begin(Focus(-1 if command.name == "move_pos" else 1, FOCUS_SPEEDS[rate - 1]))
 
 
-def absent(session: Session, command: Command, values: Values) -> None:
+def absent(session: NexStarSession, command: Command, values: Values) -> None:
     """A device or a function that no mount behind this gateway has."""
     raise NoDevice
 
