@@ -24,9 +24,10 @@ from gateway.app.state.file import FORMAT, MarkerContent, SavedState, to_shared
 from gateway.app.state.store import PreviousRun, StateStore, recall, selected_site
 from gateway.app.watchdog import Watchdog, WatchedMount
 from gateway.astro.ephemeris import Sky
-from gateway.clients.acceptor import ClientProfile, ConnectionAcceptor, SurfaceBinding
+from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Access, networks
 from gateway.clients.equinox import J2000
+from gateway.clients.profiles import ClientProfile, SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.errors import Fault, UserError
 from gateway.core.wire_log import Transcript

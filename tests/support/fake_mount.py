@@ -14,8 +14,8 @@ from typing import Any
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.app.gateway import FACES
 from gateway.astro.ephemeris import Sky
-from gateway.clients.acceptor import SurfaceBinding
-from gateway.clients.command_processor import PAIR
+from gateway.clients.commands.reply_cache import PAIR
+from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Unsupported
 from gateway.mount.safety.limits import Limits

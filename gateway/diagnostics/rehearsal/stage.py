@@ -14,8 +14,9 @@ from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.app.gateway import DRIVERS, FACES, own_face, policy, shows_itself
 from gateway.app.simulated import DEFAULT_SITE, make_simulator
 from gateway.astro.ephemeris import Sky
-from gateway.clients.acceptor import ConnectionAcceptor, SurfaceBinding
+from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Access
+from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.wire_log import Entry, Transcript
 from gateway.mount.controller import MountController
