@@ -44,7 +44,7 @@ QUICK = 0.5
 CANNOT_OPEN = "cannot open"
 
 
-def with_loop(fast: bool, serve: Callable[[], Coroutine[Any, Any, int]], recorded: bool = False) -> int:
+def with_loop(fast: bool, serve: Callable[[], Coroutine[object, object, int]], recorded: bool = False) -> int:
     """Run on uvloop where it is installed, else on asyncio's own; ``recorded``: on one that can be played again."""
     factory: Callable[[], asyncio.AbstractEventLoop] | None = TurnLoop if recorded else None
     if fast and not recorded:
