@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from gateway.protocols.nexstar.driver.tracking import rate_code
-from gateway.protocols.wireformat.command_set import load, parse_version
+from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.fields import codec
 from tests.support.manual_files import raw, rows
 

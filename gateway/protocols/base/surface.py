@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping
 from contextlib import closing, suppress
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import msgspec
@@ -17,10 +17,12 @@ import msgspec
 from gateway.core import operations
 from gateway.core.errors import Disturbed, Fault, Invalid, NoTarget, Silence, Unsupported
 from gateway.core.motion_kinds import begins_motion, may_begin_motion
-from gateway.core.operations import Operation, Own, Verbatim
+from gateway.core.operations import Operation, Own, Stop, Verbatim
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.base.read_only import Sealed
-from gateway.protocols.wireformat.command_set import Command, CommandSet, SurfaceRow
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.command_set import CommandSet
+from gateway.protocols.wireformat.rows import SurfaceRow
 
 
 class FireAndForget(NamedTuple):
@@ -54,6 +56,13 @@ class Speed(NamedTuple):
     """Go on at another baud rate once this command was answered, where there is a serial port."""
 
     baud: int
+
+
+class Ending(NamedTuple):
+    """What a command ends in the moment in which it comes, and the commands that do not get their turn any more."""
+
+    operation: Operation
+    takes_back: frozenset[bytes]
 
 
 #: What some protocols answer whatever was done.
@@ -108,11 +117,11 @@ class Surface:
     def __init__(
         self,
         protocol: CommandSet,
-        specials: Mapping[str, Special],
+        handlers: Mapping[str, Special],
         unanswered: Callable[[bytes, Fault | None], bytes] = lambda frame, fault: b"",
     ) -> None:
         #: ``unanswered`` gives the reply to a frame that nothing here answers, and to a fault that has no form.
-        self.protocol, self.specials, self.unanswered = protocol, specials, unanswered
+        self.protocol, self.handlers, self.unanswered = protocol, handlers, unanswered
         #: The mount speaks the same protocol: what means nothing here is passed on as it is, where it ``passes``.
         self.verbatim = False
         self.passes: Callable[[str, Mapping[str, Any]], bool] = lambda name, values: True
@@ -122,6 +131,35 @@ class Surface:
         self.as_written: Callable[[str, bytes], bytes] = lambda name, reply: reply
         #: Why what is presented does not know a frame, which is then passed over whatever it says; empty: it knows it.
         self.lacks: Callable[[Mapping[str, Any], bytes], str] = lambda model, frame: ""
+
+    @cached_property
+    def _endings(self) -> dict[bytes, Command]:
+        """The commands that end motions, as programs write them."""
+        urgent = [
+            command for command in self.protocol.commands.values() if command.urgent in ("stop", "restart", "axis")
+        ]
+        return {command.request.literal: command for command in urgent if command.name in self.protocol.surface}
+
+    def ending(self, session: Session, frame: bytes) -> Ending | None:
+        """What a command ends when it comes, before it has its turn; None for all that wait for theirs."""
+        command = self._endings.get(frame)
+        if command is None:
+            return None
+        row = self.protocol.surface[command.name]
+        operation = self._operation(session, row, {}) if command.urgent == "axis" else Stop()
+        return Ending(
+            operation, frozenset([self.protocol.commands[name].request.literal for name in command.takes_back])
+        )
+
+    @cached_property
+    def _marks(self) -> tuple[bytes, ...]:
+        """Bytes of which some are in every command that ends a motion."""
+        marks = {command.mark for command in self.protocol.commands.values() if command.urgent}
+        return tuple([mark for mark in marks if not any(other in mark for other in marks - {mark})])
+
+    def may_end(self, data: bytes) -> bool:
+        """Whether these bytes, which are not cut into commands yet, may be or hold the end of a motion."""
+        return any(mark in data for mark in self._marks)
 
     def handle(self, session: Session, frame: bytes) -> Handling:
         """One framed command -> its reply (empty: none). Yields operations; never raises for what a client sent."""
@@ -186,7 +224,7 @@ class Surface:
         if row is None or row.call is None:
             return
         with suppress(Fault):
-            steps = self.specials[row.call](session, self.protocol.commands[name], {"fault": Invalid()})
+            steps = self.handlers[row.call](session, self.protocol.commands[name], {"fault": Invalid()})
             if isinstance(steps, Generator):
                 with closing(steps):  # whatever it would ask of the mount is not asked
                     next(steps, None)
@@ -201,7 +239,7 @@ class Surface:
         if self.stands_against(session, command.name, values):
             raise Unsupported
         if keep == "library":
-            answer = yield from self.specials["own_library"](session, command, values)
+            answer = yield from self.handlers["own_library"](session, command, values)
         elif keep == "order":
             answer = yield Verbatim(command.name, tuple(values.items()))
         else:
@@ -248,24 +286,24 @@ class Surface:
         if row.say is not None:
             return row.say
         if row.ask is not None:
-            operation = self._operation(session, row.ask, values)
+            operation = self._operation(session, row, values)
             if not command.replies:
                 yield FireAndForget(operation)
                 return None
             return (yield operation)
         assert row.call is not None
-        outcome = self.specials[row.call](session, command, values)
+        outcome = self.handlers[row.call](session, command, values)
         if isinstance(outcome, Generator):
             outcome = yield from outcome
         return outcome
 
-    def _operation(self, session: Session, name: str, values: dict[str, Any]) -> Operation:
-        """The operation with its fields taken from the command, else from what the client set before."""
-        kind = operations.named(name)
+    def _operation(self, session: Session, row: SurfaceRow, values: dict[str, Any]) -> Operation:
+        """The operation that a row asks, with its fields from the command or the row, else from what was set before."""
+        kind = operations.named(row.ask or "")
         assert kind is not None
         fields: dict[str, Any] = {}
         for field, required in _needs(kind):
-            value = values.get(field, session.kept.get(field))
+            value = values.get(field, row.given.get(field, session.kept.get(field)))
             if value is None and required:
                 raise NoTarget
             if value is not None:

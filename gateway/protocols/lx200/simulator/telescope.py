@@ -36,7 +36,8 @@ from gateway.protocols.lx200.simulator.forms import well_formed
 from gateway.protocols.lx200.simulator.line import ClassicFramer
 from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
 from gateway.protocols.mechanics.mount import Mechanics
-from gateway.protocols.wireformat.command_set import Command, load
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.command_set import load
 
 Handler = Callable[["SimulatedLx200", str, dict[str, Any]], bytes | None]
 #: Answers that come after a while: seconds, bytes.

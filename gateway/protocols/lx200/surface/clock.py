@@ -15,7 +15,7 @@ from typing import Any
 from gateway.core.errors import Fault, Invalid, ReadOnly, Unsupported
 from gateway.core.operations import GetClock, Moment, SetClock, SiderealTime
 from gateway.protocols.base.surface import Defer, Handling, Session
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 #: One pause after the last piece, then what is there is taken.
 QUIET = 2.0

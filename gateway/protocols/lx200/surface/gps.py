@@ -8,7 +8,7 @@ from gateway.core.errors import NoDevice, Unsupported
 from gateway.core.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Moment, Place
 from gateway.protocols.base.surface import Handling, Session
 from gateway.protocols.lx200.nmea import rmc
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 
 def sentence(session: Session, command: Command, values: dict[str, Any]) -> Handling:

@@ -8,7 +8,7 @@ from gateway.core.errors import Silence, Unsupported
 from gateway.core.operations import Own
 from gateway.protocols.base.driver import Send, Steps
 from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT
-from gateway.protocols.wireformat.command_set import Version
+from gateway.protocols.wireformat.rows import Version
 
 if TYPE_CHECKING:
     from gateway.protocols.nexstar.driver.state import NexStar

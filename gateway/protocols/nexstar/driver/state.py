@@ -29,7 +29,8 @@ from gateway.protocols.nexstar.driver import hand_control
 from gateway.protocols.nexstar.driver.unguided import unguided
 from gateway.protocols.nexstar.rates import SIDEREAL, key_speed, rate_tables
 from gateway.protocols.nexstar.versions import numbered
-from gateway.protocols.wireformat.command_set import Version, load, parse_version
+from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.rows import Version, parse_version
 
 
 class Settings(Struct, frozen=True):
@@ -79,7 +80,6 @@ class NexStar(Driver):
     """A Celestron hand control. ``now`` is any clock that never goes back, in seconds."""
 
     protocol = load("nexstar")
-    awake_or_not = frozenset("KVxy")
     ends = frozenset({"M", "slew_azm_pos", "slew_alt_pos", "pulse"})
     sync_aligns = False
 
@@ -90,10 +90,10 @@ class NexStar(Driver):
         model: str | None = None,
         version: str | None = None,
     ) -> None:
-        from gateway.protocols.nexstar.driver import SPECIALS  # the specials know this class
+        from gateway.protocols.nexstar.driver import HANDLERS  # the handlers know this class
 
         rate_tables()  # read now: when the first arrow comes there may be no file left that can be opened
-        self.specials = SPECIALS
+        self.handlers = HANDLERS
         self.now, self.settings = now, settings
         self.named_model = model
         named = numbered(version) if version else None

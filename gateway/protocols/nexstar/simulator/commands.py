@@ -13,7 +13,7 @@ from gateway.astro.axes import Build
 from gateway.astro.spherical import wrap180
 from gateway.protocols.nexstar.simulator.clock import Handler, Values
 from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT
-from gateway.protocols.wireformat.command_set import Version
+from gateway.protocols.wireformat.rows import Version
 
 if TYPE_CHECKING:
     from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl

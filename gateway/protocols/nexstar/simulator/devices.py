@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
 from gateway.protocols.mechanics.axis_motor import LUNAR_RATE, SOLAR_RATE
 from gateway.protocols.nexstar.simulator.clock import GPS, RTC, Handler, Values
-from gateway.protocols.wireformat.command_set import Version
+from gateway.protocols.wireformat.rows import Version
 
 if TYPE_CHECKING:
     from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl

@@ -28,7 +28,9 @@ from gateway.protocols.nexstar.simulator.clock import CLOCKS, GPS, RTC, Handler
 from gateway.protocols.nexstar.simulator.commands import ALTAZ, COMMANDS, EQ_NORTH, EQ_SOUTH, OFF
 from gateway.protocols.nexstar.simulator.devices import ALT, AZM, DEVICES, FOCUSER, FocuserMotor
 from gateway.protocols.nexstar.versions import STARSENSE, STARSENSE_LONG_MODE, numbered
-from gateway.protocols.wireformat.command_set import Command, Version, load, parse_version
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.rows import Version, parse_version
 
 HANDLERS: dict[str, Handler] = {**COMMANDS, **CLOCKS, **DEVICES}
 
