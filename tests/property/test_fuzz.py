@@ -14,7 +14,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.mount.link.queue import READ
 from gateway.mount.motion.seen import PositionSample, Seen
-from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
+from gateway.protocols.lx200.simulator.server import SimulatedLx200
 from tests.soak.fuzz_bytes import KINDS
 from tests.soak.fuzz_drivers import Findings, lie
 from tests.soak.fuzz_forms import PROTOCOLS, of_reply, of_request

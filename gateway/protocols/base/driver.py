@@ -67,12 +67,14 @@ class Remark(NamedTuple):
 
 Step = Send | Wait | Schedule | Remark
 Steps = Generator[Step, Any, Any]
+Handler = Callable[[Any, Any], Steps]
 
 
 class Driver:
-    """Carries out operations by the rows of ``driver.toml``.
+    """Carries out operations by the rows of ``driver.toml``, and keeps what is known of the mount.
 
-    ``handlers`` maps the names that rows call to functions ``(driver, operation) -> Steps``.
+    ``handlers`` are the functions that rows call, ``(driver, operation) -> Steps``. They are given to it: what a driver
+    knows and remembers has no part in how it is used.
     """
 
     #: Whether an aligned mount may be told site and time without losing its alignment.
@@ -101,7 +103,6 @@ class Driver:
     #: Whether it is a German mount, whose tube changes sides of the pier; None where that is not known.
     german: bool | None = None
     protocol: CommandSet
-    handlers: Mapping[str, Callable[[Any, Any], Steps]]
     model: str | None = None
     version: Version | None = None
     #: Whether tracking was put off for a motion and has not been put back yet.
@@ -117,6 +118,9 @@ class Driver:
     patience: float | None = None
     #: Whether the mount was sent to sleep.
     asleep = False
+
+    def __init__(self, handlers: Mapping[str, Handler]) -> None:
+        self.handlers = handlers
 
     def knows(self, name: str) -> bool:
         """Whether the mount that was found has this command, by the manual: nothing is probed."""
@@ -167,10 +171,9 @@ class Driver:
     def contact(self) -> Steps:
         """What must be known before the mount can be asked where it points, and where that is, if it was told.
 
-        Its name is asked for after that.
+        Its name is asked for after that. By the handler ``contact``, where there is one.
         """
-        return
-        yield  # a generator like all others
+        return (yield from self.handlers["contact"](self, None)) if "contact" in self.handlers else None
 
     def presented(self) -> dict[str, Any]:
         """The model's constants that a surface of this protocol presents when it is to be the mount itself."""

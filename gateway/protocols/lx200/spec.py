@@ -13,7 +13,7 @@ from gateway.protocols.wireformat.command_set import load
 if TYPE_CHECKING:
     from gateway.protocols.base.frames import Framing
     from gateway.protocols.base.reply_rules import ReplyRules
-    from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
+    from gateway.protocols.lx200.simulator.server import SimulatedLx200
 
 NAME, DEFAULT_MODEL = "lx200", "autostar"
 ACK, POSITION = b"\x06", b"#:GR#"
@@ -54,14 +54,15 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 
 
 def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
-    from gateway.protocols.lx200.driver import FOLLOW_UPS
+    from gateway.protocols.lx200.driver import FOLLOW_UPS, HANDLERS
     from gateway.protocols.lx200.driver.state import Lx200Driver
 
-    return MadeDriver(Lx200Driver(now, settings.model, settings.guide_rate), dict(FOLLOW_UPS), _reply_rules())
+    driver = Lx200Driver(now, settings.model, settings.guide_rate, HANDLERS)
+    return MadeDriver(driver, dict(FOLLOW_UPS), _reply_rules())
 
 
 def _make_simulator(model: str | None, version: str | None, **settings: Any) -> SimulatedLx200:
-    from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
+    from gateway.protocols.lx200.simulator.server import SimulatedLx200
 
     return SimulatedLx200(model or DEFAULT_MODEL, **settings)
 

@@ -71,7 +71,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 
 
 def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
-    from gateway.protocols.nexstar.driver import FOLLOW_UPS
+    from gateway.protocols.nexstar.driver import FOLLOW_UPS, HANDLERS
     from gateway.protocols.nexstar.driver.state import NexStar, Settings
 
     chosen = Settings(
@@ -83,7 +83,8 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
         aux_home=settings.aux_home,
         lowest=settings.lowest,
     )
-    return MadeDriver(NexStar(now, chosen, settings.model, settings.version), dict(FOLLOW_UPS), _reply_rules())
+    driver = NexStar(now, chosen, settings.model, settings.version, HANDLERS)
+    return MadeDriver(driver, dict(FOLLOW_UPS), _reply_rules())
 
 
 def _make_simulator(model: str | None, version: str | None, **settings: Any) -> SimulatedHandControl:

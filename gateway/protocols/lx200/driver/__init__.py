@@ -13,6 +13,7 @@ from gateway.protocols.lx200.driver import drive, ends, home, identify, library,
 HANDLERS: dict[str, Callable[[Any, Any], Any]] = {
     function.__name__: function
     for function in (
+        identify.contact,
         identify.identity,
         identify.status,
         pointing.position,

@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from gateway.core.errors import Busy, Fault, Refused, Unsupported
 from gateway.core.operations import Identity, Operation, Own, Place, Pulse, PulseAxis, Rate, Tracking, TrackRate
-from gateway.protocols.base.driver import Driver, Send, Steps, Wait
+from gateway.protocols.base.driver import Driver, Handler, Send, Steps, Wait
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Abilities, nearest
 from gateway.protocols.wireformat.command_set import load
 
@@ -51,10 +51,14 @@ class Lx200Driver(Driver):
     years = range(1951, 2051)
     position_reads = 2
 
-    def __init__(self, now: Callable[[], float], model: str | None = None, guide_rate: float | None = None) -> None:
-        from gateway.protocols.lx200.driver import HANDLERS  # the handlers know this class
-
-        self.handlers = HANDLERS
+    def __init__(
+        self,
+        now: Callable[[], float],
+        model: str | None = None,
+        guide_rate: float | None = None,
+        handlers: Mapping[str, Handler] = {},
+    ) -> None:
+        super().__init__(handlers)
         self.now = now
         self.named_model = self.model = model
         self.product, self.firmware = "", ""
@@ -149,11 +153,6 @@ class Lx200Driver(Driver):
     @property
     def equatorial(self) -> bool:
         return self.home_letter in "PG"
-
-    def contact(self) -> Steps:
-        from gateway.protocols.lx200.driver.identify import contact  # which knows this class
-
-        return (yield from contact(self))
 
     def impossible(self, operation: Operation) -> Fault | None:
         if self.goto is not None and isinstance(operation, Pulse | PulseAxis):
