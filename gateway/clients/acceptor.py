@@ -139,6 +139,7 @@ class ConnectionAcceptor:
             rights,
         )
         self._visits.add(visit)
+        client.push()
         return visit
 
     def admit(self, name: str, host: str) -> None:

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 from gateway.clients.access import Rights
 from gateway.clients.equinox import Equinox
 from gateway.clients.outstanding import Begun
+from gateway.clients.pushes import Pushes
 from gateway.core.errors import Busy, Fault, NoAnswer
 from gateway.core.motion_kinds import BY_HAND, begins_motion
 from gateway.core.operations import CancelGoto, ClockFromGps, Halt, Operation, Own, Read, Stop, Sync
@@ -136,6 +137,7 @@ class CommandProcessor:
         self._memo: dict[bytes, tuple[bytes, list[type[Operation]]]] = {}
         self._idle = True
         self._memo_version, self._memo_until = -1, 0.0
+        self._pushes: Pushes | None = None
         #: Where the connection is a serial port: its baud rate.
         self.rate: BaudTrial | None = None
 
@@ -448,6 +450,26 @@ class CommandProcessor:
         except Exception as error:
             self._defect(special.encode(), error)
 
+    def push(self) -> None:
+        """Begin to tell the client what its surface tells without being asked."""
+        if subscriptions := self.surface.subscriptions(self.session):
+            controller = self.controller
+            self._pushes = Pushes(
+                subscriptions, self._reading, self._send, lambda: self.write(b"") or 0, controller.spawn
+            )
+
+    async def _reading(self, operation: Operation) -> Any:
+        """A reading as this client is told it. Raises Fault."""
+        value = self.controller.peek(operation)
+        if value is MISSING:
+            value = await self.controller.perform(self.inward(operation), self.controller.stops, self.life)
+        return self._outward(operation, value)
+
+    def _send(self, data: bytes) -> None:
+        """Bytes that nobody has asked for."""
+        self.transcript.put(self.name, "<", data)
+        self.write(data)
+
     def inward(self, operation: Operation) -> Operation:
         return operation if self.equinox is None else self.equinox.inward(operation)
 
@@ -458,6 +480,8 @@ class CommandProcessor:
         """The connection is gone: what it asked for is still done, the replies go nowhere."""
         self.open = False
         self.write = lambda data: None
+        if self._pushes is not None:
+            self._pushes.close()
         for frame in self.framing.end():  # the next connection must not build on what was before half a command
             self.transcript.note(self.name, frame.words)
             deque(self.surface.handle(self.session, frame), 0)

@@ -7,7 +7,7 @@ The rows of ``surface.toml`` say what is done; those with ``call`` are functions
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing, suppress
 from functools import cache, cached_property
 from typing import Any, NamedTuple
@@ -20,6 +20,7 @@ from gateway.core.motion_kinds import begins_motion, may_begin_motion
 from gateway.core.operations import Operation, Own, Stop, Verbatim
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.base.read_only import Sealed
+from gateway.protocols.base.subscription import Subscription
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import SurfaceRow
@@ -129,6 +130,8 @@ class Surface:
         self.stands_against: Callable[[Session, str, Mapping[str, Any]], bool] = lambda session, name, values: False
         #: A reply as the mount itself would write it, where it is the mount that is presented.
         self.as_written: Callable[[str, bytes], bytes] = lambda name, reply: reply
+        #: What a client is told without asking, from the beginning of its connection on.
+        self.subscriptions: Callable[[Session], Sequence[Subscription]] = lambda session: ()
         #: Why what is presented does not know a frame, which is then passed over whatever it says; empty: it knows it.
         self.lacks: Callable[[Mapping[str, Any], bytes], str] = lambda model, frame: ""
 

@@ -58,7 +58,7 @@ class FocuserMotor:
 
 
 class SimulatedMount:
-    """One simulated mount with its hand control. ``site`` is latitude and longitude east, degrees; ``utc_offset`` hours.
+    """A simulated mount and its hand control. ``site`` is latitude and longitude east, degrees; ``utc_offset`` hours.
 
     ``clock`` gives Unix seconds and is the only source of time. ``version`` is as the manual writes it, or
     ``starsense-1.20``; without one it is the model's newest. ``wedge`` puts a fork on one. The motors gather
