@@ -21,7 +21,7 @@ from gateway.mount.controller import MountController
 from gateway.protocols.base.session import Kept, Shared
 from gateway.system.file_limits import scarce
 from gateway.transport import ConnectionHandler
-from gateway.transport.handler import ConnectionRefused
+from gateway.transport.handler import ConnectionRefused, Write
 
 INHERIT_FOR = 60.0
 #: A program on a serial line, or one that opens a connection for every command, is here so long after it was heard.
@@ -54,12 +54,12 @@ class ConnectionAcceptor:
         self._left: dict[str, tuple[float, Kept]] = {}
         self._visits: set[ClientConnection] = set()
 
-    def arrive(self, name: str, host: str, write: Callable[[bytes], object]) -> ConnectionHandler:
+    def arrive(self, name: str, host: str, write: Write) -> ConnectionHandler:
         """A new connection. Raises TurnedAway."""
         self.admit(name, host)
         return self.come(name, host, write)
 
-    def come(self, name: str, host: str, write: Callable[[bytes], object]) -> ConnectionHandler:
+    def come(self, name: str, host: str, write: Write) -> ConnectionHandler:
         """A new connection that has been admitted."""
         face = self.face
         session = face.surface.session(face.model, face.settings, self.clock, self.shared)
@@ -73,11 +73,10 @@ class ConnectionAcceptor:
             session,
             face.framing(self.controller.now),
             write,
-            face.stop_frames,
             self.controller.transcript,
             self.controller.presence.arrive(host),
         )
-        client.halts, client.runner.equinox = face.halts, face.equinox
+        client.runner.equinox = face.equinox
         self._clients.add(client)
         if self.access.only_looks(host):
             client.runner.rights = Rights(read_only=True)
@@ -94,6 +93,8 @@ class ConnectionAcceptor:
             rights,
         )
         self._visits.add(visit)
+        client.push()
+        client.push()
         return visit
 
     def admit(self, name: str, host: str) -> None:

@@ -48,7 +48,7 @@ class ClientConnection:
         self._first: FirstWords | None = first
         self._screen: Beginning | None = None
         self._face, self._rights = face, rights
-        self._controller, self._ends = client.controller, face.ends
+        self._controller = client.controller
         #: Whether it has turned out to be no program for telescopes.
         self.stranger = False
         self._hang_up: HangUp = lambda last: None
@@ -106,7 +106,7 @@ class ClientConnection:
 
     def _feed(self, data: bytes, behind: int | None) -> None:
         """Take bytes in at once or in their turn; ``behind`` is how many stops there were when they may have come."""
-        urgent = any(end in data for end in self._ends)
+        urgent = self._face.surface.may_end(data)
         piled_up = sum(len(piece) for piece, _ in self._waiting) + len(data) > PATIENCE
         if urgent or (self._waiting and piled_up) or (not self._waiting and self._controller.turnstile.open()):
             self._go_on()

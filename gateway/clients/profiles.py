@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from msgspec import Struct
 
 from gateway.clients.equinox import Equinox
-from gateway.core.operations import Operation, Values
+from gateway.core.operations import Values
 from gateway.protocols.base.frames import Framing
-from gateway.protocols.base.session import SurfaceSettings
+from gateway.protocols.base.session import ClientSettings
 from gateway.protocols.base.surface import Surface
-from gateway.protocols.wireformat.command_set import Model
+from gateway.protocols.wireformat.rows import Model
 
 
 class ClientProfile(Struct, frozen=True):
@@ -33,14 +33,9 @@ class SurfaceBinding(Struct, frozen=True):
     framing: Callable[[Callable[[], float]], Framing]
     #: What a program may begin with, for ``Beginning``.
     beginning: re.Pattern[bytes]
-    stop_frames: frozenset[bytes]
     model: Model
-    settings: SurfaceSettings
+    settings: ClientSettings
     equinox: Equinox | None = None
-    #: Commands that halt one axis -> the operation, and the commands that would set this axis moving.
-    halts: Mapping[bytes, tuple[Operation, frozenset[bytes]]] = {}
-    #: Bytes without which nothing that comes in can be the end of a motion.
-    ends: tuple[bytes, ...] = ()
     #: Whether the mount is equatorial, whether it is German, whether it has a GPS receiver -> the model to present;
     #: None where the user has named one.
     fit: Callable[[bool, bool | None, bool], Model] | None = None

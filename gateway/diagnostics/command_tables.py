@@ -14,25 +14,15 @@ from pathlib import Path
 import gateway
 from gateway.core.errors import UserError
 from gateway.core.wire_log import show
-from gateway.protocols.nexstar.versions import made_with, numbered
-from gateway.protocols.wireformat.command_set import (
-    KEEPS,
-    OUTCOMES,
-    Command,
-    CommandSet,
-    SurfaceRow,
-    Version,
-    Way,
-    load,
-    mappings_folder,
-)
+from gateway.protocols.registry import PROTOCOLS, pairs
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_folder
+from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, SurfaceRow, Version, Way
 from gateway.protocols.wireformat.template import Source
 
-PAIRS = (("lx200", "nexstar"), ("nexstar", "lx200"))
 MISSING = "missing"
 #: A command that a presented model does not have by its manual.
 BEYOND = "beyond"
-_TITLES = {"lx200": "LX200", "nexstar": "NexStar"}
 #: What each outcome stands for.
 STANDS_FOR = {
     "translated": "carried out on the mount by that mount's own commands",
@@ -75,20 +65,6 @@ neither here nor in the tables above stays back: an unknown pass-through command
 something. A surface that names a model (`--surface nexstar:6-8se@…`) presents that instead, with what the gateway
 makes up for old versions.
 """
-_PRESENTED = {
-    "lx200": """The commands that each model has by its manual. What it has not (*beyond*) is answered as on the models
-that have it, because programs ask without looking, or passed over in silence.
-""",
-    "nexstar": """The commands that each version has by its manual. What it has not (*beyond*) is answered where its
-version is newer than the manual, and by devices that take what the hand control passes through; else the command is
-passed over as a whole.
-""",
-}
-
-
-def effective(mount: CommandSet, model: str, text: str) -> Version:
-    """The version whose commands a mount has. Raises ValueError."""
-    return numbered(text).counts_as
 
 
 def outcome(
@@ -203,28 +179,29 @@ def missing(client: str, mount: str) -> list[str]:
 
 def versions(protocol: CommandSet) -> Iterator[tuple[str, str, Version | None]]:
     """Every model with each of its versions: name, version as written (empty without one), what it counts as."""
+    spec = PROTOCOLS[protocol.name]
     for model, facts in protocol.models.items():
-        for version in made_with(facts) or [""]:
-            yield model, version, effective(protocol, model, version) if version else None
+        for version in spec.made_with(facts) or [""]:
+            yield model, version, spec.counts_as(version) if version else None
 
 
 def one(device: str) -> str:
     """The table of one mount, named ``MODEL[/VERSION]`` with or without its protocol. Raises UserError."""
     what, _, version = device.rpartition(":")[2].partition("/")
-    for client, mount in PAIRS:
+    for client, mount in pairs():
         driven = load(mount)
         if what not in driven.models or device.partition(":")[0] not in (device, mount):
             continue
         version = version or driven.models[what].get("versions", [""])[-1]
         try:
-            counts_as = effective(driven, what, version) if version else None
+            counts_as = PROTOCOLS[mount].counts_as(version) if version else None
         except ValueError:
             raise UserError(f"{version!r} is no version; write it like 4.21") from None
         title = f"{what}{'/' if version else ''}{version}"
         rows = "\n".join(_rows(client, mount, what, counts_as))
         total = _summary(counts(client, mount, what, counts_as))
-        return f"# {_TITLES[client]} commands on {title}\n\n{rows}\n\n{total}"
-    names = [name for protocol, _ in PAIRS for name in load(protocol).models]
+        return f"# {PROTOCOLS[client].title} commands on {title}\n\n{rows}\n\n{total}"
+    names = [name for protocol, _ in pairs() for name in load(protocol).models]
     raise UserError(f"no model is called {device!r}; write MODEL or MODEL/VERSION, one of {', '.join(names)}")
 
 
@@ -232,9 +209,9 @@ def text() -> str:
     """Both tables and their counts, as Markdown."""
     return (
         _HEAD
-        + "".join(_pair(client, mount) for client, mount in PAIRS)
+        + "".join(_pair(client, mount) for client, mount in pairs())
         + _SHARED
-        + "".join(_shared(client) for client, _ in PAIRS)
+        + "".join(_shared(client) for client, _ in pairs())
     )
 
 
@@ -242,7 +219,7 @@ def _shared(client: str) -> str:
     """What a mount's own protocol gets from the mount itself, and what not."""
     protocol = load(client)
     lines = [
-        f"\n### {_TITLES[client]} on {_TITLES[client]}\n",
+        f"\n### {PROTOCOLS[client].title} on {PROTOCOLS[client].title}\n",
         "| command | meaning | who answers | remarks |",
         "|---|---|---|---|",
     ]
@@ -254,29 +231,24 @@ def _shared(client: str) -> str:
 
 def _pair(client: str, mount: str) -> str:
     protocol, driven = load(client), load(mount)
-    lines = [f"\n## {_TITLES[client]} on {_TITLES[mount]}\n", *_rows(client, mount)]
+    lines = [f"\n## {PROTOCOLS[client].title} on {PROTOCOLS[mount].title}\n", *_rows(client, mount)]
     total = counts(client, mount)
     lines.append("\n" + _summary(total))
     absent = missing(client, mount)
     if absent:
         lines.append(f"\nMissing ({len(absent)}): " + ", ".join(f"`{name}`" for name in absent))
     lines.append("\n### By model of the mount\n")
-    lines.append(f"`mount-gateway tables --model {example(driven)}` prints one in full.\n")
+    lines.append(f"`mount-gateway tables --model {PROTOCOLS[mount].example}` prints one in full.\n")
     lines += _heads("model of the mount", OUTCOMES)
     for model, version, counts_as in versions(driven):
         known = counts(client, mount, model, counts_as)
         lines.append(_line(model, version, [known[name] for name in OUTCOMES]))
-    lines += ["\n### By presented model\n", _PRESENTED[client]]
+    lines += ["\n### By presented model\n", PROTOCOLS[client].presented_remark]
     lines += _heads("presented", (*OUTCOMES, BEYOND))
     for model, version, counts_as in versions(protocol):
         known = presented_counts(client, mount, model, counts_as)
         lines.append(_line(model, version, [known[name] for name in (*OUTCOMES, BEYOND)]))
     return "\n".join(lines) + "\n"
-
-
-def example(protocol: CommandSet) -> str:
-    """A model with its version, for help texts."""
-    return {"nexstar": "cpc/4.21"}.get(protocol.name, "lx200gps")
 
 
 def _heads(what: str, columns: tuple[str, ...]) -> list[str]:
@@ -345,13 +317,13 @@ def check() -> int:
     problems = []
     if not path.exists() or path.read_text("utf-8") != text():
         problems.append(f"{path} is stale: run mount-gateway tables --write")
-    for client, mount in PAIRS:
+    for client, mount in pairs():
         problems += [
             f"mappings/{client}/surface.toml: [{name}]: nothing answers it on a {mount} mount"
             for name in missing(client, mount)
         ]
     for problem in problems:
         print(problem, file=sys.stderr)
-    for client, mount in PAIRS:
-        print(f"{_TITLES[client]} on {_TITLES[mount]}: {_summary(counts(client, mount))}")
+    for client, mount in pairs():
+        print(f"{PROTOCOLS[client].title} on {PROTOCOLS[mount].title}: {_summary(counts(client, mount))}")
     return 1 if problems else 0

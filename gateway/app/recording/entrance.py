@@ -10,7 +10,7 @@ from collections.abc import Awaitable, Callable, Coroutine
 from typing import Protocol, TypeVar
 
 from gateway.transport import ConnectionHandler
-from gateway.transport.handler import Arrive
+from gateway.transport.handler import Arrive, Write
 from gateway.transport.wires import Transport
 
 _T = TypeVar("_T")
@@ -23,9 +23,9 @@ class Admitting(Protocol):
 
     number: int
 
-    def arrive(self, name: str, host: str, write: Callable[[bytes], object]) -> ConnectionHandler: ...
+    def arrive(self, name: str, host: str, write: Write) -> ConnectionHandler: ...
     def admit(self, name: str, host: str) -> None: ...
-    def come(self, name: str, host: str, write: Callable[[bytes], object]) -> ConnectionHandler: ...
+    def come(self, name: str, host: str, write: Write) -> ConnectionHandler: ...
 
 
 class Entrance:

@@ -17,7 +17,7 @@ from gateway.app.recording.recorder import Recorder
 from gateway.app.recording.turns import TurnLoop
 from gateway.core.shared_work import result_of
 from gateway.transport import ConnectionHandler
-from gateway.transport.handler import Arrive, HangUp
+from gateway.transport.handler import Arrive, HangUp, Write
 from gateway.transport.wires import OnData, OnLost, Transport
 
 _T = TypeVar("_T")
@@ -32,7 +32,7 @@ class RecordedEntrance(Entrance):
         self._present: set[str] = set()
 
     def arrive(self, reception: Admitting) -> Arrive:
-        def arrive(name: str, host: str, write: Callable[[bytes], object]) -> ConnectionHandler:
+        def arrive(name: str, host: str, write: Write) -> ConnectionHandler:
             reception.admit(name, host)
             visitor = _Visitor(self._loop, self.recorder, self._unique(name), write, self._present.discard)
             self._loop.enter(visitor.come, reception, host)
@@ -122,12 +122,7 @@ class _Visitor:
     """One connection on its way in. The replies to what came at once go out as one."""
 
     def __init__(
-        self,
-        loop: TurnLoop,
-        recorder: Recorder,
-        name: str,
-        write: Callable[[bytes], object],
-        gone: Callable[[str], None],
+        self, loop: TurnLoop, recorder: Recorder, name: str, write: Write, gone: Callable[[str], None]
     ) -> None:
         self._loop, self._recorder, self._name, self._write, self._gone = loop, recorder, name, write, gone
         self._guest: ConnectionHandler | None = None
@@ -169,11 +164,11 @@ class _Visitor:
             if replies:
                 self._write(b"".join(replies))
 
-    def _tell(self, data: bytes) -> None:
+    def _tell(self, data: bytes) -> int | None:
         if self._replies is None:
-            self._write(data)
-        else:
-            self._replies.append(data)
+            return self._write(data)
+        self._replies.append(data)
+        return None
 
     def serial(self, change_rate: Callable[[int], int]) -> None:
         self._change_rate = change_rate

@@ -12,26 +12,28 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from gateway.clients.commands.client_log import ClientLog
 from gateway.clients.commands.inbox import Inbox
+from gateway.clients.commands.pushes import Pushes
 from gateway.clients.commands.reply_cache import ReplyCache
 from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Turn
 from gateway.clients.commands.turn_runner import TurnRunner
 from gateway.core.errors import NoAnswer
-from gateway.core.operations import Operation
+from gateway.core.operations import Operation, Stop
 from gateway.core.wire_log import Transcript
 from gateway.mount.controller import MountController
 from gateway.mount.safety.rules.dead_man import HostActivity
 from gateway.protocols.base.frames import Framing, Unterminated
 from gateway.protocols.base.session import Session
-from gateway.protocols.base.surface import Surface
+from gateway.protocols.base.surface import Ending, Surface
 from gateway.transport.baud_trial import BaudTrial
+from gateway.transport.handler import Write
 
 
 class CommandProcessor:
-    """Answers one connection. ``write`` takes reply bytes; ``stop_frames`` are the commands that stop everything."""
+    """Answers one connection. ``write`` takes reply bytes."""
 
     def __init__(
         self,
@@ -40,14 +42,13 @@ class CommandProcessor:
         surface: Surface,
         session: Session,
         framing: Framing,
-        write: Callable[[bytes], object],
-        stop_frames: frozenset[bytes],
+        write: Write,
         transcript: Transcript,
         life: HostActivity,
     ) -> None:
         self.life = life
         self.controller, self.surface, self.session = controller, surface, session
-        self.framing, self.write, self.stop_frames = framing, write, stop_frames
+        self.framing, self.write = framing, write
         self.log = ClientLog(name, transcript)
         self._inbox, self._cache = Inbox(self.log), ReplyCache()
         self.runner = TurnRunner(controller, surface, session, life, self.log, self._cache)
@@ -64,7 +65,7 @@ class CommandProcessor:
         self.ended = False
         #: Whether what comes next is the beginning of a command.
         self._idle = True
-        self.halts: Mapping[bytes, tuple[Operation, frozenset[bytes]]] = {}
+        self._pushes: Pushes | None = None
         #: Where the connection is a serial port: its baud rate.
         self.rate: BaudTrial | None = None
 
@@ -101,14 +102,14 @@ class CommandProcessor:
             if frame in ended:
                 self.log.put("x", frame, "the same again, with nothing between: done once for both")
                 continue
-            stopping = frame in self.stop_frames or frame in self.halts
-            if stopping:
-                ended.add(frame)
-                self._end(frame)
-            else:
+            ending = self.surface.ending(self.session, frame)
+            if ending is None:
                 ended.clear()
                 self.ended = False
-            self._inbox.add(Turn(frame, self.controller.stops if stops is None else stops, stopping, self.came()))
+            else:
+                ended.add(frame)
+                self._end(frame, ending)
+            self._inbox.add(Turn(frame, self.controller.stops if stops is None else stops, ending, self.came()))
         if self._lasting and self._inbox and self._turn is not None:
             self._give_up(self._turn)
         if self._task is None:
@@ -130,14 +131,13 @@ class CommandProcessor:
         self.write(reply)
         return True
 
-    def _end(self, frame: bytes) -> None:
-        """End motion before everything that waits here, and take back what would begin it."""
-        if frame not in self.halts:
+    def _end(self, frame: bytes, ending: Ending) -> None:
+        """End a motion before everything that waits here, and take back what would begin it."""
+        self._inbox.take_back(ending.takes_back, frame)
+        if isinstance(ending.operation, Stop):
             self.controller.begin_stop()
-            return
-        operation, beginnings = self.halts[frame]
-        self._inbox.take_back(beginnings, frame)
-        self.runner.begun.begin(operation, self.controller.stops)
+        else:
+            self.runner.begun.begin(ending.operation, self.controller.stops)
 
     def _tell_dropped(self) -> None:
         """For the log: bytes that are of no use, and why."""
@@ -246,10 +246,23 @@ class CommandProcessor:
         if why := self.surface.silence(self.session, frame):
             self.log.note_once(f"no reply to {frame!r}: {why}")
 
+    def push(self) -> None:
+        """Begin to tell the client what its surface tells without being asked."""
+        if subscriptions := self.surface.subscriptions(self.session):
+            unsent, spawn = (lambda: self.write(b"") or 0), self.controller.spawn
+            self._pushes = Pushes(subscriptions, self.runner.reading, self._send, unsent, spawn)
+
+    def _send(self, data: bytes) -> None:
+        """Bytes that nobody has asked for."""
+        self.log.put("<", data)
+        self.write(data)
+
     def close(self) -> None:
         """The connection is gone: what it asked for is still done, the replies go nowhere."""
         self.open = False
         self.write = lambda data: None
+        if self._pushes is not None:
+            self._pushes.close()
         for frame in self.framing.end():  # the next connection must not build on what was before half a command
             self.log.note(frame.words)
             deque(self.surface.handle(self.session, frame), 0)

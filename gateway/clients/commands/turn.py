@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from gateway.core.operations import Operation
-from gateway.protocols.base.surface import Handling
+from gateway.protocols.base.surface import Ending, Handling
 
 #: In the place of the count of stops: it was sent before all of them, and nobody may be there any more who sent it. It
 #: begins no motion and holds none.
@@ -21,13 +21,15 @@ NO_IN_TIME = 3.0
 class Turn:
     """One that came at this loop time, after so many stops.
 
-    ``plain`` and ``spent`` say whether its reply may be repeated, ``halting`` that it has ended a motion last, ``baud``
-    the rate to go on with after its answer. It is ``late`` once nobody waits for its reply any more.
+    ``ending`` is what it has ended already, when it came. ``plain`` and ``spent`` say whether its reply may be
+    repeated, ``halting`` that it has ended a motion last, ``baud`` the rate to go on with after its answer. It is
+    ``late`` once nobody waits for its reply any more.
     """
 
     __slots__ = (
         "baud",
         "came",
+        "ending",
         "frame",
         "halting",
         "lasting",
@@ -35,13 +37,12 @@ class Turn:
         "plain",
         "spent",
         "steps",
-        "stopping",
         "stops",
         "timer",
     )
 
-    def __init__(self, frame: bytes, stops: int, stopping: bool, came: float) -> None:
-        self.frame, self.stops, self.stopping, self.came = frame, stops, stopping, came
+    def __init__(self, frame: bytes, stops: int, ending: Ending | None, came: float) -> None:
+        self.frame, self.stops, self.ending, self.came = frame, stops, ending, came
         self.steps: Handling
         self.spent: list[type[Operation]] = []
         self.plain, self.halting, self.lasting, self.late = True, False, False, False

@@ -16,7 +16,7 @@ from gateway.clients.commands.turn import NO_IN_TIME, WAIT_FOR_MOUNT, Turn
 from gateway.clients.equinox import Equinox
 from gateway.core.errors import Busy, Fault
 from gateway.core.motion_kinds import BY_HAND, begins_motion
-from gateway.core.operations import CancelGoto, ClockFromGps, Halt, Operation, Own, Read, Stop, Sync
+from gateway.core.operations import CancelGoto, ClockFromGps, Halt, Operation, Own, Read, Sync
 from gateway.mount.controller import MountController
 from gateway.mount.link.queue import AT_ONCE, LATE
 from gateway.mount.readings.cache import FRESH, MISSING
@@ -107,7 +107,7 @@ class TurnRunner:
         if self._refused(operation, turn.came):
             return
         turn.halting = isinstance(operation, Halt | CancelGoto)
-        if not (turn.stopping and isinstance(operation, Stop | Halt)):
+        if turn.ending is None or operation != turn.ending.operation:
             self.begun.begin(self._inward(operation), turn.stops)
 
     def _refused(self, operation: Operation, came: float) -> Fault | None:
@@ -150,6 +150,13 @@ class TurnRunner:
             self._cache.told(operation, value, self._controller.now(), self._controller.version)
         return value
 
+    async def reading(self, operation: Operation) -> object:
+        """A reading as this client is told it, without being asked for it. Raises Fault."""
+        value = self._controller.peek(operation)
+        if value is MISSING:
+            value = await self._controller.perform(self._inward(operation), self._controller.stops, self._life)
+        return value if self.equinox is None else self.equinox.outward(operation, value)
+
     def _inward(self, operation: Operation) -> Operation:
         return operation if self.equinox is None else self.equinox.inward(operation)
 
@@ -165,7 +172,7 @@ class TurnRunner:
 
     async def _deferred_special(self, special: str) -> None:
         """Run a special later; it has no reply, so it may also outlive its connection."""
-        turn = Turn(special.encode(), self._controller.stops, False, self._controller.now())
+        turn = Turn(special.encode(), self._controller.stops, None, self._controller.now())
         turn.steps = self._surface.call(special, self._session, None, {})
         try:
             await self.finish(turn, self.advance(turn, None))

@@ -14,7 +14,7 @@ from typing import Annotated, Protocol
 from msgspec import Meta, Struct
 
 from gateway.core.errors import ReadOnly
-from gateway.protocols.wireformat.command_set import Model
+from gateway.protocols.wireformat.rows import Model
 
 
 class AltitudeLimits(Protocol):
@@ -29,8 +29,8 @@ class AltitudeLimits(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class SurfaceSettings:
-    """What the operator has decided for a surface."""
+class ClientSettings:
+    """What holds for every client of a surface, until it sets something else."""
 
     precision: str
     limits: AltitudeLimits
@@ -103,7 +103,7 @@ class Session:
     kept: Kept
 
     def __init__(
-        self, model: Model, settings: SurfaceSettings, clock: Callable[[], float], shared: Shared | None = None
+        self, model: Model, settings: ClientSettings, clock: Callable[[], float], shared: Shared | None = None
     ) -> None:
         self.model, self.settings, self.clock = model, settings, clock
         self.common = shared or Shared()

@@ -7,9 +7,9 @@ The rows of ``surface.toml`` say what is done; those with ``call`` are functions
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing, suppress
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import msgspec
@@ -17,10 +17,13 @@ import msgspec
 from gateway.core import operations
 from gateway.core.errors import Disturbed, Fault, Invalid, NoTarget, Silence, Unsupported
 from gateway.core.motion_kinds import begins_motion, may_begin_motion
-from gateway.core.operations import Operation, Own, Values, Verbatim
+from gateway.core.operations import Operation, Own, Stop, Values, Verbatim
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.base.session import Session
-from gateway.protocols.wireformat.command_set import Command, CommandSet, SurfaceRow
+from gateway.protocols.base.subscription import Subscription
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.command_set import CommandSet
+from gateway.protocols.wireformat.rows import SurfaceRow
 
 
 class FireAndForget(NamedTuple):
@@ -56,6 +59,13 @@ class Speed(NamedTuple):
     baud: int
 
 
+class Ending(NamedTuple):
+    """What a command ends in the moment in which it comes, and the commands that do not get their turn any more."""
+
+    operation: Operation
+    takes_back: frozenset[bytes]
+
+
 #: What some protocols answer whatever was done.
 ACKNOWLEDGED = b"#"
 Want = Operation | FireAndForget | Possible | ReuseLastReading | Defer | Speed
@@ -70,11 +80,11 @@ class Surface:
     def __init__(
         self,
         protocol: CommandSet,
-        specials: Mapping[str, Special],
+        handlers: Mapping[str, Special],
         unanswered: Callable[[bytes, Fault | None], bytes] = lambda frame, fault: b"",
     ) -> None:
         #: ``unanswered`` gives the reply to a frame that nothing here answers, and to a fault that has no form.
-        self.protocol, self.specials, self.unanswered = protocol, specials, unanswered
+        self.protocol, self.handlers, self.unanswered = protocol, handlers, unanswered
         #: What belongs to one client of this protocol.
         self.session: type[Session] = Session
         #: The mount speaks the same protocol: what means nothing here is passed on as it is, where it ``passes``.
@@ -84,8 +94,39 @@ class Surface:
         self.stands_against: Callable[..., bool] = lambda session, name, values: False
         #: A reply as the mount itself would write it, where it is the mount that is presented.
         self.as_written: Callable[[str, bytes], bytes] = lambda name, reply: reply
+        #: What a client is told without asking, from the beginning of its connection on.
+        self.subscriptions: Callable[[Session], Sequence[Subscription]] = lambda session: ()
         #: Why what is presented does not know a frame, which is then passed over whatever it says; empty: it knows it.
         self.lacks: Callable[[Mapping[str, Any], bytes], str] = lambda model, frame: ""
+
+    @cached_property
+    def _endings(self) -> dict[bytes, Command]:
+        """The commands that end motions, as programs write them."""
+        urgent = [
+            command for command in self.protocol.commands.values() if command.urgent in ("stop", "restart", "axis")
+        ]
+        return {command.request.literal: command for command in urgent if command.name in self.protocol.surface}
+
+    def ending(self, session: Session, frame: bytes) -> Ending | None:
+        """What a command ends when it comes, before it has its turn; None for all that wait for theirs."""
+        command = self._endings.get(frame)
+        if command is None:
+            return None
+        row = self.protocol.surface[command.name]
+        operation = self._operation(session, row, {}) if command.urgent == "axis" else Stop()
+        return Ending(
+            operation, frozenset([self.protocol.commands[name].request.literal for name in command.takes_back])
+        )
+
+    @cached_property
+    def _marks(self) -> tuple[bytes, ...]:
+        """Bytes of which some are in every command that ends a motion."""
+        marks = {command.mark for command in self.protocol.commands.values() if command.urgent}
+        return tuple([mark for mark in marks if not any(other in mark for other in marks - {mark})])
+
+    def may_end(self, data: bytes) -> bool:
+        """Whether these bytes, which are not cut into commands yet, may be or hold the end of a motion."""
+        return any(mark in data for mark in self._marks)
 
     def handle(self, session: Session, frame: bytes) -> Handling:
         """One framed command -> its reply (empty: none). Yields operations; never raises for what a client sent."""
@@ -150,14 +191,14 @@ class Surface:
         if row is None or row.call is None:
             return
         with suppress(Fault):
-            steps = self.specials[row.call](session, self.protocol.commands[name], {"fault": Invalid()})
+            steps = self.handlers[row.call](session, self.protocol.commands[name], {"fault": Invalid()})
             if isinstance(steps, Generator):
                 with closing(steps):  # whatever it would ask of the mount is not asked
                     next(steps, None)
 
     def call(self, name: str, session: Session, command: Command | None, values: Values) -> Handling:
         """Carry out a special -> the reply's values."""
-        outcome = self.specials[name](session, command, values)
+        outcome = self.handlers[name](session, command, values)
         return (yield from outcome) if isinstance(outcome, Generator) else outcome
 
     def _keep(self, command: Command) -> str | None:
@@ -218,24 +259,24 @@ class Surface:
         if row.say is not None:
             return row.say
         if row.ask is not None:
-            operation = self._operation(session, row.ask, values)
+            operation = self._operation(session, row, values)
             if not command.replies:
                 yield FireAndForget(operation)
                 return None
             return (yield operation)
         assert row.call is not None
-        outcome = self.specials[row.call](session, command, values)
+        outcome = self.handlers[row.call](session, command, values)
         if isinstance(outcome, Generator):
             outcome = yield from outcome
         return outcome
 
-    def _operation(self, session: Session, name: str, values: Values) -> Operation:
-        """The operation with its fields taken from the command, else from what the client set before."""
-        kind = operations.named(name)
+    def _operation(self, session: Session, row: SurfaceRow, values: Values) -> Operation:
+        """The operation that a row asks, with its fields from the command or the row, else from what was set before."""
+        kind = operations.named(row.ask or "")
         assert kind is not None
-        fields: dict[str, Any] = {}
+        fields: Values = {}
         for field, required in _needs(kind):
-            value = values.get(field, getattr(session.kept, field, None))
+            value = values.get(field, row.given.get(field, getattr(session.kept, field, None)))
             if value is None and required:
                 raise NoTarget
             if value is not None:

@@ -20,8 +20,8 @@ from hypothesis import strategies as st
 
 from gateway.clients.greeting import Beginning, Piece
 from gateway.clients.strangers import IDLE, Greeting, Recogniser, greetings
-from gateway.protocols.lx200.surface.opening import BEGINNING as LX200_BEGINNING
-from gateway.protocols.nexstar.surface.opening import BEGINNING as NEXSTAR_BEGINNING
+from gateway.protocols.lx200.spec import OPENING as LX200_BEGINNING
+from gateway.protocols.nexstar.spec import OPENING as NEXSTAR_BEGINNING
 from tests.support.callers import Caller
 from tests.support.greetings import GREETINGS, TELNET
 from tests.support.in_process_gateway import Bridge

@@ -21,7 +21,7 @@ from gateway.protocols.lx200.surface import (
 _SEVERAL: dict[str, Special] = {
     "gps_sentence": gps.sentence, "gps_clock": gps.set_clock, "own_library": own.own_library,
 }  # fmt: skip
-SPECIALS: dict[str, Special] = _SEVERAL | {
+HANDLERS: dict[str, Special] = _SEVERAL | {
     name: function
     for module in (accessories, clock, help, moon, motion, objects, search, site, target, tracking)
     for name, function in vars(module).items()

@@ -8,7 +8,7 @@ from gateway.core.errors import Invalid, Unsupported
 from gateway.core.operations import Backlash, Focus, HomeState, PeriodicError, Unpark, Values
 from gateway.protocols.base.surface import FireAndForget, Handling, Speed
 from gateway.protocols.lx200.session import LxSession
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 
 def toggle_precision(session: LxSession, command: Command, values: Values) -> None:

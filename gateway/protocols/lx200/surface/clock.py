@@ -16,7 +16,7 @@ from gateway.core.errors import Fault, Invalid, ReadOnly, Unsupported
 from gateway.core.operations import GetClock, Moment, SetClock, SiderealTime, Values
 from gateway.protocols.base.surface import Defer, Handling
 from gateway.protocols.lx200.session import Draft, LxSession
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 #: One pause after the last piece, then what is there is taken.
 QUIET = 2.0

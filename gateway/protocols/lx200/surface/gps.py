@@ -7,7 +7,7 @@ from gateway.core.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps
 from gateway.protocols.base.surface import Handling
 from gateway.protocols.lx200.nmea import rmc
 from gateway.protocols.lx200.session import LxSession
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 
 def sentence(session: LxSession, command: Command, values: Values) -> Handling:

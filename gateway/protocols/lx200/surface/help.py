@@ -7,7 +7,7 @@ from gateway.core.errors import Fault
 from gateway.core.operations import GetIdentity, GetStatus, Identity, Status, Values
 from gateway.protocols.base.surface import Handling
 from gateway.protocols.lx200.session import LxSession
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 _STEPS = {"??": None, "?+": 1, "?-": -1}
 #: Without the hash sign, which would end the line.

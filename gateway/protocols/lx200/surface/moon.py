@@ -12,7 +12,7 @@ from gateway.core.operations import Equatorial, MoonPlace, Sync, Values
 from gateway.protocols.base.surface import FireAndForget, Handling
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.lx200.surface import selected
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 
 def set_moon_target(session: LxSession, command: Command, values: Values) -> Handling:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from gateway.core.errors import Invalid
-from gateway.core.operations import Direction, Halt, Move, Pulse, Rate, SetGuideRate, Stop, Values
+from gateway.core.operations import Direction, Move, Pulse, Rate, SetGuideRate, Values
 from gateway.protocols.base.surface import FireAndForget, Handling
 from gateway.protocols.lx200.session import LxSession
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 _NAMES = {"RG": "guide", "RC": "center", "RM": "find", "RS": "max"}
 _SIDEREAL = 15.041067
@@ -24,16 +24,6 @@ def move(session: LxSession, command: Command, values: Values) -> Handling:
     elif rate.name == "max" and kept.fastest is not None:
         rate = Rate(name="max", degrees=kept.fastest)
     yield FireAndForget(Move(direction, rate, lowest=kept.lowest, highest=kept.highest))
-
-
-def halt(session: LxSession, command: Command, values: Values) -> Handling:
-    """:Qn :Qs :Qe :Qw - only that axis."""
-    yield FireAndForget(Halt(Direction(command.name[1]).axis))
-
-
-def stop(session: LxSession, command: Command, values: Values) -> Handling:
-    """:Q - everything."""
-    yield FireAndForget(Stop())
 
 
 def choose_rate(session: LxSession, command: Command, values: Values) -> None:

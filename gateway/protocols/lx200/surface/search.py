@@ -9,7 +9,7 @@ from gateway.astro.catalog import QUALITIES
 from gateway.core.errors import Invalid
 from gateway.core.operations import Values
 from gateway.protocols.lx200.session import LxSession
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 #: What :G and :S change.
 _LIMITS = {"b": "brighter", "f": "fainter", "F": "field", "l": "larger", "s": "smaller", "y": "types", "q": "quality"}

@@ -15,7 +15,7 @@ from gateway.core.errors import Fault, Invalid
 from gateway.core.operations import GetSite, Place, SetSite, Values
 from gateway.protocols.base.surface import Handling
 from gateway.protocols.lx200.session import LxSession
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 #: The letters of the four sites in the commands of their names, and the highest number that ``:W`` takes.
 _NAMED = "MNOP"

@@ -17,7 +17,7 @@ from gateway.core.operations import (
 from gateway.protocols.base.surface import Handling, ReuseLastReading
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.lx200.surface import selected
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 
 def set_target(session: LxSession, _: Command, values: Values) -> None:

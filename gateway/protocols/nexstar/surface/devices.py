@@ -25,7 +25,8 @@ from gateway.core.operations import (
 from gateway.protocols.base.surface import FireAndForget, Handling, Possible
 from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.nexstar.surface.acknowledged import begin
-from gateway.protocols.wireformat.command_set import Command, parse_version
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.rows import parse_version
 
 MOTORS = {16: 1, 17: 2}
 GPS, RTC = 176, 178

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gateway.core.operations import Values
 from gateway.protocols.nexstar.session import NexStarSession
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 
 def version(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:

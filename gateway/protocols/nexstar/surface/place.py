@@ -10,7 +10,7 @@ from gateway.core.errors import Fault
 from gateway.core.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite, Values
 from gateway.protocols.base.surface import Handling, Possible
 from gateway.protocols.nexstar.session import NexStarSession
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 
 def site(session: NexStarSession, command: Command, values: Values) -> Handling:

@@ -14,7 +14,7 @@ from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.nexstar.surface.acknowledged import begin
 from gateway.protocols.nexstar.surface.devices import motor
 from gateway.protocols.nexstar.surface.frames import german, readings, to_mount
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 
 def axes(session: NexStarSession, command: Command, values: Values) -> Handling:
