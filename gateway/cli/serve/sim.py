@@ -6,7 +6,7 @@ import argparse
 import asyncio
 import contextlib
 from math import inf
-from typing import Any, TextIO
+from typing import TextIO
 
 from gateway.app.config import parse_device, parse_site
 from gateway.app.config.places import right
@@ -15,6 +15,7 @@ from gateway.cli.serve.serving import with_loop
 from gateway.cli.serve.settings import of_flag
 from gateway.cli.serve.signals import until_signal
 from gateway.core.errors import UserError, about_file
+from gateway.protocols.mechanics.truth import Simulator
 from gateway.protocols.registry import PROTOCOLS
 from gateway.system import streams
 
@@ -134,7 +135,7 @@ def _sim(arguments: argparse.Namespace) -> int:
 
 
 async def _serve(
-    simulator: Any, name: str, places: list[str], latency: float, baud: int | None, truth: str | None
+    simulator: Simulator, name: str, places: list[str], latency: float, baud: int | None, truth: str | None
 ) -> int:
     from gateway.app.simulated import serve_simulator
 
@@ -162,7 +163,7 @@ def _open(path: str) -> TextIO:
         raise UserError(f"cannot write {path}: {about_file(path, error)}") from None
 
 
-async def _tell_truth(simulator: Any, file: TextIO, done: asyncio.Event) -> None:
+async def _tell_truth(simulator: Simulator, file: TextIO, done: asyncio.Event) -> None:
     """Until a signal comes. Raises UserError when the file takes no more: half a truth would pass for a whole one."""
     from gateway.protocols.mechanics.truth import sample
 

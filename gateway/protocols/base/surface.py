@@ -23,7 +23,7 @@ from gateway.protocols.base.session import Session
 from gateway.protocols.base.subscription import Subscription
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
-from gateway.protocols.wireformat.rows import SurfaceRow
+from gateway.protocols.wireformat.rows import Model, SurfaceRow
 
 
 class FireAndForget(NamedTuple):
@@ -97,7 +97,7 @@ class Surface:
         #: What a client is told without asking, from the beginning of its connection on.
         self.subscriptions: Callable[[Session], Sequence[Subscription]] = lambda session: ()
         #: Why what is presented does not know a frame, which is then passed over whatever it says; empty: it knows it.
-        self.lacks: Callable[[Mapping[str, Any], bytes], str] = lambda model, frame: ""
+        self.lacks: Callable[[Model, bytes], str] = lambda model, frame: ""
 
     @cached_property
     def _endings(self) -> dict[bytes, Command]:
@@ -283,7 +283,7 @@ class Surface:
                 fields[field] = value
         return kind(**fields)
 
-    def reply(self, session: Session, command: Command, answer: Any) -> bytes:
+    def reply(self, session: Session, command: Command, answer: object) -> bytes:
         """The first reply form that is no refusal and suits the client's format, filled in."""
         if isinstance(answer, bytes):
             return answer
@@ -327,7 +327,7 @@ def _needs(kind: type[Operation]) -> tuple[tuple[str, bool], ...]:
     return tuple((field.name, field.required) for field in msgspec.structs.fields(kind))
 
 
-def _fields(answer: Any, names: Mapping[str, Any]) -> Mapping[str, Any]:
+def _fields(answer: object, names: Mapping[str, object]) -> Mapping[str, object]:
     """An answer as the fields a reply wants: a mapping, a struct, or one bare value for one field."""
     if isinstance(answer, Mapping):
         return answer

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from gateway.core.errors import UserError
@@ -11,7 +11,7 @@ from gateway.protocols.base.spec import DriverSettings, MadeDriver, MadeSurface,
 from gateway.protocols.nexstar import versions
 from gateway.protocols.nexstar.versions import STARSENSE, is_starsense, numbered
 from gateway.protocols.wireformat.command_set import load
-from gateway.protocols.wireformat.rows import Version, parse_version, show_version
+from gateway.protocols.wireformat.rows import Model, Version, parse_version, show_version
 
 if TYPE_CHECKING:
     from gateway.protocols.base.frames import Framing
@@ -123,7 +123,7 @@ def _starsense(version: str | None) -> str:
     return STARSENSE if version is None else f"{STARSENSE}-{version}"
 
 
-def _made_with(row: Mapping[str, Any]) -> list[str]:
+def _made_with(row: Model) -> list[str]:
     return versions.made_with(row)
 
 

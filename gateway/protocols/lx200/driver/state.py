@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from gateway.core.errors import Busy, Fault, Refused, Unsupported
 from gateway.core.operations import Identity, Operation, Own, Place, Pulse, PulseAxis, Rate, Tracking, TrackRate, Values
-from gateway.protocols.base.driver import Driver, Handler, Send, Steps, Wait
+from gateway.protocols.base.driver import Driver, Handler, Remembered, Send, Steps, Wait
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Abilities, nearest
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
@@ -160,7 +160,7 @@ class Lx200Driver(Driver):
             return Refused(SLEWING)
         return None
 
-    def presented(self) -> dict[str, Any]:
+    def presented(self) -> Model:
         """The row of its model, and what it does not answer: commands that it has not, and a name it cannot tell."""
         lacking = {name for name, command in self.protocol.commands.items() if command.replies and not self.knows(name)}
         return {
@@ -187,7 +187,7 @@ class Lx200Driver(Driver):
         values = {**dict(operation.fields), "low": self.low}
         return (yield Send(operation.command, values, OWN_PATIENCE, raw=True))["raw"]
 
-    def memory(self, moving: bool) -> dict[str, Any]:
+    def memory(self, moving: bool) -> Remembered:
         """A telescope keeps its home itself, and stops by a command that all of them have.
 
         How it stands is remembered while its tracking is off: some do not tell it then.
@@ -195,7 +195,7 @@ class Lx200Driver(Driver):
         stands = {"stands": self.home_letter} if self.land and self.equatorial else {}
         return {**stands, **({"parked": True} if self.parked else {}), **({"driven": True} if self.driven else {})}
 
-    def recall(self, memory: Mapping[str, Any], moving: bool) -> None:
+    def recall(self, memory: Remembered, moving: bool) -> None:
         self.parked, self.driven = memory.get("parked") is True, memory.get("driven") is True
         if memory.get("stands") in ("P", "G"):
             self.home_letter = memory["stands"]
