@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Self
 
 from gateway.app.bindings import make_driver, make_surface
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
@@ -23,9 +23,11 @@ from gateway.core.wire_log import Entry, Transcript
 from gateway.mount.controller import MountController
 from gateway.mount.link.queue import MountLink
 from gateway.mount.site.site_clock import SiteClock
+from gateway.protocols.base.driver import Driver
 from gateway.protocols.base.session import Shared
+from gateway.protocols.mechanics.truth import Simulator
 from gateway.protocols.registry import pairs
-from gateway.transport.wires import SimulatedTransport
+from gateway.transport.wires import Connection, SimulatedTransport
 
 #: Who speaks to whom where nobody says otherwise.
 PRESENTED, DRIVEN = pairs()[0]
@@ -68,7 +70,7 @@ class Stage:
         self.host: Callable[[], float] = lambda: self.clock() + host_ahead
         self.settings = MountConfig(at="-", **(config or {}))
         endpoint = Endpoint(driven, "sim", mount, version)
-        self.sim: Any = (
+        self.sim: Simulator = (
             on.sim
             if on
             else make_simulator(
@@ -80,7 +82,7 @@ class Stage:
         self.transcript.sinks.append(self.entries.append)
         known = endpoint if named else Endpoint(driven, "sim")
         driver, follow_ups, dialogue = make_driver(known, self.settings, loop.time)
-        self.driver: Any = driver
+        self.driver: Driver = driver
         driver.hurry = speed
         self.wire: list[bytes] = []
         line = MountLink(
@@ -103,7 +105,7 @@ class Stage:
         """What all clients have in common: here nothing outlives the stage."""
         return Shared()
 
-    def _listening(self, connect: Callable[..., Any]) -> Callable[..., Any]:
+    def _listening(self, connect: Connection) -> Connection:
         """The same way into the mount, where what it is sent is noted."""
 
         def connection(later: Callable[[float, bytes], None]) -> Callable[[bytes], bytes]:
@@ -118,7 +120,7 @@ class Stage:
 
         return connection
 
-    async def __aenter__(self) -> Any:
+    async def __aenter__(self) -> Self:
         self.controller.start()
         await self.controller.settled.wait()
         return self
@@ -137,7 +139,7 @@ class Stage:
 class Visitor:
     """One connection."""
 
-    def __init__(self, stage: Any, host: str) -> None:
+    def __init__(self, stage: Stage, host: str) -> None:
         self.heard = b""
         self._guest = stage.reception.arrive(host, host, self._hear)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gateway.core.errors import UserError
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, MadeSurface, ProtocolSpec, Question, SurfaceSettings
@@ -90,7 +90,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     return MadeDriver(driver, dict(FOLLOW_UPS), _reply_rules())
 
 
-def _make_simulator(model: str | None, version: str | None, **settings: Any) -> SimulatedHandControl:
+def _make_simulator(model: str | None, version: str | None, **settings: object) -> SimulatedHandControl:
     from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
 
     return SimulatedHandControl(model or DEFAULT_MODEL, version, **settings)

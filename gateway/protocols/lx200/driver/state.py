@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
 
 from msgspec import Struct
 
@@ -231,7 +230,7 @@ def rate_command(rate: Rate) -> str:
     return _NAMES[rate.name] if rate.name is not None else _KEYS[rate.key or 1]
 
 
-def ask(mount: Lx200Driver, command: str, **values: Any) -> Steps:
+def ask(mount: Lx200Driver, command: str, **values: object) -> Steps:
     """Send a command; a busy telescope (NAK) is waited for, a few times, except with what moves it by hand.
 
     Raises Unsupported for what it lacks, and Refused for what would turn a motor of one that sleeps.
