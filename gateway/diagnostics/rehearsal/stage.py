@@ -10,9 +10,8 @@ import asyncio
 from collections.abc import Callable
 from typing import Any, Self
 
-from gateway.app.bindings import make_driver, make_surface
+from gateway.app.bindings import make_driver, make_surface, own_face, policy, shows_itself
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
-from gateway.app.gateway import own_face, policy, shows_itself
 from gateway.app.simulated import DEFAULT_SITE, make_simulator
 from gateway.astro.ephemeris import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
