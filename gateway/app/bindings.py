@@ -18,6 +18,7 @@ from gateway.protocols.base.plain_replies import PlainReplies
 from gateway.protocols.base.reply_rules import Replies
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSettings
 from gateway.protocols.registry import PROTOCOLS, mounts, surfaces
+from gateway.transport.tcp import exposed
 from gateway.transport.wires import SerialTransport, Transport
 
 Cutting = Callable[[Callable[[], float]], Framing]
@@ -89,6 +90,16 @@ def access(surface: SurfaceConfig, config: MountConfig) -> Access:
         looks if isinstance(looks, bool) else networks(looks),
         surface.max_clients,
         config.hibernate,
+    )
+
+
+def exposure(where: str, surface: SurfaceConfig) -> str:
+    """What the user should know of a port that others reach; empty where nobody moves the mount through it."""
+    if not exposed(where) or surface.allow is not None or surface.read_only is True:
+        return ""
+    return (
+        f"{where}: there is no password, whoever can reach this port can move the mount; "
+        'allow = ["192.168.1.0/24"] on this surface, or --allow 192.168.1.0/24, lets in only those'
     )
 
 

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from gateway.app.bindings import (
     access,
     check_pair,
+    exposure,
     make_driver,
     make_surface,
     make_wire,
@@ -45,7 +46,6 @@ from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.protocols.base.session import Shared
 from gateway.system.runtime_folders import folders
 from gateway.transport import Listener, open_port
-from gateway.transport.tcp import exposed
 from gateway.transport.wires import on_the_wire
 
 
@@ -101,11 +101,8 @@ class Gateway:
         if self.keeping is None:
             self.remember()
         self._watch()
-        self.prepare(
-            lambda dialogue, transcript: MountLink(
-                self.entrance.wire(make_wire(self.mount, self.config, self.watched)), dialogue, transcript
-            )
-        )
+        wire = self.entrance.wire(make_wire(self.mount, self.config, self.watched))
+        self.prepare(lambda dialogue, transcript: MountLink(wire, dialogue, transcript))
         for endpoint, surface, reception in zip(self.endpoints, self.surfaces, self.receptions, strict=True):
             try:
                 self.ports.append(await open_port(endpoint.where, self.entrance.arrive(reception), surface.baud))
@@ -114,11 +111,8 @@ class Gateway:
                 raise
         for port, surface, reception in zip(self.ports, self.surfaces, self.receptions, strict=True):
             reception.presets.where = port.where  # with the number of the port that was taken
-            if exposed(port.where) and surface.allow is None and surface.read_only is not True:
-                self.warn(
-                    f"{port.where}: there is no password, whoever can reach this port can move the mount; "
-                    'allow = ["192.168.1.0/24"] on this surface, or --allow 192.168.1.0/24, lets in only those'
-                )
+            if words := exposure(port.where, surface):
+                self.warn(words)
         if self.controller is not None and self.controller.hold.on:
             self.entrance.tell("h", lambda: None)
         await self.entrance.begin(self.begin)
