@@ -52,11 +52,13 @@ LONGEST = 500
 FIRST = """\
 Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.
 
-What one does first:
-  mount-gateway demo      without a mount: plays one, and says where your program can connect
-  mount-gateway detect    with a mount: says which port it is on, and the line that starts the gateway
+First steps:
+  mount-gateway demo      without a mount: simulates one, and prints where your program can connect
+  mount-gateway detect    with a mount: finds its port, and prints the command that starts the gateway
   mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@tcp://127.0.0.1:4030
-                          that line: your program connects to port 4030 as if to a Meade
+                          starts it: your program connects to port 4030 as if to a Meade
+  mount-gateway goto Polaris
+                          while it runs, from another terminal: moves the mount without any program
 
 mount-gateway COMMAND --help tells more, with examples.
 """
@@ -97,6 +99,7 @@ def _parsed(words: list[str]) -> argparse.Namespace:
 
     if not words:
         raise UserError("which command? mount-gateway demo needs no mount; mount-gateway --help lists all of them")
+    words = suggestions.page(words)
     if words[0] not in (*COMMANDS, *ABOUT):
         raise suggestions.command(words[0], list(COMMANDS))
     arguments, left = parser(words[:1]).parse_known_args(words)

@@ -15,6 +15,9 @@ from gateway.core.errors import UserError
 SHELLS = ("bash", "zsh", "fish")
 
 HOW = """\
+To look at it:
+  mount-gateway completion bash
+
 Once, for your own user:
   bash  mkdir -p ~/.local/share/bash-completion/completions
         mount-gateway completion bash > ~/.local/share/bash-completion/completions/mount-gateway
@@ -48,9 +51,9 @@ def script(shell: str) -> str:
     except ImportError:
         raise UserError("completion: the package shtab is missing; pip install shtab") from None
     from gateway.app.config.describing import keys
+    from gateway.app.control.objects import BODIES
     from gateway.astro.catalog.star_names import HIPPARCOS
     from gateway.cli import parser
-    from gateway.cli.mount.places import BODIES
     from gateway.diagnostics.command_tables import versions
     from gateway.protocols.registry import PROTOCOLS
     from gateway.protocols.wireformat.command_set import load

@@ -15,10 +15,12 @@ from gateway.core.errors import UserError
 
 EXIT_CODES = """\
 Exit codes:
-  0  ended as asked
-  1  no: no mount was found (detect), one could not be stopped (stop), no gateway runs or it has refused (status,
-     goto, sync, move, park), other bytes than recorded (replay), not as the tables say (tables --check)
-  2  it cannot be done as typed: a mistake, a port that is taken, no mount; one line on stderr says what and where
+  0  done
+  1  the answer is no: no mount was found (detect); a mount could not be stopped (stop); no gateway runs, or it refused
+     (status, watch, goto, sync, move, park, unpark); the bytes differ from the recording (replay), or from the tables
+     (tables --check)
+  2  it could not be tried: a mistake in the command or in gateway.toml, a port in use, no mount that answers; one line
+     on stderr says what is wrong and where
 """
 
 WHERE = """\

@@ -22,6 +22,46 @@ _PLAINLY = (
     (r"the following arguments are required: (.*)", r"missing: {0}"),
 )
 
+#: What people call what is done by a command of another name, or by a flag.
+_OTHER_WORDS = {
+    "start": "run",
+    "serve": "run",
+    "connect": "run",
+    "scan": "detect",
+    "find": "detect",
+    "ports": "detect",
+    "list": "detect",
+    "slew": "goto",
+    "point": "goto",
+    "abort": "stop",
+    "halt": "stop",
+    "simulate": "sim",
+    "simulator": "sim",
+    "simulated": "sim",
+    "info": "status",
+    "position": "status",
+    "install": "service",
+    "systemd": "service",
+    "commands": "tables",
+    "log": "run --log",
+    "record": "run --record FILE",
+}
+#: Words in the place of a command that ask for a page about it.
+_PAGES = {
+    "help": "--help",
+    "-?": "--help",
+    "/?": "--help",
+    "version": "--version",
+    "-v": "--version",
+    "-V": "--version",
+}
+
+
+def page(words: Sequence[str]) -> list[str]:
+    """``help goto`` as ``goto --help``, and ``version`` as ``--version``; all else as it is."""
+    flag = _PAGES.get(words[0]) if words else None
+    return list(words) if flag is None else [*words[1:2], flag] if flag == "--help" else [flag]
+
 
 def command(word: str, commands: Sequence[str]) -> UserError:
     """For a first word that is none of the commands."""
@@ -34,7 +74,7 @@ def command(word: str, commands: Sequence[str]) -> UserError:
         return UserError(f"{word!r} is no command; did you mean mount-gateway run {word}?")
     if "@" in word:
         return UserError(f"{word!r} is no command; did you mean mount-gateway run --mount {word}?")
-    close = get_close_matches(word.lower(), commands, 1)
+    close = [*filter(None, [_OTHER_WORDS.get(word.lower())]), *get_close_matches(word.lower(), commands, 1)]
     right = f"did you mean mount-gateway {close[0]}?" if close else f"the commands are {', '.join(commands)}"
     return UserError(f"there is no command {word!r}; {right}")
 

@@ -27,10 +27,10 @@ from gateway.mount.controller import MountController
 from gateway.mount.link.queue import AT_ONCE, LATE
 from gateway.mount.readings.cache import FRESH, MISSING
 from gateway.mount.safety.rules.dead_man import HostActivity
+from gateway.protocols.base.ends import Ending
 from gateway.protocols.base.frames import Framing, Unterminated
 from gateway.protocols.base.surface import (
     Defer,
-    Ending,
     FireAndForget,
     Handling,
     Possible,

@@ -62,7 +62,10 @@ class DeviceLink:
         except OSError as error:
             with contextlib.suppress(OSError):
                 os.unlink(draft)
-            raise UserError(f"cannot make {self.path}: {error.strerror}") from None
+            where = (
+                "; choose a folder that you may write to, such as /tmp" if isinstance(error, PermissionError) else ""
+            )
+            raise UserError(f"cannot make {self.path}: {error.strerror}{where}") from None
         self._target = target
 
     def close(self) -> None:

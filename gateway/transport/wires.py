@@ -187,6 +187,10 @@ def open_port(url: str, baud: int) -> Any:
                 errno.ENOENT,
                 f"no address is known for the name {urlsplit(url).hostname}; write its number, like 192.168.1.50",
             ) from None
+        if number == errno.EISDIR or "Is a directory" in text:
+            raise OSError(errno.EISDIR, "this is a folder, not a serial port") from None
+        if number == errno.ENOTTY or "Inappropriate ioctl" in text:
+            raise OSError(errno.ENOTTY, "this is not a serial port") from None
         if "refused" in text:
             raise OSError(errno.ECONNREFUSED, "nobody listens there (connection refused)") from None
         if url.startswith(("socket://", "rfc2217://")) and "NoneType" in text:

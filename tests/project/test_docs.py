@@ -22,6 +22,7 @@ from tests.support.process import GATEWAY, Running, ask
 SERVING = ("run", "demo", "sim")
 #: What a reader has, and what it is here.
 HERE = (
+    (r"^\.venv/bin/", ""),
     (r"@/dev/ttyUSB\d", "@sim"),
     (r"(tcp|rfc2217)://[\d.]+:\d+", r"\1://127.0.0.1:0"),
     (r"/tmp/lx200", "{folder}/lx200"),

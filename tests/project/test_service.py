@@ -95,7 +95,7 @@ def test_what_is_missing_is_named(
 ) -> None:
     path = tmp_path / "gateway.toml"
     assert main(["service", "--config", str(path)]) == 2
-    assert f"mount-gateway detect --write {path}" in capsys.readouterr().err
+    assert f"{path}: no such file; mount-gateway detect --network --write gateway.toml" in capsys.readouterr().err
     path.write_text('[mount]\nat = "nexstar@sim"\n[[surface]]\nat = "lx200@tcp://:0"\n')
     monkeypatch.delenv("SUDO_USER", raising=False)
     monkeypatch.setattr(getpass, "getuser", lambda: "root")

@@ -32,56 +32,57 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     at: Annotated[
         str,
         _key(
-            "the mount: PROTOCOL[:MODEL[/VERSION]]@PORT; any pyserial URL will do, or sim",
+            "the mount: PROTOCOL[:MODEL[/VERSION]]@PORT, where PORT is a serial port, socket://HOST:PORT or another "
+            "pyserial URL, or sim for a simulated mount",
             "ENDPOINT",
             "nexstar@/dev/ttyUSB0",
             flag=False,
         ),
     ]
     name: Annotated[
-        _Name | None, _key("what the mount is called, where there are several", "NAME", "pier", flag=False)
+        _Name | None, _key("a name for the mount, needed with several mounts", "NAME", "pier", flag=False)
     ] = None
-    baud: Annotated[int, _key("baud rate of the mount's port", "BAUD", ge=300, le=921600)] = 9600
+    baud: Annotated[int, _key("speed of the mount's serial port (baud)", "BAUD", ge=300, le=921600)] = 9600
     site: Annotated[
         tuple[_Latitude, _Longitude] | None,
         _key(
-            "where the mount stands, degrees, north and east positive, for hand controls that cannot tell",
+            "latitude and longitude of the mount (degrees, north and east positive), for hand controls that do not "
+            "tell it",
             "LAT,LON",
             [48.1, 11.6],
         ),
     ] = None
     mode: Annotated[
         Literal["alt-az", "eq-north", "eq-south"] | None,
-        _key("tracking mode, for hand controls that cannot tell (before 2.3)", example="alt-az"),
+        _key("tracking mode, for hand controls that do not tell it (before version 2.3)", example="alt-az"),
     ] = None
     equinox: Annotated[
-        Literal["jnow", "j2000", "auto"], _key("what the mount's coordinates mean; auto goes by its version")
+        Literal["jnow", "j2000", "auto"],
+        _key("equinox of the mount's coordinates; auto: by the version of its hand control"),
     ] = "jnow"
     site_time: Annotated[
         Literal["unaligned", "always", "never"],
         _key(
-            "send the mount the site and time that clients set? unaligned: a NexStar while it is not aligned, a Meade "
-            "always"
+            "when to pass site and time from programs on to the mount (unaligned: to a NexStar only until it is "
+            "aligned, to a Meade always)"
         ),
     ] = "unaligned"
-    lowest: Annotated[float, _key("lowest altitude of gotos and of hand motion, degrees", "DEG", ge=-90.0, le=90.0)] = (
-        0.0
-    )
+    lowest: Annotated[
+        float, _key("lowest altitude for gotos and for motion by hand (degrees)", "DEG", ge=-90.0, le=90.0)
+    ] = 0.0
     highest: Annotated[
-        float, _key("highest altitude of gotos and of hand motion, degrees", "DEG", ge=-90.0, le=90.0)
+        float, _key("highest altitude for gotos and for motion by hand (degrees)", "DEG", ge=-90.0, le=90.0)
     ] = 90.0
-    sync_limit: Annotated[float, _key("refuse syncs further than this, degrees", "DEG", gt=0.0, le=180.0)] = 15.0
+    sync_limit: Annotated[float, _key("refuse syncs further away than this (degrees)", "DEG", gt=0.0, le=180.0)] = 15.0
     guide_rate: Annotated[
         Annotated[float, Meta(gt=0.0, le=1.0)] | None,
-        _key(
-            "speed of guiding, as a part of sidereal (default: 0.5 on a NexStar, else the telescope's own)", "RATE", 0.5
-        ),
+        _key("guiding speed as a fraction of sidereal (default: 0.5 on a NexStar; a Meade keeps its own)", "RATE", 0.5),
     ] = None
     guide_directions: Annotated[
         Literal["motor", "sky"],
         _key(
-            "what guide pulses (:Mgn#) to a NexStar mean: the same turn of a motor, or the sky, "
-            "on both sides of the pier"
+            "what guide pulses (:Mgn#) to a NexStar mean on both sides of the pier. motor: a pulse always turns the "
+            "motor the same way; sky: north is always north on the sky"
         ),
     ] = "motor"
     park: Annotated[
@@ -89,10 +90,9 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
         | Literal["mount"]
         | None,
         _key(
-            "axis readings that a NexStar parks at, degrees (default: the pole on an equatorial mount, else north at "
-            "the horizon or half a degree above lowest); mount: a Meade may park at its own place, whatever lowest and "
-            "highest "
-            "say",
+            "park position of a NexStar, as axis readings in degrees (default: the pole on an equatorial mount, else "
+            "north at the horizon or half a degree above lowest). mount: a Meade may park at its own park position, "
+            "even outside lowest and highest",
             "AZ,ALT",
             [0.0, 0.0],
         ),
@@ -100,47 +100,67 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     unaligned: Annotated[
         Literal["refuse", "allow"],
         _key(
-            "may a NexStar that is not aligned be sent to axis readings, parked and homed? Its axes point anywhere then"
+            "whether a NexStar that is not aligned may be sent to axis readings, parked and homed. Nobody knows then "
+            "where it really points"
         ),
     ] = "refuse"
-    aux_home: Annotated[bool, _key("home is where the motors' own home switches are, on mounts that have some")] = False
+    aux_home: Annotated[bool, _key("use the mount's home switches for homing, where it has them")] = False
     hibernate: Annotated[
         bool,
         _key(
-            "let programs that come over a network (tcp, rfc2217) put the mount to sleep; "
+            "allow programs on a network surface (tcp, rfc2217) to put the mount to sleep; "
             "on virtual and real serial ports they always may"
         ),
     ] = False
     sun: Annotated[
-        float, _key("come no nearer to the Sun while it is up, degrees; 0 for solar work", "DEG", ge=0.0, le=90.0)
+        float,
+        _key(
+            "keep this far from the Sun while it is up (degrees; 0: no limit, for solar filters)",
+            "DEG",
+            ge=0.0,
+            le=90.0,
+        ),
     ] = 20.0
     hour_angle_limit: Annotated[
         Annotated[float, Meta(gt=0.0, le=12.0)] | None,
-        _key("equatorial mounts: no farther past the meridian, hours (default: no limit)", "HOURS", 1.5),
+        _key("how far an equatorial mount may go past the meridian (hours; default: no limit)", "HOURS", 1.5),
     ] = None
     dead_man: Annotated[
         float,
-        _key("a program that is silent this long loses the arrows it holds down, seconds", "S", gt=0.0, le=3600.0),
+        _key(
+            "stop arrow motion when the program that started it has been silent this long (seconds)",
+            "S",
+            gt=0.0,
+            le=3600.0,
+        ),
     ] = 30.0
     dead_man_closed: Annotated[
         float,
         _key(
-            "the same, when its connection is closed and its computer has opened no other since", "S", gt=0.0, le=3600.0
+            "stop arrow motion this long after the connection that started it was closed, unless its computer has "
+            "opened another (seconds)",
+            "S",
+            gt=0.0,
+            le=3600.0,
         ),
     ] = 5.0
     state: Annotated[
         str | None,
-        _key("directory for what is kept (default: where your system has it)", "PATH", "/var/lib/mount-gateway"),
+        _key(
+            "folder for the state that is kept between runs (default: the usual one of your system)",
+            "PATH",
+            "/var/lib/mount-gateway",
+        ),
     ] = None
     record: Annotated[
-        str | None, _key("write everything that passes to a file that replay plays again", "FILE", "/var/tmp/night.rec")
+        str | None, _key("record all traffic to FILE, for replay and decode", "FILE", "/var/tmp/night.rec")
     ] = None
     record_keep: Annotated[
-        int, _key("how many files of 10 MB a recording has at most; the oldest is deleted", "N", ge=1, le=10000)
+        int, _key("how many files of 10 MB a recording may have; then the oldest is deleted", "N", ge=1, le=10000)
     ] = 20
-    latency: Annotated[float, _key("seconds that a simulated mount takes to answer", "S", ge=0.0, le=3.0)] = 0.0
+    latency: Annotated[float, _key("how long a simulated mount takes to answer (seconds)", "S", ge=0.0, le=3.0)] = 0.0
     speed: Annotated[
-        float, _key("a simulated mount slews this many times faster than real", "TIMES", gt=0.0, le=1000.0)
+        float, _key("how many times faster than a real one a simulated mount slews", "TIMES", gt=0.0, le=1000.0)
     ] = 1.0
 
     @property
@@ -169,29 +189,31 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     ]
     baud: Annotated[
         Annotated[int, Meta(ge=300, le=921600)] | None,
-        _key("baud rate of a serial port (default: 9600, and any at all on a virtual one)", "BAUD", 9600),
+        _key("speed of a serial port (baud; default: 9600; a virtual port takes any)", "BAUD", 9600),
     ] = None
-    mount: Annotated[str | None, _key("the name of the mount, where there are several", "NAME", "pier")] = None
+    mount: Annotated[
+        str | None, _key("name of the mount this surface belongs to, needed with several mounts", "NAME", "pier")
+    ] = None
     client: Annotated[
         str,
         _key(
-            "the program that connects here, which then gets what it needs; auto: recognised where it can be, "
-            "any: never",
+            "the program that connects here: it gets what it is known to need. auto: recognise it where possible; "
+            "any: treat all alike",
             "PROGRAM",
         ),
     ] = "auto"
     equinox: Annotated[
         Literal["jnow", "j2000"] | None,
-        _key("what the program's coordinates mean; else what client says, else jnow", example="jnow"),
+        _key("equinox of the program's coordinates (default: by client, else jnow)", example="jnow"),
     ] = None
     precision: Annotated[
         Literal["high", "low"] | None,
-        _key("the precision a connection begins with (lx200); else what client says, else high", example="high"),
+        _key("lx200: precision when a program connects (default: by client, else high)", example="high"),
     ] = None
     sync_text: Annotated[
         _Plain | None,
         _key(
-            "reply to :CM# without its # (lx200); else what client says, else the model's own",
+            "lx200: reply to :CM# (sync), without its # (default: by client, else that of the model)",
             "TEXT",
             "Coordinates matched.",
         ),
@@ -199,7 +221,7 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     allow: Annotated[
         list[str] | None,
         _key(
-            "tcp: only these networks or addresses may connect (default: all that can reach the port)",
+            "network surfaces: only these networks or addresses may connect (default: all that can reach the port)",
             "NETWORKS",
             ["192.168.1.0/24", "127.0.0.1"],
         ),
@@ -207,11 +229,12 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     read_only: Annotated[
         bool | list[str],
         _key(
-            "programs see the mount and may stop it, but move and set nothing: all, or those of these networks",
+            "programs may look and stop the mount, but not move or set anything: all programs, or those on these "
+            "networks",
             "NETWORKS",
         ),
     ] = False
-    max_clients: Annotated[int, _key("tcp: no more connections than this at a time", "N", ge=1, le=10000)] = 400
+    max_clients: Annotated[int, _key("network surfaces: how many connections at a time", "N", ge=1, le=10000)] = 400
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
@@ -219,20 +242,20 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
 
     mount: list[MountConfig]
     surface: list[SurfaceConfig] = []
-    wait: Annotated[bool, _key("keep trying when no mount answers; clients stay connected")] = False
-    discovery: Annotated[bool, _key("let programs find surfaces that the network can reach (SkySafari, mDNS)")] = True
+    wait: Annotated[bool, _key("keep looking for a mount that does not answer; programs can connect meanwhile")] = False
+    discovery: Annotated[bool, _key("announce surfaces that other computers can reach (SkySafari, mDNS)")] = True
     watchdog: Annotated[
-        bool, _key("a second, small process stops the mount when this one dies or hangs while something moves")
+        bool, _key("a second, small process stops the mount if the gateway dies or hangs while the mount moves")
     ] = True
     log: Annotated[
         bool | Literal["all", "program", "mount", "changes", "refusals"],
         _key(
-            "show the conversation in words: all of it (or true), only that with programs or with the mount, only what "
-            "moves or sets something, or only what is refused or fails"
+            "show the conversation in words. all or true: everything; program, mount: only that side; changes: only "
+            "what moves or sets something; refusals: only what is refused or fails"
         ),
     ] = False
-    night: Annotated[bool, _key("colours on the terminal are shades of red")] = False
-    status: Annotated[bool, _key("show one line on a terminal that tells how the mount is (not together with log)")] = (
+    night: Annotated[bool, _key("use only shades of red as colours on the terminal")] = False
+    status: Annotated[bool, _key("show a status line on a terminal, renewed every second (not together with log)")] = (
         True
     )
 

@@ -15,6 +15,7 @@ from typing import Any
 from gateway.app.discovery.mdns import Publisher, publish
 from gateway.app.discovery.offer import Offer, offered
 from gateway.app.discovery.skyfi import PORT, answer_skyfi
+from gateway.system.own_commands import how_to_add
 
 __all__ = ["Announcement", "Offer", "offered"]
 
@@ -52,7 +53,7 @@ class Announcement:
             self._publisher = publish(interfaces)
             await self._publisher.add(offers)
         except ImportError:
-            self._note("not announced by mDNS, for which zeroconf is needed: pip install 'mount-gateway[mdns]'")
+            self._note(f"not announced by mDNS, for which zeroconf is needed; to install it, {how_to_add('mdns')}")
         except Exception as error:  # a library's own kinds, and the system's: no network, no multicast …
             self._note(f"not announced by mDNS: {error}")
 

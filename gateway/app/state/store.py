@@ -122,7 +122,10 @@ class StateStore:
             self.held = True
         except Taken as by:
             if not self._simulated:
-                self._say(f"another gateway holds {self.path} ({by}); this one keeps its state in memory")
+                self._say(
+                    f"another mount-gateway ({by}) runs for this mount; what has to outlast a restart is kept by "
+                    f"that one, in {self.path}"
+                )
         except OSError as error:
             why = about_file(self.directory, error)
             self._say(

@@ -11,7 +11,7 @@ from gateway.core.errors import Unsupported
 class NotInstalled(Unsupported):
     """The catalogue's package is missing."""
 
-    words = "Install mount-gateway[library]"
+    words = "Object library not installed."
 
 
 def data_file(package: str, name: str) -> Path:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 
-from gateway.astro.catalog import deepsky, stars
+from gateway.astro.catalog import deepsky, named_stars, stars
 from gateway.astro.catalog.files import NotInstalled
 from gateway.astro.catalog.objects import Entry
 from gateway.astro.catalog.star_names import ALSO, HIPPARCOS
@@ -35,9 +35,28 @@ def look_up(name: str, year: float) -> Entry | None:
     """The star or deep sky object of a name. Raises NotInstalled where the star's catalogue is missing."""
     number = star(name)
     if number is not None:
-        return stars.hipparcos(number, year)
+        return _star(number, name, year)
     row = {bare(known): row for known, row in _deep_sky().items()}.get(bare(name))
     return None if row is None else deepsky.by_row(row)
+
+
+def _star(number: int, name: str, year: float) -> Entry | None:
+    """From the catalogue, else from the bright stars that are known without it. Raises NotInstalled."""
+    try:
+        return stars.hipparcos(number, year)
+    except NotInstalled:
+        place = named_stars.by_number(number, year)
+        if place is None:
+            raise
+        return Entry(name, "*", *place)
+
+
+def beginning(text: str, most: int) -> list[str]:
+    """Names that begin so, the shortest first."""
+    typed = bare(text)
+    spelled = {bare(known): known for known in (*_deep_sky(), *ALSO, *HIPPARCOS)}
+    longer = sorted((known for known in spelled if typed and known.startswith(typed)), key=len)
+    return [spelled[known] for known in longer[:most]]
 
 
 def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:

@@ -52,8 +52,12 @@ def hipparcos(number: int, year: float) -> Entry | None:
         line = numbers.line(index)
     # VizieR's own columns: RArad 16-28, DErad 30-42, pmRA 52-59, pmDE 61-68, Hpmag 130-136.
     ra, dec = (math.degrees(float(line[a:b])) for a, b in ((15, 28), (29, 42)))
-    east, north = (float(line[a:b]) * _PER_YEAR * (year - _EPOCH) for a, b in ((51, 59), (60, 68)))
+    ra, dec = moved(ra, dec, float(line[51:59]), float(line[60:68]), year)
+    return Entry(f"HIP{number}", "*", ra, dec, float(line[129:136]))
+
+
+def moved(ra: float, dec: float, east: float, north: float, year: float) -> tuple[float, float]:
+    """A place of the catalogue's epoch in that year; degrees, and milliarcseconds a year."""
     # In milliarcseconds the motion is straight enough: Barnard's star leaves the great circle by 0.001" in a century.
-    return Entry(
-        f"HIP{number}", "*", (ra + east / math.cos(math.radians(dec))) % 360.0, dec + north, float(line[129:136])
-    )
+    years = (year - _EPOCH) * _PER_YEAR
+    return (ra + east * years / math.cos(math.radians(dec))) % 360.0, dec + north * years

@@ -15,6 +15,7 @@ from gateway.app.config.lines import Place
 from gateway.cli.serve.serving import serve_mounts, with_loop
 from gateway.cli.serve.settings import add_flag
 from gateway.protocols.registry import PROTOCOLS, pairs
+from gateway.system.own_commands import own_command
 
 DEMO_PORT = 4030
 #: So many ports and names are tried after the first.
@@ -70,7 +71,13 @@ def _demo(arguments: argparse.Namespace) -> int:
     }
     config = make_config(tables, Source("demo", flags=flags))
     speed = "" if arguments.speed == 1 else f"\nIt slews {arguments.speed:g} times as fast as a real one."
-    banner = "\n".join([*notes, f"A simulated {words} program connects.{speed} Ctrl-C ends it."])
+    banner = "\n".join(
+        [
+            *notes,
+            f"A simulated {words} program connects.{speed} Ctrl-C ends it.",
+            f"To see it move, type in another terminal: {own_command()} goto Polaris",
+        ]
+    )
     return with_loop(True, lambda: serve_mounts(config, banner))
 
 

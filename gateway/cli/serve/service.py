@@ -107,7 +107,10 @@ def _service(arguments: argparse.Namespace) -> int:
 
     path = (arguments.file or arguments.config).absolute()
     if not os.path.lexists(path):
-        raise UserError(f"{path}: no such file; mount-gateway detect --write {path} makes one")
+        raise UserError(
+            f"{path}: no such file; mount-gateway detect --network --write gateway.toml makes one here, "
+            "and mount-gateway service --config gateway.toml takes it"
+        )
     config = make_config(*read_tables(path))
     if arguments.user and not _is_user(arguments.user):
         raise UserError(f"service: this computer has no user {arguments.user!r}; systemd would not start it")

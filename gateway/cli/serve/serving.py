@@ -11,7 +11,7 @@ import contextlib
 import gc
 import sys
 import time
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any, cast
 
@@ -44,7 +44,7 @@ QUICK = 0.5
 CANNOT_OPEN = "cannot open"
 
 
-def with_loop(fast: bool, serve: Callable[[], Awaitable[int]], recorded: bool = False) -> int:
+def with_loop(fast: bool, serve: Callable[[], Coroutine[Any, Any, int]], recorded: bool = False) -> int:
     """Run on uvloop where it is installed, else on asyncio's own; ``recorded``: on one that can be played again."""
     factory: Callable[[], asyncio.AbstractEventLoop] | None = TurnLoop if recorded else None
     if fast and not recorded:
@@ -55,7 +55,7 @@ def with_loop(fast: bool, serve: Callable[[], Awaitable[int]], recorded: bool = 
         except ImportError:
             factory = None
     with asyncio.Runner(loop_factory=factory) as runner:
-        return runner.run(serve())  # type: ignore[arg-type]
+        return runner.run(serve())
 
 
 def start_watchdog(config: Config) -> Watchdog | None:

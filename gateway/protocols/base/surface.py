@@ -9,17 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing, suppress
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any, NamedTuple
-
-import msgspec
 
 from gateway.core import operations
 from gateway.core.errors import Disturbed, Fault, Invalid, NoTarget, Silence, Unsupported
 from gateway.core.motion_kinds import begins_motion, may_begin_motion
 from gateway.core.operations import Operation, Own, Stop, Verbatim
+from gateway.protocols.base.ends import Ending, Ends
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.base.read_only import Sealed
+from gateway.protocols.base.replies import fields_of, needs, refusal
 from gateway.protocols.base.subscription import Subscription
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
@@ -47,7 +47,7 @@ class ReuseLastReading(NamedTuple):
 
 
 class Defer(NamedTuple):
-    """Call a special of this surface again after some seconds."""
+    """Call a handler of this surface again after some seconds."""
 
     seconds: float
     special: str
@@ -57,13 +57,6 @@ class Speed(NamedTuple):
     """Go on at another baud rate once this command was answered, where there is a serial port."""
 
     baud: int
-
-
-class Ending(NamedTuple):
-    """What a command ends in the moment in which it comes, and the commands that do not get their turn any more."""
-
-    operation: Operation
-    takes_back: frozenset[bytes]
 
 
 #: What some protocols answer whatever was done.
@@ -136,33 +129,19 @@ class Surface:
         self.lacks: Callable[[Mapping[str, Any], bytes], str] = lambda model, frame: ""
 
     @cached_property
-    def _endings(self) -> dict[bytes, Command]:
-        """The commands that end motions, as programs write them."""
-        urgent = [
-            command for command in self.protocol.commands.values() if command.urgent in ("stop", "restart", "axis")
-        ]
-        return {command.request.literal: command for command in urgent if command.name in self.protocol.surface}
+    def ends(self) -> Ends:
+        """What ends motions, by the tables."""
+        return Ends(self.protocol)
 
     def ending(self, session: Session, frame: bytes) -> Ending | None:
         """What a command ends when it comes, before it has its turn; None for all that wait for theirs."""
-        command = self._endings.get(frame)
+        command = self.ends.command(frame)
         if command is None:
             return None
         row = self.protocol.surface[command.name]
-        operation = self._operation(session, row, {}) if command.urgent == "axis" else Stop()
         return Ending(
-            operation, frozenset([self.protocol.commands[name].request.literal for name in command.takes_back])
+            self._operation(session, row, {}) if command.urgent == "axis" else Stop(), self.ends.takes_back(command)
         )
-
-    @cached_property
-    def _marks(self) -> tuple[bytes, ...]:
-        """Bytes of which some are in every command that ends a motion."""
-        marks = {command.mark for command in self.protocol.commands.values() if command.urgent}
-        return tuple([mark for mark in marks if not any(other in mark for other in marks - {mark})])
-
-    def may_end(self, data: bytes) -> bool:
-        """Whether these bytes, which are not cut into commands yet, may be or hold the end of a motion."""
-        return any(mark in data for mark in self._marks)
 
     def handle(self, session: Session, frame: bytes) -> Handling:
         """One framed command -> its reply (empty: none). Yields operations; never raises for what a client sent."""
@@ -208,7 +187,7 @@ class Surface:
                     session.refused = f"{command.help}: {values['fault']}"
             return self.reply(session, command, answer)
         except Fault as fault:
-            said = self.refusal(command, fault)
+            said = refusal(command, fault)
             if not said and isinstance(fault, Invalid):
                 session.refused = f"{command.help}: {fault}"
             return said or self.unanswered(frame, fault)
@@ -219,7 +198,7 @@ class Surface:
         for name in frame.names:
             self._clear(session, name)
         command = self.protocol.commands.get(frame.names[0])
-        return b"" if frame.late or command is None else self.refusal(command, Invalid())
+        return b"" if frame.late or command is None else refusal(command, Invalid())
 
     def _clear(self, session: Session, name: str) -> None:
         """Have a command do to the session what it does when its value cannot be read."""
@@ -305,7 +284,7 @@ class Surface:
         kind = operations.named(row.ask or "")
         assert kind is not None
         fields: dict[str, Any] = {}
-        for field, required in _needs(kind):
+        for field, required in needs(kind):
             value = values.get(field, row.given.get(field, session.kept.get(field)))
             if value is None and required:
                 raise NoTarget
@@ -319,17 +298,8 @@ class Surface:
             return answer
         for reply, picture in command.replies:
             if reply.fault is None and reply.when in (None, session.kept["precision"], session.model.get("name")):
-                return self.as_written(command.name, picture.encode(_fields(answer, picture.fields)))
+                return self.as_written(command.name, picture.encode(fields_of(answer, picture.fields)))
         return b""
-
-    def refusal(self, command: Command, fault: Fault) -> bytes:
-        """The reply form that stands for this fault, else the first that stands for any, else silence."""
-        refusals = [(reply, picture) for reply, picture in command.replies if reply.fault is not None]
-        name = type(fault).__name__
-        chosen = next((item for item in refusals if item[0].fault == name), refusals[0] if refusals else None)
-        if chosen is None:
-            return b""
-        return chosen[1].encode(dict.fromkeys(chosen[1].fields, str(fault)))
 
 
 def _without_motion(steps: Handling) -> Handling:
@@ -349,18 +319,3 @@ def _without_motion(steps: Handling) -> Handling:
             answer = yield wanted
         except Fault as error:
             fault = error
-
-
-@cache
-def _needs(kind: type[Operation]) -> tuple[tuple[str, bool], ...]:
-    """The fields of an operation, and whether each must be given; looking them up costs more than all of a reply."""
-    return tuple((field.name, field.required) for field in msgspec.structs.fields(kind))
-
-
-def _fields(answer: Any, names: Mapping[str, Any]) -> Mapping[str, Any]:
-    """An answer as the fields a reply wants: a mapping, a struct, or one bare value for one field."""
-    if isinstance(answer, Mapping):
-        return answer
-    if isinstance(answer, msgspec.Struct):
-        return msgspec.structs.asdict(answer)
-    return dict.fromkeys(names, answer)

@@ -203,7 +203,7 @@ def test_a_planet_that_has_no_place_yet_is_refused_in_words() -> None:
 
 def test_without_the_library_every_command_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(files, "find_spec", lambda name: None)
-    missing = b"Install mount-gateway[library]#"
+    missing = b"Object library not installed.#"
     for selecting in (b":LM42#", b":LC7331#", b":Lo1#:LC1#", b":LF#", b":LN#", b":LB#"):
         talk = Talk(model="lx200")
         assert talk.send(selecting + b":LI#").endswith(missing)

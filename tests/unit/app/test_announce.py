@@ -18,6 +18,7 @@ from gateway.app.discovery import Announcement, Offer, offered
 from gateway.app.discovery.addresses import in_words, to_type
 from gateway.app.discovery.skyfi import answer
 from gateway.cli.serve import serving
+from gateway.system.own_commands import how_to_add
 from tests.support.process import Running
 
 LOCAL = ("127.0.0.1", 50000)
@@ -136,7 +137,7 @@ def test_without_zeroconf_it_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
         announcement.publish([EVERYWHERE])
         await asyncio.sleep(0)
         await announcement.close()
-        assert warned == [] and len(noted) == 1 and "mount-gateway[mdns]" in noted[0]
+        assert warned == [] and len(noted) == 1 and noted[0].endswith(how_to_add("mdns"))
 
     asyncio.run(main())
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gateway.astro import catalog as library
-from gateway.astro.catalog import QUALITIES, Wanted, deepsky, describe, files, search, stars
+from gateway.astro.catalog import QUALITIES, Wanted, deepsky, describe, files, named_stars, names, search, stars
 from gateway.astro.catalog.objects import quality
 from gateway.astro.spherical import separation
 
@@ -69,6 +69,15 @@ def test_stars_stand_where_their_motion_has_brought_them() -> None:
     assert describe(sirius) == "HIP32349 STAR MAG-1.1"
 
 
+@pytest.mark.parametrize(("name", "row"), named_stars.STARS.items())
+def test_a_star_with_a_name_stands_where_the_catalogue_has_it(name: str, row: tuple[float, ...]) -> None:
+    found, entry = named_stars.by_number(int(row[0]), 2026.9), stars.hipparcos(int(row[0]), 2026.9)
+    assert names.star(name.upper()) == row[0]
+    assert found is not None and entry is not None
+    assert separation(*found, entry.ra, entry.dec) * 3600 < 0.02
+    assert entry.magnitude is not None and entry.magnitude < 5.0
+
+
 @pytest.mark.parametrize("number", [0, 55203, 120405, 2_000_000])
 def test_a_star_that_is_not_in_the_file(number: int) -> None:
     assert stars.hipparcos(number, 2000.0) is None
@@ -82,9 +91,9 @@ def test_the_first_and_the_last_star() -> None:
     ("call"),
     [lambda: deepsky.look_up("M", 42), lambda: stars.hipparcos(1, 2000.0), lambda: deepsky.matching(EVERYTHING)],
 )
-def test_without_the_packages_it_says_what_to_install(call: object, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_packages_it_is_said(call: object, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(files, "find_spec", lambda name: None)
-    with pytest.raises(files.NotInstalled, match=r"Install mount-gateway\[library\]"):
+    with pytest.raises(files.NotInstalled, match="Object library not installed"):
         call()  # type: ignore[operator]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import socket
@@ -12,6 +13,7 @@ import pytest
 
 from gateway.cli.serve import demo
 from gateway.core.errors import UserError
+from gateway.system.own_commands import own_command
 from gateway.transport.device_link import DeviceLink, is_free
 from tests.support.process import Running
 from tests.unit.cli.test_cli import refused
@@ -51,6 +53,19 @@ def test_what_a_killed_gateway_left_behind_is_taken(tmp_path: Path, terminal: st
     link.point("/dev/pts/99999")
     link.close()
     assert not path.is_symlink()
+
+
+def test_a_folder_that_may_not_be_written_to_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(target: str, path: str) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(os, "symlink", refuse)
+    link = DeviceLink(str(tmp_path / "lx200"))
+    with pytest.raises(
+        UserError, match="lx200: Permission denied; choose a folder that you may write to, such as /tmp"
+    ):
+        link.point("/dev/pts/0")
+    link.close()
 
 
 def test_a_second_pair_of_the_same_port_has_the_same_name(tmp_path: Path, terminal: str) -> None:
@@ -97,6 +112,7 @@ def test_the_demo_says_where_it_is_instead(tmp_path: Path, monkeypatch: pytest.M
         f"there is a /tmp/lx200 of another program already; this demo takes {tmp_path / 'lx200-2'}",
         "A simulated NexStar 6/8 SE, driven by whatever LX200 program connects.",
         "It slews 4 times as fast as a real one. Ctrl-C ends it.",
+        f"To see it move, type in another terminal: {own_command()} goto Polaris",
     ]
     assert told[1:] == ["lx200@tcp://127.0.0.1:4031", f"lx200@pty:{tmp_path / 'lx200-2'}"]
 

@@ -40,6 +40,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ([], "which command? mount-gateway demo needs no mount"),
         (["rum"], "there is no command 'rum'; did you mean mount-gateway run?"),
         (["Detect"], "did you mean mount-gateway detect?"),
+        (["start"], "did you mean mount-gateway run?"),
+        (["record"], "did you mean mount-gateway run --record FILE?"),
         (["gateway.toml"], "did you mean mount-gateway run gateway.toml?"),
         (["nexstar@sim"], "did you mean mount-gateway run --mount nexstar@sim?"),
         (["--mount", "x"], "for example: mount-gateway run --mount"),
@@ -51,6 +53,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["run", "a.toml", "--config", "b.toml"], "a.toml and --config b.toml: write one file"),
         (["explain", ":GR#"], "missing: mount, command; for example: mount-gateway explain lx200 nexstar :MS#"),
         (["decode"], "missing: FILE; for example: mount-gateway decode night.rec"),
+        (["completion"], "missing: shell; for example: mount-gateway completion bash"),
         (["completion", "tcsh"], "shell 'tcsh': write one of bash, zsh, fish"),
         (["demo", "--speed", "fast"], "--speed 'fast': write a number"),
         (["demo", "--port", "x"], "--port 'x': write a whole number"),
@@ -89,6 +92,33 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 )
 def test_it_is_said_what_was_meant(arguments: list[str], says: str, here: Path) -> None:
     assert says in refused(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("typed", "page"),
+    [
+        (["help"], "usage: mount-gateway [-h]"),
+        (["help", "goto"], "usage: mount-gateway goto "),
+        (["version"], "mount-gateway "),
+        (["-V"], "mount-gateway "),
+    ],
+)
+def test_a_page_that_is_asked_for_in_other_words_is_shown(
+    typed: list[str], page: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(typed)
+    assert end.value.code == 0
+    assert capsys.readouterr().out.startswith(page)
+
+
+@pytest.mark.parametrize(("where", "says"), [("", "this is a folder, not a serial port"), ("x", "this is not a ser")])
+def test_what_is_no_serial_port_is_told_so(
+    where: str, says: str, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "x").touch()
+    assert main(["detect", str(here / where)]) == 1
+    assert f"  cannot be opened: {says}" in capsys.readouterr().out
 
 
 def test_words_of_later_versions_of_python_are_handed_on() -> None:

@@ -1,0 +1,116 @@
+"""Objects by the names that people type: M 42, NGC7000, HIP 91262, Vega, Ring Nebula, Jupiter.
+
+Catalogues are looked through on disk; call these on a thread where an event loop runs.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+from gateway.app.control.commands import Body, Spot, Where
+from gateway.astro.catalog import deepsky, names, stars
+from gateway.astro.catalog.files import NotInstalled
+from gateway.astro.catalog.objects import Entry
+from gateway.core.errors import Fault, UserError
+from gateway.system.own_commands import how_to_add
+
+BODIES = ("Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
+RIGHT = "write RA DEC, like 05:34:32 +22:00:52, or a name, like M42, Vega or Jupiter"
+_CATALOGUES = {"m": "M", "messier": "M", "ngc": "NGC", "ic": "IC", "c": "C", "caldwell": "C", "ugc": "UGC",
+               "hip": "HIP"}  # fmt: skip
+#: The highest number of the catalogues that have one of each.
+_HIGHEST = {"M": 110, "NGC": 7840, "IC": 5386, "C": 109}
+_KINDS = {"G": "galaxy", "P": "planetary nebula", "D": "diffuse nebula", "C": "globular cluster", "O": "open cluster",
+          "*": "star"}  # fmt: skip
+_YEAR = 365.25 * 86400.0
+
+
+class Object(NamedTuple):
+    """A name, where it is, what it is in words, and its magnitude where somebody has measured it."""
+
+    name: str
+    where: Where
+    kind: str
+    magnitude: float | None = None
+
+
+def find(text: str) -> Where:
+    """Where the object of a name is. Raises UserError."""
+    return describe(text).where
+
+
+def describe(text: str) -> Object:
+    """What is known of an object. Raises UserError that says what there is instead."""
+    text = text.strip()
+    if body := next((body for body in BODIES if body.lower() == text.lower()), None):
+        return Object(body, Body(body), "moon" if body == "Moon" else "planet")
+    if text.lower().removeprefix("the ") == "sun":
+        raise UserError("the Sun is no goal here: without a filter before the tube it blinds and burns")
+    if found := re.fullmatch(r"([A-Za-z]+)[ -]*(\d{1,6})", text):
+        name, entry = _numbered(found[1], int(found[2]))
+    else:
+        name, entry = _named(text)
+    return Object(name, Spot(entry.ra, entry.dec, j2000=True), _KINDS.get(entry.kinds[:1], "object"), entry.magnitude)
+
+
+def beginning(text: str, most: int) -> list[str]:
+    """Names that begin like a text: bodies, catalogue numbers, names of stars and nebulae."""
+    typed = names.bare(text)
+    bodies = [body for body in BODIES if body.lower().startswith(typed)]
+    numbers = [text.strip().upper()] if re.fullmatch(r"[A-Za-z]+[ -]*\d{1,6}", text.strip()) and _exists(text) else []
+    return list(dict.fromkeys((*bodies, *numbers, *names.beginning(text, most))))[:most]
+
+
+def _exists(text: str) -> bool:
+    try:
+        describe(text)
+    except UserError:
+        return False
+    return True
+
+
+def _numbered(catalogue: str, number: int) -> tuple[str, Entry]:
+    called = _CATALOGUES.get(catalogue.lower())
+    if called is None:
+        raise UserError(f"no catalogue is called {catalogue!r}; there are M, NGC, IC, C, UGC and HIP")
+    name = f"{called}{number}"
+    if called == "HIP":
+        entry = _from_library(name, lambda: stars.hipparcos(number, _year()))
+    else:
+        entry = _from_library(name, lambda: deepsky.look_up(called, number))
+    if entry is None:
+        highest = _HIGHEST.get(called)
+        goes = f"; {called} goes from 1 to {highest}" if highest else ""
+        raise UserError(f"{name}: the library has no such object{goes}")
+    return name, entry
+
+
+def _named(text: str) -> tuple[str, Entry]:
+    entry = _from_library(text, lambda: names.look_up(text, _year()))
+    if entry is None:
+        close = names.suggestions(text, BODIES)
+        raise UserError(
+            f"there is no object {text!r}; did you mean {' or '.join(close)}?"
+            if close
+            else f"{text!r} is no place: {RIGHT}"
+        )
+    return text, entry
+
+
+def _from_library(name: str, look: Callable[[], Entry | None]) -> Entry | None:
+    try:
+        return look()
+    except NotInstalled:
+        raise UserError(
+            f"{name}: the object library is not installed; to install it, {how_to_add('library')}. RA DEC and the "
+            "names of planets and bright stars work without it"
+        ) from None
+    except Fault as fault:
+        raise UserError(f"{name}: {fault}") from None
+
+
+def _year() -> float:
+    return 1970.0 + time.time() / _YEAR
