@@ -10,8 +10,6 @@ from gateway.protocols.wireformat.command_set import CommandSet, load
 from gateway.protocols.wireformat.rows import SurfaceRow, Version, Way
 
 MISSING = "missing"
-#: A command that a presented model does not have by its manual.
-BEYOND = "beyond"
 #: What each outcome stands for.
 STANDS_FOR = {
     "translated": "carried out on the mount by that mount's own commands",
@@ -101,19 +99,6 @@ def counts(client: str, mount: str, model: str | None = None, version: Version |
     protocol, driven = load(client), load(mount)
     rows = protocol.surface
     return Counter(outcome(rows.get(name), driven, model, version) for name in protocol.commands)
-
-
-def presented_counts(client: str, mount: str, model: str, version: Version | None = None) -> Counter[str]:
-    """Outcome -> number of commands that a presented model has by its manual; ``beyond`` are all others."""
-    protocol, driven = load(client), load(mount)
-    rows = protocol.surface
-    face = protocol.traits(model)
-    return Counter(
-        outcome(rows.get(name), driven, face=face)
-        if command.known_to(model, version) and not command.beyond
-        else BEYOND
-        for name, command in protocol.commands.items()
-    )
 
 
 def missing(client: str, mount: str) -> list[str]:

@@ -37,8 +37,8 @@ class ConnectionHandler(Protocol):
         """The connection came over a network, where anybody may be at the other end: how to end it."""
 
 
-#: How to write to a connection: whoever writes is told how many bytes the other side has not taken yet, or None where
-#: that is not known.
+#: How to write to a connection: whoever writes is told how many bytes still wait to be sent, or None where that is
+#: not known.
 Write = Callable[[bytes], int | None]
 #: (who it is, the host it comes from, how to write to it) -> its guest.
 Arrive = Callable[[str, str, Write], ConnectionHandler]

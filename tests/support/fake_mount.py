@@ -23,7 +23,8 @@ from gateway.mount.safety.rules.sync_sum import check_sync
 from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.ephemeris_reads import PLACES
 from gateway.mount.site.site_clock import SiteClock
-from gateway.protocols.base.surface import Defer, FireAndForget, Possible, ReuseLastReading, Session, Speed
+from gateway.protocols.base.surface import Session
+from gateway.protocols.base.wants import Defer, FireAndForget, Possible, ReuseLastReading, Speed
 
 
 @cache

@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 
 from gateway.core.operations import Operation
-from gateway.protocols.base.surface import Ending, Handling
+from gateway.protocols.base.ends import Ending
+from gateway.protocols.base.wants import Handling
 
 #: In the place of the count of stops: it was sent before all of them, and nobody may be there any more who sent it. It
 #: begins no motion and holds none.

@@ -22,7 +22,8 @@ from gateway.mount.link.queue import AT_ONCE, LATE
 from gateway.mount.readings.cache import FRESH, MISSING
 from gateway.mount.safety.rules.dead_man import HostActivity
 from gateway.protocols.base.session import Session
-from gateway.protocols.base.surface import Defer, FireAndForget, Possible, ReuseLastReading, Speed, Surface
+from gateway.protocols.base.surface import Surface
+from gateway.protocols.base.wants import Defer, FireAndForget, Possible, ReuseLastReading, Speed
 
 #: What takes minutes by its manual, and ends with the next command: its answer is waited for until that comes.
 LASTING = ClockFromGps

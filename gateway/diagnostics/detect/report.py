@@ -8,7 +8,6 @@ import shlex
 from gateway.diagnostics.detect.scan_port import USUAL, Finding
 from gateway.protocols.registry import PROTOCOLS, other_surface
 
-PORT = 4030
 #: What a person must know who lets others in.
 ANYBODY = "anybody in your network can move the mount then: these protocols know no passwords"
 #: The version of a mount that tells none.
@@ -100,7 +99,8 @@ def endpoint(finding: Finding) -> str:
 def surface(finding: Finding, network: bool) -> str:
     """Where programs connect: from this computer only, or from the network, too."""
     assert finding.mount is not None
-    return f"{other_surface(finding.mount.protocol)}@tcp://{'0.0.0.0' if network else '127.0.0.1'}:{PORT}"
+    spoken = other_surface(finding.mount.protocol)
+    return f"{spoken}@tcp://{'0.0.0.0' if network else '127.0.0.1'}:{PROTOCOLS[spoken].usual_port}"
 
 
 def command(finding: Finding, network: bool = False) -> str:

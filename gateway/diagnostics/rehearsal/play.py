@@ -13,7 +13,6 @@ from typing import NamedTuple
 from gateway.app.config import Endpoint
 from gateway.app.simulated import DEFAULT_SITE
 from gateway.astro.ephemeris import Sky
-from gateway.core.errors import Fault
 from gateway.core.operations import Read, named
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.rehearsal.meaning import meaning
@@ -21,7 +20,16 @@ from gateway.diagnostics.rehearsal.samples import START
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.protocols.base.driver import Driver
 from gateway.protocols.base.session import Session
-from gateway.protocols.base.surface import Defer, FireAndForget, Handling, Possible, ReuseLastReading, Speed, Want
+from gateway.protocols.base.wants import (
+    Defer,
+    FireAndForget,
+    Handling,
+    Possible,
+    ReuseLastReading,
+    Speed,
+    Want,
+    relayed,
+)
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
@@ -187,26 +195,16 @@ class Player:
         if self._session is None:
             self._session = session
             self._before = self._kept()
-        answer: object = None
-        fault: Fault | None = None
-        while True:
-            try:
-                wanted = steps.send(answer) if fault is None else steps.throw(fault)
-            except StopIteration as end:
-                return end.value
-            answer, fault = None, None
-            self._ask(wanted)
-            try:
-                answer = yield wanted
-            except Fault as error:
-                fault = error
+        return relayed(steps, self._ask)
 
-    def _ask(self, wanted: Want) -> None:
+    def _ask(self, wanted: Want) -> bool:
+        """Note it; it is asked for all the same."""
         if isinstance(wanted, Speed):
             self._events.append(Event("baud", str(wanted.baud)))
         elif not isinstance(wanted, Defer | Possible):
             operation = wanted.operation if isinstance(wanted, FireAndForget | ReuseLastReading) else wanted
             self._events.append(Event("means", meaning(operation)))
+        return False
 
     def _note(self, entry: Entry) -> None:
         """What the transcript takes down, as far as it belongs to a command."""

@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gateway.core.errors import Fault, Unsupported
-from gateway.core.operations import GotoAxes, Identity, Operation, Own, Rate, Read, Values, Verbatim
+from gateway.core.operations import GotoAxes, Identity, Operation, Own, Rate, Read, Stop, Values, Verbatim
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import Model, Version, Way
@@ -123,8 +123,6 @@ class Driver:
     version: Version | None = None
     #: Whether tracking was put off for a motion and has not been put back yet.
     tracking_suspended = False
-    #: The commands that end a motion and do nothing else, where a stop consists of more.
-    ends: frozenset[str] = frozenset()
     #: Whether a goto may be under way that the mount was sent and has not acknowledged.
     unsure = False
     #: Whether its motors have no power while it answers all the same.
@@ -149,6 +147,12 @@ class Driver:
             if all(self.knows(name) for name in (*way.send, *way.needs)):
                 return way
         return None
+
+    @property
+    def ends(self) -> frozenset[str]:
+        """The commands that end a motion and do nothing else, where a stop consists of more."""
+        way = self.way(Stop)
+        return frozenset() if way is None else frozenset(way.ends)
 
     def impossible(self, operation: Operation) -> Fault | None:
         """What an operation would be refused with, as far as that is known without asking the mount."""

@@ -105,6 +105,8 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     brands: tuple[str, ...] = ()
     #: What is simulated, driven and presented where nobody names a model.
     default_model: str | None = None
+    #: The TCP port that programs have in mind for it.
+    usual_port: int = 4030
     #: A mount for the demonstration, as an endpoint names it, and in words; a model for help texts.
     demo: tuple[str, str] | None = None
     example: str = ""

@@ -9,67 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing, suppress
-from functools import cache, cached_property
-from typing import Any, NamedTuple
-
-import msgspec
+from functools import cached_property
 
 from gateway.core import operations
 from gateway.core.errors import Disturbed, Fault, Invalid, NoTarget, Silence, Unsupported
 from gateway.core.motion_kinds import begins_motion, may_begin_motion
 from gateway.core.operations import Operation, Own, Stop, Values, Verbatim
+from gateway.protocols.base.ends import Ending, Ends
 from gateway.protocols.base.frames import Suspect, Unterminated
+from gateway.protocols.base.replies import fields_of, needs, refusal
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.subscription import Subscription
+from gateway.protocols.base.wants import FireAndForget, Handling, Want, relayed
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import Model, SurfaceRow
 
-
-class FireAndForget(NamedTuple):
-    """Perform an operation without waiting for it: its command has no reply."""
-
-    operation: Operation
-
-
-class Possible(NamedTuple):
-    """Go on unless it is known already that nothing can come of this operation: it may not be asked for, or the mount
-    does not hear. Raises Fault then, so that no is said before a yes that would be no more than a guess.
-    """
-
-    operation: Operation
-
-
-class ReuseLastReading(NamedTuple):
-    """What this client was told by a read a moment ago, so that two halves are of one instant; else asked anew."""
-
-    operation: Operation
-
-
-class Defer(NamedTuple):
-    """Call a special of this surface again after some seconds."""
-
-    seconds: float
-    special: str
-
-
-class Speed(NamedTuple):
-    """Go on at another baud rate once this command was answered, where there is a serial port."""
-
-    baud: int
-
-
-class Ending(NamedTuple):
-    """What a command ends in the moment in which it comes, and the commands that do not get their turn any more."""
-
-    operation: Operation
-    takes_back: frozenset[bytes]
-
-
 #: What some protocols answer whatever was done.
 ACKNOWLEDGED = b"#"
-Want = Operation | FireAndForget | Possible | ReuseLastReading | Defer | Speed
-Handling = Generator[Want, Any, Any]
 #: What a row's ``call`` names: a function ``(session, command, values)`` -> the reply's values, or steps to them.
 Special = Callable[..., object]
 
@@ -100,40 +57,26 @@ class Surface:
         self.lacks: Callable[[Model, bytes], str] = lambda model, frame: ""
 
     @cached_property
-    def _endings(self) -> dict[bytes, Command]:
-        """The commands that end motions, as programs write them."""
-        urgent = [
-            command for command in self.protocol.commands.values() if command.urgent in ("stop", "restart", "axis")
-        ]
-        return {command.request.literal: command for command in urgent if command.name in self.protocol.surface}
+    def ends(self) -> Ends:
+        """What ends motions, by the tables."""
+        return Ends(self.protocol)
 
     def ending(self, session: Session, frame: bytes) -> Ending | None:
         """What a command ends when it comes, before it has its turn; None for all that wait for theirs."""
-        command = self._endings.get(frame)
+        command = self.ends.command(frame)
         if command is None:
             return None
         row = self.protocol.surface[command.name]
-        operation = self._operation(session, row, {}) if command.urgent == "axis" else Stop()
         return Ending(
-            operation, frozenset([self.protocol.commands[name].request.literal for name in command.takes_back])
+            self._operation(session, row, {}) if command.urgent == "axis" else Stop(), self.ends.takes_back(command)
         )
-
-    @cached_property
-    def _marks(self) -> tuple[bytes, ...]:
-        """Bytes of which some are in every command that ends a motion."""
-        marks = {command.mark for command in self.protocol.commands.values() if command.urgent}
-        return tuple([mark for mark in marks if not any(other in mark for other in marks - {mark})])
-
-    def may_end(self, data: bytes) -> bool:
-        """Whether these bytes, which are not cut into commands yet, may be or hold the end of a motion."""
-        return any(mark in data for mark in self._marks)
 
     def handle(self, session: Session, frame: bytes) -> Handling:
         """One framed command -> its reply (empty: none). Yields operations; never raises for what a client sent."""
         if isinstance(frame, Unterminated):
             return self._refuse(session, frame)
         steps = self._handle(session, frame)
-        return _without_motion(steps) if isinstance(frame, Suspect) else steps
+        return relayed(steps, _without_motion) if isinstance(frame, Suspect) else steps
 
     def _handle(self, session: Session, frame: bytes) -> Handling:
         if self.lacks(session.model, frame):
@@ -172,7 +115,7 @@ class Surface:
                     session.refused = f"{command.help}: {values['fault']}"
             return self.reply(session, command, answer)
         except Fault as fault:
-            said = self.refusal(command, fault)
+            said = refusal(command, fault)
             if not said and isinstance(fault, Invalid):
                 session.refused = f"{command.help}: {fault}"
             return said or self.unanswered(frame, fault)
@@ -183,7 +126,7 @@ class Surface:
         for name in frame.names:
             self._clear(session, name)
         command = self.protocol.commands.get(frame.names[0])
-        return b"" if frame.late or command is None else self.refusal(command, Invalid())
+        return b"" if frame.late or command is None else refusal(command, Invalid())
 
     def _clear(self, session: Session, name: str) -> None:
         """Have a command do to the session what it does when its value cannot be read."""
@@ -275,7 +218,7 @@ class Surface:
         kind = operations.named(row.ask or "")
         assert kind is not None
         fields: Values = {}
-        for field, required in _needs(kind):
+        for field, required in needs(kind):
             value = values.get(field, row.given.get(field, getattr(session.kept, field, None)))
             if value is None and required:
                 raise NoTarget
@@ -289,48 +232,14 @@ class Surface:
             return answer
         for reply, picture in command.replies:
             if reply.fault is None and reply.when in (None, session.kept.precision, session.model.get("name")):
-                return self.as_written(command.name, picture.encode(_fields(answer, picture.fields)))
+                return self.as_written(command.name, picture.encode(fields_of(answer, picture.fields)))
         return b""
 
-    def refusal(self, command: Command, fault: Fault) -> bytes:
-        """The reply form that stands for this fault, else the first that stands for any, else silence."""
-        refusals = [(reply, picture) for reply, picture in command.replies if reply.fault is not None]
-        name = type(fault).__name__
-        chosen = next((item for item in refusals if item[0].fault == name), refusals[0] if refusals else None)
-        if chosen is None:
-            return b""
-        return chosen[1].encode(dict.fromkeys(chosen[1].fields, str(fault)))
 
-
-def _without_motion(steps: Handling) -> Handling:
-    """Carry out a command, but for what sets something moving."""
-    answer: Any = None
-    fault: Fault | None = None
-    while True:
-        try:
-            wanted = steps.send(answer) if fault is None else steps.throw(fault)
-        except StopIteration as end:
-            return end.value
-        answer, fault = None, None
-        if begins_motion(getattr(wanted, "operation", wanted)):
-            fault = None if isinstance(wanted, FireAndForget) else Disturbed()
-            continue
-        try:
-            answer = yield wanted
-        except Fault as error:
-            fault = error
-
-
-@cache
-def _needs(kind: type[Operation]) -> tuple[tuple[str, bool], ...]:
-    """The fields of an operation, and whether each must be given; looking them up costs more than all of a reply."""
-    return tuple((field.name, field.required) for field in msgspec.structs.fields(kind))
-
-
-def _fields(answer: object, names: Mapping[str, object]) -> Mapping[str, object]:
-    """An answer as the fields a reply wants: a mapping, a struct, or one bare value for one field."""
-    if isinstance(answer, Mapping):
-        return answer
-    if isinstance(answer, msgspec.Struct):
-        return msgspec.structs.asdict(answer)
-    return dict.fromkeys(names, answer)
+def _without_motion(wanted: Want) -> bool:
+    """Whether something is not done because it would set something moving. Raises Disturbed where that can be said."""
+    if not begins_motion(getattr(wanted, "operation", wanted)):
+        return False
+    if isinstance(wanted, FireAndForget):
+        return True
+    raise Disturbed

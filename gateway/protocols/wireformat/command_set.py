@@ -124,7 +124,9 @@ class CommandSet:
     def _check_way(self, where: str, key: str, way: Way) -> None:
         if bool(way.send) == bool(way.call):
             raise MappingError(where, key, "one of send, call is needed")
-        for name in way.commands:
+        if key == "Stop" and not way.ends:
+            raise MappingError(where, key, "it needs ends: its commands that end a motion and do nothing else")
+        for name in (*way.commands, *way.ends):
             if name not in self.commands:
                 raise MappingError(where, key, f"commands.toml has no [{name}]")
         if way.outcome not in OUTCOMES:
@@ -142,7 +144,7 @@ class CommandSet:
 
         A fork is ``alt-az``, or ``equatorial`` on a wedge, as a German mount always is.
         """
-        facts = self.models[model]
+        facts = self.models.get(model, {})
         flags = (key for key, value in facts.items() if value is True)
         build = facts.get("mount", "")
         moves = {"german": "equatorial", "fork": "equatorial" if wedge else "alt-az"}.get(build, "")

@@ -145,7 +145,8 @@ class Way(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One way of carrying out an operation: the commands it sends, or a Python special, what it needs and what it uses.
 
     A way whose ``send`` or ``needs`` the mount lacks is passed over; the others it uses where there are some. ``part``
-    names what a model must be or have for it (``traits``); the tables count by it. ``aligned`` says that it is taken on
+    names what a model must be or have for it (``traits``); the tables count by it. Of the commands that a stop consists
+    of, ``ends`` are those that end a motion and do nothing else. ``aligned`` says that it is taken on
     an aligned mount alone, or only before the alignment.
     """
 
@@ -153,6 +154,7 @@ class Way(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     call: str | None = None
     needs: list[str] = []
     uses: list[str] = []
+    ends: list[str] = []
     part: str | None = None
     aligned: bool | None = None
     outcome: str = "translated"

@@ -46,7 +46,6 @@ class Lx200Driver(Driver):
     protocol = load("lx200")
     takes_site_aligned = True
     patience = OWN_PATIENCE
-    ends = frozenset({"Q"})
     #: Two digits: from 51 on they are those of the century before.
     years = range(1951, 2051)
     position_reads = 2

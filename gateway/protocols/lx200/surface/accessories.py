@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from gateway.core.errors import Invalid, Unsupported
 from gateway.core.operations import Backlash, Focus, HomeState, PeriodicError, Unpark, Values
-from gateway.protocols.base.surface import FireAndForget, Handling, Speed
+from gateway.protocols.base.wants import FireAndForget, Handling, Speed
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 

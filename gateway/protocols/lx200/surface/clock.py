@@ -12,9 +12,21 @@ import contextlib
 from copy import copy
 from datetime import UTC, date, datetime, timedelta
 
-from gateway.core.errors import Fault, Invalid, ReadOnly, Unsupported
-from gateway.core.operations import GetClock, Moment, SetClock, SiderealTime, Values
-from gateway.protocols.base.surface import Defer, Handling
+from gateway.core.errors import Fault, Invalid, NoDevice, ReadOnly, Unsupported
+from gateway.core.operations import (
+    ClockFromGps,
+    GetClock,
+    GetGps,
+    GetSite,
+    Gps,
+    Moment,
+    Place,
+    SetClock,
+    SiderealTime,
+    Values,
+)
+from gateway.protocols.base.wants import Defer, Handling
+from gateway.protocols.lx200.nmea import rmc
 from gateway.protocols.lx200.session import Draft, LxSession
 from gateway.protocols.wireformat.command import Command
 
@@ -210,3 +222,22 @@ def toggle_hours(session: LxSession, command: Command, values: Values) -> None:
 def tell_hours(session: LxSession, command: Command, values: Values) -> dict[str, str]:
     """:Gc"""
     return {"hours": "12" if session.kept.twelve else "24"}
+
+
+# --- the GPS of an LX200GPS: the mount's own unit; without one, or without a fix, nothing says that there is one ---
+
+
+def gps_sentence(session: LxSession, command: Command, values: Values) -> Handling:
+    """:gps - one RMC sentence; without a fix one that says so (V), with the site and the clock in force."""
+    try:
+        seen: Gps = yield GetGps()
+    except (Unsupported, NoDevice):
+        seen = Gps(linked=False)
+    place: Place = seen.place or (yield GetSite())
+    moment: Moment = yield GetClock()
+    return {"text": rmc(place.latitude, place.longitude, seen.unix or moment.unix, seen.linked)}
+
+
+def gps_clock(session: LxSession, command: Command, values: Values) -> Handling:
+    """:gT - 1 when the mount's clock was set from its GPS unit, 0 when there is none or it has no fix."""
+    yield ClockFromGps()

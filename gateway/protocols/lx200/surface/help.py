@@ -5,7 +5,7 @@ from __future__ import annotations
 from gateway import __version__
 from gateway.core.errors import Fault
 from gateway.core.operations import GetIdentity, GetStatus, Identity, Status, Values
-from gateway.protocols.base.surface import Handling
+from gateway.protocols.base.wants import Handling
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 

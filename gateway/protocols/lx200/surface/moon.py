@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from gateway.core.errors import NoTarget
 from gateway.core.operations import Equatorial, MoonPlace, Sync, Values
-from gateway.protocols.base.surface import FireAndForget, Handling
+from gateway.protocols.base.wants import FireAndForget, Handling
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.lx200.surface import selected
 from gateway.protocols.wireformat.command import Command

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gateway.core.errors import Invalid
 from gateway.core.operations import Direction, Move, Pulse, Rate, SetGuideRate, Values
-from gateway.protocols.base.surface import FireAndForget, Handling
+from gateway.protocols.base.wants import FireAndForget, Handling
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 

@@ -13,7 +13,7 @@ from gateway.astro.catalog import Entry, Wanted, deepsky, describe, search, star
 from gateway.astro.spherical import separation
 from gateway.core.errors import Invalid, Unsupported
 from gateway.core.operations import Equatorial, MoonPlace, OfCatalog, PlanetPlace, Position, Values, Zenith
-from gateway.protocols.base.surface import Handling
+from gateway.protocols.base.wants import Handling
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.lx200.surface import selected
 from gateway.protocols.wireformat.command import Command

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from gateway.core.errors import Fault
 from gateway.core.operations import Choose, Chosen, Own, Values, Verbatim
-from gateway.protocols.base.surface import Handling
+from gateway.protocols.base.wants import Handling
 from gateway.protocols.lx200.session import Draft, LxSession
 from gateway.protocols.lx200.surface import selected
 from gateway.protocols.wireformat.command import Command

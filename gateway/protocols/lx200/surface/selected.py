@@ -9,7 +9,7 @@ from __future__ import annotations
 from gateway.astro.catalog import Entry, describe
 from gateway.core.errors import Fault
 from gateway.core.operations import Equatorial, MoonPlace, OfDate, PlanetPlace
-from gateway.protocols.base.surface import Handling
+from gateway.protocols.base.wants import Handling
 from gateway.protocols.lx200.session import LxSession
 
 

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from gateway.core.errors import Fault, Invalid
 from gateway.core.operations import GetSite, Place, SetSite, Values
-from gateway.protocols.base.surface import Handling
+from gateway.protocols.base.wants import Handling
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 

@@ -14,7 +14,7 @@ from gateway.core.operations import (
     Sync,
     Values,
 )
-from gateway.protocols.base.surface import Handling, ReuseLastReading
+from gateway.protocols.base.wants import Handling, ReuseLastReading
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.lx200.surface import selected
 from gateway.protocols.wireformat.command import Command

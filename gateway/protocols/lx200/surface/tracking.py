@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from gateway.core.errors import Fault, Invalid, NotAligned
 from gateway.core.operations import DriveRate, GetStatus, SetTracking, Status, Tracking, TrackRate, Values
-from gateway.protocols.base.surface import FireAndForget, Handling
+from gateway.protocols.base.wants import FireAndForget, Handling
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 

@@ -74,7 +74,6 @@ class Memory(Struct, omit_defaults=True):
 class NexStar(HandControl):
     """A Celestron mount. ``now`` is any clock that never goes back, in seconds."""
 
-    ends = frozenset({"M", "slew_azm_pos", "slew_alt_pos", "pulse"})
     sync_aligns = False
 
     def __init__(

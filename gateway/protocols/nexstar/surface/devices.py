@@ -22,7 +22,7 @@ from gateway.core.operations import (
     SetClock,
     Values,
 )
-from gateway.protocols.base.surface import FireAndForget, Handling, Possible
+from gateway.protocols.base.wants import FireAndForget, Handling, Possible
 from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.nexstar.surface.acknowledged import begin
 from gateway.protocols.wireformat.command import Command

@@ -19,7 +19,7 @@ from gateway.core.operations import (
     HorizontalPosition,
 )
 from gateway.core.operations import Status as MountStatus
-from gateway.protocols.base.surface import Handling
+from gateway.protocols.base.wants import Handling
 from gateway.protocols.nexstar.session import NexStarSession
 
 

@@ -23,7 +23,7 @@ from gateway.core.operations import (
     Values,
     Wake,
 )
-from gateway.protocols.base.surface import FireAndForget, Handling
+from gateway.protocols.base.wants import FireAndForget, Handling
 from gateway.protocols.nexstar.rates import key_speed, rate_tables
 from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.nexstar.surface.acknowledged import begin

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 
 from gateway.core.errors import Fault
 from gateway.core.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite, Values
-from gateway.protocols.base.surface import Handling, Possible
+from gateway.protocols.base.wants import Handling, Possible
 from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.wireformat.command import Command
 

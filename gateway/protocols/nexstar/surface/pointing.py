@@ -9,7 +9,7 @@ from __future__ import annotations
 from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core.errors import Asleep, Fault, NoAnswer, Unsupported
 from gateway.core.operations import CancelGoto, GetStatus, Goto, PierSide, SiderealTime, Slewing, Sync, Values
-from gateway.protocols.base.surface import FireAndForget, Handling
+from gateway.protocols.base.wants import FireAndForget, Handling
 from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.nexstar.surface.acknowledged import begin
 from gateway.protocols.nexstar.surface.devices import motor
