@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import msgspec
 
 from gateway.app.config import called
+from gateway.astro.offline import go_offline
 from gateway.core.errors import UserError
 from gateway.protocols.base.spec import ProtocolSpec
 from gateway.protocols.registry import PROTOCOLS, mounts
@@ -100,6 +101,7 @@ def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
     wrong = UserError(f"{text!r}: write LAT,LON, north and east positive: 45.5,-122.7 or 45°30'N,122°42'W")
     if len(parts) != 2 or any("h" in part.lower() for part in parts):
         raise wrong
+    go_offline()
     from astropy.coordinates import Latitude, Longitude
 
     try:

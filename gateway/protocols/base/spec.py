@@ -85,8 +85,10 @@ class Question(Struct, frozen=True):
     late: bool = False
 
 
-def _number(text: str) -> Version:
-    return parse_version(text)
+def _written(text: str) -> str:
+    """The same. Raises ValueError for what is no version."""
+    parse_version(text)
+    return text
 
 
 class ProtocolSpec(Struct, frozen=True, kw_only=True):
@@ -127,9 +129,9 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
 
     # --- versions ---
     #: The version whose commands a mount of a version has. Raises ValueError.
-    counts_as: Callable[[str], Version] = _number
-    #: A version as it is written. Raises UserError for one that there never was.
-    check_version: Callable[[str], str] = lambda text: text
+    counts_as: Callable[[str], Version] = parse_version
+    #: A version as it is written. Raises ValueError for what is none, UserError for one that there never was.
+    check_version: Callable[[str], str] = _written
     #: The versions of a row of models.toml.
     made_with: Callable[[Model], list[str]] = lambda row: list(row.get("versions", ()))
     #: Words in the place of a model that name a version: (word, version or None) -> version.

@@ -205,6 +205,7 @@ def test_every_form_of_the_manuals_goes_on_with_its_last_byte_at_the_latest() ->
 # --- conversations ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("transport", ["tcp", "rfc2217"])
 @pytest.mark.parametrize("path", files("*.txt"), ids=lambda path: path.stem)
 def test_a_conversation_is_answered_over_a_network_when_it_is_on_a_line(path: Path, transport: str) -> None:

@@ -12,7 +12,11 @@ from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
 
+import pytest
+
 import gateway
+from gateway.app.config import parse_device
+from gateway.core.errors import UserError
 from gateway.protocols.registry import PROTOCOLS, guess, other_surface, pairs
 from gateway.protocols.wireformat.command_set import mappings_folder
 
@@ -148,3 +152,9 @@ def test_no_import_circle_in_protocols() -> None:
         parts = path.relative_to(ROOT.parent).with_suffix("").parts
         modules[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
     TopologicalSorter({name: _imports(path, modules) - {name} for name, path in modules.items()}).prepare()
+
+
+@pytest.mark.parametrize("device", ["lx200:autostar/new", "nexstar:cpc/new", "nexstar:cpc/0.5", "nexstar:starsense/9"])
+def test_a_version_that_there_never_was_is_refused(device: str) -> None:
+    with pytest.raises(UserError, match="version"):
+        parse_device(device)
