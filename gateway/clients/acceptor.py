@@ -94,7 +94,6 @@ class ConnectionAcceptor:
         )
         self._visits.add(visit)
         client.push()
-        client.push()
         return visit
 
     def admit(self, name: str, host: str) -> None:

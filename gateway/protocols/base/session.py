@@ -32,8 +32,8 @@ class AltitudeLimits(Protocol):
 class ClientSettings:
     """What holds for every client of a surface, until it sets something else."""
 
-    precision: str
     limits: AltitudeLimits
+    precision: str = "high"
     sync_text: str | None = None
 
 

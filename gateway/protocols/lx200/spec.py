@@ -51,7 +51,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     return MadeSurface(
         surface,
         {**protocol.models[name], "name": name},
-        ClientSettings(settings.precision or "high", settings.limits, settings.sync_text),
+        ClientSettings(settings.limits, settings.precision or "high", settings.sync_text),
     )
 
 

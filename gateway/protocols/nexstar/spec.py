@@ -70,7 +70,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     surface.passes, surface.lacks, surface.stands_against = passes, lacks, stands_against
     surface.session = NexStarSession
     fit = None if settings.model else lambda polar, german, gps: fitting(polar, german, gps, version)
-    return MadeSurface(surface, presented(settings.model, version), ClientSettings("high", settings.limits), fit)
+    return MadeSurface(surface, presented(settings.model, version), ClientSettings(settings.limits), fit)
 
 
 def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
