@@ -1,0 +1,43 @@
+// Orders beside motion by hand: tracking and its rate, park and home, sync, and holding the mount still.
+
+import { button, byId, choice, el } from "./dom.js";
+import { answered } from "./notices.js";
+import { place, onPlace, sync } from "./place.js";
+import { ask } from "./socket.js";
+import { state, mount, subscribe } from "./store.js";
+
+const RATES = [["sidereal", "Stars"], ["lunar", "Moon"], ["solar", "Sun"]];
+/** What the tracking's row says where the mount tells a rate. */
+const send = async (request) => answered(await ask(request));
+
+function row(title, ...content) {
+  return el("div", { class: "row" }, el("h3", {}, title), ...content);
+}
+
+function group(label, choices, chosen) {
+  const box = el("div", { class: "chips", role: "radiogroup", "aria-label": label });
+  return [box, choice(box, choices, chosen)];
+}
+
+export function start() {
+  const [onOff, tracks] = group("Tracking", [["on", "On"], ["off", "Off"]], (value) => send({ do: "track", on: value === "on" }));
+  const rates = el("div", { class: "chips", role: "group", "aria-label": "Rate of tracking" },
+    ...RATES.map(([rate, words]) => button(words, () => send({ do: "track", on: true, rate }))));
+  const syncs = button("Sync…", sync);
+  const holds = button("Hold still", () => send({ do: mount()?.held ? "release" : "hold" }));
+  byId("orders").replaceChildren(
+    row("Tracking", onOff),
+    row("Track the", rates),
+    row("Positions", el("div", { class: "chips" }, button("Park", () => send({ do: "park" })), button("Unpark", () => send({ do: "unpark" })),
+      button("Home", () => send({ do: "home" })))),
+    row("Other", el("div", { class: "chips" }, syncs, holds, button("Wake", () => send({ do: "wake" })))),
+  );
+  const name = () => (syncs.textContent = place()?.name ? `Sync on ${place().name}…` : "Sync…");
+  onPlace(name);
+  subscribe(() => {
+    const seen = mount();
+    tracks.set(seen ? (seen.tracks ? "on" : "off") : null);
+    holds.textContent = seen?.held ? "Release" : "Hold still";
+    for (const one of byId("orders").querySelectorAll("button")) one.disabled = !state.act;
+  });
+}

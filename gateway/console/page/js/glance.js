@@ -1,0 +1,18 @@
+// Below the sky, in one look: where the telescope points.
+
+import { byId, el, say } from "./dom.js";
+import { angle, azimuth, declination, hours } from "./format.js";
+import { mount, subscribe } from "./store.js";
+
+const FIGURES = [
+  ["RA", (at) => hours(at?.ra)],
+  ["Dec", (at) => declination(at?.dec)],
+  ["Alt", (at) => angle(at?.alt)],
+  ["Az", (at) => azimuth(at?.az)],
+];
+
+export function start() {
+  const values = FIGURES.map(() => el("dd", {}));
+  byId("glance").replaceChildren(...FIGURES.map(([words], index) => el("div", {}, el("dt", {}, words), values[index])));
+  subscribe(() => FIGURES.forEach(([, figure], index) => say(values[index], figure(mount()?.position))));
+}

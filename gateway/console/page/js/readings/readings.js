@@ -1,0 +1,62 @@
+// Everything that is known of the mount, in groups; one row is one figure.
+
+import { byId, el, say } from "../dom.js";
+import { angle, azimuth, declination, hourAngle, hours, sentence, span, UNKNOWN } from "../format.js";
+import { mount, subscribe } from "../store.js";
+import { lineGroup } from "./line.js";
+import { programsGroup } from "./programs.js";
+import { siteGroup } from "./site.js";
+
+const PIERS = { E: "east", W: "west" };
+const age = (at) => (at && at.age > 10 ? `${span(at.age)} ago` : "");
+
+/** @type {Array<[string, Array<[string, (seen: any) => string, string?]>]>}  title, then label, figure, style */
+const GROUPS = [
+  ["Where it points", [
+    ["Right ascension", (seen) => hours(seen.position?.ra), "large"],
+    ["Declination", (seen) => declination(seen.position?.dec), "large"],
+    ["Altitude", (seen) => angle(seen.position?.alt, 2), "large"],
+    ["Azimuth", (seen) => azimuth(seen.position?.az), "large"],
+    ["RA, J2000", (seen) => hours(seen.position?.ra2000)],
+    ["Dec, J2000", (seen) => declination(seen.position?.dec2000)],
+    ["Hour angle", (seen) => hourAngle(seen.hour_angle)],
+    ["Sidereal time", (seen) => hours(seen.sidereal)],
+    ["Side of the pier", (seen) => PIERS[seen.pier] ?? ""],
+    ["Seen", (seen) => age(seen.position)],
+  ]],
+  ["What it does", [
+    ["Now", (seen) => seen.does || UNKNOWN],
+    ["Ordered", (seen) => seen.wanted.map(sentence).join(" ") || "Nothing."],
+    ["On its way to", (seen) => seen.target?.words ?? ""],
+    ["Tracking", (seen) => seen.tracking || UNKNOWN],
+    ["Aligned", (seen) => ({ true: "yes", false: "no" })[String(seen.aligned)] ?? UNKNOWN],
+    ["Lately", (seen) => seen.lately.map(sentence).join(" ")],
+  ]],
+  ["Mount", [
+    ["Found", (seen) => seen.product || "It has not said yet what it is."],
+    ["Model", (seen) => seen.model],
+    ["Version", (seen) => (seen.version === "?" ? "" : seen.version)],
+    ["Reached by", (seen) => seen.at],
+  ]],
+];
+
+function groupOf(title, rows) {
+  const made = rows.map(([label, figure, style]) => {
+    const value = el("dd", {});
+    return { figure, value, row: el("div", { class: style ?? null }, el("dt", {}, label), value) };
+  });
+  subscribe(() => {
+    const seen = mount();
+    for (const { figure, value, row } of made) {
+      const words = seen ? figure(seen) : UNKNOWN;
+      row.hidden = words === "";
+      say(value, words);
+    }
+  });
+  return el("section", { class: "group" }, el("h3", {}, title), el("dl", {}, ...made.map(({ row }) => row)));
+}
+
+export function start() {
+  const [points, does, what] = GROUPS.map(([title, rows]) => groupOf(title, rows));
+  byId("readings").replaceChildren(points, does, siteGroup(), lineGroup(), programsGroup(), what);
+}
