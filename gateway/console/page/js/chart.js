@@ -1,15 +1,15 @@
 // The sky's chart in its pane: it is loaded after everything else, told what changes, and what is tapped in it is shown.
 
-import { byId } from "./dom.js";
+import { byId, say } from "./dom.js";
 import { notice } from "./notices.js";
-import { light, onLight, palette } from "./night.js";
-import { onPlace, showName, showPlace } from "./place.js";
+import { light, onLight } from "./night.js";
+import { onPlace, showPicked } from "./place.js";
 import { mount, state, subscribe } from "./store.js";
 
 export async function start() {
   const { createSky } = await import("./sky/sky.js");
   const canvas = byId("sky");
-  const sky = createSky(canvas, { onPick: (picked) => (picked.named ? showName(picked.name) : showPlace(picked, picked.name)), palette });
+  const sky = createSky(canvas, { onPick: showPicked, say: (words) => say(byId("sky-says"), words) });
   new ResizeObserver(() => sky.resize()).observe(byId("chart"));
   onLight(() => sky.setNight(light().night));
   onPlace((place) => sky.highlight(place));

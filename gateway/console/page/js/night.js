@@ -40,6 +40,7 @@ function show(night) {
   const name = night ? "night" : "day";
   if (root.dataset.light === name) return;
   root.dataset.light = name;
+  root.toggleAttribute("data-night", night);
   remember("light-shown", name);
   apply();
 }
@@ -77,20 +78,4 @@ export function start() {
   byId("light").addEventListener("click", () => setMode(light().night ? "day" : "night"));
   subscribe(follow);
   apply();
-}
-
-const NAMES = ["paper", "rim", "ring", "text", "faint", "star", "constellation", "tube", "trail", "target", "way",
-  "forbidden", "sun", "moon", "planet", "cursor"];
-
-/** The sky's colours as they are now: every `--sky-NAME` of css/tokens.css, worked out to an rgb() of its own. */
-export function palette() {
-  const probe = document.createElement("i");
-  document.body.append(probe);
-  const found = {};
-  for (const name of NAMES) {
-    probe.style.color = `var(--sky-${name})`;
-    found[name] = getComputedStyle(probe).color;
-  }
-  probe.remove();
-  return found;
 }

@@ -27,13 +27,22 @@ export const showName = (name) => look({ do: "look_up", name }, name);
 /** A place of J2000 that was tapped or typed. */
 export const showPlace = ({ ra2000, dec2000 }, name = "") => look({ do: "ask", ra: ra2000, dec: dec2000, j2000: true }, name);
 
-async function look(request, name) {
+/** What was tapped in the chart: by its name where the gateway knows that, for what moves among the stars. */
+export async function showPicked(picked) {
+  if (!picked.name || !(await look({ do: "look_up", name: picked.name }, picked.name, () => {}))) showPlace(picked, picked.name);
+}
+
+async function look(request, name, refused = (words) => notice(words, "refused")) {
   const answer = await ask(request);
-  if (!answer.ok) return notice(answer.words, "refused");
+  if (!answer.ok) {
+    refused(answer.words);
+    return false;
+  }
   chosen = { request, found: { ...answer, name: answer.name ?? name } };
   show("sky");
   draw();
   listeners.forEach((listener) => listener(chosen.found));
+  return true;
 }
 
 export function forget() {

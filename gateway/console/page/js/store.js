@@ -1,8 +1,8 @@
 // What the page knows: the last state of every mount, and whether the gateway is heard. Parts of the page subscribe and
 // are called at most once a frame, however many messages came.
 
-/** @type {{hello: any, heardAt: number, mounts: any[], recordings: any[], chosen: number, connected: boolean, act: boolean}} */
-export const state = { hello: null, heardAt: 0, mounts: [], recordings: [], chosen: 0, connected: false, act: false };
+/** @type {{hello: any, heardAt: number, mounts: any[], recordings: any[], chosen: number, connected: boolean, act: boolean, pin: string}} */
+export const state = { hello: null, heardAt: 0, mounts: [], recordings: [], chosen: 0, connected: false, act: false, pin: "" };
 
 /** @type {Set<() => void>} */
 const listeners = new Set();

@@ -1,4 +1,4 @@
-// Which view is shown: the address says it after #, so Back works and a view can be bookmarked.
+// Which view is shown: the address says it after #/, so Back works and a view can be bookmarked.
 // On a wide screen several panes stand side by side; then the views that have no pane of their own lead to the sky.
 
 const VIEWS = ["sky", "control", "readings", "talk", "more"];
@@ -10,11 +10,11 @@ export const view = () => document.body.dataset.view;
 export const onView = (listener) => listeners.push(listener);
 
 export function show(name) {
-  if (view() !== name) location.hash = name;
+  if (view() !== name) location.hash = `/${name}`;
 }
 
 function follow() {
-  const wanted = location.hash.slice(1);
+  const wanted = location.hash.slice(2);
   const name = VIEWS.includes(wanted) ? wanted : "sky";
   document.body.dataset.view = name;
   for (const link of document.querySelectorAll("nav.views a")) {
