@@ -2,12 +2,11 @@
 
 import { button, byId, choice, el } from "./dom.js";
 import { answered } from "./notices.js";
-import { place, onPlace, sync } from "./place.js";
+import { sync } from "./place.js";
 import { ask } from "./socket.js";
 import { state, mount, subscribe } from "./store.js";
 
 const RATES = [["sidereal", "Stars"], ["lunar", "Moon"], ["solar", "Sun"]];
-/** What the tracking's row says where the mount tells a rate. */
 const send = async (request) => answered(await ask(request));
 
 function row(title, ...content) {
@@ -24,19 +23,19 @@ export function start() {
   const rates = el("div", { class: "chips", role: "group", "aria-label": "Rate of tracking" },
     ...RATES.map(([rate, words]) => button(words, () => send({ do: "track", on: true, rate }))));
   const syncs = button("Sync…", sync);
+  const wakes = button("Wake", () => send({ do: "wake" }));
   const holds = button("Hold still", () => send({ do: mount()?.held ? "release" : "hold" }));
   byId("orders").replaceChildren(
     row("Tracking", onOff),
-    row("Track the", rates),
-    row("Positions", el("div", { class: "chips" }, button("Park", () => send({ do: "park" })), button("Unpark", () => send({ do: "unpark" })),
-      button("Home", () => send({ do: "home" })))),
-    row("Other", el("div", { class: "chips" }, syncs, holds, button("Wake", () => send({ do: "wake" })))),
+    row("Follow", rates),
+    row("Go to", el("div", { class: "chips" }, button("Park", () => send({ do: "park" })), button("Home", () => send({ do: "home" })),
+      button("Unpark", () => send({ do: "unpark" })))),
+    row("Mount", el("div", { class: "chips" }, wakes, holds, syncs)),
   );
-  const name = () => (syncs.textContent = place()?.name ? `Sync on ${place().name}…` : "Sync…");
-  onPlace(name);
   subscribe(() => {
     const seen = mount();
     tracks.set(seen ? (seen.tracks ? "on" : "off") : null);
+    wakes.hidden = !seen?.asleep;
     holds.textContent = seen?.held ? "Release" : "Hold still";
     for (const one of byId("orders").querySelectorAll("button")) one.disabled = !state.act;
   });

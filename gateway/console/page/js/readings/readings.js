@@ -26,11 +26,10 @@ const GROUPS = [
   ]],
   ["What it does", [
     ["Now", (seen) => seen.does || UNKNOWN],
-    ["Ordered", (seen) => seen.wanted.map(sentence).join(" ") || "Nothing."],
+    ["Ordered", (seen) => seen.wanted.map(sentence).join(" ") || "Nothing.", "words"],
     ["On its way to", (seen) => seen.target?.words ?? ""],
     ["Tracking", (seen) => seen.tracking || UNKNOWN],
     ["Aligned", (seen) => ({ true: "yes", false: "no" })[String(seen.aligned)] ?? UNKNOWN],
-    ["Lately", (seen) => seen.lately.map(sentence).join(" ")],
   ]],
   ["Mount", [
     ["Found", (seen) => seen.product || "It has not said yet what it is."],
@@ -56,7 +55,22 @@ function groupOf(title, rows) {
   return el("section", { class: "group" }, el("h3", {}, title), el("dl", {}, ...made.map(({ row }) => row)));
 }
 
+/** What was refused, or done by the gateway itself, in the last minutes: the newest first. */
+function latelyGroup() {
+  const list = el("ul", { class: "lines" });
+  const whole = el("section", { class: "group" }, el("h3", {}, "Lately"), list);
+  let before = "";
+  subscribe(() => {
+    const now = mount()?.lately ?? [];
+    whole.hidden = !now.length;
+    if (now.join() === before) return;
+    before = now.join();
+    list.replaceChildren(...now.toReversed().map((words) => el("li", {}, sentence(words))));
+  });
+  return whole;
+}
+
 export function start() {
   const [points, does, what] = GROUPS.map(([title, rows]) => groupOf(title, rows));
-  byId("readings").replaceChildren(points, does, siteGroup(), lineGroup(), programsGroup(), what);
+  byId("readings").replaceChildren(points, does, latelyGroup(), siteGroup(), lineGroup(), programsGroup(), what);
 }

@@ -4,7 +4,7 @@ import { el } from "../dom.js";
 import { toSecond } from "../format.js";
 
 /** What stands before the bytes: who speaks to whom, in words for those who do not see it. */
-const ARROWS = { ">": ["→", "sent"], "<": ["←", "answered"], "!": ["✕", "refused or failed"], "+": ["+", "connected"], "-": ["−", "gone"], "=": ["↻", "again"] };
+const ARROWS = { ">": ["→", "sent"], "<": ["←", "answered"], "!": ["✕", "refused or failed"], "+": ["+", "connected"], "-": ["−", "gone"], "=": ["↻", "again"], x: ["✕", "dropped"] };
 
 function line(row) {
   const [mark, means] = ARROWS[row.arrow] ?? ["·", ""];
