@@ -1,4 +1,4 @@
-// Below the sky, in one look: where the telescope points.
+// In the chart's upper corners, in one look: where the telescope points.
 
 import { byId, el, say } from "./dom.js";
 import { angle, azimuth, declination, hours } from "./format.js";
@@ -6,8 +6,8 @@ import { mount, subscribe } from "./store.js";
 
 const FIGURES = [
   ["RA", (at) => hours(at?.ra)],
-  ["Dec", (at) => declination(at?.dec)],
   ["Alt", (at) => angle(at?.alt)],
+  ["Dec", (at) => declination(at?.dec)],
   ["Az", (at) => azimuth(at?.az)],
 ];
 

@@ -21,7 +21,7 @@ function lightGroup() {
   const modes = chips("Light");
   const steps = chips("Brightness by night");
   const mode = choice(modes, [["auto", "By the Sun"], ["day", "Day"], ["night", "Red"]], setMode);
-  const step = choice(steps, [["1", "Darkest"], ["2", "Dark"], ["3", "Bright"], ["4", "Brightest"]], (value) => setStep(Number(value)));
+  const step = choice(steps, [["1", "Faint"], ["2", "Low"], ["3", "Middle"], ["4", "Full"]], (value) => setStep(Number(value)));
   const words = el("p", { class: "hint" });
   onLight(() => {
     mode.set(light().mode);

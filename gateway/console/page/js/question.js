@@ -1,4 +1,4 @@
-// Asks before something is done that cannot be taken back. Escape and Cancel do nothing but close it.
+// Asks before something is done that cannot be taken back. While it waits, STOP can be pressed as ever.
 
 import { byId, el, say } from "./dom.js";
 
@@ -15,6 +15,8 @@ export function question({ title, words, yes, fields = [] }) {
   say(byId("ask-yes"), yes);
   byId("ask-fields").replaceChildren(
     ...fields.flatMap((field, index) => [el("label", { for: `ask-${field.name}` }, field.label), inputs[index]]));
+  const before = document.activeElement;
+  dialog.close();
   return new Promise((resolve) => {
     let answer = null;
     const agree = () => {
@@ -27,8 +29,15 @@ export function question({ title, words, yes, fields = [] }) {
       event.preventDefault();
       agree();
     };
-    dialog.onclose = () => resolve(answer);
-    dialog.showModal();
+    dialog.onkeydown = (event) => event.key === "Escape" && dialog.close();
+    dialog.onclose = () => {
+      document.querySelector("main").inert = false;
+      before?.focus();
+      resolve(answer);
+    };
+    // Not showModal: that would take STOP away from the finger.
+    document.querySelector("main").inert = true;
+    dialog.show();
     (inputs[0] ?? byId("ask-no")).focus();
   });
 }

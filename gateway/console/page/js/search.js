@@ -25,6 +25,7 @@ export function typedPlace(text) {
 
 function close() {
   byId("suggestions").hidden = true;
+  byId("suggestions").replaceChildren();
   byId("object").setAttribute("aria-expanded", "false");
   byId("object").removeAttribute("aria-activedescendant");
   marked = -1;
@@ -56,11 +57,13 @@ async function suggest() {
   if (mine === latest && document.activeElement === byId("object")) offer((answer.found ?? []).map((one) => one.name));
 }
 
+/** Mark the next suggestion, or the one before; null marks none. */
 function mark(step) {
   const options = [...byId("suggestions").children];
   if (!options.length) return;
-  marked = (marked + step + options.length) % options.length;
+  marked = step === null ? -1 : (Math.max(marked, step > 0 ? -1 : 0) + step + options.length) % options.length;
   options.forEach((option, index) => option.setAttribute("aria-selected", String(index === marked)));
+  if (marked < 0) return byId("object").removeAttribute("aria-activedescendant");
   options[marked].scrollIntoView({ block: "nearest" });
   byId("object").setAttribute("aria-activedescendant", options[marked].id);
 }
@@ -87,6 +90,7 @@ export function start() {
   const input = byId("object");
   input.addEventListener("input", () => {
     clearTimeout(timer);
+    mark(null); // what was marked was offered for another text
     timer = setTimeout(suggest, PATIENCE);
   });
   input.addEventListener("keydown", keys);

@@ -28,9 +28,10 @@ async function submit(event) {
   if (!command) return;
   const box = byId("explained");
   box.hidden = false;
-  say(box, "…");
+  say(box, "It is played through a gateway of its own …");
   const answer = await ask({ do: "explain", surface, command });
   say(box, answer.ok ? answer.text.trimEnd() : answer.words);
+  box.scrollIntoView({ block: "nearest" });
 }
 
 export function start() {

@@ -10,8 +10,7 @@ function line(row) {
   const [mark, means] = ARROWS[row.arrow] ?? ["·", ""];
   return el("p", { class: `line ${row.kind}` },
     el("i", { "aria-label": means, role: "img" }, mark),
-    row.data ? el("code", {}, row.data) : null,
-    row.words ? el("span", {}, row.words) : null);
+    el("span", {}, row.data ? el("code", {}, row.data) : null, row.words ? el("span", {}, row.words) : null));
 }
 
 /** @param {import("./exchanges.js").Exchange} exchange */
