@@ -46,11 +46,11 @@ def command(request: requests.Act, who: str, where: Callable[[requests.Aimed], c
 
 
 def _aimed(kind: Any) -> Callable[..., Any]:
-    return lambda request, number, who, where: kind(number, who, where=where(request))
+    return lambda request, number, who, where: kind(number, where(request), who=who)
 
 
 def _plain(kind: Any) -> Callable[..., Any]:
-    return lambda request, number, who, where: kind(number, who)
+    return lambda request, number, who, where: kind(number, who=who)
 
 
 MAKE: Mapping[type[Any], Callable[..., commands.Wish]] = {
@@ -60,12 +60,10 @@ MAKE: Mapping[type[Any], Callable[..., commands.Wish]] = {
     requests.Unpark: _plain(commands.Unpark),
     requests.Wake: _plain(commands.Unpark),
     requests.Home: _plain(commands.Home),
-    requests.Track: lambda request, number, who, where: commands.Track(number, who, request.on, request.rate),
-    requests.Time: lambda request, number, who, where: commands.TellTime(
-        number, who, unix=request.unix, offset=request.offset
-    ),
+    requests.Track: lambda request, number, who, where: commands.Track(number, request.on, request.rate, who=who),
+    requests.Time: lambda request, number, who, where: commands.TellTime(number, request.unix, request.offset, who=who),
     requests.Site: lambda request, number, who, where: commands.TellSite(
-        number, who, latitude=request.latitude, longitude=request.longitude
+        number, request.latitude, request.longitude, who=who
     ),
 }
 
@@ -83,14 +81,12 @@ class Jogging:
         return bool(self._held)
 
     async def press(self, direction: Direction, rate: int) -> tuple[bool, str]:
-        """Press one, or hold it on; the opposite one is let go."""
+        """Press one; the opposite one is let go."""
         for other in [one for one in self._held if one.axis == direction.axis and one is not direction]:
             await self.let_go(other)
-        known, at = self._held.get(direction, ("", 0))
-        if at != rate:
-            known = number()
-            self._held[direction] = known, rate
-        done, words = await carry_out(self._gateway, commands.Press(known, self._who, direction=direction, key=rate))
+        known = number()
+        self._held[direction] = known, rate
+        done, words = await carry_out(self._gateway, commands.Press(known, direction, rate, who=self._who))
         if not done and self._held.get(direction, ("", 0))[0] == known:
             del self._held[direction]
         return done, words
@@ -98,7 +94,9 @@ class Jogging:
     async def hold_on(self) -> None:
         """Somebody still holds what is held down."""
         for direction, (known, rate) in list(self._held.items()):
-            await carry_out(self._gateway, commands.Press(known, self._who, direction=direction, key=rate))
+            done, _ = await carry_out(self._gateway, commands.Press(known, direction, rate, who=self._who))
+            if not done and self._held.get(direction, ("", 0))[0] == known:
+                del self._held[direction]  # it was ended otherwise: by a stop, a limit, the mount
 
     async def let_go(self, direction: Direction | None = None) -> tuple[bool, str]:
         """Let go of one, or of all."""
@@ -106,6 +104,6 @@ class Jogging:
         for one in [direction] if direction is not None else list(self._held):
             if one in self._held:
                 known, _ = self._held.pop(one)
-                ended, said = await carry_out(self._gateway, commands.LetGo(known, self._who))
+                ended, said = await carry_out(self._gateway, commands.LetGo(known, who=self._who))
                 done, words = done and ended, said if not ended else words
         return done, words

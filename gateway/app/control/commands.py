@@ -31,20 +31,25 @@ class Body(Struct, frozen=True, tag="body"):
 Where = Spot | Body
 
 
-class Base(Struct, frozen=True):
-    """What all have in common: its number, and who wishes, where that is not the command itself."""
+class Numbered(Struct, frozen=True):
+    """What all have in common: the number that was drawn for it."""
 
     number: str
+
+
+class Base(Numbered, frozen=True, kw_only=True):
+    """And who wishes, where that is not the command itself."""
+
     who: str = ""
 
 
-class Goto(Base, frozen=True, tag="goto", kw_only=True):
+class Goto(Base, frozen=True, tag="goto"):
     """Point there and track."""
 
     where: Where
 
 
-class Sync(Base, frozen=True, tag="sync", kw_only=True):
+class Sync(Base, frozen=True, tag="sync"):
     """It points there now."""
 
     where: Where
@@ -62,7 +67,7 @@ class Unpark(Base, frozen=True, tag="unpark"):
     """Take up service again."""
 
 
-class Move(Base, frozen=True, tag="move", kw_only=True):
+class Move(Base, frozen=True, tag="move"):
     """Press an arrow for some seconds, at the hand control's key 1 to 9."""
 
     direction: Direction
@@ -70,7 +75,7 @@ class Move(Base, frozen=True, tag="move", kw_only=True):
     seconds: float
 
 
-class Press(Base, frozen=True, tag="press", kw_only=True):
+class Press(Base, frozen=True, tag="press"):
     """Press an arrow until it is let go. Said again, it only tells that somebody still holds it."""
 
     direction: Direction
@@ -88,14 +93,14 @@ class Track(Base, frozen=True, tag="track"):
     rate: str | None = None
 
 
-class TellTime(Base, frozen=True, tag="time", kw_only=True):
+class TellTime(Base, frozen=True, tag="time"):
     """What time it is: UTC as Unix seconds, and local time minus UTC in hours."""
 
     unix: float
     offset: float
 
 
-class TellSite(Base, frozen=True, tag="site", kw_only=True):
+class TellSite(Base, frozen=True, tag="site"):
     """Where the mount stands, degrees, north and east positive."""
 
     latitude: float

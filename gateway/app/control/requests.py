@@ -172,6 +172,8 @@ class Desk:
         if not 1 <= wish.key <= 9:
             raise Invalid("Rates are from 1 to 9.")
         begun.life.heard = True
+        if begun.stops != self._controller.stops:
+            raise Stopped
         if begun.pressed == (wish.direction, wish.key):
             return f"it is moved {WORDS[wish.direction]}"
         begun.pressed = wish.direction, wish.key

@@ -47,5 +47,5 @@ def _move(arguments: argparse.Namespace) -> int:
     if not 0.0 < arguments.seconds <= 3600.0:
         raise UserError(f"--seconds {arguments.seconds:g}: write how long the arrow is pressed, like 3")
     number, direction = draw(), Direction[arguments.direction.upper()]
-    wish = wishes.Move(number, direction=direction, key=arguments.rate, seconds=arguments.seconds)
+    wish = wishes.Move(number, direction, arguments.rate, arguments.seconds)
     return wish_for(arguments, number, wishes.written(wish), wait=False, seconds=arguments.seconds + ANSWERED)

@@ -20,7 +20,7 @@ A place is RA DEC, of date as the mount tells it (--j2000: as catalogues and map
   83.633 22.014          degrees both
   Moon  Mercury  Venus  Mars  Jupiter  Saturn  Uranus  Neptune
   Polaris  Vega  Sirius and about seventy other bright stars, by name
-  M42  NGC7000  IC434  C14  UGC12914  HIP32349  Sadachbia  "Ring Nebula"
+  M42  NGC7000  IC434  C14  UGC12914  HIP32349  "Ring Nebula"
                          from the object library, which is installed apart: docs/programs.md
 """
 

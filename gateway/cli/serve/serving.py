@@ -140,7 +140,8 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         )
         gc.freeze()  # what was made so far lives on: looking through it for garbage would hold up a stop
         announcement.publish(offers())  # by now it is known which model fits the mount
-        console = await open_console(config, gateways, screen)
+        if not done.is_set():
+            console = await open_console(config, gateways, screen)
         await done.wait()
     finally:
         notify("STOPPING=1")

@@ -120,7 +120,7 @@ def test_without_the_library_names_are_still_known(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("gateway.astro.catalog.deepsky.data_file", missing)
     monkeypatch.setattr("gateway.astro.catalog.stars.data_file", missing)
     assert spot("Vega").dec == pytest.approx(38.78, abs=0.02)
-    with pytest.raises(UserError, match=r"^Sadachbia: the object library is not installed; .*pip install '\.\[library\]'"):
+    with pytest.raises(UserError, match=r"^Sadachbia: the object library is not installed; .*pip install"):
         spot("Sadachbia")
     with pytest.raises(UserError, match=r"did you mean Vega\?"):
         spot("Vegga")
