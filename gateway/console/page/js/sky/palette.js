@@ -6,7 +6,7 @@
 
 /** Every colour by its name here; `--sky-` and the name in small letters is the property. */
 const NAMES = [
-  "zenith", "horizon", "rim", "grid", "letters", "star", "star-cool", "star-warm", "name", "figure", "figure-name",
+  "zenith", "horizon", "ring", "rim", "grid", "letters", "star", "star-cool", "star-warm", "name", "figure", "figure-name",
   "sun", "moon", "moon-dark", "planet", "forbidden", "forbidden-edge", "tube", "trail", "way", "target", "chosen",
   "shade",
 ];

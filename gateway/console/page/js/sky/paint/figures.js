@@ -3,8 +3,8 @@
  */
 import { turned } from "../sphere.js";
 
-/** Lines end so many pixels before their stars; figures that lie lower than this (the sine) are left out. */
-const GAP = 4, LOWEST = -0.12;
+/** Lines end so many pixels before their stars; lines that end lower than this (the sine) are left out. */
+const GAP = 3.5, LOWEST = -0.12;
 
 /** @param {{points: Float64Array}} brush points: x, y and height of every star */
 export function figures({ context, colours, catalogue, points }) {

@@ -5,7 +5,7 @@ import { angles, circle } from "../sphere.js";
 import { rim } from "./ground.js";
 
 /** Pixels between two lines of the hatching; the lowest Sun that counts, degrees. */
-const PITCH = 7, SUN_IS_UP = -1;
+const PITCH = 8, SUN_IS_UP = -1;
 
 /** The hatching, made anew where the colour or the screen is another. */
 export class Hatching {
@@ -26,7 +26,7 @@ function draw(context, colour, density) {
   tile.width = tile.height = side;
   const brush = tile.getContext("2d");
   brush.strokeStyle = colour;
-  brush.lineWidth = 1.1 * density;
+  brush.lineWidth = density;
   brush.beginPath();
   for (const shift of [-side, 0, side]) {
     brush.moveTo(shift - 1, side + 1);

@@ -27,7 +27,7 @@ export class Labels {
   }
 
   /**
-   * Write beside a point: to its right, or where there is no room to its left, below or above it.
+   * Write beside a point, within the sky: to its right, or where there is no room to its left, below or above it.
    * @param {{size: number, weight?: number, colour: string, gap?: number, must?: boolean, spacing?: number}} style
    */
   beside(x, y, text, style) {
@@ -36,9 +36,9 @@ export class Labels {
       [x + gap, y - half], [x - gap - width, y - half],
       [x - width / 2, y + gap], [x - width / 2, y - gap - style.size],
     ];
-    const found = places.find((place) => this.#free(place, width, style.size)) ?? (style.must ? places[0] : null);
+    const fits = places.find((place) => this.#inSky(place, width, style.size) && this.#free(place, width, style.size));
+    const found = fits ?? (style.must ? places.find((place) => this.#inSky(place, width, style.size)) ?? places[1] : null);
     if (found) this.#write(found, width, text, style);
-    return Boolean(found);
   }
 
   /** Write about a point. */
@@ -51,6 +51,14 @@ export class Labels {
     const right = left + width, bottom = top + height;
     if (left < 2 || top < 2 || right > this.view.width - 2 || bottom > this.view.height - 2) return false;
     return this.taken.every(([l, t, r, b]) => right + AIR < l || left - AIR > r || bottom < t || top > b);
+  }
+
+  /** Whether all of it lies inside of the horizon. */
+  #inSky([left, top], width, height) {
+    const { x, y, scale } = this.view;
+    const right = Math.max(Math.abs(left - x), Math.abs(left + width - x));
+    const down = Math.max(Math.abs(top - y), Math.abs(top + height - y));
+    return Math.hypot(right, down) < scale;
   }
 
   #write([left, top], width, text, style) {

@@ -4,12 +4,12 @@
 import { figureNames, figures } from "./figures.js";
 import { bodies } from "./bodies.js";
 import { forbidden, Hatching, withinSky } from "./forbidden.js";
-import { compass, disk, grid } from "./ground.js";
+import { compass, disk, grid, ringNames } from "./ground.js";
 import { FONT, Labels } from "./labels.js";
 import { chosen, cursor, target, trail, tube, way } from "./mount.js";
-import { project, starNames, stars } from "./stars.js";
+import { glow, project, starNames, stars } from "./stars.js";
 
-const NO_SKY = "The stars will be here once the mount or this page has told where and when it is.";
+const NO_SKY = "No stars are shown until a site and a time are known.";
 
 export class Picture {
   /** @param {HTMLCanvasElement} canvas @param {import("../view.js").View} view */
@@ -43,7 +43,10 @@ export class Picture {
     grid(brush);
     if (starry) figures(brush);
     forbidden(brush);
-    if (starry) stars(brush);
+    if (starry) {
+      glow(brush);
+      stars(brush);
+    }
     trail(brush);
     way(brush);
     context.restore();
@@ -54,6 +57,7 @@ export class Picture {
     bodies(brush);
     if (starry) {
       starNames(brush);
+      ringNames(brush);
       figureNames(brush);
     } else if (!state.scene.sky) explain(brush);
     cursor(brush);

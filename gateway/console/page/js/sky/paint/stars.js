@@ -7,6 +7,8 @@
 const TINTS = ["star-cool", "star", "star-warm"];
 /** The faintest star that is drawn, and named, unenlarged on a small chart. */
 const FAINTEST = 4.5, NAMED = 1.35;
+/** Stars brighter than this shine. */
+const SHINING = 1.7;
 
 /** How faint stars may be: the more room, the fainter. */
 export function faintest(view) {
@@ -15,8 +17,8 @@ export function faintest(view) {
 
 /** The radius of a star's dot. */
 export function size(view, magnitude) {
-  const room = Math.min(1.5, Math.max(1, Math.sqrt(view.scale / 230)));
-  return Math.max(0.6, 0.62 * 1.33 ** (4.4 - magnitude)) * room;
+  const room = Math.min(2, Math.max(1, Math.sqrt(view.scale / 230)));
+  return Math.max(0.55, 0.68 * 1.4 ** (4.4 - magnitude)) * room;
 }
 
 /**
@@ -56,6 +58,22 @@ export function stars({ context, view, colours, catalogue, points }) {
     });
     first = last;
   }
+}
+
+/** The brightest shine a little beyond their dots. */
+export function glow({ context, view, colours, catalogue, points }) {
+  context.globalAlpha = 0.09;
+  for (let star = 0; catalogue.magnitudes[star] < SHINING; star += 1) {
+    const at = star * 3, x = points[at], y = points[at + 1], radius = size(view, catalogue.magnitudes[star]);
+    if (points[at + 2] < 0 || !view.sees(x, y, 3 * radius)) continue;
+    context.fillStyle = colours[TINTS[catalogue.tints[star]]];
+    for (const wide of [1.6, 2.1, 2.7]) {
+      context.beginPath();
+      context.arc(x, y, radius * wide, 0, 2 * Math.PI);
+      context.fill();
+    }
+  }
+  context.globalAlpha = 1;
 }
 
 export function starNames({ view, colours, catalogue, points, labels }) {
