@@ -63,7 +63,7 @@ def test_below_the_horizon_is_refused_in_words(console: Console, visit: Callable
         program.say(b":Sr18:37:00#:Sd-70*00:00#", 2)
         assert program.say(b":MS#", 1) != b"0"
     page.show("readings")
-    page.until("it is told", lambda: "Below Horizon" in page.text("#readings"))
+    page.until("it is told", lambda: "Below Lower Limit" in page.text("#readings"))
 
 
 def test_a_sync_asks_first(console: Console, visit: Callable[..., Visit]) -> None:

@@ -21,7 +21,7 @@ def test_no_view_is_wider_than_the_screen(visit: Callable[..., Visit], size: tup
     for view in VIEWS:
         page.show(view)
         wide = page.page.evaluate(
-            "[...document.querySelectorAll('html, main, .panes, .pane')].filter(one => one.scrollWidth > one.clientWidth + 1)"
+            "[...document.querySelectorAll('html, main, .conversation, .suggestions')].filter(one => one.scrollWidth > one.clientWidth + 1)"
             ".map(one => one.id || one.className || one.tagName)"
         )
         assert wide == [], view

@@ -10,13 +10,13 @@ export async function start() {
   const { createSky } = await import("./sky/sky.js");
   const canvas = byId("sky");
   const sky = createSky(canvas, { onPick: showPicked, say: (words) => say(byId("sky-says"), words) });
-  const ups = [["north", "N"], ["south", "S"], ["zenith", "↑"]];
+  const ups = [["north", "N ↑"], ["south", "S ↑"], ["zenith", "Tube ↓"]];
   let up = 0;
   byId("chart-up").addEventListener("click", () => {
     const [name, mark] = ups[(up = (up + 1) % ups.length)];
     sky.setUp(name);
     say(byId("chart-up"), mark);
-    byId("chart-up").setAttribute("aria-label", `Up in the chart: ${name === "zenith" ? "away from where the telescope points" : name}`);
+    byId("chart-up").setAttribute("aria-label", name === "zenith" ? "Down in the chart: where the telescope points" : `Up in the chart: ${name}`);
   });
   byId("chart-in").addEventListener("click", () => sky.enlarge(1.5));
   byId("chart-out").addEventListener("click", () => sky.enlarge(1 / 1.5));

@@ -50,12 +50,14 @@ function mountsGroup() {
 
 function pageGroup() {
   const words = el("p", {});
+  const version = el("p", { class: "hint" });
   const pin = button("Type the pin", askForPin);
   subscribe(() => {
     say(words, state.act ? "It may move the mount." : "It only looks. STOP works all the same.");
+    say(version, state.hello ? `mount-gateway ${state.hello.version}` : "");
     pin.hidden = state.act || !state.hello?.pin;
   });
-  return group("This page", words, pin);
+  return group("This page", words, version, pin);
 }
 
 /** A list of sentences that is renewed when it changes. */
@@ -72,15 +74,12 @@ function list(title, lines, none) {
 }
 
 export function start() {
-  const version = el("p", {});
-  subscribe(() => say(version, state.hello ? `mount-gateway ${state.hello.version}` : ""));
   byId("more").replaceChildren(
     lightGroup(),
     mountsGroup(),
     list("Where programs connect", (seen) => seen.surfaces, "nowhere"),
     list("What is allowed", (seen) => seen.allowed, "everything"),
-    pageGroup(),
     group("Keys", el("dl", { class: "keys" }, ...KEYS.flatMap(([key, words]) => [el("dt", {}, el("kbd", {}, key)), el("dd", {}, words)]))),
-    group("About", version),
+    pageGroup(),
   );
 }

@@ -4,7 +4,7 @@
 import { button, byId, el } from "./dom.js";
 import { sentence } from "./format.js";
 
-const GONE = 5000;
+const GONE = 4000;
 let timer = 0;
 
 /** @param {string} words @param {"done"|"refused"} [kind] */
@@ -12,7 +12,8 @@ export function notice(words, kind = "done") {
   clearTimeout(timer);
   const box = byId("notices");
   if (!words) return box.replaceChildren();
-  const close = button("Close", () => box.replaceChildren(), { class: "quiet" });
+  const close = kind === "refused" ? button("Close", () => box.replaceChildren(), { class: "quiet" }) : null;
+  box.className = `notices ${kind}`;
   box.replaceChildren(el("div", { class: `notice ${kind}` }, el("p", {}, sentence(words)), close));
   if (kind === "done") timer = setTimeout(() => box.replaceChildren(), GONE);
 }

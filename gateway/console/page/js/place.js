@@ -65,12 +65,13 @@ export async function sync() {
   if (agreed) answered(await ask({ do: "sync", ...aim() }));
 }
 
-/** When it rises and sets, in words; times are those of this device. */
-function whenUp(found) {
-  if (found.alt === null) return "The site is unknown, so how high it stands is unknown too.";
-  if (found.sets === null) return found.alt > 0 ? "It never sets here." : "It never rises here.";
-  const up = found.sets < found.rises;
-  return up ? `Up until ${timeOfDay(found.sets)}` : `Rises at ${timeOfDay(found.rises)}`;
+/** Label and time of its next rising or setting, by the lowest altitude that is allowed; times are this device's. */
+function nextEvent(found) {
+  const lowest = mount()?.limits.lowest ?? 0;
+  const [sets, rises] = lowest > 0 ? [`Above ${lowest}° until`, `Above ${lowest}° from`] : ["Sets", "Rises"];
+  if (found.alt === null) return [sets, "site unknown"];
+  if (found.sets === null) return found.alt > lowest ? (lowest > 0 ? [`Above ${lowest}°`, "always"] : [sets, "never"]) : [rises, "never"];
+  return found.sets < found.rises ? [sets, timeOfDay(found.sets)] : [rises, timeOfDay(found.rises)];
 }
 
 const kindOf = (found) =>
@@ -78,6 +79,7 @@ const kindOf = (found) =>
 
 function card(found) {
   const may = state.act && found.may;
+  const [event, when] = nextEvent(found);
   return [
     el("header", {},
       el("div", {}, el("h3", {}, found.name || "Chosen place"), el("p", { class: "kind" }, kindOf(found) || `${hours(found.ra2000)}  ${declination(found.dec2000)}`)),
@@ -85,7 +87,7 @@ function card(found) {
     el("dl", { class: "figures" },
       el("div", {}, el("dt", {}, "Altitude"), el("dd", {}, angle(found.alt))),
       el("div", {}, el("dt", {}, "Azimuth"), el("dd", {}, azimuth(found.az))),
-      el("div", { class: "up" }, el("dt", {}, "Visible"), el("dd", {}, whenUp(found)))),
+      el("div", {}, el("dt", {}, event), el("dd", {}, when))),
     found.may ? null : el("p", { class: "why" }, found.why),
     el("div", { class: "buttons" },
       button("Go there", go, { class: "primary", id: "go", disabled: !may }),

@@ -1,16 +1,17 @@
 // Everything that is known of the mount, in groups; one row is one figure.
 
-import { byId, el, say } from "../dom.js";
+import { byId, el } from "../dom.js";
 import { angle, azimuth, declination, hourAngle, hours, sentence, span, UNKNOWN } from "../format.js";
 import { mount, subscribe } from "../store.js";
 import { lineGroup } from "./line.js";
 import { programsGroup } from "./programs.js";
+import { rows } from "./rows.js";
 import { siteGroup } from "./site.js";
 
 const PIERS = { E: "east", W: "west" };
 const age = (at) => (at && at.age > 10 ? `${span(at.age)} ago` : "");
 
-/** @type {Array<[string, Array<[string, (seen: any) => string, string?]>]>}  title, then label, figure, style */
+/** @type {Array<[string, import("./rows.js").Row[]]>}  title and rows */
 const GROUPS = [
   ["Where it points", [
     ["Right ascension", (seen) => hours(seen.position?.ra), "large"],
@@ -39,20 +40,10 @@ const GROUPS = [
   ]],
 ];
 
-function groupOf(title, rows) {
-  const made = rows.map(([label, figure, style]) => {
-    const value = el("dd", {});
-    return { figure, value, row: el("div", { class: style ?? null }, el("dt", {}, label), value) };
-  });
-  subscribe(() => {
-    const seen = mount();
-    for (const { figure, value, row } of made) {
-      const words = seen ? figure(seen) : UNKNOWN;
-      row.hidden = words === "";
-      say(value, words);
-    }
-  });
-  return el("section", { class: "group" }, el("h3", {}, title), el("dl", {}, ...made.map(({ row }) => row)));
+function groupOf(title, described) {
+  const figures = rows(described);
+  subscribe(() => figures.draw(mount()));
+  return el("section", { class: "group" }, el("h3", {}, title), figures.list);
 }
 
 /** What was refused, or done by the gateway itself, in the last minutes: the newest first. */

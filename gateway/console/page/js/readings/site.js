@@ -1,12 +1,13 @@
 // The mount's site and clock, who says so, and how to put them right: with this device's own clock, or a typed place.
 // Both ask first, and the gateway judges them like those of any other program.
 
-import { button, el, say } from "../dom.js";
+import { button, el } from "../dom.js";
 import { sentence, span, utc, UNKNOWN } from "../format.js";
 import { answered, notice } from "../notices.js";
 import { question } from "../question.js";
 import { ask } from "../socket.js";
 import { gatewayNow, mount, state, subscribe } from "../store.js";
+import { rows } from "./rows.js";
 
 /** Seconds by which a clock may be off before that is told. */
 const EXACT = 1.5;
@@ -44,27 +45,19 @@ const ROWS = [
   ["Site", (seen) => (seen.site ? seen.site.words : "unknown")],
   ["Told by", (seen) => seen.site?.source ?? ""],
   ["Clock", (seen) => (state.hello ? utc(gatewayNow() + (seen.clock?.ahead ?? 0)) : UNKNOWN)],
-  ["Clock told by", (seen) => (seen.clock ? `${seen.clock.source}; ${off(seen.clock.ahead, "the gateway's computer")}` : UNKNOWN)],
-  ["This device", () => off(Date.now() / 1000 - gatewayNow(), "the gateway's computer")],
-  ["In doubt", (seen) => [seen.clock_doubt, seen.site_doubt].map(sentence).filter(Boolean).join(" ")],
+  ["Clock told by", (seen) => (seen.clock ? `${seen.clock.source}; ${off(seen.clock.ahead, "the gateway's computer")}` : UNKNOWN), "words"],
+  ["This device", () => off(Date.now() / 1000 - gatewayNow(), "the gateway's computer"), "words"],
+  ["In doubt", (seen) => [seen.clock_doubt, seen.site_doubt].map(sentence).filter(Boolean).join(" "), "words"],
 ];
 
 export function siteGroup() {
-  const made = ROWS.map(([label, figure]) => {
-    const value = el("dd", {});
-    return { figure, value, row: el("div", {}, el("dt", {}, label), value) };
-  });
+  const figures = rows(ROWS);
   const buttons = [button("Use this device's time…", tellTime), button("Set the site…", tellSite)];
   const draw = () => {
-    const seen = mount();
-    for (const { figure, value, row } of made) {
-      const words = seen ? figure(seen) : UNKNOWN;
-      row.hidden = words === "";
-      say(value, words);
-    }
+    figures.draw(mount());
     for (const one of buttons) one.disabled = !state.act;
   };
   subscribe(draw);
   setInterval(draw, 1000);
-  return el("section", { class: "group" }, el("h3", {}, "Site and clock"), el("dl", {}, ...made.map(({ row }) => row)), el("div", { class: "buttons" }, ...buttons));
+  return el("section", { class: "group" }, el("h3", {}, "Site and clock"), figures.list, el("div", { class: "buttons" }, ...buttons));
 }

@@ -124,7 +124,7 @@ function tools() {
     all();
   });
   chosen.set(filter.what);
-  const text = el("input", { type: "text", placeholder: "Only with this text, like :MS", "aria-label": "Show only exchanges with this text", maxlength: 60, spellcheck: "false", autocomplete: "off", on: { input: () => { filter.text = text.value; all(); } } });
+  const text = el("input", { type: "text", placeholder: "Contains, like :MS", "aria-label": "Show only exchanges with this text", maxlength: 60, spellcheck: "false", autocomplete: "off", on: { input: () => { filter.text = text.value; all(); } } });
   const pausing = button("Pause", () => pause(pausing), { "aria-pressed": "false" });
   byId("talk-tools").replaceChildren(what, text,
     el("div", { class: "chips", id: "talk-sides", role: "radiogroup", "aria-label": "Of which program", hidden: true }),
