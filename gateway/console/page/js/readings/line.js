@@ -1,9 +1,9 @@
 // The line to the mount: how long it takes to answer, as it goes on, and what has failed.
 
-import { el, say } from "../dom.js";
-import { onLight } from "../night.js";
-import { on } from "../socket.js";
-import { gatewayNow, mount, state, subscribe } from "../store.js";
+import { el, say } from "../core/dom.js";
+import { onLight } from "../frame/night.js";
+import { on } from "../core/socket.js";
+import { gatewayNow, mount, state, subscribe } from "../core/store.js";
 
 /** Seconds that the plot shows. */
 const WINDOW = 60;

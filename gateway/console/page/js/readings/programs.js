@@ -1,7 +1,7 @@
 // The programs that are connected: who, by which surface, what they said last, and how often they speak.
 
-import { el } from "../dom.js";
-import { mount, subscribe } from "../store.js";
+import { el } from "../core/dom.js";
+import { mount, subscribe } from "../core/store.js";
 
 function row(program) {
   return el("li", {},

@@ -1,8 +1,8 @@
 // Everything that is known of the mount, in groups; one row is one figure.
 
-import { byId, el } from "../dom.js";
-import { angle, azimuth, declination, hourAngle, hours, sentence, span, UNKNOWN } from "../format.js";
-import { mount, subscribe } from "../store.js";
+import { byId, el } from "../core/dom.js";
+import { angle, azimuth, declination, hourAngle, hours, sentence, span, UNKNOWN } from "../core/format.js";
+import { mount, subscribe } from "../core/store.js";
 import { lineGroup } from "./line.js";
 import { programsGroup } from "./programs.js";
 import { rows } from "./rows.js";

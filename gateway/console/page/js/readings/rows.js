@@ -1,7 +1,7 @@
 // Figures with their labels, of which one that is empty is not shown.
 
-import { el, say } from "../dom.js";
-import { UNKNOWN } from "../format.js";
+import { el, say } from "../core/dom.js";
+import { UNKNOWN } from "../core/format.js";
 
 /** @typedef {[string, (seen: any) => string, ("large"|"words")?]} Row  label, figure of a mount, style */
 

@@ -1,12 +1,12 @@
 // The mount's site and clock, who says so, and how to put them right: with this device's own clock, or a typed place.
 // Both ask first, and the gateway judges them like those of any other program.
 
-import { button, el } from "../dom.js";
-import { sentence, span, utc, UNKNOWN } from "../format.js";
-import { answered, notice } from "../notices.js";
-import { question } from "../question.js";
-import { ask } from "../socket.js";
-import { gatewayNow, mount, state, subscribe } from "../store.js";
+import { button, el } from "../core/dom.js";
+import { sentence, span, utc, UNKNOWN } from "../core/format.js";
+import { answered, notice } from "../frame/notices.js";
+import { question } from "../frame/question.js";
+import { ask } from "../core/socket.js";
+import { gatewayNow, mount, state, subscribe } from "../core/store.js";
 import { rows } from "./rows.js";
 
 /** Seconds by which a clock may be off before that is told. */

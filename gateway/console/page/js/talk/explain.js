@@ -1,8 +1,8 @@
 // Type any command and read what becomes of it on this mount, in the words of `mount-gateway explain`.
 
-import { byId, choice, say } from "../dom.js";
-import { ask } from "../socket.js";
-import { mount, subscribe } from "../store.js";
+import { byId, choice, say } from "../core/dom.js";
+import { ask } from "../core/socket.js";
+import { mount, subscribe } from "../core/store.js";
 
 let surface = "";
 let known = "";

@@ -1,10 +1,10 @@
 // The button that begins a recording of the conversation, and ends it and fetches the file.
 
-import { button, el } from "../dom.js";
-import { span } from "../format.js";
-import { answered } from "../notices.js";
-import { ask, token } from "../socket.js";
-import { gatewayNow, state, subscribe } from "../store.js";
+import { button, el } from "../core/dom.js";
+import { span } from "../core/format.js";
+import { answered } from "../frame/notices.js";
+import { ask, token } from "../core/socket.js";
+import { gatewayNow, state, subscribe } from "../core/store.js";
 
 const running = () => state.recordings[state.chosen] ?? null;
 

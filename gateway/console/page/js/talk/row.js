@@ -1,7 +1,7 @@
 // One exchange on the page: the program's side on the left, the mount's on the right. Bytes and words are text.
 
-import { el } from "../dom.js";
-import { toSecond } from "../format.js";
+import { el } from "../core/dom.js";
+import { toSecond } from "../core/format.js";
 
 /** What stands before the bytes: who speaks to whom, in words for those who do not see it. */
 const ARROWS = { ">": ["→", "sent"], "<": ["←", "answered"], "!": ["✕", "refused or failed"], "+": ["+", "connected"], "-": ["−", "gone"], "=": ["↻", "again"], x: ["✕", "dropped"] };

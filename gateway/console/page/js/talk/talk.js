@@ -1,10 +1,10 @@
 // The conversation of both sides, live. It is listened to only while it is shown, and stands still while it is paused.
 
-import { button, byId, choice, el } from "../dom.js";
-import { notice } from "../notices.js";
-import { on, tell } from "../socket.js";
-import { state } from "../store.js";
-import { onView, view } from "../views.js";
+import { button, byId, choice, el } from "../core/dom.js";
+import { notice } from "../frame/notices.js";
+import { on, tell } from "../core/socket.js";
+import { state } from "../core/store.js";
+import { onView, view } from "../core/views.js";
 import { asText, Exchanges } from "./exchanges.js";
 import * as explain from "./explain.js";
 import { passes } from "./filter.js";

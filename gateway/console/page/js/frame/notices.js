@@ -1,8 +1,8 @@
 // What the gateway answers, where it can be seen from every view. A refusal stays until it is closed or followed by the
 // next answer; what went well goes by itself.
 
-import { button, byId, el } from "./dom.js";
-import { sentence } from "./format.js";
+import { button, byId, el } from "../core/dom.js";
+import { sentence } from "../core/format.js";
 
 const GONE = 4000;
 let timer = 0;

@@ -1,10 +1,10 @@
 // Orders beside motion by hand: tracking and its rate, park and home, sync, and holding the mount still.
 
-import { button, byId, choice, el } from "./dom.js";
-import { answered } from "./notices.js";
-import { sync } from "./place.js";
-import { ask } from "./socket.js";
-import { state, mount, subscribe } from "./store.js";
+import { button, byId, choice, el } from "../core/dom.js";
+import { answered } from "../frame/notices.js";
+import { sync } from "../finding/place.js";
+import { ask } from "../core/socket.js";
+import { state, mount, subscribe } from "../core/store.js";
 
 const RATES = [["sidereal", "Stars"], ["lunar", "Moon"], ["solar", "Sun"]];
 const send = async (request) => answered(await ask(request));

@@ -1,6 +1,6 @@
 // Asks before something is done that cannot be taken back. While it waits, STOP can be pressed as ever.
 
-import { byId, el, say } from "./dom.js";
+import { byId, el, say } from "../core/dom.js";
 
 /**
  * @param {{title: string, words: string, yes: string, fields?: Array<{name: string, label: string, value?: string, type?: string}>}} question

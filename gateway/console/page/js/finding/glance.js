@@ -1,8 +1,8 @@
 // In the chart's upper corners, in one look: where the telescope points.
 
-import { byId, el, say } from "./dom.js";
-import { angle, azimuth, declination, hours } from "./format.js";
-import { mount, subscribe } from "./store.js";
+import { byId, el, say } from "../core/dom.js";
+import { angle, azimuth, declination, hours } from "../core/format.js";
+import { mount, subscribe } from "../core/store.js";
 
 const FIGURES = [
   ["RA", (at) => hours(at?.ra)],

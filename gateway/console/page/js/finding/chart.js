@@ -1,13 +1,13 @@
 // The sky's chart in its pane: it is loaded after everything else, told what changes, and what is tapped in it is shown.
 
-import { byId, say } from "./dom.js";
-import { notice } from "./notices.js";
-import { light, onLight } from "./night.js";
+import { byId, say } from "../core/dom.js";
+import { notice } from "../frame/notices.js";
+import { light, onLight } from "../frame/night.js";
 import { onPlace, showPicked } from "./place.js";
-import { mount, state, subscribe } from "./store.js";
+import { mount, state, subscribe } from "../core/store.js";
 
 export async function start() {
-  const { createSky } = await import("./sky/sky.js");
+  const { createSky } = await import("../sky/sky.js");
   const canvas = byId("sky");
   const sky = createSky(canvas, { onPick: showPicked, say: (words) => say(byId("sky-says"), words) });
   const ups = [["north", "N ↑"], ["south", "S ↑"], ["zenith", "Tube ↓"]];

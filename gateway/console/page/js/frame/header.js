@@ -1,8 +1,8 @@
 // The first thing that is read: what the mount does, and which mount it is.
 
-import { byId, say } from "./dom.js";
-import { sentence } from "./format.js";
-import { mount, state, subscribe } from "./store.js";
+import { byId, say } from "../core/dom.js";
+import { sentence } from "../core/format.js";
+import { mount, state, subscribe } from "../core/store.js";
 
 /** What a mount does, in the words of `mount-gateway status`. */
 export function doing(seen) {

@@ -1,10 +1,10 @@
 // STOP: the button, Escape everywhere, Space everywhere but where one types. It acts at the press, not at the release,
 // and stops every mount of this gateway. One that could not be sent is sent as soon as the gateway is there again.
 
-import { byId, isTyping, say } from "./dom.js";
+import { byId, isTyping, say } from "../core/dom.js";
 import { answered, notice } from "./notices.js";
-import { ask, on } from "./socket.js";
-import { state, subscribe } from "./store.js";
+import { ask, on } from "../core/socket.js";
+import { state, subscribe } from "../core/store.js";
 
 const UNHEARD = "STOP DID NOT REACH THE GATEWAY. Use the mount's own keys or its power switch. It is sent again as soon as the gateway is there.";
 /** Seconds for which a stop that nobody heard is still wanted. */

@@ -1,13 +1,13 @@
 // What must be known before anything else, each with the button that mends it: no connection, a page that only looks,
 // a mount that is held, asleep, busy or gone, and a clock or a site that cannot be right.
 
-import { button, byId, el } from "./dom.js";
-import { sentence, span } from "./format.js";
+import { button, byId, el } from "../core/dom.js";
+import { sentence, span } from "../core/format.js";
 import { answered } from "./notices.js";
 import { question } from "./question.js";
-import { ask } from "./socket.js";
-import { mount, state, subscribe } from "./store.js";
-import { tellTime } from "./readings/site.js";
+import { ask } from "../core/socket.js";
+import { mount, state, subscribe } from "../core/store.js";
+import { tellTime } from "../readings/site.js";
 
 let lostAt = 0;
 let shown = "";

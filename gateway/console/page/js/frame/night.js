@@ -1,8 +1,8 @@
 // The page's light: by day, or red by night, in four steps of brightness. By itself it is red while the Sun at the
 // mount is lower than six degrees below the horizon; a choice of one's own is remembered by this browser.
 
-import { byId } from "./dom.js";
-import { mount, subscribe } from "./store.js";
+import { byId } from "../core/dom.js";
+import { mount, subscribe } from "../core/store.js";
 
 const DUSK = -6;
 const root = document.documentElement;

@@ -1,11 +1,11 @@
 // Motion by hand: it lasts while a direction is held, with a finger, the mouse or an arrow key. It ends with the release,
 // and as well when the pointer, the focus, the view or the page is lost; when the network is lost the gateway ends it.
 
-import { byId, isTyping, say } from "./dom.js";
-import { notice } from "./notices.js";
-import { ask, on, tell } from "./socket.js";
-import { state, subscribe } from "./store.js";
-import { onView } from "./views.js";
+import { byId, isTyping, say } from "../core/dom.js";
+import { notice } from "../frame/notices.js";
+import { ask, on, tell } from "../core/socket.js";
+import { state, subscribe } from "../core/store.js";
+import { onView } from "../core/views.js";
 
 const KEYS = { ArrowUp: "north", ArrowDown: "south", ArrowLeft: "west", ArrowRight: "east" };
 const OPPOSITE = { north: "south", south: "north", east: "west", west: "east" };

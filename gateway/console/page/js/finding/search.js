@@ -1,9 +1,9 @@
 // Finding an object: suggestions while one types, and a typed place (right ascension and declination of J2000) as well.
 
-import { byId, el } from "./dom.js";
-import { notice } from "./notices.js";
+import { byId, el } from "../core/dom.js";
+import { notice } from "../frame/notices.js";
 import { showName, showPlace } from "./place.js";
-import { ask } from "./socket.js";
+import { ask } from "../core/socket.js";
 
 const PATIENCE = 120;
 let timer = 0;

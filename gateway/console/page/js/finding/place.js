@@ -1,13 +1,13 @@
 // The card of a chosen place: how high it stands, when it rises and sets, whether the mount may go there and if not why.
 // One more press goes there; a sync asks first, because it changes what the mount believes.
 
-import { button, byId, el } from "./dom.js";
-import { angle, azimuth, declination, hours, timeOfDay } from "./format.js";
-import { answered, notice } from "./notices.js";
-import { question } from "./question.js";
-import { ask } from "./socket.js";
-import { mount, state, subscribe } from "./store.js";
-import { show } from "./views.js";
+import { button, byId, el } from "../core/dom.js";
+import { angle, azimuth, declination, hours, timeOfDay } from "../core/format.js";
+import { answered, notice } from "../frame/notices.js";
+import { question } from "../frame/question.js";
+import { ask } from "../core/socket.js";
+import { mount, state, subscribe } from "../core/store.js";
+import { show } from "../core/views.js";
 
 const RENEW = 15000;
 /** What is chosen: how it is asked for again, and what was answered. @type {{request: any, found: any} | null} */
