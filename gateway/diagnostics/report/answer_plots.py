@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from gateway.diagnostics.report.night import Night
-from gateway.diagnostics.report.svg import Frame, path, picture, tag
+from gateway.diagnostics.report.svg import TOP, Frame, path, picture, tag
 
 #: Parts of the time, and of the answer times, that are looked at together.
 PARTS, BARS = 240, 60
@@ -64,9 +64,6 @@ def over_time(night: Night) -> str:
     frame = Frame(night.began, night.ended, 0.0, reach, height=220.0)
     step = _round(reach)
     drawn = [frame.axes((step * number, f"{step * number:g} ms") for number in range(int(reach / step) + 1))]
-    for remark in night.remarks:
-        x = frame.x(remark.time)
-        drawn.append(tag("line", x1=x, x2=x, y1=12.0, y2=frame.foot, class_="fault"))
     found = spreads(night)
     for piece in _unbroken(found, night):
         band = [(frame.x(one.time), frame.y(one.high * 1000.0)) for one in piece]
@@ -76,6 +73,9 @@ def over_time(night: Night) -> str:
     for one in found:
         if one.longest > 1.5 * one.high:
             drawn.append(tag("circle", cx=frame.x(one.time), cy=frame.y(one.longest * 1000.0), r=1.8, class_="longest"))
+    for remark in night.remarks:
+        x = frame.x(remark.time)
+        drawn.append(tag("line", x1=x, x2=x, y1=TOP, y2=frame.foot, class_="fault"))
     return picture(frame.width, frame.height, "".join(drawn), "How long the mount took to answer, over the time")
 
 

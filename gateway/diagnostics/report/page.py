@@ -28,15 +28,15 @@ def page(night: Night, source: str) -> str:
         ))  # fmt: skip
         parts.append(_section(
             "How high it pointed", "Behind the line: day, twilight, darkness. Triangles: a program was refused "
-            "something. Dashed: the limits.", sky_plots.altitude(seen, light(night, sky), night),
+            "something. Dashed: the limits.", _wide(sky_plots.altitude(seen, light(night, sky), night)),
         ))  # fmt: skip
     if night.took:
         parts.append(_section(
             "How long the mount took to answer", "The line is the middle one of the answers, the band nine of ten, "
             "dots are the longest. Red: something was noted about the mount or its line.",
-            answer_plots.over_time(night),
+            _wide(answer_plots.over_time(night)),
         ))  # fmt: skip
-        parts.append(_section("How often it took how long", "", answer_plots.histogram(night)))
+        parts.append(_section("How often it took how long", "", _wide(answer_plots.histogram(night))))
     parts += [
         _section("Programs", "", tables.programs(night)),
         _section("Refused", "", tables.remarks(night.refusals, "Nothing was refused.", of_programs=True)),
@@ -53,6 +53,11 @@ def page(night: Night, source: str) -> str:
         + "\n".join(parts)
         + "\n</main>\n</body>\n</html>\n"
     )
+
+
+def _wide(plot: str) -> str:
+    """On a phone it is as wide as its words need, and scrolls."""
+    return f'<div class="wide">{plot}</div>'
 
 
 def _section(title: str, note: str, content: str) -> str:

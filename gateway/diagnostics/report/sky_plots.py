@@ -10,8 +10,8 @@ from gateway.diagnostics.report.over_horizon import Light, Seen, pieces
 from gateway.diagnostics.report.svg import Frame, Point, clock, path, picture, tag, text
 
 SIDE, RADIUS = 460.0, 200.0
-#: Pixels between two times that are written beside a track.
-APART = 34.0
+#: Pixels that a time needs beside a track.
+WIDE, HIGH = 46.0, 15.0
 
 
 def all_sky(seen: list[Seen], night: Night) -> str:
@@ -51,16 +51,16 @@ def _kind(piece: list[Seen]) -> str:
 
 
 def _times(seen: Iterable[Seen]) -> list[str]:
-    """A dot and the time wherever it came to rest at some distance from the last one."""
+    """A dot and the time where it tracks or rests, wherever there is room for them."""
     drawn: list[str] = []
-    last: Point | None = None
+    taken: list[Point] = []
     for place in seen:
         x, y = _point(place.az, place.alt)
-        if place.slewing or (last is not None and math.hypot(x - last[0], y - last[1]) < APART):
+        if place.slewing or not place.joined or any(abs(x - a) < WIDE and abs(y - b) < HIGH for a, b in taken):
             continue
         drawn.append(tag("circle", cx=x, cy=y, r=3.5, class_="dot"))
         drawn.append(text(clock(place.time), x + 7, y + 4, "time", "start"))
-        last = (x, y)
+        taken.append((x, y))
     return drawn
 
 

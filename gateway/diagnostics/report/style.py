@@ -21,11 +21,12 @@ section { background: var(--card); border: 1px solid var(--line); border-radius:
 .summary p:first-child { font-weight: 600 }
 svg { display: block; width: 100%; height: auto }
 .round svg { max-width: 560px; margin: 0 auto }
-.wide { overflow-x: auto }
+.wide { overflow-x: auto } .wide svg { min-width: 640px }
 table { border-collapse: collapse; width: 100%; font-size: .875rem; font-variant-numeric: tabular-nums }
 th { text-align: left; font-weight: 600; color: var(--soft); white-space: nowrap }
 th, td { padding: 6px 14px 6px 0; border-bottom: 1px solid var(--line); vertical-align: top }
-td { overflow-wrap: anywhere } td:not(:last-child) { white-space: nowrap } td:last-child { min-width: 16em } tr:last-child td { border-bottom: 0 }
+td { overflow-wrap: anywhere } td:not(:last-child) { white-space: nowrap } td:last-child { min-width: 16em }
+tr:last-child td { border-bottom: 0 }
 .share { display: block; padding: 0 6px; border-radius: 3px;
   background: linear-gradient(90deg, var(--band) var(--share), transparent var(--share)) }
 text { fill: var(--ink); font: 12px system-ui, -apple-system, "Segoe UI", Roboto, sans-serif }

@@ -55,9 +55,10 @@ def _answering(night: Night) -> str:
     if not night.took:
         return "The mount answered nothing."
     times = sorted(night.took)
-    lost = f"; {counted(night.unanswered, 'question')} had no answer" if night.unanswered else " and left none out"
+    lost = f"; {counted(night.unanswered, 'question')} had no answer" if night.unanswered else ""
+    every = "" if lost or len(times) == 1 else "all "
     return (
-        f"The mount answered {counted(len(times), 'question')}{lost}. It took {_ms(at(0.5, times))} as a rule, "
+        f"The mount answered {every}{counted(len(times), 'question')}{lost}. It took {_ms(at(0.5, times))} as a rule, "
         f"{_ms(at(0.99, times))} or less 99 times in 100, {_ms(times[-1])} at worst."
     )
 
@@ -79,12 +80,12 @@ def _refusals(night: Night) -> str:
     [(words, times)] = Counter(remark.words for remark in night.refusals).most_common(1)
     often = f", {'all of them' if times == len(night.refusals) else f'{times:,} of them'} because" if times > 1 else ":"
     were = "was" if len(night.refusals) == 1 else "were"
-    return f"{counted(len(night.refusals), 'thing')} {were} refused{often} “{words}”"
+    return f"{counted(len(night.refusals), 'thing')} {were} refused{often} “{words}”."
 
 
 def _remarks(night: Night) -> str:
     if not night.remarks:
         return "The gateway had nothing to say about the mount or its line."
-    return (
-        f"The gateway noted {counted(len(night.remarks), 'thing')} about the mount and its line; they are listed below."
-    )
+    listed = "it is" if len(night.remarks) == 1 else "they are"
+    noted = counted(len(night.remarks), "thing")
+    return f"The gateway noted {noted} about the mount and its line; {listed} listed below."
