@@ -86,4 +86,5 @@ def test_the_chart_is_used(workshop: Workshop) -> None:
     print(f"a frame takes {seen['median']:.2f} ms")
     assert seen["median"] < 20.0
     assert seen["idleFrames"] == 0
+    assert seen["changedFrames"] == [1, 1, 1]
     assert seen["afterDestroy"] == [0, 0]

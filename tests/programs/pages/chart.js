@@ -144,8 +144,20 @@ async function run() {
   }
   found.median = frames.times.sort((a, b) => a - b)[Math.floor(frames.times.length / 2)];
   frames.count = 0;
+  const rests = { ...mount, position: { alt: 52, az: 169.02 } };
+  for (let step = 0; step < 10; step += 1) sky.update({ ...rests, programs: [step], sidereal: 300 + step / 1000 });
   await new Promise((done) => setTimeout(done, 400));
   found.idleFrames = frames.count;
+  const changes = [{ position: { alt: 53, az: 169 } }, { sidereal: 301 }, { limits: { ...mount.limits, lowest: 20 } }];
+  found.changedFrames = [];
+  for (const change of changes) {
+    frames.count = 0;
+    sky.update({ ...rests, ...change });
+    sky.update({ ...rests, ...change });
+    await settled();
+    found.changedFrames.push(frames.count);
+  }
+  frames.count = 0;
   sky.destroy();
   sky.update(mount);
   tap(...at);

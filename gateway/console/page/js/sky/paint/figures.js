@@ -3,30 +3,31 @@
  */
 import { turned } from "../sphere.js";
 
-/** Lines end so many pixels before their stars; lines that end lower than this (the sine) are left out. */
-const GAP = 3.5, LOWEST = -0.12;
+/** Lines end so many pixels before their stars, fewer on a small chart; what is lower than this (the sine) is left out. */
+const GAP = 3.5, SMALL = 90, LOWEST = -0.12;
 
 /** @param {{points: Float64Array}} brush points: x, y and height of every star */
-export function figures({ context, colours, catalogue, points }) {
+export function figures({ context, view, colours, catalogue, points }) {
+  const gap = Math.min(GAP, view.scale / SMALL);
   context.strokeStyle = colours.figure;
   context.lineWidth = 1;
   context.beginPath();
   for (const { lines } of catalogue.figures) {
     for (const line of lines) {
       for (let corner = 1; corner < line.length; corner += 1) {
-        stretch(context, points, line[corner - 1] * 3, line[corner] * 3);
+        stretch(context, points, line[corner - 1] * 3, line[corner] * 3, gap);
       }
     }
   }
   context.stroke();
 }
 
-function stretch(context, points, from, to) {
+function stretch(context, points, from, to, gap) {
   if (points[from + 2] < LOWEST || points[to + 2] < LOWEST) return;
   const x = points[from], y = points[from + 1], right = points[to] - x, down = points[to + 1] - y;
   const length = Math.hypot(right, down);
-  if (length < 3 * GAP) return;
-  const part = GAP / length;
+  if (length < 3 * gap) return;
+  const part = gap / length;
   context.moveTo(x + right * part, y + down * part);
   context.lineTo(x + right * (1 - part), y + down * (1 - part));
 }

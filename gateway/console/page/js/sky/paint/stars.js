@@ -78,10 +78,13 @@ export function glow({ context, view, colours, catalogue, points }) {
 
 export function starNames({ view, colours, catalogue, points, labels }) {
   const limit = NAMED + Math.max(0, Math.log2(view.scale / 200)) * 1.1;
-  for (const star of catalogue.named) {
-    if (catalogue.magnitudes[star] > limit) return;
+  const bright = catalogue.named.filter((star) => catalogue.magnitudes[star] <= limit
+    && points[star * 3 + 2] > 0.02 && view.sees(points[star * 3], points[star * 3 + 1]));
+  for (const star of bright) {
+    labels.keepFree(points[star * 3], points[star * 3 + 1], size(view, catalogue.magnitudes[star]));
+  }
+  for (const star of bright) {
     const at = star * 3;
-    if (points[at + 2] < 0.02 || !view.sees(points[at], points[at + 1])) continue;
     labels.beside(points[at], points[at + 1], catalogue.names[star], {
       size: 11, colour: colours.name, gap: size(view, catalogue.magnitudes[star]) + 4,
     });
