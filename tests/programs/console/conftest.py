@@ -36,7 +36,9 @@ def visit(console: Console, browser: Browser) -> Iterator[Callable[..., Visit]]:
 
     def open_page(size: tuple[int, int] = PHONE, **kept: str) -> Visit:
         mode = {"light-mode": "day", "light-shown": "day", "rate": "7"}
-        opened.append(Visit(browser, console.url, size, mode | {key.replace("_", "-"): value for key, value in kept.items()}))
+        opened.append(
+            Visit(browser, console.url, size, mode | {key.replace("_", "-"): value for key, value in kept.items()})
+        )
         return opened[-1]
 
     yield open_page

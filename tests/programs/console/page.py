@@ -16,7 +16,6 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import Browser, Page, Playwright
 
-from ..hand_control import HandControl
 from ..processes import Process, Workshop, requires, wait_until
 from ..product import PRODUCT, endpoints, start_simulator
 from ..sky import NORTH, Spot, separation
@@ -30,12 +29,15 @@ _WARDED = ("--no-sandbox", "--disable-dev-shm-usage", "--disable-background-netw
 class Console:
     """The gateway's processes, and the truth about the mount read past it."""
 
-    def __init__(self, workshop: Workshop) -> None:
+    #: Seconds that it takes to see that the mount rests, with the time in which its motors come to rest.
+    LOOK = 0.8
+
+    def __init__(self, workshop: Workshop, *more: str) -> None:
         requires("chromium")
         mount, self.truth = start_simulator(workshop, "nexstar:cpc", NORTH, speed=4.0)
         argv = [*PRODUCT, "run", "--mount", f"nexstar@socket://127.0.0.1:{mount.port}", "--sun", "0", "--lowest", "10"]
         argv += ["--surface", "lx200@tcp://127.0.0.1:0", "--console", "tcp://127.0.0.1:0"]
-        argv += ["--state", str(workshop.folder / "state")]
+        argv += ["--state", str(workshop.folder / "state"), *more]
         self.gateway: Process = workshop.start(argv, ends_well=True)
         self.url = self.gateway.wait_for_lines("ready console ", 1)[0].split()[-1]
         [surface] = endpoints([line for line in self.gateway.whole_lines("ready ") if "@" in line])

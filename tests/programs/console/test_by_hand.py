@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import pytest
+from playwright.sync_api import Error
 
 from ..processes import wait_until
 from .page import Console, Visit
@@ -20,6 +23,8 @@ LOSSES = {
     "the capture": "document.querySelector('[data-go=north]').releasePointerCapture(1)",
     "the view": "location.hash = '/readings'",
 }
+#: Seconds after which a page that is frozen moves nothing any more.
+FROZEN = 2.0
 
 
 @contextmanager
@@ -59,6 +64,28 @@ def test_it_ends_when_the_page_is_closed(console: Console, visit: Callable[..., 
         page.page.close()
 
 
+def test_it_ends_when_the_page_stands_still(console: Console, visit: Callable[..., Visit]) -> None:
+    """Its connection stays open and says nothing any more, as when a network breaks or a phone falls asleep."""
+    page = visit()
+    script = page.page.context.new_cdp_session(page.page)
+    script.send("Debugger.enable")
+    with held(console, page):
+        script.send("Debugger.pause")
+        began = time.monotonic()
+        console.at_rest()
+        print(f"at rest {time.monotonic() - began:.1f} s after the page stood still")
+        assert time.monotonic() - began < FROZEN + console.LOOK
+    script.send("Debugger.disable")
+    page.page.mouse.up()
+
+
+def test_it_ends_when_the_page_dies(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    with held(console, page), contextlib.suppress(Error):
+        page.page.goto("chrome://crash", timeout=2000)
+    page.asked = [url for url in page.asked if not url.startswith("chrome:")]
+
+
 def test_arrow_keys_move_while_the_pad_is_chosen(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("control")
@@ -86,7 +113,9 @@ def test_enter_holds_a_button(console: Console, visit: Callable[..., Visit]) -> 
     console.at_rest()
 
 
-@pytest.mark.parametrize("how", ["tap", "Escape", "Space", "Escape in a field", "Escape in a question", "Enter on STOP"])
+@pytest.mark.parametrize(
+    "how", ["tap", "Escape", "Space", "Escape in a field", "Escape in a question", "Enter on STOP"]
+)
 def test_stop(console: Console, visit: Callable[..., Visit], how: str) -> None:
     page = visit()
     page.find("Aldebaran" if console.truth.position().dec > 40.0 else "Capella")

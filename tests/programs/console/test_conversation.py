@@ -49,7 +49,9 @@ def test_pause_and_go_on(console: Console, visit: Callable[..., Visit]) -> None:
         page.page.wait_for_timeout(600)
         assert page.page.locator(".exchange").count() == 0
         page.page.get_by_role("button", name="Go on").click()
-        page.until("what came meanwhile is shown", lambda: page.page.locator(".exchange", has_text=":GVP#").count() == 1)
+        page.until(
+            "what came meanwhile is shown", lambda: page.page.locator(".exchange", has_text=":GVP#").count() == 1
+        )
 
 
 def test_markup_of_a_program_is_text(console: Console, visit: Callable[..., Visit]) -> None:

@@ -59,7 +59,10 @@ def test_by_itself_it_is_red_while_the_sun_is_low(visit: Callable[..., Visit]) -
     page = visit(light_mode="auto", light_shown="day")  # it is night at the simulated mount
     page.until("it is red", lambda: page.page.evaluate("document.documentElement.dataset.light") == "night")
     page.page.click("#light")
-    assert page.page.evaluate("[document.documentElement.dataset.light, localStorage.getItem('light-mode')]") == ["day", "day"]
+    assert page.page.evaluate("[document.documentElement.dataset.light, localStorage.getItem('light-mode')]") == [
+        "day",
+        "day",
+    ]
     assert not_red(page.picture()) > 100_000
 
 

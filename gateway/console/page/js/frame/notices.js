@@ -13,7 +13,6 @@ export function notice(words, kind = "done") {
   const box = byId("notices");
   if (!words) return box.replaceChildren();
   const close = kind === "refused" ? button("Close", () => box.replaceChildren(), { class: "quiet" }) : null;
-  box.className = `notices ${kind}`;
   box.replaceChildren(el("div", { class: `notice ${kind}` }, el("p", {}, sentence(words)), close));
   if (kind === "done") timer = setTimeout(() => box.replaceChildren(), GONE);
 }

@@ -19,17 +19,15 @@ export function question({ title, words, yes, fields = [] }) {
   dialog.close();
   return new Promise((resolve) => {
     let answer = null;
-    const agree = () => {
-      answer = Object.fromEntries(inputs.map((input) => [input.name, input.value.trim()]));
-      dialog.close();
-    };
-    byId("ask-yes").onclick = agree;
     byId("ask-no").onclick = () => dialog.close();
     dialog.querySelector("form").onsubmit = (event) => {
       event.preventDefault();
-      agree();
+      answer = Object.fromEntries(inputs.map((input) => [input.name, input.value.trim()]));
+      dialog.close();
     };
-    dialog.onkeydown = (event) => event.key === "Escape" && dialog.close();
+    dialog.onkeydown = (event) => {
+      if (event.key === "Escape") dialog.close();
+    };
     dialog.onclose = () => {
       document.querySelector("main").inert = false;
       before?.focus();
