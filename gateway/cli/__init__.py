@@ -37,6 +37,7 @@ COMMANDS = {
     "explain": "inspect.explain",
     "replay": "inspect.replay",
     "decode": "inspect.decode",
+    "report": "inspect.report",
     "completion": "completion",
 }
 

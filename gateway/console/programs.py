@@ -41,8 +41,10 @@ class Programs:
         names, found = self._gateway.names(), []
         for name, reception in zip(names, self._gateway.receptions, strict=False):
             for visit in reception.connections():
-                client = visit.client
-                rate = self._rates.setdefault(client.log.name, Rate()).per_second(now, self._counts.get(client.log.name, 0))
+                client, side = visit.client, visit.client.log.name
+                rate = self._rates.setdefault(client.log.name, Rate()).per_second(
+                    now, self._counts.get(client.log.name, 0)
+                )
                 found.append({
                     "name": show(client.log.name.encode()), "surface": name, "profile": visit.profile,
                     "last": self._last.get(client.log.name, ""), "rate": round(rate, 1),

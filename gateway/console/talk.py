@@ -65,7 +65,7 @@ class Talk:
             return self._number
         if entry.side != MOUNT:
             number = self._open.get(entry.side, (None, 0.0))[0]
-            if entry.arrow in "<!-":
+            if entry.arrow in "<-":  # a refusal is noted first, and the reply that says it follows
                 self._open.pop(entry.side, None)
             return number
         waiting = [number for number, at in self._open.values() if entry.time - at <= RECENT]

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from gateway.core.errors import Fault, Refused
@@ -32,7 +33,8 @@ class Heard(NamedTuple):
     """A command or a reply. ``command`` is the row that it is of, empty for what no table knows.
 
     It ``asks`` when it does nothing but ask, or is the answer to such a question; it ``fails`` when it says no, or is
-    nothing that anybody understands; ``values`` are those that stay the same as long as nothing happens.
+    nothing that anybody understands; ``values`` are those that stay the same as long as nothing happens, ``fields`` are
+    all of a reply by their names.
     """
 
     data: bytes
@@ -41,6 +43,7 @@ class Heard(NamedTuple):
     asks: bool = False
     fails: bool = False
     values: tuple[object, ...] = ()
+    fields: Mapping[str, object] = MappingProxyType({})
 
 
 def _briefly(meaning: str) -> str:
@@ -146,4 +149,5 @@ class Side:
         values = {key: value for key, value in outcome.items() if key != "length"}
         words = in_words(self.protocol, command.name, values) or "accepted"
         lasting = steady(self.protocol, command.name, values)
-        return Heard(b"", f"{command.name}: {words}", command.name, command.question, values=lasting), length
+        heard = Heard(b"", f"{command.name}: {words}", command.name, command.question, values=lasting, fields=values)
+        return heard, length
