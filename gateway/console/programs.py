@@ -42,12 +42,10 @@ class Programs:
         for name, reception in zip(names, self._gateway.receptions, strict=False):
             for visit in reception.connections():
                 client, side = visit.client, visit.client.log.name
-                rate = self._rates.setdefault(client.log.name, Rate()).per_second(
-                    now, self._counts.get(client.log.name, 0)
-                )
+                rate = self._rates.setdefault(side, Rate()).per_second(now, self._counts.get(side, 0))
                 found.append({
-                    "name": show(client.log.name.encode()), "surface": name, "profile": visit.profile,
-                    "last": self._last.get(client.log.name, ""), "rate": round(rate, 1),
+                    "name": show(side.encode()), "surface": name, "profile": visit.profile,
+                    "last": self._last.get(side, ""), "rate": round(rate, 1),
                     "read_only": client.runner.rights.read_only,
                 })  # fmt: skip
         return found

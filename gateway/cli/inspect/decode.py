@@ -9,7 +9,7 @@ from typing import Any
 
 from gateway.cli.help import Commands
 from gateway.core.errors import UserError
-from gateway.protocols.registry import PROTOCOLS
+from gateway.protocols.registry import PROTOCOLS, guess
 from gateway.system import streams
 
 
