@@ -30,9 +30,10 @@ from gateway.clients.equinox import J2000
 from gateway.core import operations as op
 from gateway.core.errors import Fault, UserError
 from gateway.core.wire_log import Transcript
-from gateway.mount.controller import MountController, Policy
+from gateway.mount.controller import MountController
 from gateway.mount.link.queue import MountLink
 from gateway.mount.link.transaction import ReplyRules
+from gateway.mount.policy import Policy
 from gateway.mount.safety.limits import Limits
 from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.site_clock import SiteClock
@@ -173,17 +174,14 @@ def manners(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[Cli
 
 def tell_of_motions(controller: MountController, watched: WatchedMount) -> None:
     """Let the watchdog know before the mount is set moving, and when its stop becomes another one."""
-    before, changed = controller.before_motion, controller.changed
+    before = controller.before_motion.announce
 
     async def before_motion() -> None:
         watched.begin()
         await before()
 
-    def also_changed() -> None:
-        watched.renew()
-        changed()
-
-    controller.before_motion, controller.changed = before_motion, also_changed
+    controller.before_motion.announce = before_motion
+    controller.changed.connect(lambda _: watched.renew())
 
 
 def shows_itself(mount: Endpoint, surface: Endpoint) -> bool:
@@ -286,7 +284,7 @@ class Gateway:
             ]
 
         def busy() -> bool:
-            return self.controller is not None and self.controller.motions.busy
+            return self.controller is not None and self.controller.reconciler.busy
 
         lock = self.keeping.lock_path if self.keeping is not None else None
         self.watched = self.watchdog.mount(self.title, lock, commands, busy, self._was_stopped)
@@ -330,10 +328,11 @@ class Gateway:
         if self.watched is not None:
             tell_of_motions(self.controller, self.watched)
         self.desk = Desk(self.controller, self.config.name or "", str(self.mount), self.programs)
-        self.controller.before_motion = self.entrance.waiting(self.controller.before_motion)
+        before_motion = self.controller.before_motion
+        before_motion.announce = self.entrance.waiting(before_motion.announce)
         changed = (lambda: None) if self.keeping is None else self.keeping.changed
         own: list[SurfaceBinding] = []
-        self.controller.identification.told = lambda: self._show_itself(own)
+        self.controller.identification.told.connect(lambda _: self._show_itself(own))
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
             face = FACES[endpoint.protocol](endpoint, surface, config.limits)
             face.surface.verbatim = endpoint.protocol == self.mount.protocol

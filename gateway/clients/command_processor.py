@@ -380,7 +380,7 @@ class CommandProcessor:
 
     def _defect(self, frame: bytes, error: Exception) -> None:
         self.transcript.note(self.name, f"internal error at {frame!r}, please report it: {error!r}")
-        if self.controller.motions.busy:
+        if self.controller.reconciler.busy:
             self.controller.begin_stop()  # what failed may have been what should have ended a motion
 
     def _answer(self, turn: Turn, reply: bytes | None) -> None:

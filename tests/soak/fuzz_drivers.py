@@ -283,8 +283,8 @@ def _weigh(bridge: Bridge, findings: Findings, driven: str) -> None:
     held = sum(len(value) for value in vars(driver).values() if isinstance(value, dict | list | set | str | bytes))
     for what, size, most in (
         ("buffer", len(controller.line.talk._buffer), 4096), ("queue", len(controller.line._queue), 200),
-        ("tasks", len(controller._tasks), 200),
-        ("jobs", len(controller.motions.wanted.pending), 200), ("driver", held - len(driver.specials), 200),
+        ("tasks", len(controller.context.tasks), 200),
+        ("jobs", len(controller.wanted.value.pending), 200), ("driver", held - len(driver.specials), 200),
         ("urgent", len(controller.line._urgent), 200),
     ):  # fmt: skip
         if size > most:

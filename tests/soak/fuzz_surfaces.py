@@ -121,7 +121,7 @@ class Judge:
             ("inbox", len(client._inbox), INBOX), ("memo", len(client._memo), MEMO), ("framer", pending, 64),
             ("kept", len(repr(client.session.kept)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),
             ("told", len(client._told), 40), ("deferred", len(client._deferred), 4),
-            ("said", len(bridge.transcript._said), MOST), ("tasks", len(bridge.controller._tasks), 600),
+            ("said", len(bridge.transcript._said), MOST), ("tasks", len(bridge.controller.context.tasks), 600),
             ("line", len(bridge.controller.line._queue), 600), ("hosts", len(bridge.reception._left), 200),
         ):  # fmt: skip
             if size > most:
@@ -148,7 +148,7 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
     face = FACES[case.presented](endpoint, SurfaceConfig(at="-"), Limits())
     face.surface.verbatim = case.presented == case.driven
     bridge.reception.face = face
-    bridge.controller.derived.sky = SKY
+    bridge.controller.astrometry.sky = SKY
     bridge.transcript.sinks[:] = [judge.hear]
     done, longest, number = 0, 0.0, 0
     clients: list[CommandProcessor] = []

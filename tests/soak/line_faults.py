@@ -71,7 +71,7 @@ class Trial:
             return outcome
 
         line.talk.exchange = exchanging  # type: ignore[method-assign]
-        order = self.bridge.controller.belief._order
+        order = self.bridge.controller.verifier._order
 
         async def ordering(ask: Send, rank: int) -> Any:
             done = len(self.acknowledged)
@@ -83,7 +83,7 @@ class Trial:
                 self.unsure += 1
             return answer
 
-        self.bridge.controller.belief._order = ordering  # type: ignore[method-assign]
+        self.bridge.controller.verifier._order = ordering  # type: ignore[method-assign]
 
         async def proving() -> bool:
             self.wire.proving = True
@@ -271,7 +271,7 @@ class Trial:
     def _oldest(self, now: float) -> float:
         """The time before which nothing that is told now may come from."""
         line = self.line
-        old = line.state != "up" or self.bridge.controller.telling.told_old  # which the log says
+        old = line.state != "up" or self.bridge.controller.told_position.told_old  # which the log says
         allowed = 10.0 if old else max(AGE, 2.5 * line.typical)
         return now - allowed - EXCHANGE
 
@@ -302,7 +302,7 @@ class Trial:
         self.asked[type(operation).__name__] += 1
         if isinstance(operation, op.Slewing):
             self._sample()
-            if value != self.said or self.bridge.controller.motions.goto_waits:  # one that waits counts as under way
+            if value != self.said or self.bridge.controller.wanted.goto_waits:  # one that waits counts as under way
                 self.said_since, self.said = now, bool(value)
             since = self.still_since if value else self.slewing_since
             if since is not None and min(now - since, now - self.said_since) > SETTLED and self.line.state == "up":
@@ -327,7 +327,7 @@ class Trial:
         utc = self.sim.utc() + (self.bridge.clock() - self.sim.now)
         if clock is not None and abs(clock.unix - utc) > 2.7:
             self._is_wrong("clock", f"off by {clock.unix - utc:.1f} s")
-        identity = controller.snapshot.value(op.GetIdentity)
+        identity = controller.cache.value(op.GetIdentity)
         if identity is not None and identity != self.identity:
             self._is_wrong("identity", f"{identity}, not {self.identity}")
 

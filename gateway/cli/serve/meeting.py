@@ -22,7 +22,7 @@ def waiting(gateway: Gateway) -> str:
     protocol, named = gateway.mount.protocol, gateway.mount.model is not None
     takes = _TAKES.get((protocol, named), 4)
     controller = gateway.controller
-    if controller is not None and controller.identification.met.is_set():
+    if controller is not None and controller.context.milestones.met.is_set():
         return (
             f"{gateway.title}: a mount is there, and programs are told where it points; which model it is may take "
             f"it {takes} s to say"

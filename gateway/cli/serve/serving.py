@@ -144,7 +144,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         for task in onlookers:
             task.cancel()
         screen.clear()
-        moved = [gateway.controller is not None and gateway.controller.motions.busy for gateway in gateways]
+        moved = [gateway.controller is not None and gateway.controller.reconciler.busy for gateway in gateways]
         await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
         if done.is_set():
             for gateway, busy in zip(gateways, moved, strict=True):
@@ -200,7 +200,7 @@ async def _stand_still(gateways: Sequence[Gateway], screen: Screen) -> None:
     moving = [
         (gateway.entrance, gateway.controller)
         for gateway in gateways
-        if gateway.controller is not None and gateway.controller.motions.busy
+        if gateway.controller is not None and gateway.controller.reconciler.busy
     ]
     try:
         async with asyncio.timeout(SUSPEND):
@@ -276,7 +276,7 @@ async def _found(gateway: Gateway, warn: Callable[[str], None]) -> bool:
         if not said and now() > began + SAID_AFTER and not line.reason.startswith(CANNOT_OPEN):
             said = True
             warn(waiting(gateway))
-    return gateway.controller.identification.met.is_set()  # what tells where it points is a mount
+    return gateway.controller.context.milestones.met.is_set()  # what tells where it points is a mount
 
 
 async def _find(gateway: Gateway, warn: Callable[[str], None]) -> None:

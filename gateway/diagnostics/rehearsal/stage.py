@@ -92,7 +92,7 @@ class Stage:
         self.face: SurfaceBinding = FACES[presented](shown, SurfaceConfig(at="-"), self.settings.limits)
         self.face.surface.verbatim = presented == driven
         if shows_itself(Endpoint(driven, "sim"), shown):
-            self.controller.identification.told = lambda: own_face(self.controller, self.face)
+            self.controller.identification.told.connect(lambda _: own_face(self.controller, self.face))
         self.shared, changed = self.remember()
         self.reception = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, changed, access=access)
 

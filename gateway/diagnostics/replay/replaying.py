@@ -128,7 +128,7 @@ async def _replay(recording: Recording, events: list[Event]) -> Outcome:
         if cause.side == MOUNT:
             _mount(cause, asked, gateway, wire)
         elif cause.arrow == "r":
-            gateway.controller.spawn(gateway.controller.refresh.renew(getattr(op, cause.data.decode())))
+            gateway.controller.spawn(gateway.controller.poller.renew(getattr(op, cause.data.decode())))
         else:
             clients.play(cause)
         await _rest()

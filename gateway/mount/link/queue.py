@@ -16,6 +16,7 @@ from itertools import count
 from typing import Any
 
 from gateway.core.errors import Busy, Fault, NoAnswer, Silence
+from gateway.core.signals import Signal
 from gateway.core.wire_log import Transcript
 from gateway.mount.link.transaction import QUIET, ReplyRules, Transaction
 from gateway.protocols.base.driver import Send
@@ -65,15 +66,18 @@ class Request:
 
 
 class MountLink:
-    """Owns the wire. ``state`` is ``opening``, ``up``, ``busy`` or ``down``; ``on_up`` is called when it comes up."""
+    """Owns the wire. ``state`` is ``opening``, ``up``, ``busy`` or ``down``; ``came_up`` tells when it comes up."""
 
     def __init__(self, wire: Transport, dialogue: ReplyRules, transcript: Transcript) -> None:
         self.wire, self.dialogue, self.transcript = wire, dialogue, transcript
         self.talk = Transaction(lambda data: self.wire.write(data), self._meanwhile, self._pause, dialogue, transcript)
+        self.talk.on_lost = lambda: self.lost.emit(None)
         self.state = "opening"
-        self.on_up: Callable[[], None] = lambda: None
-        #: Called when the port is open again -> the requests that go out before anything else, a stop that is owed.
-        self.first_words: Callable[[], list[bytes]] = list
+        self.came_up: Signal[None] = Signal()
+        #: The port was lost, perhaps in the middle of an exchange.
+        self.lost: Signal[None] = Signal()
+        #: The port is open again: listeners add the requests that go out before anything else, a stop that is owed.
+        self.reopened: Signal[list[bytes]] = Signal()
         self.reason = ""
         self._now = asyncio.get_running_loop().time
         self._order = count()
@@ -94,6 +98,11 @@ class MountLink:
     def served(self) -> bool:
         """Whether exchanges are carried out at all: not before the start, nor once the worker has ended."""
         return self._task is not None and not self._task.done()
+
+    @property
+    def usable(self) -> bool:
+        """Whether it is up, and somebody works on it."""
+        return self.state == "up" and self.served
 
     @property
     def typical(self) -> float:
@@ -213,7 +222,9 @@ class MountLink:
 
     async def _reopened(self) -> None:
         """The wire is back: what is owed goes first, and nothing is taken for granted of what is on it."""
-        words, half = self.first_words(), self.talk.half
+        words: list[bytes] = []
+        self.reopened.emit(words)
+        half = self.talk.half
         self.talk.half = False
         if half and not (words and (self.dialogue.closing or len(self.talk.request) == 1)):
             await asyncio.sleep(max(0.0, self.talk.wrote + HALF_COMMAND - self._now()))
@@ -393,7 +404,7 @@ class MountLink:
         self._silent_since = None
         if self.state != "up":
             self.state, self.reason = "up", ""
-            self.on_up()
+            self.came_up.emit(None)
 
     def _down(self, reason: str) -> None:
         """Fail everything that waits; from now on every exchange fails at once."""

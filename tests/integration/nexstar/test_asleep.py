@@ -89,7 +89,7 @@ def test_it_wakes_whatever_was_asked_of_it_in_its_sleep(presented: str) -> None:
                 ):
                     client.tell(command)
             await asyncio.sleep(6 * SILENCE)
-            assert not bridge.sim.asleep and not bridge.controller.motions.owed
+            assert not bridge.sim.asleep and not bridge.controller.wanted.owed
             assert await client.ask(b":GR#" if presented == "lx200" else b"e", 2.0)
             assert (
                 bridge.sim.mode == ALTAZ

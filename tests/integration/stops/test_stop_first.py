@@ -55,7 +55,7 @@ def test_a_halt_goes_before_what_is_prepared_on_the_other_axis_which_is_done_aft
                 sent = bridge.sent()[before:]
                 assert sent[0] == NORTH_STOPS, (moment, sent)
                 if b"Me" in other:
-                    assert bridge.controller.motions.axes == {1}
+                    assert bridge.controller.wanted.axes == {1}
                     assert any(request.startswith(EAST_MOVES) for request in bridge.sent())
 
     run(program())

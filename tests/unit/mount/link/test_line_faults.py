@@ -281,10 +281,10 @@ def test_reads_are_asked_again_only_when_something_changed() -> None:
 
     async def program() -> None:
         async with Bridge("cge") as bridge:
-            await bridge.controller.belief.exchange(Send("t"), READ)
+            await bridge.controller.verifier.exchange(Send("t"), READ)
             before = len(bridge.sent())
             for _ in range(5):
-                await bridge.controller.belief.exchange(Send("t"), READ)
+                await bridge.controller.verifier.exchange(Send("t"), READ)
             assert bridge.sent()[before:].count(b"t") == 5
 
     run(program())

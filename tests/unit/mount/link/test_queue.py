@@ -177,7 +177,7 @@ def test_a_mount_that_falls_silent_is_said_to_be_down_and_comes_back() -> None:
         nonlocal alive
         line, _ = await opened(answers)
         ups = []
-        line.on_up = lambda: ups.append(True)
+        line.came_up.connect(lambda _: ups.append(True))
         alive = False
         with pytest.raises(NoAnswer):
             await line.exchange(Send("J"))
