@@ -31,7 +31,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, UserError
 from gateway.core.wire_log import Transcript
 from gateway.mount.controller import MountController
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.mount.link.transaction import ReplyRules
 from gateway.mount.policy import Policy
 from gateway.mount.safety.limits import Limits

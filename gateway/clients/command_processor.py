@@ -23,7 +23,7 @@ from gateway.core.motion_kinds import BY_HAND, begins_motion
 from gateway.core.operations import CancelGoto, ClockFromGps, Halt, Operation, Own, Read, Stop, Sync
 from gateway.core.wire_log import Transcript
 from gateway.mount.controller import MountController
-from gateway.mount.link.queue import AT_ONCE, LATE
+from gateway.mount.link.scheduling import AT_ONCE, LATE
 from gateway.mount.readings.cache import FRESH, MISSING
 from gateway.mount.safety.rules.dead_man import HostActivity
 from gateway.protocols.base.frames import Framing, Unterminated

@@ -22,7 +22,7 @@ from gateway.mount.fair_scheduler import FairScheduler
 from gateway.mount.identification import Identification
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.hibernation import HibernationGate
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.mount.link.verification import ReplyVerifier
 from gateway.mount.motion.before_motion import BeforeMotion
 from gateway.mount.motion.moving import Movement

@@ -13,7 +13,7 @@ import copy
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.mount.context import Context
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.mount.link.transaction import ReplyRules
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.readings.reader import Reader

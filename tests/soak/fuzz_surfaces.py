@@ -122,7 +122,7 @@ class Judge:
             ("kept", len(repr(client.session.kept)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),
             ("told", len(client._told), 40), ("deferred", len(client._deferred), 4),
             ("said", len(bridge.transcript._said), MOST), ("tasks", len(bridge.controller.context.tasks), 600),
-            ("line", len(bridge.controller.line._queue), 600), ("hosts", len(bridge.reception._left), 200),
+            ("line", len(bridge.controller.line.queue), 600), ("hosts", len(bridge.reception._left), 200),
         ):  # fmt: skip
             if size > most:
                 self.say(f"{self.case.presented}: {what} has grown", f"{size}, at most {most}")

@@ -22,7 +22,7 @@ from typing import Any
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Fault
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.mount.readings.cache import MISSING
 from gateway.protocols.base.driver import Send
 from tests.soak.faulty import BREAKING, FaultyWire, Kind

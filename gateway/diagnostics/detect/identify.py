@@ -16,7 +16,7 @@ from gateway.core.errors import Fault, NoAnswer
 from gateway.core.wire_log import Transcript
 from gateway.diagnostics.detect.capabilities import ways
 from gateway.diagnostics.detect.port_listener import PortListener
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.protocols.base.driver import Driver, Send
 from gateway.protocols.base.run_driver import carry_out
 

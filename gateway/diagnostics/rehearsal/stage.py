@@ -19,7 +19,7 @@ from gateway.clients.access import Access
 from gateway.core import operations as op
 from gateway.core.wire_log import Entry, Transcript
 from gateway.mount.controller import MountController
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.mount.site.site_clock import SiteClock
 from gateway.transport.wires import SimulatedTransport
 

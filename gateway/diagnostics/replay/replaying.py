@@ -26,7 +26,7 @@ from gateway.diagnostics.replay.recorded_mount import ROUNDED, RecordedLine, Rec
 from gateway.diagnostics.replay.retraced import RetracedLoop
 from gateway.diagnostics.replay.retracing import Difference, Retracing, surface_and_host
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.mount.link.transaction import ReplyRules
 from gateway.transport import ConnectionHandler
 from gateway.transport.wires import SimulatedTransport

@@ -8,13 +8,16 @@ the line is in step again, or every later answer would belong to an earlier ques
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, Protocol
 
 from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
+from gateway.core.signals import Signal
 from gateway.core.wire_log import Transcript
 from gateway.mount.link.late_replies import LATEST, LateReplies
+from gateway.mount.link.queue import RequestQueue
 from gateway.protocols.base.driver import Send
+from gateway.transport.wires import Transport
 
 #: Seconds of quiet that end a disturbance.
 QUIET = 0.15
@@ -59,31 +62,22 @@ class ReplyRules(Protocol):
 
 
 class Transaction:
-    """Exchanges over ``write``, until the wire is ``lost``.
+    """Exchanges over a wire, until it is ``lost``.
 
-    ``meanwhile`` is called while the mount is at a long piece of work, with whether it counts as busy by now; it sends
-    what may be sent all the same and returns how many requests that were. ``pause`` waits after a command without a
-    reply; it returns False when a stop has cut that short.
+    Of what waits in the ``queue`` stops may go out while the mount is at a long piece of work, and one cuts the pause
+    short that some mounts need after a command.
     """
 
-    def __init__(
-        self,
-        write: Callable[[bytes], None],
-        meanwhile: Callable[[bool], int],
-        pause: Callable[[float, bool], Awaitable[bool]],
-        dialogue: ReplyRules,
-        transcript: Transcript,
-    ) -> None:
-        self._write, self._meanwhile, self._pause = write, meanwhile, pause
+    def __init__(self, wire: Transport, queue: RequestQueue, dialogue: ReplyRules, transcript: Transcript) -> None:
+        self.wire, self._queue = wire, queue
         self.dialogue, self.transcript = dialogue, transcript
         self.lost = False
+        self.wire_lost: Signal[None] = Signal()
         #: The line was lost in the middle of an exchange: perhaps with half a command on the other side.
         self.half = False
-        #: The last request; and what is to be done in the moment in which the wire is noticed to be lost.
         self.request = b""
-        self.on_lost: Callable[[], None] = lambda: None
-        #: At a long piece of work, and when the last one was over.
-        self.long, self.long_until = False, -1e9
+        #: At a long piece of work, for so long that whatever else comes is refused, and when the last one was over.
+        self.long, self.busy, self.long_until = False, False, -1e9
         #: When something was written last, seconds of the loop's clock; never yet is long ago.
         self.wrote = -1e9
         #: How long an answer takes, and the last one took on the wire, in seconds; how many there were.
@@ -103,7 +97,7 @@ class Transaction:
         self._unanswered_since: float | None = None
         self._late = 0.0
         self._proving = False
-        self._settling = self._hurried = False
+        self._settling = self._hurried = self._cut_short = False
 
     def hear(self, data: bytes) -> None:
         """Bytes have come."""
@@ -117,7 +111,7 @@ class Transaction:
         """The wire is gone, whoever noticed it first."""
         if not self.lost:
             self.transcript.put("mount", "v", note=reason)
-            self.on_lost()
+            self.wire_lost.emit(None)
         self.lost = True
         self._arrived.set()
 
@@ -132,7 +126,7 @@ class Transaction:
         self.transcript.put("mount", ">", request)
         self.request = request
         try:
-            self._write(request)
+            self.wire.write(request)
         except Exception as error:  # the port went away in the middle of it, whatever its driver calls that
             self.lose(str(error))
             return False
@@ -195,6 +189,30 @@ class Transaction:
         if pace and await self._pause(pace, firm):
             outcome = self._objection(ask) or outcome
         return outcome
+
+    def _meanwhile(self, busy: bool) -> int:
+        """While the mount works: send the stops that need no answer; refuse all else once it is busy -> stops sent."""
+        self.busy = self.busy or busy
+        return self._queue.while_it_works(self.busy, self._send_unanswered)
+
+    def _send_unanswered(self, ask: Send) -> bool | None:
+        """Send a command that needs no answer -> whether the wire was there; None where it needs one."""
+        return self.send(self.dialogue.encode(ask)) if self.dialogue.take(ask, b"") is not None else None
+
+    async def _pause(self, seconds: float, firm: bool) -> bool:
+        """Give a scope time after a command without a reply. A stop cuts it short, unless ``firm``: then False."""
+        until = self._now() + seconds
+        while not self.lost and (left := until - self._now()) > 0:
+            if not firm and self._queue.stop_waits:
+                self._cut_short = True
+                return False
+            await self._queue.woken(left)
+        return True
+
+    def cut_short(self) -> bool:
+        """Whether the pause before this was cut short for a stop: said once."""
+        said, self._cut_short = self._cut_short, False
+        return said
 
     async def _reply(self, ask: Send, began: float, settle: float) -> tuple[dict[str, Any] | Fault, int] | None:
         """The reply and its length, once it is complete; None when it is not in time, or the wire was lost."""

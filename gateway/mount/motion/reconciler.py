@@ -24,7 +24,8 @@ from gateway.core.shared_work import result_of
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
-from gateway.mount.link.queue import MOTION, SETTING, STOP, MountLink
+from gateway.mount.link.line import MountLink
+from gateway.mount.link.scheduling import MOTION, SETTING, STOP
 from gateway.mount.motion import outcomes
 from gateway.mount.motion.apply import apply, does_for, interrupted, stopped, take_back
 from gateway.mount.motion.awaited import Awaited, Outcome

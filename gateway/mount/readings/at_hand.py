@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from gateway.core import operations as op
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.mount.motion.wanted_state import WantedState
 from gateway.mount.readings.cache import FRESH, MISSING, ReadingsCache
 from gateway.mount.site.site_clock import SiteClock

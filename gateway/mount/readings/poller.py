@@ -12,7 +12,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, NotAligned
 from gateway.mount.context import Context
 from gateway.mount.link.hibernation import HibernationGate
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.mount.motion.end_watch import EndWatch
 from gateway.mount.motion.moving import Movement
 from gateway.mount.readings.cache import RENEW, Kind, ReadingsCache

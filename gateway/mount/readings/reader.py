@@ -16,7 +16,8 @@ from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.fair_scheduler import FairScheduler
 from gateway.mount.link.driver_runner import DriverRunner
-from gateway.mount.link.queue import POSITION, READ, MountLink
+from gateway.mount.link.line import MountLink
+from gateway.mount.link.scheduling import POSITION, READ
 from gateway.mount.motion.moving import Movement
 from gateway.mount.motion.wanted import Slew
 from gateway.mount.motion.wanted_state import WantedState

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gateway.core import operations as op
 from gateway.mount.context import Context
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.mount.motion.end_watch import EndWatch
 from gateway.mount.motion.moving import Movement
 from gateway.mount.readings.cache import RENEW, ReadingsCache

@@ -15,7 +15,7 @@ from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.gateway import Gateway, shows_itself
 from gateway.app.simulated import make_simulator
 from gateway.clients.access import Access
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.transport.wires import SimulatedTransport
 from tests.support.in_process_gateway import Bridge
 from tests.support.transparent import ALLOWED, MOUNTS, asked_of, differences

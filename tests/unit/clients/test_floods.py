@@ -142,7 +142,7 @@ def test_another_ones_goto_is_begun() -> None:
 def test_what_is_under_way_for_one_client_is_bounded() -> None:
     async def bounded(bridge: Bridge, other: Visitor) -> None:
         assert len(asyncio.all_tasks()) < 2 * BEGUN + 30
-        assert len(bridge.controller.line._queue) < BEGUN + 10
+        assert len(bridge.controller.line.queue) < BEGUN + 10
 
     flooded(COSTLY * 4, bounded)
 

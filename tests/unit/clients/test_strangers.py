@@ -18,7 +18,7 @@ from gateway.app.recording.recorder import Recorder
 from gateway.app.simulated import make_simulator
 from gateway.core.wire_log import Transcript
 from gateway.diagnostics.replay.replaying import replay
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.transport.wires import SimulatedTransport
 from tests.support.callers import Caller
 from tests.support.greetings import GREETINGS, TELNET

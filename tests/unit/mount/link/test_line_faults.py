@@ -11,7 +11,8 @@ import pytest
 from gateway.core import operations as op
 from gateway.core.errors import Garbled, NoAnswer
 from gateway.core.wire_log import Transcript
-from gateway.mount.link.queue import HALF_COMMAND, READ, STOP, MountLink
+from gateway.mount.link.line import HALF_COMMAND, MountLink
+from gateway.mount.link.scheduling import READ, STOP
 from gateway.protocols.base.driver import Send
 from gateway.protocols.lx200.reply_rules import MeadeDialogue
 from gateway.protocols.nexstar.reply_rules import NexStarDialogue
