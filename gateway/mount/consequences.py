@@ -7,7 +7,7 @@ from gateway.core.motion_kinds import GOTOS
 from gateway.mount.context import Context
 from gateway.mount.link.hibernation import HibernationGate
 from gateway.mount.motion.reconciler import Done, Reconciler
-from gateway.mount.motion.wanted_state import WantedState
+from gateway.mount.motion.wanted import WantedState
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.told_position import ToldPosition
 from gateway.mount.safety.assembled import Safety

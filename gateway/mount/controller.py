@@ -24,10 +24,10 @@ from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.hibernation import HibernationGate
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.verification import ReplyVerifier
-from gateway.mount.motion.before_motion import BeforeMotion
 from gateway.mount.motion.moving import Movement
+from gateway.mount.motion.order_runner import BeforeMotion, OrderRunner
 from gateway.mount.motion.reconciler import Reconciler
-from gateway.mount.motion.wanted_state import WantedState
+from gateway.mount.motion.wanted import WantedState
 from gateway.mount.orders import Orders
 from gateway.mount.policy import Policy
 from gateway.mount.readings.at_hand import AtHand
@@ -97,9 +97,8 @@ class MountController:
         safety = self.safety = Safety(context, line, cache, reader, movement, astrometry, self.sources, self.suns, sync)
         self.hold, self.watch, self.ends = safety.hold, safety.watch, safety.ends
         self.before_motion = BeforeMotion()
-        reconciler = self.reconciler = Reconciler(
-            context, follow_ups, line, runner, wanted, movement, safety.admission, self.before_motion
-        )
+        carried_out = OrderRunner(context, follow_ups, runner, movement, safety.admission, self.before_motion)
+        reconciler = self.reconciler = Reconciler(context, line, runner, wanted, movement, carried_out)
         #: Emitted when something that outlives the gateway may have changed.
         self.changed = reconciler.lasting
         Consequences(context, gate, cache, told, wanted, astrometry, safety).listen(reconciler)

@@ -16,7 +16,7 @@ from gateway.mount.link.line import MountLink
 from gateway.mount.link.scheduling import SETTING
 from gateway.mount.motion.awaited import ended
 from gateway.mount.motion.reconciler import Reconciler
-from gateway.mount.motion.wanted_state import WantedState
+from gateway.mount.motion.wanted import WantedState
 from gateway.mount.readings.cache import FRESH
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader

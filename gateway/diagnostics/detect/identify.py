@@ -62,7 +62,7 @@ class _Talk:
             ask = ask._replace(patience=min(ask.patience, max(AT_LEAST, TIMES * max(self.took))))
         answer = await self.line.exchange(ask)
         if self.driver.protocol.commands[ask.command].replies:
-            self.took.append(self.line.talk.took)
+            self.took.append(self.line.talk.times.took)
         return answer
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from gateway.core.errors import Asleep
 from gateway.mount.context import Context
 from gateway.mount.link.scheduling import POSITION, STOP
-from gateway.mount.motion.wanted_state import WantedState
+from gateway.mount.motion.wanted import WantedState
 from gateway.protocols.base.driver import Send
 
 #: Seconds from one position that is tried to the next: no longer than where nobody asks a mount that is awake.

@@ -15,13 +15,12 @@ from gateway.core.errors import Busy, Fault, NoAnswer, Silence
 from gateway.core.signals import Signal
 from gateway.core.wire_log import Transcript
 from gateway.mount.link.queue import Request, RequestQueue
+from gateway.mount.link.recovery import Recovery
 from gateway.mount.link.scheduling import READ, STOP
 from gateway.mount.link.transaction import QUIET, ReplyRules, Transaction
 from gateway.protocols.base.driver import Send
 from gateway.transport.wires import Transport
 
-#: How often the line is proven before it counts as down; after a proof that failed, so many times more quiet is wanted.
-PROOFS, QUIETER = 3, 3.0
 #: After half a command nothing is sent for this long: a hand control would take it for the other half.
 HALF_COMMAND = 3.5
 #: Between two commands whose answers nobody waits for.
@@ -46,6 +45,8 @@ class MountLink:
         self.talk = Transaction(wire, self.queue, dialogue, transcript)
         #: The port was lost, perhaps in the middle of an exchange.
         self.lost = self.talk.wire_lost
+        self.recovery = Recovery(self.talk)
+        self.recovery.failed.connect(self._not_in_step)
         self._state = "opening"
         self.came_up: Signal[None] = Signal()
         #: The port is open again: listeners add the requests that go out before anything else, a stop that is owed.
@@ -69,7 +70,7 @@ class MountLink:
 
     @wire.setter
     def wire(self, wire: Transport) -> None:
-        self.talk.wire = wire
+        self.talk.use(wire)
 
     @property
     def state(self) -> str:
@@ -89,7 +90,7 @@ class MountLink:
     @property
     def typical(self) -> float:
         """How long an answer takes, seconds."""
-        return self.talk.typical
+        return self.talk.times.typical
 
     @property
     def occupied(self) -> bool:
@@ -110,7 +111,7 @@ class MountLink:
     @property
     def answers(self) -> int:
         """How many the mount has given."""
-        return self.talk.answers
+        return self.talk.times.answers
 
     async def close(self) -> None:
         """End the worker and close the wire; whatever waits, and whatever comes, gets no answer."""
@@ -161,7 +162,7 @@ class MountLink:
         failures = 0
         while True:
             self._opened += 1
-            self.talk.lost = False
+            self.talk.opening()
             try:
                 await self.wire.open(*self._callbacks(self._opened))
             except Exception as error:  # pyserial has more kinds of failure than OSError
@@ -204,8 +205,7 @@ class MountLink:
         """The wire is back: what is owed goes first, and nothing is taken for granted of what is on it."""
         words: list[bytes] = []
         self.reopened.emit(words)
-        half = self.talk.half
-        self.talk.half = False
+        half = self.talk.was_cut()
         if half and not (words and (self.dialogue.closing or len(self.talk.request) == 1)):
             await asyncio.sleep(max(0.0, self.talk.wrote + HALF_COMMAND - self._now()))
         for number, word in enumerate(words):
@@ -227,17 +227,17 @@ class MountLink:
             outcome = await self._carry_out(request)
             if not isinstance(outcome, NoAnswer | Silence):
                 self._silent_since = None
-            self.talk.busy = False
+            self.talk.work_is_over()
             if not request.future.done():
                 if isinstance(outcome, Fault):
-                    outcome.took = self.talk.took
+                    outcome.took = self.talk.times.took
                     request.future.set_exception(outcome)
                 else:
-                    request.future.set_result((outcome, self.talk.took))
+                    request.future.set_result((outcome, self.talk.times.took))
                 await self.queue.what_follows()
             if isinstance(outcome, Silence) and self.dialogue.leaves_open(request.ask):
                 self.talk.send(self.dialogue.closing)
-                await self.talk.drain(max(QUIET, 2.0 * self.talk.typical))
+                await self.talk.drain(max(QUIET, 2.0 * self.talk.times.typical))
             if isinstance(outcome, NoAnswer | Silence):
                 await self._recover()
         self._down(f"{self.wire.name} was lost")
@@ -258,7 +258,7 @@ class MountLink:
         """Bring the line into step again, however long that takes, unless the wire is lost meanwhile."""
         began = self._now()
         while not self.talk.lost:
-            if await self._prove():
+            if await self.recovery.prove():
                 self._up()
                 return
             self._down("the mount does not answer")
@@ -267,17 +267,9 @@ class MountLink:
             else:
                 await asyncio.sleep(1.0)
 
-    async def _prove(self) -> bool:
-        """Drain, then exchange proofs until the line is in step again -> whether it is."""
-        for attempt in range(PROOFS):
-            await self.talk.drain(QUIET * QUIETER**attempt)
-            if not self.talk.lost and await self.talk.in_step():
-                return True
-            if self.talk.lost:
-                return False
-            if self.state == "up":
-                self._down("the mount does not answer")
-        return False
+    def _not_in_step(self, _: None) -> None:
+        if self.state == "up":
+            self._down("the mount does not answer")
 
     def _up(self) -> None:
         """The line is in step; when it was not so before, whoever waits for it is told."""

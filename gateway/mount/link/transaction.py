@@ -1,8 +1,8 @@
 """Talk on an open wire: a request, its reply, and whether that reply can be its own.
 
 A reply counts in its exact form, and only when nothing follows it: of two, one belongs to somebody else. A command that
-has no reply may be objected to all the same. After a disturbance the wire is drained, and proofs are exchanged until
-the line is in step again, or every later answer would belong to an earlier question.
+has no reply may be objected to all the same. After a disturbance the wire is drained, and the line
+proven to be in step again (``recovery.py``), or every later answer would belong to an earlier question.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Any, Protocol
 from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
 from gateway.core.signals import Signal
 from gateway.core.wire_log import Transcript
+from gateway.mount.link.answer_times import AnswerTimes
 from gateway.mount.link.late_replies import LATEST, LateReplies
 from gateway.mount.link.queue import RequestQueue
 from gateway.protocols.base.driver import Send
@@ -30,14 +31,12 @@ GAP, UNRULY = 0.05, 300.0
 BABBLE = 3.0
 #: A reply that is an acknowledgement and no more counts when nothing has followed it for this long.
 SETTLE = 0.02
-#: A place is missed after so many times what answers take, and no sooner than these seconds, once so many have come.
-QUICK, SOON, KNOWN = 8.0, 1.2, 20
-#: Where an answer has come too late, and no later than these seconds, the next are waited for so much longer.
-LATER, LATEST_ANSWER = 1.5, 6.0
-#: The first answer tells how long answers take, up to so many seconds.
-FIRST_ANSWER = 1.0
 #: A long piece of work of the mount may take that many seconds before what waits behind it is refused.
 BUSY_AFTER = 1.0
+
+
+#: What was answered, and how many bytes of it.
+Taken = tuple[dict[str, Any] | Fault, int]
 
 
 class ReplyRules(Protocol):
@@ -56,7 +55,7 @@ class ReplyRules(Protocol):
     def kind(self, ask: Send) -> str | None: ...
     def as_written(self, command: str, reply: bytes) -> bytes: ...
     def encode(self, ask: Send) -> bytes: ...
-    def take(self, ask: Send, buffer: bytes) -> tuple[dict[str, Any] | Fault, int] | None: ...
+    def take(self, ask: Send, buffer: bytes) -> Taken | None: ...
     def proof(self, number: int) -> Iterator[Send]: ...
     def proven(self, ask: Send, values: dict[str, Any]) -> bool: ...
 
@@ -80,8 +79,7 @@ class Transaction:
         self.long, self.busy, self.long_until = False, False, -1e9
         #: When something was written last, seconds of the loop's clock; never yet is long ago.
         self.wrote = -1e9
-        #: How long an answer takes, and the last one took on the wire, in seconds; how many there were.
-        self.typical, self.took, self.answers = 0.02, 0.0, 0
+        self.times = AnswerTimes()
         self.doubt = LateReplies(dialogue.alike)
         self._now = asyncio.get_running_loop().time
         #: Whether any byte has ever come; the last question that was not answered as it should, and what came instead.
@@ -91,13 +89,18 @@ class Transaction:
         self._arrived = asyncio.Event()
         self._heard = self._stray = -1e9
         self._last: Send | None = None
-        self._proofs = 0
         self._stops = 0
-        #: When the last question was asked that has had no answer yet; how late one came, seconds, 0 where none has.
+        #: When the last question was asked that has had no answer yet.
         self._unanswered_since: float | None = None
-        self._late = 0.0
-        self._proving = False
         self._settling = self._hurried = self._cut_short = False
+
+    def opening(self) -> None:
+        """The wire is being opened."""
+        self.lost = False
+
+    def use(self, wire: Transport) -> None:
+        """Another wire takes the place of this one, before anything was said on it."""
+        self.wire = wire
 
     def hear(self, data: bytes) -> None:
         """Bytes have come."""
@@ -146,15 +149,15 @@ class Transaction:
         left = self._heard + GAP - self._now()
         return left if left > 1e-6 else 0.0
 
-    def timeout(self, ask: Send) -> float:
+    def timeout(self, ask: Send, proof: bool = False) -> float:
         """Seconds that the answer to a question may take on this line."""
-        longest = max(self.dialogue.timeout(ask), self._late and LATER * self._late)
-        if self.dialogue.kind(ask) != "place" or self.answers < KNOWN or self._proving:
-            return longest
-        return min(longest, max(SOON, QUICK * self.typical))  # it is asked again and again: a lost one is soon missed
+        place = not proof and self.dialogue.kind(ask) == "place"
+        return self.times.patience(self.dialogue.timeout(ask), place)
 
-    async def exchange(self, ask: Send, firm: bool = False) -> dict[str, Any] | Fault:
-        """One request and its reply, or the Fault that came instead. A ``firm`` pause after it is kept to its end."""
+    async def exchange(self, ask: Send, firm: bool = False, proof: bool = False) -> dict[str, Any] | Fault:
+        """One request and its reply, or the Fault that came instead. A ``firm`` pause after it is kept to its end; a
+        ``proof`` is waited for as long as the protocol says.
+        """
         try:
             request = self.dialogue.encode(ask)
         except Fault as fault:
@@ -165,7 +168,7 @@ class Transaction:
         self._last = ask
         began = self.wrote = self._now()
         self.long, self._stops, self._hurried = ask.long, 0, False
-        taken = await self._reply(ask, began, settle) if self.send(request) else None
+        taken = await self._reply(ask, began, settle, proof) if self.send(request) else None
         self.long, self.long_until = False, self._now() if ask.long else self.long_until
         if taken is None:
             return self._unanswered(ask, began)
@@ -179,12 +182,7 @@ class Transaction:
         if ask.raw and isinstance(outcome, dict):
             outcome = {**outcome, "raw": self._buffer[:length]}
         self._cut(length)
-        self.took = self._heard - began
-        self.answers += 1
-        if length and not ask.long:  # what is not answered takes no time
-            self.typical += 0.2 * (min(self._now() - began, 3.0 * self.typical + 0.01) - self.typical)
-            if self.answers == 1:
-                self.typical = max(self.typical, min(self._now() - began, FIRST_ANSWER))
+        self.times.answered(self._heard - began, self._now() - began, counts=bool(length) and not ask.long)
         pace = self.dialogue.pace(ask)
         if pace and await self._pause(pace, firm):
             outcome = self._objection(ask) or outcome
@@ -209,14 +207,23 @@ class Transaction:
             await self._queue.woken(left)
         return True
 
+    def was_cut(self) -> bool:
+        """Whether half a command may have been left on the other side when the wire was lost: said once."""
+        said, self.half = self.half, False
+        return said
+
+    def work_is_over(self) -> None:
+        """Nothing is refused for it any more."""
+        self.busy = False
+
     def cut_short(self) -> bool:
         """Whether the pause before this was cut short for a stop: said once."""
         said, self._cut_short = self._cut_short, False
         return said
 
-    async def _reply(self, ask: Send, began: float, settle: float) -> tuple[dict[str, Any] | Fault, int] | None:
+    async def _reply(self, ask: Send, began: float, settle: float, proof: bool) -> Taken | None:
         """The reply and its length, once it is complete; None when it is not in time, or the wire was lost."""
-        deadline, busy_at = began + (ask.patience or self.timeout(ask)), began + BUSY_AFTER
+        deadline, busy_at = began + (ask.patience or self.timeout(ask, proof)), began + BUSY_AFTER
         while not self.lost:
             now = self._now()
             self._arrived.clear()
@@ -241,7 +248,7 @@ class Transaction:
 
     def _unanswered(self, ask: Send, began: float) -> Fault:
         """What it means that no reply came."""
-        self.took = self._now() - began
+        self.times.unanswered(self._now() - began)
         if self.lost:
             self.half = True
         elif ask.patience is not None and not ask.long and not self._buffer:
@@ -265,7 +272,7 @@ class Transaction:
         self._cut(taken[1])
         return taken[0]
 
-    def _take(self, ask: Send) -> tuple[dict[str, Any] | Fault, int] | None:
+    def _take(self, ask: Send) -> Taken | None:
         """The reply, when it is complete; one that cannot be read at all is garbled, never the end of the line."""
         try:
             return self.dialogue.take(ask, self._buffer)
@@ -283,24 +290,6 @@ class Transaction:
             self._stray = self._now()
             self._cut(len(self._buffer), f"dropped: {why}")
 
-    # --- in step again ----------------------------------------------------------------------------------------------
-
-    async def in_step(self) -> bool:
-        """Whether every proof is answered as it should be, and nothing follows."""
-        self._proofs += 1
-        for ask in self.dialogue.proof(self._proofs):
-            await asyncio.sleep(self.gap(ask))
-            self._proving = True
-            try:
-                outcome = await self.exchange(ask)
-            finally:
-                self._proving = False
-            if isinstance(outcome, Busy):
-                continue  # that is an answer, too
-            if isinstance(outcome, Fault) or not self.dialogue.proven(ask, outcome):
-                return False
-        return not await self.drain(QUIET)
-
     async def drain(self, quiet: float) -> bool:
         """Wait until the wire has been quiet for so long, and forget what came -> whether anything did."""
         give_up = self._now() + DRAIN
@@ -311,8 +300,7 @@ class Transaction:
                 break
         anything = bool(self._buffer)
         if anything and self._unanswered_since is not None:
-            took = self._heard - self._unanswered_since
-            self._late = took if took <= LATEST_ANSWER else self._late
+            self.times.came_late(self._heard - self._unanswered_since)
         self._unanswered_since = None
         self.drop("drained")
         return anything

@@ -58,6 +58,22 @@ def does_for(wanted: Wanted, operation: op.Operation) -> Order | None:
     )
 
 
+def planned(wanted: Wanted, order: Order) -> Wanted:
+    """With a follow-up of the driver's own; the same one planned again replaces the first."""
+    others = tuple(
+        one
+        for one in wanted.pending
+        if not (one.follow_up and one.operation == order.operation and one.number != wanted.active)
+    )
+    return replace(wanted, pending=(*others, order))
+
+
+def too_late(wanted: Wanted, operation: op.Operation, stops: int | None) -> bool:
+    """Whether a stop has come since it was asked for; ``stops`` is how many there had been then."""
+    lasts = isinstance(operation, op.Halt) or outlives_stop(operation)
+    return stops is not None and stops != wanted.stops and not lasts
+
+
 def take_back(wanted: Wanted, operation: op.Operation) -> Wanted:
     """Without what a halt, the end of gotos or a newer rate ends before it has begun."""
     pending = tuple(order for order in wanted.pending if not _ends(operation, order, order.number == wanted.active))

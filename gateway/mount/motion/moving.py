@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from msgspec import Struct
 
 from gateway.core.operations import Move, MoveAxis, Slewing
-from gateway.mount.motion.wanted_state import WantedState
+from gateway.mount.motion.wanted import WantedState
 from gateway.mount.readings.cache import ReadingsCache
 
 ByHand = Mapping[int, Move | MoveAxis]

@@ -8,8 +8,6 @@ waits for the exchange on the wire and for nothing else: not for a setting that 
 from __future__ import annotations
 
 import asyncio
-import contextlib
-from collections.abc import Callable
 from functools import partial
 from itertools import count
 from math import inf
@@ -19,29 +17,25 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, NoAnswer
-from gateway.core.motion_kinds import ENDS, GOTOS, MOVING, ends_focus, outlives_stop
+from gateway.core.motion_kinds import ENDS, GOTOS, ends_focus, outlives_stop
 from gateway.core.shared_work import result_of
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink
-from gateway.mount.link.scheduling import MOTION, SETTING, STOP
 from gateway.mount.motion import outcomes
-from gateway.mount.motion.apply import apply, does_for, interrupted, stopped, take_back
+from gateway.mount.motion.apply import apply, does_for, interrupted, planned, stopped, take_back, too_late
 from gateway.mount.motion.awaited import Awaited, Outcome
-from gateway.mount.motion.before_motion import BeforeMotion
 from gateway.mount.motion.moving import Movement
 from gateway.mount.motion.next_operation import next_moment, next_operation
+from gateway.mount.motion.order_runner import OrderRunner
+from gateway.mount.motion.outcomes import may_have_begun
 from gateway.mount.motion.patience import forsaken, may_wait, patient, postponed
 from gateway.mount.motion.stopping import Stopping
-from gateway.mount.motion.wanted import FIRST, IN_ORDER, RESUMED, Order, Theirs, Wanted
-from gateway.mount.motion.wanted_state import WantedState
-from gateway.mount.safety.admission.motions import Admission
+from gateway.mount.motion.wanted import FIRST, IN_ORDER, RESUMED, Order, Theirs, Wanted, WantedState
 from gateway.mount.safety.rules.dead_man import HostActivity
 from gateway.protocols.base.driver import Schedule
 
-#: What may have begun though its acknowledgement was lost, and would have no end then.
-BY_HAND = (op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
 #: Seconds until the focuser is told to stop once more, while its mount does not answer to that.
 FOCUS_AGAIN = 1.0
 
@@ -54,7 +48,7 @@ class Done(NamedTuple):
 
 
 class Reconciler:
-    """Alone replaces what is wanted. ``follow_ups`` are the driver's own operations, by their type.
+    """Alone replaces what is wanted; ``orders`` carries out one order.
 
     Signals: ``begins`` with an operation that the mount has acknowledged, before what is wanted says so, and ``done``
     after that; ``stop_sent`` when the commands of a stop went out, acknowledged or not, and ``at_rest`` when it was
@@ -64,17 +58,14 @@ class Reconciler:
     def __init__(
         self,
         context: Context,
-        follow_ups: dict[type[Any], Callable[[Any, Any], Any]],
         link: MountLink,
         runner: DriverRunner,
         wanted: WantedState,
         movement: Movement,
-        admission: Admission,
-        before_motion: BeforeMotion,
+        orders: OrderRunner,
     ) -> None:
-        self._context, self._driver, self._follow_ups = context, context.driver, follow_ups
-        self._link, self._runner, self._state, self._movement = link, runner, wanted, movement
-        self._admission, self._before_motion = admission, before_motion
+        self._context, self._driver = context, context.driver
+        self._link, self._state, self._movement, self._orders = link, wanted, movement, orders
         self.begins: Signal[op.Operation] = Signal()
         self.done: Signal[Done] = Signal()
         self.lasting: Signal[None] = Signal()
@@ -82,8 +73,8 @@ class Reconciler:
         self._numbers = count(1)
         self._awaited = Awaited()
         self._work: asyncio.Task[tuple[op.Operation, Any]] | None = None
-        #: The order that is being carried out, and the last one that was admitted, by their numbers.
-        self._active = self._admitted = 0
+        #: The number of the order that is being carried out.
+        self._active = 0
         self._stopping = Stopping(context, link, runner, wanted)
         self.stop_sent, self.at_rest = self._stopping.sent, self._stopping.at_rest
         self.at_rest.connect(lambda _: self._want(outcomes.at_rest(self.wanted)))
@@ -113,7 +104,7 @@ class Reconciler:
 
         Whoever asked waits for the outcome for ``patience`` seconds: a goto is not begun after that.
         """
-        if self._closed or self._too_late(operation, stops):
+        if self._closed or too_late(self.wanted, operation, stops):
             return self._awaited.too_late()
         if self._only_a_stop_is_heard(operation):
             self._context.note("the mount is at long work and hears nothing but a stop: both axes are stopped")
@@ -154,11 +145,6 @@ class Reconciler:
         ends = isinstance(operation, op.Halt) and operation.axis in self.wanted.by_hand
         return ends and self._link.occupied and not self.wanted.waiting_gotos
 
-    def _too_late(self, operation: op.Operation, stops: int | None) -> bool:
-        """Whether a stop has come since it was asked for."""
-        lasts = isinstance(operation, op.Halt) or outlives_stop(operation)
-        return stops is not None and stops != self.wanted.stops and not lasts
-
     def again(self, operation: op.Operation) -> bool:
         """Take back what a halt ends -> whether an equal one that is not done does for this one, too."""
         if self._movement.slewing or self.wanted.waiting_gotos:
@@ -181,12 +167,7 @@ class Reconciler:
             urgent=later.urgent,
             heard=later.heard,
         )
-        others = tuple(
-            one
-            for one in self.wanted.pending
-            if not (one.follow_up and one.operation == later.operation and one.number != self.wanted.active)
-        )
-        self._want(replace(self.wanted, pending=(*others, order)))
+        self._want(planned(self.wanted, order))
         self._go_on()
 
     async def woken(self) -> None:
@@ -240,11 +221,7 @@ class Reconciler:
         if len(axes) > 1:
             self.send_stop()
         else:
-            self._context.tasks.spawn(self._halt_again(*axes))
-
-    async def _halt_again(self, axis: int) -> None:
-        with contextlib.suppress(Fault):  # it is sent again when the next position shows no difference
-            await self._runner.perform(op.Halt(axis), STOP)
+            self._context.tasks.spawn(self._stopping.halt_again(*axes))
 
     def _is_broken(self, _: None) -> None:
         """A defect leaves it open what moves now: nothing may."""
@@ -277,7 +254,7 @@ class Reconciler:
         if order is not None:
             self._state.replace(replace(self.wanted, active=order.number))
             self._active = order.number
-            self._work = self._loop.create_task(self._carry_out(order))
+            self._work = self._loop.create_task(self._orders.carry_out(order, self.stop))
             self._work.add_done_callback(partial(self._has_ended, order))
         elif (moment := next_moment(self.wanted)) is not None:
             self._timer = self._loop.call_at(moment, self._go_on)
@@ -291,32 +268,6 @@ class Reconciler:
         if not forsaken(order) and (outcome := self._awaited.take(order.number)) is not None:
             outcome.set_exception(Busy())
         self._want(outcomes.refused(self.wanted, order))
-
-    async def _carry_out(self, order: Order) -> tuple[op.Operation, Any]:
-        """-> the operation as it was admitted, and its answer."""
-        operation = order.operation
-        arrow = isinstance(operation, op.Move | op.MoveAxis) and order.rank == IN_ORDER
-        since = order.since if arrow else None
-        if order.follow_up:
-            special = self._follow_ups.get(type(operation))
-            steps = special(self._driver, operation) if special else self._driver.perform(operation)
-            return operation, await self._runner.drive(steps, STOP if order.urgent else MOTION)
-        operation = await self._admitted_in_time(order)
-        self._admitted = order.number
-        if isinstance(operation, MOVING):
-            await self._before_motion.announce()
-        elif isinstance(operation, op.Sleep) and (self._movement.anything or self._driver.tracking_suspended):
-            await self.stop()
-        rank = MOTION if not isinstance(operation, ENDS) else SETTING if order.hammered else STOP
-        return operation, await self._runner.drive(self._driver.perform(operation), rank, since)
-
-    async def _admitted_in_time(self, order: Order) -> op.Operation:
-        """-> the operation as it was admitted. Raises Fault, while whoever asked for it can still be told."""
-        try:
-            async with asyncio.timeout_at(order.until if order.until < inf else None):
-                return await self._admission.admit(order.operation)
-        except TimeoutError:
-            raise Busy from None
 
     def _has_ended(self, order: Order, work: asyncio.Task[tuple[op.Operation, Any]]) -> None:
         """An operation was carried out, failed, or was given up."""
@@ -361,9 +312,7 @@ class Reconciler:
         if order.rank < 0:  # nobody wants it any more
             return
         self._want(outcomes.refused(self.wanted, order))
-        unheard = isinstance(order.operation, BY_HAND) and isinstance(error, NoAnswer) and error.sent
-        half_begun = unheard or (order.rank == RESUMED and isinstance(order.operation, MOVING))
-        half_begun = half_begun or self._has_cut_in(order)
+        half_begun = may_have_begun(order, error) or self._has_cut_in(order)
         not_ended = isinstance(order.operation, ENDS) and not (self._driver.asleep and not order.follow_up)
         if ends_focus(order.operation) and isinstance(error, NoAnswer | Busy) and not self._driver.asleep:
             self._end_focus_again(order)
@@ -374,7 +323,7 @@ class Reconciler:
 
     def _has_cut_in(self, order: Order) -> bool:
         """Whether a goto that came to grief was to end a motion before: perhaps it has, and tracking is off still."""
-        sent = isinstance(order.operation, GOTOS) and self._admitted == order.number
+        sent = isinstance(order.operation, GOTOS) and self._orders.admitted == order.number
         return sent and (bool(self.wanted.by_hand) or self._driver.tracking_suspended)
 
     def _end_focus_again(self, order: Order) -> None:
@@ -408,7 +357,7 @@ class Reconciler:
     async def _go_on_alone(self) -> None:
         """One axis was ended: what still moves must be allowed without it."""
         try:
-            await self._admission.still_allowed()
+            await self._orders.still_allowed()
         except Fault as fault:
             self._context.note(f"stopped: {fault}")
             self.begin_stop()

@@ -8,18 +8,19 @@ a bounded number of times, unless something else was set moving since: nobody kn
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from typing import Any
 
 from gateway.core.errors import Busy, Fault, NoAnswer
 from gateway.core.motion_kinds import MOVING
-from gateway.core.operations import Stop
+from gateway.core.operations import Halt, Stop
 from gateway.core.shared_work import heed
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.scheduling import STOP
-from gateway.mount.motion.wanted_state import WantedState
+from gateway.mount.motion.wanted import WantedState
 
 #: How often a stop is sent again on a line that is up, when its answer was lost.
 TRIES = 3
@@ -73,6 +74,11 @@ class Stopping:
                     raise
         self.sent.emit(None)
         self.at_rest.emit(None)
+
+    async def halt_again(self, axis: int) -> None:
+        """Send the end of one axis once more."""
+        with contextlib.suppress(Fault):  # it is sent again when the next position shows no difference
+            await self._runner.perform(Halt(axis), STOP)
 
     def _ended(self, task: asyncio.Task[None]) -> None:
         heed(task)

@@ -7,7 +7,7 @@ from typing import Any
 
 from gateway.core import operations as op
 from gateway.mount.link.line import MountLink
-from gateway.mount.motion.wanted_state import WantedState
+from gateway.mount.motion.wanted import WantedState
 from gateway.mount.readings.cache import FRESH, MISSING, ReadingsCache
 from gateway.mount.site.site_clock import SiteClock
 
