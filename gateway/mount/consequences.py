@@ -6,7 +6,8 @@ from gateway.core import operations as op
 from gateway.core.motion_kinds import GOTOS
 from gateway.mount.context import Context
 from gateway.mount.link.hibernation import HibernationGate
-from gateway.mount.motion.reconciler import Done, Reconciler
+from gateway.mount.motion.outcomes import Done
+from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.wanted import WantedState
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.told_position import ToldPosition

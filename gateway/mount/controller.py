@@ -27,6 +27,7 @@ from gateway.mount.link.verification import ReplyVerifier
 from gateway.mount.motion.moving import Movement
 from gateway.mount.motion.order_runner import BeforeMotion, OrderRunner
 from gateway.mount.motion.reconciler import Reconciler
+from gateway.mount.motion.taking_orders import TakingOrders
 from gateway.mount.motion.wanted import WantedState
 from gateway.mount.orders import Orders
 from gateway.mount.policy import Policy
@@ -99,6 +100,7 @@ class MountController:
         self.before_motion = BeforeMotion()
         carried_out = OrderRunner(context, follow_ups, runner, movement, safety.admission, self.before_motion)
         reconciler = self.reconciler = Reconciler(context, line, runner, wanted, movement, carried_out)
+        taking = TakingOrders(context, line, movement, reconciler)
         #: Emitted when something that outlives the gateway may have changed.
         self.changed = reconciler.lasting
         Consequences(context, gate, cache, told, wanted, astrometry, safety).listen(reconciler)
@@ -107,7 +109,7 @@ class MountController:
         reader.goto_over.connect(reconciler.arrived)
         # Whoever asks for something, and whoever looks after what was begun.
         self.orders = Orders(
-            context, line, runner, reader, self.own, self.settings, reconciler, wanted, self.hold, astrometry,
+            context, line, runner, reader, self.own, self.settings, reconciler, taking, wanted, self.hold, astrometry,
             self.told_astrometry,
         )  # fmt: skip
         TrackingAtLimit(context, cache, reader, safety.watch, self.orders.perform).must_stop.connect(self._stop_now)

@@ -16,6 +16,7 @@ from gateway.mount.link.line import MountLink
 from gateway.mount.link.scheduling import SETTING
 from gateway.mount.motion.awaited import ended
 from gateway.mount.motion.reconciler import Reconciler
+from gateway.mount.motion.taking_orders import TakingOrders
 from gateway.mount.motion.wanted import WantedState
 from gateway.mount.readings.cache import FRESH
 from gateway.mount.readings.own_answers import OwnAnswers
@@ -39,6 +40,7 @@ class Orders:
         own: OwnAnswers,
         settings: SiteAndClock,
         reconciler: Reconciler,
+        taking: TakingOrders,
         wanted: WantedState,
         hold: Hold,
         astrometry: SiteAstrometry,
@@ -46,7 +48,7 @@ class Orders:
     ) -> None:
         self._context, self._link, self._runner = context, link, runner
         self._reader, self._own, self._settings = reader, own, settings
-        self._reconciler, self._wanted, self._hold = reconciler, wanted, hold
+        self._reconciler, self._taking, self._wanted, self._hold = reconciler, taking, wanted, hold
         self._astrometry, self._told = astrometry, told
 
     def impossible(self, operation: op.Operation) -> Fault | None:
@@ -63,7 +65,11 @@ class Orders:
                 self._hold.admit(operation)
         except Held as fault:
             return fault
-        return self._reconciler.impossible(operation) if self._context.milestones.known.is_set() else None
+        return self._taking.impossible(operation) if self._context.milestones.known.is_set() else None
+
+    def again(self, operation: op.Operation) -> bool:
+        """Take back what a halt ends -> whether an equal one that is not done does for this one, too."""
+        return self._taking.again(operation)
 
     async def perform(
         self,
@@ -78,7 +84,7 @@ class Orders:
         """
         if type(operation) in FRESH:
             if self._context.driver.asleep:
-                await self._reconciler.woken()
+                await self._taking.woken()
             return await self._reader.tell(operation)
         if isinstance(operation, op.Own):
             return await self._own.read(operation)
@@ -95,7 +101,7 @@ class Orders:
         if isinstance(operation, op.Stop):
             return await self._reconciler.stop()
         if isinstance(operation, MOTIONS):
-            value = await ended(self._reconciler.begin(operation, stops, life, patience))
+            value = await ended(self._taking.begin(operation, stops, life, patience))
             if isinstance(value, op.Chosen) and value.place is not None:
                 value = op.Chosen(self._astrometry.from_mount(value.place), value.text, value.reply)
             return value
@@ -110,7 +116,7 @@ class Orders:
         self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: HostActivity
     ) -> asyncio.Future[None]:
         """Carry out an operation that nobody waits for; ``failed`` is told when it was not."""
-        motion = self._reconciler.begin(operation, stops, life) if isinstance(operation, MOTIONS) else None
+        motion = self._taking.begin(operation, stops, life) if isinstance(operation, MOTIONS) else None
 
         async def finish() -> None:
             try:

@@ -33,7 +33,8 @@ async def end_motion(context: Context, link: MountLink, reader: Reader, reconcil
         await _stop(context, link, reconciler)
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(SETTLE):
-            await reconciler.settle()
+            while link.usable and reconciler.wanted.pending:  # hand controls may need to be told twice to track again
+                await asyncio.sleep(0.05)
     if moved and not reconciler.wanted.owed and link.state == "up":
         with contextlib.suppress(TimeoutError, Fault):
             async with asyncio.timeout(LEFT):

@@ -1,7 +1,7 @@
 """How far a command walks through the package, from the client's byte to the reply.
 
-Counted with ``sys.setprofile``, in files of the package only: functions that ran, files, how often the file changed
-from one call to the next, and calls from a lower layer up to a higher one. Neither the simulated mount nor the
+Counted with ``sys.setprofile``, in files of the package only: functions that ran, files, calls from one file into
+another, and calls from a lower layer up to a higher one. Neither the simulated mount nor the
 event loop that drives it are counted: in their place stand a serial line and a real mount.
 
     python -m tests.support.walk [BYTES]
@@ -39,28 +39,25 @@ class Walk:
         self.up: Counter[tuple[str, str]] = Counter()
         self._layers = layer_of
         self._last = ""
+        self._frames: dict[int, FrameType] = {}
 
     def event(self, frame: FrameType, event: str, _: Any) -> None:
         """For ``sys.setprofile``."""
-        if event not in ("call", "return"):
+        name = _counted(frame) if event == "call" else ""
+        if not name or id(frame) in self._frames or _of_the_world(frame):
             return
-        name = _counted(frame)
-        if not name or _of_the_world(frame):
-            return
-        if event == "return":
-            caller = _caller(frame)
-            name = _counted(caller) if caller is not None else ""
-            if not name:
-                return
-        if name != self._last and self._last:
-            self.hops[self._last, name] += 1
+        self._frames[id(frame)] = frame  # a coroutine that goes on is not called again
+        caller = _caller(frame)
+        here = self._last if caller is None else _counted(caller)
+        if here and here != name:
+            self.hops[here, name] += 1
+            self.up.update(
+                [(here, f"{name}:{frame.f_code.co_name}")]
+                * (caller is not None and self.layer(here) < self.layer(name))
+            )
         self._last = name
-        if event == "call":
-            self.functions[f"{name}:{frame.f_code.co_qualname if sys.version_info >= (3, 11) else ''}"] += 1
-            self.files[name] += 1
-            caller = _caller(frame)
-            if caller is not None and self.layer(_counted(caller)) < self.layer(name):
-                self.up[_counted(caller), f"{name}:{frame.f_code.co_name}"] += 1
+        self.functions[f"{name}:{frame.f_code.co_firstlineno}"] += 1
+        self.files[name] += 1
 
     def layer(self, name: str) -> int:
         """The place of a file in the layers."""
@@ -111,12 +108,21 @@ def walking(walk: Walk) -> Iterator[None]:
         sys.setprofile(None)
 
 
-def walk_of(data: bytes, before: bytes = b":Sr 05:00:00#:Sd +40:00:00#", refresh: bool = False) -> Walk:
+class _Quiet(Bridge):
+    """A gateway in which nothing is read again in the background."""
+
+    async def __aenter__(self) -> Any:
+        self.controller.start(refresh=False)
+        await self.controller.settled.wait()
+        return self
+
+
+def walk_of(data: bytes, before: bytes = b":Sr 05:00:00#:Sd +40:00:00#") -> Walk:
     """The walk of one client's command over a NexStar, after what sets its target, while nothing else asks."""
     walk = Walk()
 
     async def program() -> None:
-        async with Bridge("6-8se", latency=0.01) as bridge:
+        async with _Quiet("6-8se", latency=0.01) as bridge:
             client = bridge.client()
             await client.ask(before, until=b"11")
             with walking(walk):

@@ -8,7 +8,7 @@ from math import inf
 from typing import Any
 
 from gateway.core import operations as op
-from gateway.core.errors import Busy
+from gateway.core.errors import Busy, Fault
 from gateway.core.motion_kinds import ENDS, MOVING
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
@@ -46,7 +46,7 @@ class OrderRunner:
         admission: Admission,
         before_motion: BeforeMotion,
     ) -> None:
-        self._driver, self._follow_ups, self._runner = context.driver, follow_ups, runner
+        self._context, self._driver, self._follow_ups, self._runner = context, context.driver, follow_ups, runner
         self._movement, self._admission, self._before_motion = movement, admission, before_motion
         self.admitted = 0
 
@@ -68,9 +68,13 @@ class OrderRunner:
         rank = MOTION if not isinstance(operation, ENDS) else SETTING if order.hammered else STOP
         return operation, await self._runner.drive(self._driver.perform(operation), rank, since)
 
-    async def still_allowed(self) -> None:
-        """Whether what moves by hand may go on. Raises Fault."""
-        await self._admission.still_allowed()
+    async def go_on_alone(self, stop: Callable[[], object]) -> None:
+        """One axis was ended: what still moves must be allowed without it, else ``stop`` ends it."""
+        try:
+            await self._admission.still_allowed()
+        except Fault as fault:
+            self._context.note(f"stopped: {fault}")
+            stop()
 
     async def _in_time(self, order: Order) -> op.Operation:
         """-> the operation as it was admitted. Raises Fault, while whoever asked for it can still be told."""

@@ -7,6 +7,8 @@ refused.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from msgspec.structs import replace
 
 from gateway.core import operations as op
@@ -26,6 +28,13 @@ from gateway.mount.motion.wanted import (
     Theirs,
     Wanted,
 )
+
+
+class Done(NamedTuple):
+    """The mount has acknowledged an operation; ``before`` is what was wanted until then."""
+
+    operation: op.Operation
+    before: Wanted
 
 
 def over(wanted: Wanted, order: Order) -> Wanted:

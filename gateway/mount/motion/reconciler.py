@@ -10,8 +10,7 @@ from __future__ import annotations
 import asyncio
 from functools import partial
 from itertools import count
-from math import inf
-from typing import Any, NamedTuple
+from typing import Any
 
 from msgspec.structs import replace
 
@@ -24,27 +23,18 @@ from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink
 from gateway.mount.motion import outcomes
-from gateway.mount.motion.apply import apply, does_for, interrupted, planned, stopped, take_back, too_late
-from gateway.mount.motion.awaited import Awaited, Outcome
+from gateway.mount.motion.apply import does_for, next_moment, next_operation, planned, stopped
+from gateway.mount.motion.awaited import Awaited, Outcome, done
 from gateway.mount.motion.moving import Movement
-from gateway.mount.motion.next_operation import next_moment, next_operation
 from gateway.mount.motion.order_runner import OrderRunner
-from gateway.mount.motion.outcomes import may_have_begun
+from gateway.mount.motion.outcomes import Done, may_have_begun
 from gateway.mount.motion.patience import forsaken, may_wait, patient, postponed
 from gateway.mount.motion.stopping import Stopping
-from gateway.mount.motion.wanted import FIRST, IN_ORDER, RESUMED, Order, Theirs, Wanted, WantedState
-from gateway.mount.safety.rules.dead_man import HostActivity
+from gateway.mount.motion.wanted import RESUMED, Order, Theirs, Wanted, WantedState
 from gateway.protocols.base.driver import Schedule
 
 #: Seconds until the focuser is told to stop once more, while its mount does not answer to that.
 FOCUS_AGAIN = 1.0
-
-
-class Done(NamedTuple):
-    """The mount has acknowledged an operation; ``before`` is what was wanted until then."""
-
-    operation: op.Operation
-    before: Wanted
 
 
 class Reconciler:
@@ -82,7 +72,7 @@ class Reconciler:
         runner.scheduled.connect(self.plan)
         runner.broken.connect(self._is_broken)
         self._timer: asyncio.TimerHandle | None = None
-        self._closed = False
+        self.closed = False
 
     @property
     def wanted(self) -> Wanted:
@@ -97,78 +87,34 @@ class Reconciler:
 
     # --- orders -----------------------------------------------------------------------------------------------------
 
-    def begin(
-        self, operation: op.Operation, stops: int | None, by: HostActivity | None, patience: float = inf
-    ) -> Outcome:
-        """Take an order -> its outcome; from now on it counts as asked for. ``stops``: their count when it was.
+    def number(self) -> int:
+        """That of a new order."""
+        return next(self._numbers)
 
-        Whoever asked waits for the outcome for ``patience`` seconds: a goto is not begun after that.
-        """
-        if self._closed or too_late(self.wanted, operation, stops):
-            return self._awaited.too_late()
-        if self._only_a_stop_is_heard(operation):
-            self._context.note("the mount is at long work and hears nothing but a stop: both axes are stopped")
-            return self.begin_stop()
-        wakes = isinstance(operation, op.Wake) and self._driver.asleep  # what is before it would not be heard
-        now = self._loop.time()
-        order = Order(
-            next(self._numbers),
-            operation,
-            by,
-            rank=FIRST if wakes else IN_ORDER,
-            since=now,
-            until=now + patience if isinstance(operation, (*GOTOS, op.Sync)) else inf,
-        )
-        before = self.wanted
-        try:
-            after = apply(before, order, now, self._movement.slewing)
-        except Fault as fault:
-            return self._awaited.refused(fault)
-        if after.stops != before.stops:
-            return self.begin_stop()
+    def take(self, order: Order, after: Wanted) -> Outcome:
+        """``after`` is what is wanted with this order -> its outcome; perhaps that of one that does for it, too."""
         asked = any(one.number == order.number for one in after.pending)
         if asked:
             self._awaited.expect(order.number)
         self._want(after)
-        same = order if asked else does_for(after, operation)
+        same = order if asked else does_for(after, order.operation)
         outcome = self._awaited.of(same.number) if same is not None else None
         self._go_on()
-        return outcome if outcome is not None else self._awaited.done()
+        return outcome if outcome is not None else done()
 
-    def impossible(self, operation: op.Operation) -> Fault | None:
-        """Why the mount would refuse this, where that is known: nothing waits that may change how it stands."""
-        same = all(isinstance(order.operation, op.Pulse | op.PulseAxis) for order in self.wanted.pending)
-        return self._driver.impossible(operation) if same and not self.wanted.owed else None
+    def outcomes_of(self, kind: type[op.Operation]) -> list[Outcome]:
+        """What whoever asked for such operations waits for."""
+        numbers = (order.number for order in self.wanted.pending if isinstance(order.operation, kind))
+        return [outcome for number in numbers if (outcome := self._awaited.of(number)) is not None]
 
-    def _only_a_stop_is_heard(self, operation: op.Operation) -> bool:
-        """Whether an arrow is released that the mount would go on with for seconds."""
-        ends = isinstance(operation, op.Halt) and operation.axis in self.wanted.by_hand
-        return ends and self._link.occupied and not self.wanted.waiting_gotos
-
-    def again(self, operation: op.Operation) -> bool:
-        """Take back what a halt ends -> whether an equal one that is not done does for this one, too."""
-        if self._movement.slewing or self.wanted.waiting_gotos:
-            return False
-        self._want(take_back(self.wanted, operation))
-        same = does_for(self.wanted, operation)
-        if same is not None:
-            self._want(interrupted(self.wanted, same))
+    def want(self, wanted: Wanted) -> None:
+        """This is wanted from now on."""
+        self._want(wanted)
         self._go_on()
-        return same is not None
 
     def plan(self, later: Schedule) -> None:
         """Have a follow-up performed after some seconds; the same one planned again replaces the first."""
-        order = Order(
-            next(self._numbers),
-            later.operation,
-            rank=FIRST if later.urgent else IN_ORDER,
-            at=self._loop.time() + later.seconds,
-            follow_up=True,
-            urgent=later.urgent,
-            heard=later.heard,
-        )
-        self._want(planned(self.wanted, order))
-        self._go_on()
+        self.want(planned(self.wanted, later, next(self._numbers), self._loop.time()))
 
     async def woken(self) -> None:
         """Wait for what is to wake the mount, if anything is. Not for motions: it may wait behind them."""
@@ -179,11 +125,6 @@ class Reconciler:
         ]
         if waking:
             await asyncio.wait(waking)
-
-    async def settle(self) -> None:
-        """Wait for what outlives a stop: hand controls may need to be told twice to track again."""
-        while self._link.usable and self.wanted.pending:
-            await asyncio.sleep(0.05)
 
     def arrived(self, _: None = None) -> None:
         """The goto under way is seen to be over."""
@@ -208,18 +149,14 @@ class Reconciler:
         self._want(stopped(self.wanted))
         return self._stopping.send(work if work is not None and work.cancelling() else None)
 
-    def send_stop(self) -> asyncio.Task[None]:
-        """Send a stop once more, to end what moves. It ends nothing that was asked for meanwhile."""
-        return self._stopping.send(None)
-
     async def stop(self) -> None:
         """End every motion, and wait until the mount has acknowledged it. Raises Fault."""
         await result_of(self.begin_stop())
 
     def send_again(self, axes: frozenset[int]) -> None:
-        """An end that was sent is sent once more: the mount was seen to go on moving."""
+        """An end is sent once more: the mount was seen to go on moving. What was asked for meanwhile goes on."""
         if len(axes) > 1:
-            self.send_stop()
+            self._stopping.send(None)
         else:
             self._context.tasks.spawn(self._stopping.halt_again(*axes))
 
@@ -242,7 +179,7 @@ class Reconciler:
 
     def _go_on(self) -> None:
         """Begin what is due, unless something is being done; else look again when something is due."""
-        if self._closed or self._work is not None or self._stopping.under_way:
+        if self.closed or self._work is not None or self._stopping.under_way:
             return
         order = next_operation(self.wanted, self._loop.time())
         while order is not None and self._link.occupied and patient(order):
@@ -275,7 +212,7 @@ class Reconciler:
         order = next((one for one in self.wanted.pending if one.number == order.number), replace(order, rank=-1))
         outcome = self._awaited.take(order.number)
         if work.cancelled():
-            if order.rank == RESUMED and not self._closed:
+            if order.rank == RESUMED and not self.closed:
                 self._was_interrupted(order, outcome)
             elif outcome is not None:
                 outcome.cancel()
@@ -351,20 +288,12 @@ class Reconciler:
         self._want(outcomes.taken(before, order, operation, self._loop.time(), speed))
         self.done.emit(Done(operation, before))
         if isinstance(operation, op.Halt) and self.wanted.by_hand:
-            self._context.tasks.spawn(self._go_on_alone())
+            self._context.tasks.spawn(self._orders.go_on_alone(self.begin_stop))
         self.lasting.emit(None)
-
-    async def _go_on_alone(self) -> None:
-        """One axis was ended: what still moves must be allowed without it."""
-        try:
-            await self._orders.still_allowed()
-        except Fault as fault:
-            self._context.note(f"stopped: {fault}")
-            self.begin_stop()
 
     def close(self) -> None:
         """Forget everything that was planned or waits."""
-        self._closed = True
+        self.closed = True
         self._stopping.close()
         if self._timer is not None:
             self._timer.cancel()

@@ -157,7 +157,7 @@ class Wanted(Struct, frozen=True):
 
 
 class WantedState:
-    """The one place where it is kept: ``value``. Everybody may read it; ``changed`` is emitted whenever it was replaced."""
+    """The one place where it is kept: ``value``, which everybody may read. ``changed`` tells when it was replaced."""
 
     def __init__(self) -> None:
         self.value = Wanted()

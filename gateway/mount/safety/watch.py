@@ -22,6 +22,7 @@ from gateway.mount.safety.allow import allow, first_stretch
 from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.rules.aligned import UNWATCHED
 from gateway.mount.safety.rules.axis_altitude import AltitudeAxis
+from gateway.mount.safety.rules.meant_sky import MeantSky
 from gateway.mount.safety.rules.stalled import StallWatch
 from gateway.mount.safety.rules.sun import farthest
 from gateway.mount.safety.rules.sync_sum import SyncTotal
@@ -36,10 +37,6 @@ ANEW = 3.0
 CLOSELY = 3.0
 #: How long a mount may run on after it was told to end a motion: what it does meanwhile is not held against it.
 COASTING = 1.0
-#: A clock that is set by more than that means another sky, seconds.
-SET_ANEW = 30.0
-#: For so many seconds after that a mount at rest may tell of the old sky, of the new one, and of half of each.
-SETTLES = 3.0
 #: How old the word of the mount may grow that it is not aligned, or does not track; and that on its pier side.
 STATUS_AGE = 5.0
 SIDE_AGE = 5.0
@@ -58,7 +55,6 @@ class LimitWatch:
         self.must_stop: Signal[None] = Signal()
         self.carried_to_limit: Signal[str] = Signal()
         self.motion_began: Signal[None] = Signal()
-        self.sky_changed: Signal[None] = Signal()
         self.looked: Signal[op.Status | None] = Signal()
         self._deadline, self._stalls = StopDeadline(asyncio.get_running_loop(), self._late), StallWatch()
         self.seen = Seen()
@@ -67,8 +63,8 @@ class LimitWatch:
         #: Whether it was sent to a place at any altitude, and was seen to rest there.
         self._own_place = self._parked = False
         self._astray = False
-        self._frame: tuple[op.Place | None, float] = None, 0.0
-        self._settles_until = NEVER
+        self._sky = MeantSky(mount)
+        self.sky_changed = self._sky.changed
         self.altitude_axis = AltitudeAxis(mount)
         #: When the last motion was ended.
         self.rests_since = NEVER
@@ -158,7 +154,7 @@ class LimitWatch:
         self._look_at_axes(now, place)
         if not self.altitude_axis.tells:
             self.altitude_axis.forget()
-        if self._another_sky(now):
+        if self._sky.is_another(now, self.restless):
             last = None
             self.altitude_axis.forget()
         elif last is not None and last.altitude is None:  # the site may have become known since
@@ -196,21 +192,6 @@ class LimitWatch:
                 "site and clock tell; the altitude limits go by the axis",
             )
             self.seen = replace(self.seen, before=None, last=replace(last, altitude=last.altitude + change))
-
-    def _another_sky(self, now: float) -> bool:
-        """Whether site or clock were set since the last look: then positions before and after mean other altitudes.
-
-        The mount hears of them bit by bit: while nobody moves it, what changes meanwhile is no motion.
-        """
-        mount, (place, ahead) = self._mount, self._frame
-        known = mount.astrometry.observatory
-        self._frame = known.site(), known.unix() - now
-        changed = place is not None and (place != self._frame[0] or abs(ahead - self._frame[1]) > SET_ANEW)
-        if changed or mount.being_set():
-            self._settles_until = now + SETTLES
-        if changed and not mount.moving().anything:
-            self.sky_changed.emit(None)
-        return changed or (now < self._settles_until and not mount.moving().anything and not self.restless)
 
     def _measured(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         mount = self._mount
