@@ -51,10 +51,8 @@ class Walk:
         here = self._last if caller is None else _counted(caller)
         if here and here != name:
             self.hops[here, name] += 1
-            self.up.update(
-                [(here, f"{name}:{frame.f_code.co_name}")]
-                * (caller is not None and self.layer(here) < self.layer(name))
-            )
+            if caller is not None and self.layer(here) < self.layer(name):
+                self.up[here, f"{name}:{frame.f_code.co_name}"] += 1
         self._last = name
         self.functions[f"{name}:{frame.f_code.co_firstlineno}"] += 1
         self.files[name] += 1

@@ -1,4 +1,4 @@
-"""Keeping the snapshot fresh: what clients poll is renewed before it grows old, and so is what the hub must watch.
+"""Keeps readings fresh: what clients poll is renewed before it grows old, and so is what the limits need.
 
 Every kind of read goes round by itself, so that none makes another late: while anything moves the position comes at
 least twice a second as far as the mount's line can. With nobody asking there is one heartbeat every few seconds.
@@ -128,7 +128,7 @@ class Poller:
                 self._reading_own = self._context.tasks.spawn(self.renew(self._own[0]))
 
     def _wanted(self, kind: Kind, now: float) -> bool:
-        """Whether somebody polls this, or the hub itself must watch it."""
+        """Whether somebody polls this, or the gateway itself must watch it."""
         if kind is op.Position and self._watched:
             return True
         if kind is op.AxisPosition and now - self._axes_refused > NOT_TOLD and self._watch.axes_every is not None:
