@@ -14,10 +14,10 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.mount.context import Context
 from gateway.mount.link.line import MountLink
-from gateway.mount.link.transaction import ReplyRules
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.readings.reader import Reader
 from gateway.protocols.base.driver import Driver, Send
+from gateway.protocols.base.reply_rules import ReplyRules
 
 #: Seconds for the stop, and for what must follow it; between two commands whose answers nobody waits for.
 STOP, SETTLE, BLIND = 4.0, 2.5, 0.2

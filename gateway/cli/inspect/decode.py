@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.core.errors import UserError
+from gateway.protocols.registry import PROTOCOLS, guess
 from gateway.system import streams
 
 
@@ -21,14 +22,13 @@ def add(commands: Any) -> None:
         epilog="Example:\n  mount-gateway decode night.rec | less",
     )
     decode.add_argument("file", type=Path, metavar="FILE")
-    decode.add_argument("--protocol", choices=("lx200", "nexstar"), help="of a capture; without it, it is guessed")
+    decode.add_argument("--protocol", choices=tuple(PROTOCOLS), help="of a capture; without it, it is guessed")
     decode.set_defaults(run=_decode)
 
 
 def _decode(arguments: argparse.Namespace) -> int:
-    from gateway.app.gateway import speech
+    from gateway.app.bindings import speech
     from gateway.app.recording.format import MOUNT
-    from gateway.clients.wrong_preset import guess
     from gateway.diagnostics.captures import Capture, Chunk, is_text
     from gateway.diagnostics.decode import NoConversation, decode, folded
 
@@ -65,7 +65,7 @@ def _decode(arguments: argparse.Namespace) -> int:
             yield chunk
 
     def talk(side: str) -> tuple[str, Any, Any]:
-        protocol = protocols.get(side, protocols.get(MOUNT, "lx200"))
+        protocol = protocols.get(side) or protocols[MOUNT if recording is not None else "client"]
         return protocol, *speech(protocol)
 
     lines = decode(introduced(), talk, began)

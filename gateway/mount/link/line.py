@@ -17,8 +17,9 @@ from gateway.core.wire_log import Transcript
 from gateway.mount.link.queue import Request, RequestQueue
 from gateway.mount.link.recovery import Recovery
 from gateway.mount.link.scheduling import READ, STOP
-from gateway.mount.link.transaction import QUIET, ReplyRules, Transaction
+from gateway.mount.link.transaction import QUIET, Transaction
 from gateway.protocols.base.driver import Send
+from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.transport.wires import Transport
 
 #: After half a command nothing is sent for this long: a hand control would take it for the other half.

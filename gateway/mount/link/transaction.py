@@ -8,8 +8,7 @@ proven to be in step again (``recovery.py``), or every later answer would belong
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator
-from typing import Any, Protocol
+from typing import Any
 
 from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
 from gateway.core.signals import Signal
@@ -18,6 +17,7 @@ from gateway.mount.link.answer_times import AnswerTimes
 from gateway.mount.link.late_replies import LATEST, LateReplies
 from gateway.mount.link.queue import RequestQueue
 from gateway.protocols.base.driver import Send
+from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.transport.wires import Transport
 
 #: Seconds of quiet that end a disturbance.
@@ -34,30 +34,8 @@ SETTLE = 0.02
 #: A long piece of work of the mount may take that many seconds before what waits behind it is refused.
 BUSY_AFTER = 1.0
 
-
 #: What was answered, and how many bytes of it.
 Taken = tuple[dict[str, Any] | Fault, int]
-
-
-class ReplyRules(Protocol):
-    """How a protocol's requests and replies look on the wire. ``closing`` ends a command of which half was sent.
-
-    It is sent, too, behind an unanswered one that ``leaves_open`` what follows.
-    """
-
-    closing: bytes
-
-    def timeout(self, ask: Send) -> float: ...
-    def pace(self, ask: Send) -> float: ...
-    def leaves_open(self, ask: Send) -> bool: ...
-    def bare(self, ask: Send) -> bool: ...
-    def alike(self, one: Send, other: Send) -> bool: ...
-    def kind(self, ask: Send) -> str | None: ...
-    def as_written(self, command: str, reply: bytes) -> bytes: ...
-    def encode(self, ask: Send) -> bytes: ...
-    def take(self, ask: Send, buffer: bytes) -> Taken | None: ...
-    def proof(self, number: int) -> Iterator[Send]: ...
-    def proven(self, ask: Send, values: dict[str, Any]) -> bool: ...
 
 
 class Transaction:
@@ -151,7 +129,7 @@ class Transaction:
 
     def timeout(self, ask: Send, proof: bool = False) -> float:
         """Seconds that the answer to a question may take on this line."""
-        place = not proof and self.dialogue.kind(ask) == "place"
+        place = not proof and self.dialogue.kind(ask) == "position"
         return self.times.patience(self.dialogue.timeout(ask), place)
 
     async def exchange(self, ask: Send, firm: bool = False, proof: bool = False) -> dict[str, Any] | Fault:
