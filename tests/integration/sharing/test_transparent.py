@@ -179,7 +179,7 @@ def test_another_mount_behind_the_same_cable_is_asked_anew() -> None:
         assert await client.ask(MOTORS) == b"\5\n#"
         assert await client.ask(b"m") == b"\5#"
         bridge.sim.motors, bridge.sim.row = (6, 16), {**bridge.sim.row, "id": 20}
-        bridge.controller.line.state = "down"
+        bridge.controller.line._state = "down"
         bridge.controller.line._up()
         await asyncio.sleep(5.0)
         assert await client.ask(MOTORS) == b"\6\x10#"
