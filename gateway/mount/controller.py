@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable, Coroutine
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from gateway.astro.ephemeris import Sky
 from gateway.core import operations as op
@@ -51,6 +51,8 @@ from gateway.mount.site.settings_sync import SyncSettings
 from gateway.mount.site.site_clock import SiteClock
 from gateway.mount.site.sources import BestSources
 from gateway.protocols.base.driver import Driver
+
+_T = TypeVar("_T")
 
 
 class MountController:
@@ -201,9 +203,10 @@ class MountController:
 
     # --- reading --------------------------------------------------------------------------------------------------
 
-    def peek(self, operation: op.Operation) -> Any:
+    def peek(self, operation: op.Operation[_T]) -> _T:
         """The answer of a read for a program, when it is at hand; MISSING when it must be waited for."""
-        return self.own.tell(operation) if isinstance(operation, op.Own) else self.told_position.tell(operation)
+        told: object = self.own.tell(operation) if isinstance(operation, op.Own) else self.told_position.tell(operation)
+        return cast(_T, told)
 
     def fresh_until(self, kinds: list[Kind]) -> float:
         """The loop time until which the answers of these reads may be told."""
@@ -213,13 +216,13 @@ class MountController:
         """A client was served a repeated reply: it is polling what that was made of all the same."""
         self.cache.touch(kinds, now)
 
-    async def read(self, operation: op.Operation) -> Any:
+    async def read(self, operation: op.Operation[_T]) -> _T:
         """What the mount says, at hand or by an exchange that everyone who asks shares. Raises Fault."""
-        return await self.reader.read(operation)
+        return cast(_T, await self.reader.read(operation))
 
-    async def anew(self, operation: op.Operation) -> Any:
+    async def anew(self, operation: op.Operation[_T]) -> _T:
         """A read from the mount, however fresh the last answer is. Raises Fault."""
-        return await self.reader.anew(operation)
+        return cast(_T, await self.reader.anew(operation))
 
     async def come_to_rest(self, seconds: float = SIGHT) -> None:
         """Look at the mount until it is seen to rest. Raises Fault that says what was seen, or could not be."""
@@ -241,13 +244,13 @@ class MountController:
 
     async def perform(
         self,
-        operation: op.Operation,
+        operation: op.Operation[_T],
         stops: int | None = None,
         life: HostActivity | None = None,
         patience: float = math.inf,
-    ) -> Any:
+    ) -> _T:
         """Carry out an operation for ``life``. ``stops`` is the count of stops when it was asked for. Raises Fault."""
-        return await self.orders.perform(operation, stops, life, patience)
+        return cast(_T, await self.orders.perform(operation, stops, life, patience))
 
     def begin(
         self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: HostActivity

@@ -12,7 +12,6 @@ from tests.support.poor_line import Poor, over, poll
 from tests.support.virtual import run
 
 
-@pytest.mark.sampled(1)
 @pytest.mark.parametrize("moving", [False, True])
 @pytest.mark.parametrize("name", ["3 % lost", "3 % of each"])
 @pytest.mark.parametrize("model", MOUNTS)

@@ -92,7 +92,6 @@ async def arrive(bridge: Bridge, client: Visitor) -> tuple[list[bytes], list[Equ
     raise AssertionError("the goto never ended")
 
 
-@pytest.mark.sampled(1)
 @pytest.mark.parametrize("site", SITES, ids=["north", "south"])
 @pytest.mark.parametrize(("model", "version", "config"), MOUNTS, ids=[f"{m} {v}" for m, v, _ in MOUNTS])
 def test_an_evening(model: str, version: str, config: dict[str, Any], site: tuple[float, float]) -> None:

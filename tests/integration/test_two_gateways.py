@@ -101,6 +101,7 @@ def _degrees(raw: bytes) -> float:
     return (raw[0] + raw[1] / 60 + raw[2] / 3600) * (-1 if raw[3] else 1)
 
 
+@pytest.mark.sampled(every=2)
 @pytest.mark.parametrize("instant", INSTANTS)
 def test_utc_of_a_nexstar_program_reaches_a_nexstar_mount(instant: str) -> None:
     whole = [hours for hours in offsets() if hours == int(hours)]
@@ -196,7 +197,6 @@ def test_positions_of_an_lx200_program_reach_a_meade_through_a_nexstar_surface(m
     run(program())
 
 
-@pytest.mark.sampled(1)
 @pytest.mark.parametrize("model", ["autostar", "lx200gps"])
 @pytest.mark.parametrize("instant", INSTANTS)
 def test_utc_of_an_lx200_program_reaches_a_meade_from_every_zone(model: str, instant: str) -> None:

@@ -20,14 +20,8 @@ ROOT = Path(gateway.__file__).parent
 FOLDERS = sorted(path.parent for path in ROOT.rglob("__init__.py"))
 #: Entries of a folder, lines of a module, and classes of a mount that reach each other at run time.
 ENTRIES, LINES, BALL = 14, 300, 6
-#: What is still beyond that, to be taken out of here as soon as it is not.
-CROWDED: set[str] = set()
-LONG = {
-    "gateway/app/gateway.py", "gateway/app/recording/entrance.py", "gateway/cli/serve/serving.py",
-    "gateway/clients/acceptor.py", "gateway/clients/command_processor.py", "gateway/core/operations.py",
-    "gateway/diagnostics/command_tables.py", "gateway/protocols/base/surface.py",
-    }  # fmt: skip
-IN_CIRCLES = {"gateway.app.config", "gateway.astro.ephemeris", "gateway.cli", "gateway.clients", "gateway.protocols"}
+#: Circles that are still there, to be taken out of here as soon as they are not.
+IN_CIRCLES = {"gateway.app.config", "gateway.astro.ephemeris", "gateway.cli", "gateway.protocols"}
 
 
 def _name(path: Path) -> str:
@@ -47,7 +41,7 @@ def test_there_are_no_import_circles() -> None:
 @pytest.mark.parametrize("folder", FOLDERS, ids=_name)
 def test_a_folder_is_not_crowded(folder: Path) -> None:
     entries = sorted(path.name for path in folder.iterdir() if path.name != "__pycache__")
-    assert (len(entries) > ENTRIES) == (_name(folder) in CROWDED), entries
+    assert len(entries) <= ENTRIES, entries
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=_name)
@@ -59,7 +53,7 @@ def test_a_folder_says_in_one_sentence_what_it_is(folder: Path) -> None:
 
 def test_no_module_is_long() -> None:
     long = {_name(path): len(path.read_text("utf-8").splitlines()) for path in ROOT.rglob("*.py")}
-    assert {name for name, lines in long.items() if lines > LINES} == LONG
+    assert {name for name, lines in long.items() if lines > LINES} == set()
 
 
 @pytest.mark.parametrize("driven", ["nexstar", "lx200"])

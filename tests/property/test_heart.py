@@ -1,4 +1,4 @@
-"""The heart on every kind of mount: ten plays each, the same in every run; judged by the axes of the simulators.
+"""The heart on every kind of mount: eight plays each, the same in every run; judged by the axes of the simulators.
 
 More by hand: ``python -m tests.property.heart_plays --examples 300 --mount cpc``. A play that fails is shown as
 small as it gets.
@@ -13,7 +13,7 @@ from tests.property.line_of_faults import Fault
 from tests.property.orders import Event
 from tests.property.scripts import KNOWN, MOUNTS, Script
 
-EXAMPLES = 10
+EXAMPLES = 8
 ARROW = (Event(1.0, 1, "arrow", ("e", "max")),)
 
 

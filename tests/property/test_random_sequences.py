@@ -28,6 +28,7 @@ def seeds() -> list[int]:
     ]
 
 
+@pytest.mark.sampled(every=2)
 @pytest.mark.parametrize("seed", seeds())
 def test_whatever_is_said_nothing_breaks_and_no_limit_is_crossed(seed: int) -> None:
     done: Play = play(seed, STEPS, *cast(seed))

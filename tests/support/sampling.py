@@ -1,9 +1,9 @@
-"""Of a grid of combinations a sample: every value of every axis is met twice, each time beside another one.
+"""Of a grid of combinations a sample: every value of every axis is met, in safety and stops twice.
 
 Stacked ``parametrize`` marks make the product of their values, of which most combinations show nothing that others do
 not. What plays a whole gateway costs a hundred times what a unit costs, so such grids are sampled; ``pytest --whole``
-plays every combination. The sample is the same in every run. The mark ``sampled(times)`` asks for another number than
-twice, and ``sampled(every=2)`` takes every second one of a plain list.
+plays every combination. The sample is the same in every run. The mark ``sampled(times)`` asks for every value so
+often, and ``sampled(every=2)`` takes every second one of a plain list.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from itertools import combinations, groupby
 
 import pytest
 
-#: How often every value is met at least, and below how many combinations nothing is left out.
-TIMES, FEW = 2, 6
-#: Where whole gateways are played; elsewhere the mark ``sampled`` says so.
-FOLDERS = ("tests/integration/",)
+#: Up to how many combinations nothing is left out.
+FEW = 6
+#: Where whole gateways are played, and how often every value is met at least; elsewhere the mark ``sampled`` says so.
+FOLDERS = {"tests/integration/safety/": 2, "tests/integration/stops/": 2, "tests/integration/": 1}
 
 
-def chosen(rows: Sequence[tuple[Hashable, ...]], times: int = TIMES) -> list[int]:
+def chosen(rows: Sequence[tuple[Hashable, ...]], times: int) -> list[int]:
     """Which rows are in the sample: as few as it takes, and as different from each other as can be."""
     met: Counter[Hashable] = Counter()
     taken: list[int] = []
@@ -53,10 +53,11 @@ def left_out(items: Iterable[pytest.Item]) -> set[pytest.Item]:
     for function, together in groupby(items, key=lambda item: item.nodeid.partition("[")[0]):
         grid = list(together)
         mark = grid[0].get_closest_marker("sampled")
-        if mark is None and (len(grid) <= FEW or not function.startswith(FOLDERS)):
+        times = next((often for folder, often in FOLDERS.items() if function.startswith(folder)), 0)
+        if mark is None and (len(grid) <= FEW or not times):
             continue
         rows = [_row(item) for item in grid]
-        times, every = (mark.args or (TIMES,))[0] if mark else TIMES, mark.kwargs.get("every", 1) if mark else 1
+        times, every = (mark.args or (times or 2,))[0] if mark else times, mark.kwargs.get("every", 1) if mark else 1
         keep = set(chosen(rows, times) if len(rows[0]) > 1 else range(0, len(grid), every))
         out.update(item for number, item in enumerate(grid) if number not in keep)
     return out

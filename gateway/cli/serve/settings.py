@@ -87,7 +87,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         add_flag(groups[SURFACE], key)
 
 
-def add_flag(group: Any, key: Key) -> None:
+def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
     """The flag of a key. One that is true, false or one of some words may stand alone or have ``=WORD`` behind it."""
     words = f"{key.words} (default: yes)" if key.default is True else key.words
     if isinstance(key.default, bool) and key.choices:
@@ -121,7 +121,7 @@ class Once(argparse.Action):
         self,
         parser: argparse.ArgumentParser,
         namespace: argparse.Namespace,
-        values: Any,
+        values: object,
         option_string: str | None = None,
     ) -> None:
         if getattr(namespace, self.dest) is not None:
@@ -131,7 +131,7 @@ class Once(argparse.Action):
 
 def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
     """The file and the flags as one, and where every value comes from. Raises UserError."""
-    tables: dict[str, Any] = {}
+    tables: dict[str, object] = {}
     source = Source("command line")
     path = _file(arguments)
     if path is not None:
@@ -156,7 +156,7 @@ def _file(arguments: argparse.Namespace) -> Path | None:
     return given or (HERE if not arguments.mount and HERE.is_file() else None)
 
 
-def _put_flags(arguments: argparse.Namespace, tables: dict[str, Any], source: Source) -> None:
+def _put_flags(arguments: argparse.Namespace, tables: dict[str, object], source: Source) -> None:
     given = {
         key.name: _value(key, text)
         for key in keys("mount")
@@ -185,7 +185,7 @@ def _put_flags(arguments: argparse.Namespace, tables: dict[str, Any], source: So
             source.flags[(key.name,)] = f"--{key.name}" if value else f"--no-{key.name}"
 
 
-def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, Any], source: Source) -> None:
+def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, object], source: Source) -> None:
     """What the flags say of the one surface that they can be meant for. Raises UserError where there are several."""
     given = {
         key.name: _value(key, text)
@@ -215,7 +215,7 @@ def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, Any], so
             source.flags[("surface", number, name)] = f"--{name}"
 
 
-def _on_network(surface: dict[str, Any]) -> bool:
+def _on_network(surface: dict[str, object]) -> bool:
     """Whether programs come to a surface from hosts."""
     return str(surface.get("at")).partition("@")[2].startswith(("tcp://", "rfc2217://"))
 

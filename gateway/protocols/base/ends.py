@@ -6,6 +6,7 @@ is in its row of ``surface.toml``. Whoever must know before its turn asks here.
 
 from __future__ import annotations
 
+import re
 from functools import cached_property
 from typing import NamedTuple
 
@@ -44,10 +45,10 @@ class Ends:
         return frozenset([self._protocol.commands[name].request.literal for name in command.takes_back])
 
     @cached_property
-    def _marks(self) -> tuple[bytes, ...]:
+    def _mark(self) -> re.Pattern[bytes] | None:
         marks = {command.mark for command in self._protocol.commands.values() if command.urgent}
-        return tuple([mark for mark in marks if not any(other in mark for other in marks - {mark})])
+        return re.compile(b"|".join(map(re.escape, sorted(marks)))) if marks else None
 
     def may_be_in(self, data: bytes) -> bool:
         """Whether these bytes, which are not cut into commands yet, may be or hold the end of a motion."""
-        return any(mark in data for mark in self._marks)
+        return self._mark is not None and self._mark.search(data) is not None

@@ -15,7 +15,6 @@ from tests.support.nexstar_flows import ARCSECOND, HALT, NORTH, off, on_a_bridge
 FORKS = [("6-8se", "6-8se"), ("cge", "cge"), ("cpc", "6-8se"), ("nexstar-gps", "nexstar-gps")]
 
 
-@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("mount", "surface"), FORKS)
 @pytest.mark.parametrize("site", [(45.0, 10.0), (-34.0, 18.5)])
 def test_a_goto_arrives(mount: str, surface: str, site: tuple[float, float]) -> None:

@@ -79,7 +79,6 @@ def test_l_stays_1_when_a_goto_follows_a_goto() -> None:
     twice()
 
 
-@pytest.mark.sampled(1)
 @pytest.mark.parametrize("mount", ["6-8se", "cge", "cgem", "cpc"])
 @pytest.mark.parametrize("site", [(45.0, 10.0), (-34.0, 18.5)])
 def test_a_shared_port_tells_positions_bit_for_bit(mount: str, site: tuple[float, float]) -> None:

@@ -176,7 +176,6 @@ TELLS_NOTHING: dict[str, Any] = {"mount": "nexstar-gps", "version": "1.2"}
 HAS_GPS: dict[str, Any] = {"mount": "nexstar-gps", "version": "1.6"}
 
 
-@pytest.mark.sampled(1)
 @pytest.mark.parametrize("scenario", [is_told_another_site, is_told_another_time, is_set_at_its_keys])
 @pytest.mark.parametrize("presented", ["lx200", "nexstar"])
 @pytest.mark.parametrize(("settings", "start"), [(TAKES, EVENING), (TELLS_NOTHING, LONG_AGO)])

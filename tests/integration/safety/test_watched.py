@@ -41,7 +41,6 @@ def test_an_arrow_that_is_said_again_does_not_make_the_next_look_a_first_one() -
 @pytest.mark.parametrize(("latency", "arrows", "height"), [
     (0.02, b":Ms#", 3.9), (0.02, b":Ms#", 4.1), (0.02, b":Mw#:Ms#", 2.6), (0.05, b":Ms#", 4.8), (0.2, b":Ms#", 6.0),
 ])  # fmt: skip
-@pytest.mark.sampled(1)
 @pytest.mark.parametrize("model", ["lx200", "lx200gps"])
 def test_the_first_look_comes_in_time_wherever_a_motion_begins(
     latency: float, arrows: bytes, height: float, model: str

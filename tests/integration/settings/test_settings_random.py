@@ -90,7 +90,6 @@ class Night:
         assert told.clock().unix == pytest.approx(sim.utc(), abs=3.0)
 
 
-@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("mount", "driven"),
     [("lx200", "lx200"), ("autostar", "lx200"), ("lx200gps", "lx200"), ("6-8se", "nexstar"), ("avx", "nexstar")],

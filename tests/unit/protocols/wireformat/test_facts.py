@@ -10,6 +10,7 @@ import pytest
 from gateway.core.errors import MappingError
 from gateway.diagnostics import command_tables
 from gateway.protocols.base.driver import Send
+from gateway.protocols.base.ends import Ends
 from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
 from gateway.protocols.wireformat.command import Command
@@ -147,3 +148,16 @@ def test_one_more_command_changes_one_line_of_the_generated_table(
     assert isinstance(sets["lx200"].commands["ZZ"], Command)
     assert [line for line in new if line not in old] == ["| `:ZZ#` | trial | translated | `e`, `E` |  |"]
     assert len(new) == len(old) + 1
+
+
+def test_an_end_is_seen_in_bytes_that_are_not_cut_yet() -> None:
+    lx200, nexstar = Ends(LX200), Ends(NEXSTAR)
+    assert all(lx200.may_be_in(data) for data in (b":GR#:Q", b":Qe#", b"::FQ#", b":I#"))
+    assert not any(lx200.may_be_in(data) for data in (b"", b":GR#", b":MS#", b"Q#"))
+    assert nexstar.may_be_in(b"eM") and nexstar.may_be_in(b"P\x02\x10\x24\0\0\0\0")
+    assert not nexstar.may_be_in(b"P\x02\x10\x24\x09\0\0\0")
+
+
+def test_a_protocol_without_ends(tmp_path: Path) -> None:
+    (tmp_path / "commands.toml").write_text('[ZZ]\nrequest = ":ZZ#"\nhelp = "trial"\n', "utf-8")
+    assert not Ends(CommandSet("lx200", tmp_path)).may_be_in(b":ZZ#")
