@@ -39,7 +39,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, UserError
 from gateway.core.wire_log import Transcript
 from gateway.mount.controller import MountController
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.reply_rules import ReplyRules
@@ -132,7 +132,7 @@ class Gateway:
             ]
 
         def busy() -> bool:
-            return self.controller is not None and self.controller.motions.busy
+            return self.controller is not None and self.controller.reconciler.busy
 
         lock = self.keeping.lock_path if self.keeping is not None else None
         self.watched = self.watchdog.mount(self.title, lock, commands, busy, self._was_stopped)
@@ -176,9 +176,9 @@ class Gateway:
         if self.watched is not None:
             tell_of_motions(self.controller, self.watched)
         self.desk = Desk(self.controller, self.config.name or "", str(self.mount), self.programs)
-        self.controller.before_motion = self.entrance.waiting(self.controller.before_motion)
+        self.controller.before_motion.announce = self.entrance.waiting(self.controller.before_motion.announce)
         own: list[SurfaceBinding] = []
-        self.controller.identification.told = lambda: self._show_itself(own)
+        self.controller.identification.told.connect(lambda _: self._show_itself(own))
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
             face = make_surface(endpoint, surface, config.limits)
             face.surface.verbatim = endpoint.protocol == self.mount.protocol

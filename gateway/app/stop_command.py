@@ -97,7 +97,6 @@ async def _rescue(mark: MarkerContent, where: Path) -> str:
     """
     from gateway.app.config import MountConfig
     from gateway.app.gateway import Gateway
-    from gateway.mount.readings.rest import come_to_rest
 
     if not mark.mount:
         return "failed its motion mark cannot be read; start its gateway, which stops it first"
@@ -107,14 +106,14 @@ async def _rescue(mark: MarkerContent, where: Path) -> str:
     except UserError as error:
         return f"failed {error}"
     assert gateway.controller is not None and gateway.keeping is not None
-    motions, line = gateway.controller.motions, gateway.controller.line
+    wanted, line = gateway.controller.wanted, gateway.controller.line
     try:
         if not gateway.keeping.held:
             return "failed a gateway has its files and does not answer"
         async with asyncio.timeout(ACKNOWLEDGED):
-            while motions.owed:
+            while wanted.owed:
                 await asyncio.sleep(0.02)
-        await come_to_rest(gateway.controller)
+        await gateway.controller.come_to_rest()
         return STOPPED
     except TimeoutError:
         return f"failed {line.reason or 'no answer from the mount'}"

@@ -1,6 +1,7 @@
-"""The command line. One line per open endpoint on stdout; a mistake is one line on stderr and exit code 2.
+"""The command line, a module for every command.
 
-Every command is a module here: ``add`` puts it into the parser, and the rest of the file carries it out. Only the one
+One line per open endpoint goes to stdout; a mistake is one line on stderr and exit code 2.
+In every module ``add`` puts it into the parser, and the rest of the file carries it out. Only the one
 that is asked for is loaded: a gateway should be there soon after power-on.
 """
 

@@ -33,7 +33,7 @@ def _forbidden(controller: MountController, goal: op.Equatorial, altitude: float
         return Held()
     if controller.driver.asleep:
         return Asleep()
-    status: op.Status | None = controller.snapshot.value(op.GetStatus)
+    status: op.Status | None = controller.cache.value(op.GetStatus)
     if status is not None and not status.aligned and controller.policy.unaligned == "refuse":
         return NotAligned()
     if altitude is not None:
@@ -48,7 +48,7 @@ def _forbidden(controller: MountController, goal: op.Equatorial, altitude: float
 
 def _rises_and_sets(controller: MountController, goal: op.Equatorial) -> tuple[float | None, float | None]:
     """When it next comes to the lowest altitude that is allowed, on its way up and on its way down."""
-    derived = controller.derived
+    derived = controller.astrometry
     site = derived.observatory.site()
     if site is None:
         return None, None

@@ -199,7 +199,7 @@ class Desk:
 
     def _moves(self, begun: Begun) -> bool:
         """Whether something that this wish has begun is under way, or waits to be."""
-        wanted = self._controller.motions.wanted
+        wanted = self._controller.wanted.value
         moving = [wanted.motion.by] if isinstance(wanted.motion, Slew) else []
         if isinstance(wanted.motion, ByHand):
             moving = [motion.by for _, motion in wanted.motion]
@@ -212,7 +212,7 @@ class Desk:
         await self._look()
         seen = self.state().look
         follows = begun.parks and any(
-            order.follow_up for order in controller.motions.wanted.pending
+            order.follow_up for order in controller.wanted.value.pending
         )  # its tracking goes off
         if self._moves(begun) or follows:
             return f"{UNDER_WAY} {on_the_sky(seen.position) if seen.position else ''}"
@@ -229,7 +229,7 @@ class Desk:
         begun.ended.set()  # if it has not come yet, it is not begun later
         if not self._moves(begun):
             return f"{DONE} nothing that was begun here is under way"
-        wanted = controller.motions.wanted
+        wanted = controller.wanted.value
         halts: list[op.Operation] = (
             [op.Halt(axis) for axis, motion in wanted.motion if motion.by is begun.life]
             if isinstance(wanted.motion, ByHand)

@@ -50,10 +50,10 @@ class PreviousRun(Struct, frozen=True):
 def recall(controller: MountController, past: PreviousRun) -> None:
     """Take up what an earlier run has remembered; what it left moving is stopped first."""
     controller.driver.recall(past.kept.mount, moving=False)
-    controller.synced = past.kept.synced
+    controller.safety.synced.recall(past.kept.synced)
     if past.left is not None:
         controller.driver.recall(past.left.memory, moving=True)
-        controller.motions.owe_stop()
+        controller.reconciler.owe_stop()
 
 
 def selected_site(shared: MountSettings) -> Place | None:
@@ -150,9 +150,9 @@ class StateStore:
     def attach(self, controller: MountController) -> None:
         """Let the hub tell of motions and changes; stop first what the last run left moving."""
         self._memory = controller.driver.memory
-        self._synced = lambda: controller.synced
+        self._synced = lambda: controller.safety.synced.value
         recall(controller, self.past)
-        controller.changed = self.changed
+        controller.changed.connect(lambda _: self.changed())
         controller.hold.on = hold.is_held(self.directory)
         if controller.hold.on:
             self._warn(
@@ -164,12 +164,12 @@ class StateStore:
             self._mark = MotionMarker(
                 self._mark_path,
                 self._content,
-                lambda: controller.motions.busy,
+                lambda: controller.reconciler.busy,
                 self._say,
                 self.in_thread,
                 there=self.past.left is not None,
             )
-            controller.before_motion = self._mark.before_motion
+            controller.before_motion.announce = self._mark.before_motion
 
     def _content(self) -> MarkerContent:
         return MarkerContent(self._marked.mount, self._marked.baud, self._memory(True))

@@ -57,7 +57,7 @@ async def _found(gateway: Gateway, warn: Callable[[str], None]) -> bool:
         if not said and now() > began + SAID_AFTER and not line.reason.startswith(CANNOT_OPEN):
             said = True
             warn(waiting(gateway))
-    return gateway.controller.identification.met.is_set()  # what tells where it points is a mount
+    return gateway.controller.context.milestones.met.is_set()  # what tells where it points is a mount
 
 
 async def _find(gateway: Gateway, warn: Callable[[str], None]) -> None:

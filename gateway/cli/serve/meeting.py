@@ -19,7 +19,7 @@ def waiting(gateway: Gateway) -> str:
     spec = PROTOCOLS[gateway.mount.protocol]
     takes = spec.takes[gateway.mount.model is None]
     controller = gateway.controller
-    if controller is not None and controller.identification.met.is_set():
+    if controller is not None and controller.context.milestones.met.is_set():
         return (
             f"{gateway.title}: a mount is there, and programs are told where it points; which model it is may take "
             f"it {takes} s to say"

@@ -141,7 +141,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         screen.clear()
         if console is not None:
             await console.close()
-        moved = [gateway.controller is not None and gateway.controller.motions.busy for gateway in gateways]
+        moved = [gateway.controller is not None and gateway.controller.reconciler.busy for gateway in gateways]
         await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
         if done.is_set():
             for gateway, busy in zip(gateways, moved, strict=True):
@@ -197,7 +197,7 @@ async def _stand_still(gateways: Sequence[Gateway], screen: Screen) -> None:
     moving = [
         (gateway.entrance, gateway.controller)
         for gateway in gateways
-        if gateway.controller is not None and gateway.controller.motions.busy
+        if gateway.controller is not None and gateway.controller.reconciler.busy
     ]
     try:
         async with asyncio.timeout(SUSPEND):

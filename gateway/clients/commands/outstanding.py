@@ -33,7 +33,7 @@ class Begun:
         if isinstance(operation, MOVING) and stops != controller.stops:  # a stop came since, or nobody is there
             return
         halts = isinstance(operation, Halt | CancelGoto)
-        if halts and controller.motions.again(operation):
+        if halts and controller.orders.again(operation):
             return
         ends = halts or ends_focus(operation)
         if len(self._operations) >= BEGUN and (not ends or operation in self._operations.values()):

@@ -18,7 +18,7 @@ from gateway.core.errors import Busy, Fault
 from gateway.core.motion_kinds import BY_HAND, begins_motion
 from gateway.core.operations import CancelGoto, ClockFromGps, Halt, Operation, Own, Read, Sync
 from gateway.mount.controller import MountController
-from gateway.mount.link.queue import AT_ONCE, LATE
+from gateway.mount.link.scheduling import AT_ONCE, LATE
 from gateway.mount.readings.cache import FRESH, MISSING
 from gateway.mount.safety.rules.dead_man import HostActivity
 from gateway.protocols.base.session import Session
@@ -187,7 +187,7 @@ class TurnRunner:
     def defect(self, frame: bytes, error: Exception) -> None:
         """An error of this program: what failed may have been what should have ended a motion."""
         self._log.note(f"internal error at {frame!r}, please report it: {error!r}")
-        if self._controller.motions.busy:
+        if self._controller.reconciler.busy:
             self._controller.begin_stop()
 
 

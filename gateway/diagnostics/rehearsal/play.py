@@ -179,7 +179,7 @@ class Player:
         """Until the mount has come to where it was sent, and the gateway has seen it there."""
         loop = asyncio.get_running_loop()
         end = loop.time() + ARRIVED
-        while (self.stage.sim.slewing or self.stage.controller.motions.busy) and loop.time() < end:
+        while (self.stage.sim.slewing or self.stage.controller.reconciler.busy) and loop.time() < end:
             await asyncio.sleep(_STEP)
 
     def _kept(self) -> str:

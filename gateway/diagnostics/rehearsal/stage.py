@@ -20,7 +20,7 @@ from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.wire_log import Entry, Transcript
 from gateway.mount.controller import MountController
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.driver import Driver
 from gateway.protocols.base.session import Shared
@@ -96,7 +96,7 @@ class Stage:
         self.face: SurfaceBinding = make_surface(shown, SurfaceConfig(at="-"), self.settings.limits)
         self.face.surface.verbatim = presented == driven
         if shows_itself(Endpoint(driven, "sim"), shown):
-            self.controller.identification.told = lambda: own_face(self.controller, self.face)
+            self.controller.identification.told.connect(lambda _: own_face(self.controller, self.face))
         self.shared = self.remember()
         self.reception = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, access=access)
 

@@ -26,7 +26,7 @@ from gateway.diagnostics.replay.recorded_mount import ROUNDED, RecordedLine, Rec
 from gateway.diagnostics.replay.retraced import RetracedLoop
 from gateway.diagnostics.replay.retracing import Difference, Retracing, surface_and_host
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.transport import ConnectionHandler
 from gateway.transport.wires import SimulatedTransport
@@ -128,7 +128,7 @@ async def _replay(recording: Recording, events: list[Event]) -> Outcome:
         if cause.side == MOUNT:
             _mount(cause, asked, gateway, wire)
         elif cause.arrow == "r":
-            gateway.controller.spawn(gateway.controller.refresh.renew(getattr(op, cause.data.decode())))
+            gateway.controller.spawn(gateway.controller.poller.renew(getattr(op, cause.data.decode())))
         else:
             clients.play(cause)
         await _rest()

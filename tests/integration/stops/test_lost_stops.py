@@ -68,7 +68,7 @@ def test_a_release_that_was_lost_is_sent_again_and_the_other_axis_goes_on(mount:
                 client.tell(b":GR#")
                 await asyncio.sleep(0.5)
             assert missed
-            assert bridge.controller.motions.axes == {2}
+            assert bridge.controller.wanted.axes == {2}
             assert set(bridge.sim.arrows) == {2}
 
     run(program())

@@ -321,13 +321,13 @@ def test_whoever_looks_may_stop(stop: bytes) -> None:
             mover, looker = bridge.client("10.0.0.1"), bridge.client("10.9.0.1")
             mover.tell(b":RM#:Mn#")
             await asyncio.sleep(1)
-            assert bridge.controller.motions.axes == {2}
+            assert bridge.controller.wanted.axes == {2}
             looker.tell(b":Ms#:Me#")
             await asyncio.sleep(1)
-            assert bridge.controller.motions.axes == {2}
+            assert bridge.controller.wanted.axes == {2}
             looker.tell(stop)
             await asyncio.sleep(1)
-            assert bridge.controller.motions.axes == set()
+            assert bridge.controller.wanted.axes == set()
 
     run(program())
 
@@ -375,7 +375,7 @@ def test_nexstar_clients_that_only_look() -> None:
             await asyncio.sleep(1)
             assert await looker.ask(b"P\2\x10\x24\0\0\0\0") == b"#"
             await asyncio.sleep(1)
-            assert bridge.controller.motions.axes == set()
+            assert bridge.controller.wanted.axes == set()
 
     run(program())
 

@@ -66,7 +66,7 @@ def test_a_motion_that_is_seen_goes_on(mount: str, driven: str, motion: bytes, l
             for _ in range(40):
                 client.tell(b":GR#")
                 await asyncio.sleep(0.5)
-            assert bridge.controller.motions.axes
+            assert bridge.controller.wanted.axes
             assert not [entry.note for entry in bridge.entries if "shows nothing" in entry.note]
 
     run(program())
