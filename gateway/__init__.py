@@ -2,14 +2,16 @@
 
 What a program may use of it is listed in ``__all__`` and explained in docs/python.md; everything else may change from
 one version to the next. The names are loaded when they are first used, because the command line, which needs none of
-them, is to start quickly.
+them, is to start quickly. This module stands above all layers: nothing inside the package imports it.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-__version__ = "0.1.0"
+from gateway.core.about import VERSION
+
+__version__ = VERSION
 
 __all__ = [
     "Fault",
