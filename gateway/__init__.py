@@ -7,10 +7,10 @@ them, is to start quickly. This module stands above all layers: nothing inside t
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from gateway.core.about import VERSION
 
+#: Type checkers and editors take it for true. The constant in ``typing`` is the same, but importing that takes time.
+TYPE_CHECKING = False
 __version__ = VERSION
 
 __all__ = [
@@ -27,7 +27,7 @@ __all__ = [
     "open_gateway",
 ]
 
-if TYPE_CHECKING:  # for type checkers and editors; at run time ``__getattr__`` loads a name when it is first used
+if TYPE_CHECKING:
     from gateway.app.api.embedding import RunningGateway, open_gateway
     from gateway.app.api.frames import Frame, FrameError, Splitter, decode, decode_reply, encode, encode_reply
     from gateway.core.errors import Fault, UserError
