@@ -11,11 +11,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
 
 from gateway.core.errors import GatewayError
-from gateway.protocols.base.frames import Framer
-from gateway.protocols.wireformat.command_set import Command, load, mappings_folder
+from gateway.protocols.registry import PROTOCOLS
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.command_set import load
 
 
 class FrameError(GatewayError, ValueError):
@@ -110,19 +110,17 @@ class Splitter:
     """
 
     def __init__(self, protocol: str, now: Callable[[], float] = time.monotonic) -> None:
-        framer: Framer = import_module(f"gateway.protocols.{_known(protocol)}.framing").Framer()
-        self._framer, self._now = framer, now
+        self._framing = PROTOCOLS[_known(protocol)].framing(now)
 
     def feed(self, data: bytes) -> list[bytes]:
         """Take bytes as they arrived -> the commands that are complete now, in order; ``decode`` takes each of them."""
-        return self._framer.feed(data, self._now())
+        return self._framing(data)
 
 
 def _known(protocol: str) -> str:
-    """Raises FrameError for a protocol that there is no folder of ``mappings/`` for."""
-    protocols = sorted(path.parent.name for path in mappings_folder().glob("*/commands.toml"))
-    if protocol not in protocols:
-        raise FrameError(f"{protocol!r} is no protocol; there are {_listed(protocols)}")
+    """Raises FrameError for what the registry does not have."""
+    if protocol not in PROTOCOLS:
+        raise FrameError(f"{protocol!r} is no protocol; there are {_listed(PROTOCOLS)}")
     return protocol
 
 
