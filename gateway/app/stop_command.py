@@ -100,7 +100,7 @@ async def _rescue(mark: MarkerContent, where: Path) -> str:
     from gateway.mount.readings.rest import come_to_rest
 
     if not mark.mount:
-        return "failed its motion mark cannot be read; start its gateway, which stops it first"
+        return "failed its motion marker cannot be read; start its gateway, which stops the mount first"
     try:
         gateway = Gateway(MountConfig(mark.mount, baud=mark.baud, state=str(where)), [])
         await gateway.open()
@@ -110,7 +110,7 @@ async def _rescue(mark: MarkerContent, where: Path) -> str:
     motions, line = gateway.controller.motions, gateway.controller.line
     try:
         if not gateway.keeping.held:
-            return "failed a gateway has its files and does not answer"
+            return "failed a gateway holds its state files but does not answer"
         async with asyncio.timeout(ACKNOWLEDGED):
             while motions.owed:
                 await asyncio.sleep(0.02)

@@ -46,7 +46,8 @@ class Identification:
         if self._cut_short:
             self._cut_short = False
             self._controller.transcript.note(
-                "mount", "the line was lost while the mount moved: it is stopped, now that it is back"
+                "mount",
+                "the connection to the mount was lost while it moved and is back now: the mount is stopped first",
             )
             self._controller.motions.begin_stop()
         known = self._controller.motions.owed and self.known.is_set()

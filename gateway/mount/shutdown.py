@@ -46,7 +46,7 @@ async def _stop(controller: MountController) -> None:
         async with asyncio.timeout(STOP if controller.line.served else 0.0):
             await controller.stop()
     except (TimeoutError, Fault):
-        controller.transcript.note("mount", "the stop at shutdown was not answered: sent once more")
+        controller.transcript.note("mount", "the mount did not answer the stop at shutdown: the stop is sent once more")
         await _stop_blindly(controller)
 
 

@@ -110,7 +110,7 @@ class Desk:
     async def _order(self, operation: op.Operation, begun: Begun) -> None:
         """Raises Fault."""
         if begun.ended.is_set():
-            raise Busy("It was taken back.")
+            raise Busy("It was cancelled.")
         try:
             async with asyncio.timeout(PATIENCE + 1.0):
                 await self._controller.perform(operation, begun.stops, begun.life, PATIENCE)

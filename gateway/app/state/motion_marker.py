@@ -73,7 +73,10 @@ class MotionMarker:
                 try:
                     await self._in_thread(self._put, content)
                 except OSError as error:
-                    self._warn(f"motions are not marked: {error}")
+                    self._warn(
+                        f"cannot write the motion marker {self.path} "
+                        f"({error.strerror or error}): after a crash the mount would not be stopped automatically"
+                    )
                 self._there = content
         finally:
             self._writing = None

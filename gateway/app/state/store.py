@@ -138,13 +138,19 @@ class StateStore:
             return read_kept(self.path)
         except OSError as error:
             if self.held:
-                self._say(f"state cannot be read: {error}")
+                self._say(
+                    f"cannot read the state file {self.path} ({error.strerror or error}): the "
+                    "gateway starts without what earlier runs kept"
+                )
         except ValueError as error:
             if self.held:
-                where = "left where it is"
+                where = "left in place"
                 with contextlib.suppress(OSError):
                     where = f"moved to {move_aside(self.path).name}"
-                self._warn(f"{self.path} is no state of this version ({error}): {where}, beginning anew")
+                self._warn(
+                    f"{self.path} is not a state file of this version ({error}): it was "
+                    f"{where}, and the gateway starts without it"
+                )
         return SavedState(FORMAT)
 
     def attach(self, controller: MountController) -> None:
@@ -160,7 +166,9 @@ class StateStore:
             )
         if self._marks:
             if self.past.left is not None:
-                self._warn(f"{self._marked.mount}: the last run ended in motion: it is stopped first")
+                self._warn(
+                    f"{self._marked.mount}: the last run ended while the mount was moving: the mount is stopped first"
+                )
             self._mark = MotionMarker(
                 self._mark_path,
                 self._content,
@@ -205,7 +213,10 @@ class StateStore:
             await self.in_thread(write_whole, self.path, data)
         except OSError as error:
             self._written = b""
-            self._say(f"state could not be written: {error}")
+            self._say(
+                f"cannot write the state file {self.path} ({error.strerror or error}): what is "
+                "set now is lost when the gateway ends"
+            )
         return True
 
     async def close(self) -> None:

@@ -140,7 +140,7 @@ async def _report(onlooker: Onlooker, screen: Screen) -> None:
             states.append("WATCHDOG=1")
         if served and not onlooker.served:
             served = False
-            screen.warn("nobody works on the mount's line any more; please report it")
+            screen.warn("internal error: the mount I/O task has ended; restart the gateway and please report it")
         if (line := onlooker.line()) != said:
             said = line
             states.append(f"STATUS={line}")

@@ -116,7 +116,9 @@ class Reconciler:
         if self._closed or self._too_late(operation, stops):
             return self._awaited.too_late()
         if self._only_a_stop_is_heard(operation):
-            self._executor.note("the mount is at long work and hears nothing but a stop: both axes are stopped")
+            self._executor.note(
+                "the mount is busy calculating and accepts nothing but a full stop: both axes are stopped"
+            )
             return self.begin_stop()
         wakes = isinstance(operation, op.Wake) and self._driver.asleep  # what is before it would not be heard
         now = self._loop.time()

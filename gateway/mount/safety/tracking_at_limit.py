@@ -61,11 +61,14 @@ class TrackingAtLimit:
         say = self._mount.transcript
         try:
             if (await self._do.status()).tracking is op.Tracking.OFF:
-                say.note("mount", f"WARNING: the mount is at {reason}; its tracking is off, nothing can be stopped")
+                say.note(
+                    "mount",
+                    f"WARNING: tracking is off, but the mount is drifting past {reason}; there is nothing to stop",
+                )
                 self._resting = True
                 return
             await self._do.tracking_off()
-            say.note("mount", f"tracking is off: it came to {reason}")
+            say.note("mount", f"tracking was switched off at {reason}")
         except Unsupported:
             self._helpless = True
             say.note("mount", f"{'WARNING: the mount is' if self._set_there else 'stopped'} at {reason}")
@@ -73,6 +76,6 @@ class TrackingAtLimit:
             if not self._set_there:
                 self._do.stop()
         except Fault as fault:
-            say.note("mount", f"tracking goes on beyond {reason}: {fault}")
+            say.note("mount", f"tracking could not be switched off at {reason} and goes on beyond it: {fault}")
         finally:
             self._switching = False

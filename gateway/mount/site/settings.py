@@ -75,7 +75,9 @@ class SiteAndClock:
             await self._first_answers()
         moment = self._observatory.clock()
         if moment is None:
-            self._controller.transcript.note_once("mount", "the mount tells no time: this computer's clock stands in")
+            self._controller.transcript.note_once(
+                "mount", "the mount does not tell the time: this computer's clock is used"
+            )
             moment = op.Moment(self._observatory.unix(), 0.0)
         return moment
 

@@ -105,7 +105,16 @@ def test_an_arrow_begins_though_no_file_can_be_opened(tmp_path: Path, monkeypatc
                 client.tell(b":Qn#")
                 await asyncio.sleep(8.0)
                 assert bridge.controller.motions.axes == set()
-            assert len([words for words in bridge.warned if "not marked" in words or "written" in words]) == 1
+            assert (
+                len(
+                    [
+                        words
+                        for words in bridge.warned
+                        if "motion marker" in words or "written" in words or "state file" in words
+                    ]
+                )
+                == 1
+            )
             assert not any("internal error" in entry.note for entry in bridge.entries)
 
     run(program())

@@ -105,7 +105,7 @@ class Admission:
         mount, limits = self._mount, self._mount.limits()
         await self._goto_ends()
         if mount.moving().anything:
-            raise Refused("The mount moves: nothing is centred, sync when it rests.")
+            raise Refused("The mount is moving, so nothing is centred: sync when it has stopped.")
         status = await self._status()
         if status.aligned:
             here: op.Equatorial = await self._ask.read(op.Position())
