@@ -1,7 +1,7 @@
-"""Stopping from outside: every mount on a state folder, with or without a running gateway.
+"""``mount-gateway stop``: stops every mount of a state folder, with or without a running gateway.
 
-A running gateway is asked. Where none runs and the last one ended in motion, the mount's port is opened and the stop
-sent from here. Either way the mount must be seen to rest before it counts as stopped.
+A running gateway is asked to. If none runs and the last one ended while its mount moved, the mount's port is opened and
+the stop is sent from here. Either way the mount counts as stopped only when it has been seen at rest.
 """
 
 from __future__ import annotations

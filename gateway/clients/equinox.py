@@ -1,4 +1,4 @@
-"""Between an endpoint that counts in J2000 and the hub, which counts of date."""
+"""Converts between the J2000 coordinates of a client and the coordinates of date that everything else uses."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""The transcript: every exchange and every fault, on both sides, as it happened.
+"""The wire log: every command, reply and fault on either side, as it happened.
 
-Entries are values; sinks are functions that take them. Without a sink nothing is recorded and nothing is spent.
+Entries are values, and sinks are functions that take them. Without a sink nothing is recorded and nothing is spent.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The hub: the one owner of a mount.
+"""The mount controller: the one owner of a mount.
 
-Reads are answered from a snapshot while it is fresh and share one exchange when it is not; while any client polls,
-the snapshot is refreshed in the background, so a hundred pollers cost the mount's line what one costs. Motions, and
-site and clock, have files of their own.
+Reads are answered from the readings cache while it is fresh, and share one exchange when it is not. While any client
+polls, the cache is refreshed in the background, so that a hundred pollers cost the mount what one costs. Motions, and
+site and clock, are in folders of their own.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How the hub serves the reconciler: line, limits, and what is known without asking once an operation is done."""
+"""How the controller serves the reconciler: the line, the limits, and what is known once an operation is done."""
 
 from __future__ import annotations
 

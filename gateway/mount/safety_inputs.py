@@ -1,4 +1,4 @@
-"""Hands the rules that keep a mount within its limits what they may know and do; they themselves know no hub."""
+"""Gives the safety rules what they may know and do; the rules themselves do not know the controller."""
 
 from __future__ import annotations
 

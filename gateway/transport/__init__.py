@@ -1,7 +1,8 @@
-"""Ports: where clients come in. TCP, RFC 2217, a pseudo-terminal with a stable name, a real serial port.
+"""Every byte that enters or leaves the process: ports for clients, and the connection to the mount.
 
-A port knows nothing of protocols: for every connection it asks ``arrive`` for somebody to feed, and hands back what
-that one writes. Clients come and go at any moment; what one of them does to its connection never reaches another.
+Ports are TCP, RFC 2217, pseudo-terminals and serial ports. A port knows no protocol. For every connection it calls
+``arrive``, gives the handler it gets the bytes, and sends back what that writes. Clients come and go at any moment;
+what one does to its connection never reaches another.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a port and whoever talks to its connections know of each other."""
+"""What a port and the handler of a connection know of each other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who asks: one order to one gateway, repeated until it is answered, and never longer than so many seconds."""
+"""The side that asks: one request to one gateway, repeated until it is answered or the time is up."""
 
 from __future__ import annotations
 

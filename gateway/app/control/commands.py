@@ -1,7 +1,7 @@
-"""What a person may wish for at the command line, as it passes from the command to the gateway that carries it out.
+"""The requests that a person makes on the command line, as they travel to the gateway that carries them out.
 
-A wish is one line of plain ASCII, so that a recording can hold it. Angles are degrees. ``number`` was drawn by who
-wishes: by it the same person asks how it goes, and takes it back.
+A request is one line of plain ASCII, so that a recording can hold it. Angles are degrees. ``number`` is drawn by the
+command that asks; with it the same person follows the request and cancels it.
 """
 
 from __future__ import annotations

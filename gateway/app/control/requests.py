@@ -1,7 +1,7 @@
-"""The desk where a person's wishes from the command line are taken, and carried out as a program's would be.
+"""Carries out what a person asks for on the command line, by the same limits and rules as a program's commands.
 
-They pass the same limits and are refused by the same rules. What a wish has begun belongs to it: to take it back ends
-that and nothing that somebody else has asked for since. A move ends by a clock here, whatever becomes of who wished it.
+What a request has begun belongs to it: to cancel it ends that motion, and nothing that somebody else has asked for
+since. A ``move`` is ended by a timer here, whatever becomes of the command that asked for it.
 """
 
 from __future__ import annotations

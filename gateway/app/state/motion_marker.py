@@ -1,8 +1,8 @@
-"""The motion mark: a file that exists while the mount moves because the gateway told it to.
+"""The motion marker: a file that exists while the mount moves because the gateway told it to.
 
-A process that is killed cannot stop its mount; the mark is how the next one, or ``mount-gateway stop``, learns that it
-must. It is written before the motion is sent, without waiting for the disk: it outlives the process, which is all that
-is asked, and it never holds a motion up for more than ``PATIENCE``.
+A process that was killed cannot stop its mount. By the marker the next gateway, or ``mount-gateway stop``, learns that
+it must. It is written before the motion is sent, without waiting for the disk: it has to survive the process, not a
+power failure, and it never delays a motion by more than ``PATIENCE``.
 """
 
 from __future__ import annotations

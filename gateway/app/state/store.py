@@ -1,8 +1,7 @@
-"""Keeping: a mount's state file and motion mark while its gateway runs.
+"""Keeps a mount's state file and motion marker up to date while its gateway runs.
 
-What has changed is written soon, on a thread; a burst of changes is few writes. A directory that cannot be written to
-costs one line of warning and the keeping, nothing else. Two gateways never share a file: the second one keeps its state
-in memory.
+Changes are written soon, on a thread; a burst of changes causes few writes. If the folder cannot be written to, one
+warning says so and nothing else suffers. Two gateways never share a file: the second keeps its state in memory.
 """
 
 from __future__ import annotations

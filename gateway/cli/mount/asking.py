@@ -1,6 +1,7 @@
-"""What the commands have in common that speak with a gateway which runs: which one is meant, and what it answers.
+"""What the commands share that speak to a running gateway: which gateway is meant, and what it answers.
 
-The exit code is 0 when it was done, 1 when the gateway said no or none runs, 2 when it cannot be done as typed.
+The exit code is 0 when the request was carried out, 1 when the gateway refused it or none runs, and 2 when it cannot be
+done as typed.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What one connection has asked for without waiting for it: so much at a time, and whatever ends a motion besides.
+"""The operations of one connection that nobody waits for: a limited number, plus whatever ends a motion.
 
-A halt that another one does for, whoever asked for that, is no new one.
+A halt that is still under way also serves an equal one that comes later, whoever asked for either.
 """
 
 from __future__ import annotations

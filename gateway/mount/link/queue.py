@@ -1,8 +1,8 @@
-"""The line to the mount: one exchange at a time, in order of rank.
+"""The queue of exchanges with the mount: one at a time, in order of priority.
 
-Stop goes first, then motion, then settings, then reads. A mount that is busy with itself for long is left alone, but
-for a stop. After a silence, or an answer of the wrong form, nothing is sent before the line has been proven to be in
-step. A lost port is opened again with growing pauses, for ever; one that stays mute is closed and opened anew.
+A stop goes first, then motion, then settings, then reads. A mount that is busy for long is left alone, except for a
+stop. After a silence, or a reply of the wrong form, nothing is sent before the line has been proven to be in step. A
+lost port is opened again with growing pauses, for ever; one that stays mute is closed and opened anew.
 """
 
 from __future__ import annotations

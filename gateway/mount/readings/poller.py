@@ -1,7 +1,7 @@
-"""Keeping the snapshot fresh: what clients poll is renewed before it grows old, and so is what the hub must watch.
+"""Keeps the readings cache fresh: what clients poll is read again before it grows old, and so is what must be watched.
 
-Every kind of read goes round by itself, so that none makes another late: while anything moves the position comes at
-least twice a second as far as the mount's line can. With nobody asking there is one heartbeat every few seconds.
+Each kind of reading has a period of its own, so that none delays another. While anything moves the position is read at
+least twice a second, as far as the mount's line allows. While nobody asks, there is one reading every few seconds.
 """
 
 from __future__ import annotations
