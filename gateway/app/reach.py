@@ -88,7 +88,7 @@ def _readable(folder: Path, owner: int | None) -> Sequence[tuple[Path, ControlEn
 
 
 def _sure_of(folder: Path) -> bool:
-    """Whether a gateway with this state folder would have left its door there, for this user to see.
+    """Whether a gateway with this state folder would have left its endpoint there, for this user to see.
 
     The folder is this user's (to root all are), and takes files.
     """

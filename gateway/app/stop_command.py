@@ -93,7 +93,7 @@ def _take_away(path: Path) -> None:
 async def _rescue(mark: MarkerContent, where: Path) -> str:
     """Open the port of a mount that a killed gateway has left moving -> ``stopped`` or ``failed REASON``.
 
-    A gateway without clients does it: whatever begins on such a mark sends the stop before anything else.
+    A gateway without clients does it: whatever begins on such a marker sends the stop before anything else.
     """
     from gateway.app.config import MountConfig
     from gateway.app.gateway import Gateway

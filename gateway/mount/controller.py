@@ -125,7 +125,8 @@ class MountController:
     # --- life -----------------------------------------------------------------------------------------------------
 
     def start(self, refresh: bool = True) -> None:
-        """Open the line, find out what is on it, and keep the snapshot fresh, unless somebody else decides on that."""
+        """Open the line, find out what is on it, and keep the readings cache fresh, unless somebody else decides on
+        that."""
         self.line.start()
         if refresh:
             self.refresh.start()

@@ -48,3 +48,15 @@ def test_the_hooks_before_a_commit_run_programs_that_the_project_installs() -> N
     declared = (ROOT / "pyproject.toml").read_text("utf-8")
     for package in ("ruff", "mypy", "import-linter", "pre-commit"):
         assert f'"{package}' in declared, f"{package} is no part of the extra dev"
+
+
+def test_every_file_that_a_docstring_names_is_there() -> None:
+    """A module that has moved or was renamed must not live on in the words about it."""
+    there = {path.name for folder in ("gateway", "mappings", "tests") for path in (ROOT / folder).rglob("*")}
+    gone = [
+        f"{path.relative_to(ROOT)} names {name}"
+        for path in sorted((ROOT / "gateway").rglob("*.py"))
+        for name in re.findall(r"``(?:[\w/]+/)?(\w+\.(?:py|toml))``", path.read_text("utf-8"))
+        if name not in there | {"gateway.toml", "pyproject.toml"}
+    ]
+    assert gone == []

@@ -45,7 +45,7 @@ def silent(pid: int) -> str:
 
 
 async def ask(door: ControlEndpoint, word: str, seconds: float) -> str | None:
-    """-> the gateway's answer, or ``failed REASON``; None where no gateway is behind the door any more."""
+    """-> the gateway's answer, or ``failed REASON``; None where no gateway is at this endpoint any more."""
     number = draw()
     loop = asyncio.get_running_loop()
     try:

@@ -67,13 +67,13 @@ class Move(Struct, frozen=True, tag="move"):
 
 
 class Follow(Struct, frozen=True, tag="follow"):
-    """How does it go with what was wished for?"""
+    """How does it go with what was asked for?"""
 
     number: str
 
 
 class End(Struct, frozen=True, tag="end"):
-    """Take a wish back: what it began is ended, and nothing else."""
+    """Take a request back: what it began is ended, and nothing else."""
 
     number: str
 
@@ -86,12 +86,12 @@ Wish = Goto | Sync | Park | Unpark | Move | Follow | End | See
 
 
 def written(wish: Wish) -> str:
-    """A wish as a line."""
+    """A request as a line."""
     return json.dumps(msgspec.to_builtins(wish), separators=(",", ":"))
 
 
 def read(line: str) -> Wish:
-    """The wish that a line is. Raises ValueError."""
+    """The request that a line is. Raises ValueError."""
     if not (line.isascii() and line.isprintable()):
         raise ValueError("a wish is plain text")
     wish: Wish = msgspec.json.decode(line, type=Wish)

@@ -26,16 +26,16 @@ from gateway.mount.safety.rules.dead_man import HostActivity
 
 #: What an answer begins with: carried out, still under way, not carried out.
 DONE, UNDER_WAY, FAILED = "done", "under way", "failed"
-#: Seconds after which a motion that was wished for is not begun any more: nobody waits for it.
+#: Seconds after which a motion that was asked for is not begun any more: nobody waits for it.
 PATIENCE = 10.0
 #: Seconds that the mount is given to tell how it is, before what it said last is told.
 SIGHT = 1.5
-#: Wishes that are remembered.
+#: Requests that are remembered.
 REMEMBERED = 64
 
 
 class Begun:
-    """A wish: whose connection it counts as, the stops when it came, where it leads, whether it was taken back."""
+    """A request: whose connection it counts as, the stops when it came, where it leads, whether it was taken back."""
 
     def __init__(self, life: HostActivity, stops: int) -> None:
         self.life, self.stops = life, stops
@@ -45,7 +45,7 @@ class Begun:
 
 
 class Desk:
-    """``carry_out`` takes a wish. ``programs`` tells the hosts that are here, ``name`` and ``mount`` what it is."""
+    """``carry_out`` takes a request. ``programs`` tells the hosts that are here, ``name`` and ``mount`` what it is."""
 
     def __init__(
         self, controller: MountController, name: str, mount: str, programs: Callable[[], Sequence[str]]
@@ -154,7 +154,7 @@ class Desk:
     # --- how it goes ------------------------------------------------------------------------------------------------
 
     def _moves(self, begun: Begun) -> bool:
-        """Whether something that this wish has begun is under way, or waits to be."""
+        """Whether something that this request has begun is under way, or waits to be."""
         wanted = self._controller.motions.wanted
         moving = [wanted.motion.by] if isinstance(wanted.motion, Slew) else []
         if isinstance(wanted.motion, ByHand):

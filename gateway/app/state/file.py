@@ -43,7 +43,7 @@ class SavedState(Struct, omit_defaults=True):
 
 
 class MarkerContent(Struct):
-    """A motion mark: the mount that moves, how to reach it, and what its driver must know to stop it."""
+    """A motion marker: the mount that moves, how to reach it, and what its driver must know to stop it."""
 
     mount: str
     baud: int
@@ -74,7 +74,7 @@ def read_kept(path: Path) -> SavedState:
 
 
 def read_mark(path: Path) -> MarkerContent | None:
-    """A mark that cannot be read is a mark all the same: its mount is then not known. None where there is none."""
+    """A marker that cannot be read is a marker all the same: its mount is then not known. None where there is none."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=MarkerContent)
     except FileNotFoundError:

@@ -40,7 +40,7 @@ PAUSE = 1.0
 
 
 class PreviousRun(Struct, frozen=True):
-    """What an earlier run has kept, and the mark it left behind when it ended in motion."""
+    """What an earlier run has kept, and the marker it left behind when it ended in motion."""
 
     kept: SavedState
     left: MarkerContent | None = None
@@ -153,7 +153,7 @@ class StateStore:
         return SavedState(FORMAT)
 
     def attach(self, controller: MountController) -> None:
-        """Let the hub tell of motions and changes; stop first what the last run left moving."""
+        """Let the controller tell of motions and changes; stop first what the last run left moving."""
         self._memory = controller.driver.memory
         self._synced = lambda: controller.synced
         recall(controller, self.past)

@@ -33,7 +33,8 @@ PRESENTED, DRIVEN = pairs()[0]
 
 
 class Stage:
-    """``sim`` is the simulated mount, ``hub`` the gateway's, ``client()`` a new connection. Needs a running loop.
+    """``sim`` is the simulated mount, ``controller`` the gateway's, ``client()`` a new connection. Needs a running
+    loop.
 
     ``start`` is Unix time; ``ramps`` False is a mount whose motors change their speed at once; ``on`` a stage that has
     ended, whose mount is used again; ``simulated`` are further settings of the simulator. The driver finds out which

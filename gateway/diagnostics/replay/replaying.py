@@ -2,7 +2,7 @@
 
 Every client must receive the bytes that it received then. A recording that tells at which turns of the event loop all
 came is played turn by turn (``retracing``). Of an older one, or one of another version, the order is guessed: the line
-sends its requests in the recorded order and at the recorded times, and the hub decides as it did.
+sends its requests in the recorded order and at the recorded times, and the controller decides as it did.
 """
 
 from __future__ import annotations

@@ -34,8 +34,8 @@ AT_ONCE = 2.0
 BLIND = 0.2
 #: A port that nobody has answered on for this long is opened anew.
 MUTE = 20.0
-#: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the hub.
-#: The position always does, and before other reads: its halves must be of one instant.
+#: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the
+#: controller. The position always does, and before other reads: its halves must be of one instant.
 AGED = {POSITION: 0.25, READ: 0.6, SETTING: 2.0}
 READS = (POSITION, READ)
 #: After so many exchanges for motions in a row one such read goes first: no flood of arrows may hide the mount.

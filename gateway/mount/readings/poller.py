@@ -118,7 +118,7 @@ class Poller:
                 self._reading_own = controller.spawn(self.renew(self._own[0]))
 
     def _wanted(self, kind: Kind, now: float) -> bool:
-        """Whether somebody polls this, or the hub itself must watch it."""
+        """Whether somebody polls this, or the gateway itself must watch it."""
         if kind is op.Position and self._watched:
             return True
         if (

@@ -59,7 +59,8 @@ class Reader:
         )
 
     async def read(self, operation: op.Operation) -> Any:
-        """What the mount says, from the snapshot or by an exchange that everyone who asks shares. Raises Fault."""
+        """What the mount says, from the readings cache or by an exchange that everyone who asks shares. Raises
+        Fault."""
         value = self.at_hand(operation)
         return await self.asked(operation) if value is MISSING else value
 

@@ -80,7 +80,7 @@ class Telling:
         self._stirred = True
 
     def ordered(self, operation: op.Operation) -> None:
-        """The mount has acknowledged this; to be called before the hub goes by it."""
+        """The mount has acknowledged this; to be called before the controller goes by it."""
         controller = self._controller
         if isinstance(operation, op.Stop | op.Halt | op.CancelGoto):
             if not (controller.moving or self._stirred or controller.guard.restless):

@@ -1,7 +1,7 @@
 """Site and clock: told from what is known, taken from clients at once, owed to the mount until it has been told.
 
 Telling an aligned hand control its site or time may cost the alignment, so by default only an unaligned one is told;
-what is not sent is kept here and said once in the log. ``sync_settings.py`` does the telling.
+what is not sent is kept here and said once in the log. ``settings_sync.py`` does the telling.
 """
 
 from __future__ import annotations

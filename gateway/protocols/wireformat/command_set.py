@@ -155,7 +155,7 @@ class CommandSet:
         return self._read(file, Model)
 
     def find(self, frame: bytes) -> tuple[Command, FrameTemplate] | None:
-        """The command whose picture fits the whole frame, longest literal beginning first."""
+        """The command whose template fits the whole frame, longest literal beginning first."""
         for length in range(min(len(frame), 8), 0, -1):
             for command, picture in self._by_literal.get(frame[:length], ()):
                 if picture.matcher.fullmatch(frame):

@@ -1,8 +1,8 @@
 """Before a motion: is it allowed, and in which form can this mount carry it out?
 
 Nothing moves a mount that is held (``held.py``). Checked are the target of every goto, park and home, the ways that
-lead to it (``slew_paths.py``), what is moved by hand, guided or to track again (``hand_admission.py``), and how far a
-sync moves the sky. What happens afterwards is watched (``watch.py``).
+lead to it (``slew_paths.py``), what is moved by hand, guided or to track again (``admission/by_hand.py``), and how far
+a sync moves the sky. What happens afterwards is watched (``watch.py``).
 """
 
 from __future__ import annotations
