@@ -72,7 +72,7 @@ def test_who_comes_when_no_file_is_left_is_turned_away_with_one_line_and_later_l
             with contextlib.suppress(ConnectionResetError):
                 assert await reader.read() == b""
             writer.close()
-        [line] = [note for note in notes if "turned away" in note]
+        [line] = [note for note in notes if "refused on surface" in note]
         assert "files open at a time" in line
         assert "ulimit -n" in line
         assert await ask(here, b":GVP#") == b"Autostar#"
