@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from pathlib import Path
 
 from gateway.core.about import PACKAGE
 from gateway.core.errors import UserError

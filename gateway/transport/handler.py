@@ -40,7 +40,7 @@ class ConnectionHandler(Protocol):
 #: How to write to a connection: whoever writes is told how many bytes still wait to be sent, or None where that is
 #: not known.
 Write = Callable[[bytes], int | None]
-#: (who it is, the host it comes from, how to write to it) -> its guest.
+#: (who it is, the host it comes from, how to write to it) -> its handler.
 Arrive = Callable[[str, str, Write], ConnectionHandler]
 
 

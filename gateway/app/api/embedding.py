@@ -106,7 +106,7 @@ async def open_gateway(
     every exchange on either side. Both are called on the event loop and must return quickly. Raises UserError for a
     setting that cannot be used and for a port that cannot be opened. Leaving the block stops the mount and closes all.
     """
-    tables = {
+    tables: dict[str, object] = {
         "mount": [_keys({"at": mount, **settings})],
         "surface": [_keys({"at": surface} if isinstance(surface, str) else surface) for surface in surfaces],
     }
