@@ -1,4 +1,4 @@
-"""Putting a gateway together: a mount, its controller, and the ports its surfaces are presented on."""
+"""Puts a gateway together: one mount, its controller, and the ports on which its surfaces are presented."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What a person may wish for at the command line, as it passes from the command to the gateway that carries it out.
+"""The requests that a person makes on the command line, as they travel to the gateway that carries them out.
 
-A wish is one line of plain ASCII, so that a recording can hold it. Angles are degrees. ``number`` was drawn by who
-wishes: by it the same person asks how it goes, and takes it back.
+A request is one line of plain ASCII, so that a recording can hold it. Angles are degrees. ``number`` is drawn by the
+command that asks; with it the same person follows the request and cancels it.
 """
 
 from __future__ import annotations
@@ -67,13 +67,13 @@ class Move(Struct, frozen=True, tag="move"):
 
 
 class Follow(Struct, frozen=True, tag="follow"):
-    """How does it go with what was wished for?"""
+    """How does it go with what was asked for?"""
 
     number: str
 
 
 class End(Struct, frozen=True, tag="end"):
-    """Take a wish back: what it began is ended, and nothing else."""
+    """Take a request back: what it began is ended, and nothing else."""
 
     number: str
 
@@ -86,12 +86,12 @@ Wish = Goto | Sync | Park | Unpark | Move | Follow | End | See
 
 
 def written(wish: Wish) -> str:
-    """A wish as a line."""
+    """A request as a line."""
     return json.dumps(msgspec.to_builtins(wish), separators=(",", ":"))
 
 
 def read(line: str) -> Wish:
-    """The wish that a line is. Raises ValueError."""
+    """The request that a line is. Raises ValueError."""
     if not (line.isascii() and line.isprintable()):
         raise ValueError("a wish is plain text")
     wish: Wish = msgspec.json.decode(line, type=Wish)
