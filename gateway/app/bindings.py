@@ -71,7 +71,7 @@ def speech(protocol: str) -> tuple[Cutting, Replies]:
 
 
 def policy(config: MountConfig) -> Policy:
-    """What the operator has decided, as the hub takes it."""
+    """What the operator has decided, as the controller takes it."""
     return Policy(
         config.limits,
         config.site_time,

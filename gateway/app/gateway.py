@@ -1,4 +1,4 @@
-"""Putting a gateway together: a mount, its controller, and the ports its surfaces are presented on."""
+"""Puts a gateway together: one mount, its controller, and the ports on which its surfaces are presented."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from gateway.app.config.programs import settled
 from gateway.app.control import Control
 from gateway.app.control.orders import orders
 from gateway.app.control.requests import Desk
-from gateway.app.mount_claim import MountClaim
 from gateway.app.recording.entrance import Entrance
 from gateway.app.state.file import FORMAT, MarkerContent, SavedState, to_shared
+from gateway.app.state.mount_claim import MountClaim
 from gateway.app.state.store import PreviousRun, StateStore, recall, selected_site
 from gateway.app.watchdog import Watchdog, WatchedMount
 from gateway.astro.ephemeris import Sky

@@ -145,7 +145,7 @@ class ClientConnection:
         session.settings = dataclasses.replace(session.settings, **manner.settings)
         session.kept.precision = manner.settings.get("precision", session.kept.precision)
         self.profile = manner.program
-        client.log.note(f"this is {manner.program}, and treated so")
+        client.log.note(f"recognised client {manner.program}: applying its profile")
         return False
 
     def serial(self, change_rate: Callable[[int], int]) -> None:

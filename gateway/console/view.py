@@ -125,7 +125,9 @@ def way(
     turn, rise = wrap180(goal["ra"] - here["ra"]), goal["dec"] - here["dec"]
     found = []
     for part in parts:
-        over = controller.astrometry.horizon(op.Equatorial((here["ra"] + turn * part) % 360.0, here["dec"] + rise * part))
+        over = controller.astrometry.horizon(
+            op.Equatorial((here["ra"] + turn * part) % 360.0, here["dec"] + rise * part)
+        )
         found.append((round(over.az, 1), round(over.alt, 1)))
     return found
 

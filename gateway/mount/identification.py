@@ -73,7 +73,9 @@ class Identification:
         """The port is open again: nothing that moved survives that. A mount that nobody knows yet is greeted first."""
         if self._cut_short:
             self._cut_short = False
-            self._context.note("the line was lost while the mount moved: it is stopped, now that it is back")
+            self._context.note(
+                "the connection to the mount was lost while it moved and is back now: the mount is stopped first"
+            )
             self._reconciler.begin_stop()
         if self._reconciler.wanted.owed and self._milestones.known.is_set():
             words += stop_commands(self._driver, self._link.dialogue, ends_only=True)

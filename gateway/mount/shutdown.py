@@ -1,7 +1,7 @@
-"""The end of a gateway: nothing moves afterwards, and the mount tracks as its user had it.
+"""Shutdown: nothing moves afterwards, and the mount tracks as its user had it.
 
-The stop is sent and waited for. Where no answer comes, or nobody serves the line any more, its bytes go out all the
-same. Then what outlives a stop is waited for: a hand control may have to be told twice to track again.
+The stop is sent and waited for. If no answer comes, or nothing serves the line any more, its bytes are sent all the
+same. Then what survives a stop is waited for: a hand control may have to be told twice to track again.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ async def _stop(context: Context, link: MountLink, reconciler: Reconciler) -> No
         async with asyncio.timeout(STOP if link.served else 0.0):
             await reconciler.stop()
     except (TimeoutError, Fault):
-        context.note("the stop at shutdown was not answered: sent once more")
+        context.note("the mount did not answer the stop at shutdown: the stop is sent once more")
         await _stop_blindly(context, link)
 
 

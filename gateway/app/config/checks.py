@@ -1,4 +1,8 @@
-"""What no single value tells: endpoints that mean something, limits in order, names that fit, nothing taken twice."""
+"""Checks that need more than one value of the configuration.
+
+Endpoints must name a protocol, a model and a place that exist; limits must be in order; names must be unique and refer
+to something; nothing may be used twice.
+"""
 
 from __future__ import annotations
 

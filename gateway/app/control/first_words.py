@@ -1,7 +1,7 @@
-"""What a person should know once the mount has said who, where and when it is: one line for each, the worst last.
+"""What a person should know once the mount has identified itself, one line each, the most serious last.
 
-What was found, and by whose site and clock the gateway goes; then whatever does not fit: another model than was named,
-a mount that is not aligned, sites and clocks that contradict each other.
+What was found, and whose site and clock are in use; then everything that does not fit: a different model than the one
+that was named, a mount that is not aligned, sites and clocks that contradict each other.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""Gathers what is known of a mount into one value, which everybody tells from: nothing is asked for it.
+"""Gathers what is known of a mount into one value, without asking the mount anything.
 
-What is wanted and by whom, what the owner allows, what was seen last, how the line is, what was refused lately.
+What is wanted and by whom, what the owner allows, what was seen last, the state of the connection, and what was refused
+lately. The status line, ``status`` and ``watch`` all show this value.
 """
 
 from __future__ import annotations

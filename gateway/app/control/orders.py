@@ -1,7 +1,7 @@
-"""What a gateway does at an order from outside: stop, hold, release.
+"""What a gateway does when a command tells it to stop, to hold its mount, or to release it.
 
-``stopped``, ``held`` and ``released`` are only said of a mount for which that is so and was seen; everything else is
-``failed`` and the reason, in words for the person who gave the order.
+It answers ``stopped``, ``held`` or ``released`` only when this was seen to be so. Everything else is ``failed`` with
+the reason, in words for the person who gave the command.
 """
 
 from __future__ import annotations

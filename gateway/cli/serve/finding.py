@@ -40,7 +40,7 @@ async def serve(
         assert gateway.controller is not None
         reason = gateway.controller.line.reason or "no answer"
         at = f" at {gateway.config.baud} baud (mounts talk at {USUAL})" * (gateway.config.baud != USUAL)
-        warn(f"{gateway.title}: {reason}{at}; trying on")
+        warn(f"{gateway.title}: {reason}{at}; the gateway keeps trying")
 
 
 async def _found(gateway: Gateway, warn: Callable[[str], None]) -> bool:

@@ -1,4 +1,4 @@
-"""What is said while a mount is looked for, and when none was found: what was asked, what came, what that means."""
+"""What is printed while a mount is looked for, and when none was found: what was asked, what came, what that means."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Serving until a signal comes: the event loop, the signals, and one gateway per mount from its ports to its mount.
+"""Serves until a signal comes: the event loop, the signals, and one gateway per mount.
 
-A mount that does not answer ends the program, with the reason. Where there are several, or with --wait, it is told of
-and waited for, and the others know nothing of it.
+If a mount does not answer, the program ends and says why. With several mounts, or with --wait, a warning is printed and
+the gateway keeps trying; the other mounts are unaffected.
 """
 
 from __future__ import annotations

@@ -158,7 +158,7 @@ def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
     _put_flags(arguments, tables, source)
     config = make_config(tables, source)
     if path is HERE:
-        streams.warn(f"going by {HERE}, which is in this folder; --config FILE reads another one", journal.INFO)
+        streams.warn(f"using {HERE} from this folder; --config FILE reads another one", journal.INFO)
     return config, source
 
 

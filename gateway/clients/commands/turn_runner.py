@@ -112,7 +112,7 @@ class TurnRunner:
             self.begun.begin(self._inward(operation), turn.stops)
 
     def _refused(self, operation: Operation, came: float) -> Fault | None:
-        """What this client is told no with, where it may not ask for this or it is too late; the transcript knows."""
+        """What this client is told no with, where it may not ask for this or it is too late; the wire log is told."""
         late = self._controller.now() - came
         if late > AT_ONCE and (isinstance(operation, BY_HAND) or (late > WAIT_FOR_MOUNT and _never_late(operation))):
             self._log.refused(f"{type(operation).__name__}: {LATE}")
@@ -123,7 +123,7 @@ class TurnRunner:
         return None if refusal is None else refusal.fault
 
     def _impossible(self, operation: Operation) -> Fault | None:
-        """What this client is told no with where nothing can come of it; the transcript knows."""
+        """What this client is told no with where nothing can come of it; the wire log is told."""
         fault = self._controller.impossible(operation)
         if fault is not None:
             self._log.refused(f"{type(operation).__name__}: {fault}")

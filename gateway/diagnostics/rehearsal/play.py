@@ -207,7 +207,7 @@ class Player:
         return False
 
     def _note(self, entry: Entry) -> None:
-        """What the transcript takes down, as far as it belongs to a command."""
+        """What the wire log takes down, as far as it belongs to a command."""
         if entry.arrow == "!":
             self._events.append(Event("note", entry.note))
         elif entry.side == "mount" and entry.arrow == ">":

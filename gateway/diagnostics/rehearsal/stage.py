@@ -1,7 +1,7 @@
-"""A stage: a whole gateway in one process on virtual time, a client at one end, a simulated mount at the other.
+"""A whole gateway in one process on virtual time, with a client at one end and a simulated mount at the other.
 
-The parts are those of a real one, put together as ``assembly`` does; only ports, files and the watchdog are missing.
-``wire`` is what the mount itself heard, taken at its end of the line and not from the gateway's own records.
+The parts are those of a real gateway, put together as ``app/gateway.py`` does; only ports, files and the watchdog are
+missing. ``wire`` is what the mount itself received, taken at its end of the line and not from the gateway's records.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ PRESENTED, DRIVEN = pairs()[0]
 
 
 class Stage:
-    """``sim`` is the simulated mount, ``hub`` the gateway's, ``client()`` a new connection. Needs a running loop.
+    """``sim`` is the simulated mount, ``controller`` the gateway's, ``client()`` a new connection. Needs a running
+    loop.
 
     ``start`` is Unix time; ``ramps`` False is a mount whose motors change their speed at once; ``on`` a stage that has
     ended, whose mount is used again; ``simulated`` are further settings of the simulator. The driver finds out which

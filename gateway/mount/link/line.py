@@ -42,7 +42,7 @@ class MountLink:
         self, wire: Transport, dialogue: ReplyRules, transcript: Transcript, queue: RequestQueue | None = None
     ) -> None:
         self.dialogue, self.transcript = dialogue, transcript
-        self.queue = queue or RequestQueue()
+        self.queue = RequestQueue() if queue is None else queue  # an empty one counts as false
         self.talk = Transaction(wire, self.queue, dialogue, transcript)
         #: The port was lost, perhaps in the middle of an exchange.
         self.lost = self.talk.wire_lost

@@ -1,8 +1,8 @@
-"""Talk on an open wire: a request, its reply, and whether that reply can be its own.
+"""One exchange on an open line: a request, its reply, and whether that reply can be its own.
 
-A reply counts in its exact form, and only when nothing follows it: of two, one belongs to somebody else. A command that
-has no reply may be objected to all the same. After a disturbance the wire is drained, and the line
-proven to be in step again (``recovery.py``), or every later answer would belong to an earlier question.
+A reply counts only in its exact form and when nothing follows it: of two, one belongs to another request. A command
+without a reply may still be objected to. After a disturbance the line is drained, and proofs are exchanged until it is
+in step; otherwise every later reply would be taken for the answer to an earlier request.
 """
 
 from __future__ import annotations

@@ -37,7 +37,9 @@ class TakingOrders:
         if reconciler.closed or too_late(before, operation, stops):
             return over_before()
         if self._only_a_stop_is_heard(operation):
-            self._context.note("the mount is at long work and hears nothing but a stop: both axes are stopped")
+            self._context.note(
+                "the mount is busy calculating and accepts nothing but a full stop: both axes are stopped"
+            )
             return reconciler.begin_stop()
         wakes = isinstance(operation, op.Wake) and self._driver.asleep  # what is before it would not be heard
         order = Order(

@@ -64,11 +64,11 @@ class TrackingAtLimit:
         say = self._context
         try:
             if (await self._reader.read(op.GetStatus())).tracking is op.Tracking.OFF:
-                say.note(f"WARNING: the mount is at {reason}; its tracking is off, nothing can be stopped")
+                say.note(f"WARNING: tracking is off, but the mount is drifting past {reason}; there is nothing to stop")
                 self._resting = True
                 return
             await self._perform(op.SetTracking(on=False))
-            say.note(f"tracking is off: it came to {reason}")
+            say.note(f"tracking was switched off at {reason}")
         except Unsupported:
             self._helpless = True
             say.note(f"{'WARNING: the mount is' if self._set_there else 'stopped'} at {reason}")
@@ -76,6 +76,6 @@ class TrackingAtLimit:
             if not self._set_there:
                 self.must_stop.emit(None)
         except Fault as fault:
-            say.note(f"tracking goes on beyond {reason}: {fault}")
+            say.note(f"tracking could not be switched off at {reason} and goes on beyond it: {fault}")
         finally:
             self._switching = False

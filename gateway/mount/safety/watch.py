@@ -271,7 +271,7 @@ class LimitWatch:
         stalled = self._stalls.look(here, ordered, mount.timing.exchange * mount.timing.reads)
         if stalled is not None:
             self._stop(
-                f"stopped: axis {stalled} was told to move, and its position shows nothing of it; look at the "
+                f"stopped: axis {stalled} was told to move, but its position does not change; check the "
                 "mount (a stalled motor, a cable?)"
             )
 
@@ -286,7 +286,7 @@ class LimitWatch:
     def _late(self, limit: str) -> None:
         """By its last known speed the mount is about to reach a limit, and it has not been seen since."""
         if self._mount.moving().anything or self.restless:
-            self._act(f"{limit}, reckoned by its speed")
+            self._act(f"{limit}, estimated from its speed")
 
     def _act(self, reason: str) -> None:
         """Stop what moves; where nobody moves the mount, it is tracking, and that goes off."""

@@ -96,7 +96,7 @@ class SyncSettings:
         """Have the mount told, the newest of a kind only."""
         self._owed = owing(self._owed, Setting(operation, self._now(), left, due))
         if self._link.state in ("down", "opening"):
-            self._note(operation, "the mount does not hear now and is told when it does")
+            self._note(operation, "the mount cannot listen now and is told when it can")
         self._begin()
 
     async def now_or_later(self, operation: op.Operation) -> None:

@@ -166,7 +166,7 @@ def test_tracking_below_the_limit_is_switched_off() -> None:
 
     celestron = run(program("6-8se", "nexstar"))
     assert b"T\x00" in celestron.sent()
-    assert any(note.startswith("tracking is off: it came to the altitude limit") for note in notes(celestron))
+    assert any(note.startswith("tracking was switched off at the altitude limit") for note in notes(celestron))
     assert celestron.sim.feed(b"t") == b"\x00#"
     meade = run(program("autostar", "lx200"))
     assert b":AL#" in meade.sent()

@@ -31,7 +31,7 @@ def test_silence_on_an_open_connection(config: dict[str, Any], after: float) -> 
             assert after - 1 <= await moves_for(bridge, 60) <= after + 2
             assert b"P\x02\x10\x24\x00\x00\x00\x00" in bridge.sent()
             said = [entry.note for entry in bridge.entries if entry.arrow == "!"]
-            assert said == [f"{HOST} has fallen silent: its motion is stopped"]
+            assert said == [f"{HOST} has sent nothing for {after:g} s: its motion is stopped"]
             await asyncio.sleep(3)
             assert bridge.sim.tracking
 
@@ -56,7 +56,7 @@ def test_a_closed_connection_that_does_not_come_back(config: dict[str, Any], aft
             client.tell(b":RC#:Mw#")
             client.close()
             assert after - 0.5 <= await moves_for(bridge, 60) <= after + 2
-            assert any(entry.note == f"{HOST} is gone: its motion is stopped" for entry in bridge.entries)
+            assert any(entry.note == f"{HOST} has disconnected: its motion is stopped" for entry in bridge.entries)
 
     run(program())
 
@@ -106,7 +106,7 @@ def test_who_was_there_before_does_not_hold_the_arrow_of_one_that_is_gone() -> N
                 other.tell(b":GR#")
                 await asyncio.sleep(0.5)
             assert not bridge.controller.wanted.axes
-            assert any(entry.note == f"{HOST} is gone: its motion is stopped" for entry in bridge.entries)
+            assert any(entry.note == f"{HOST} has disconnected: its motion is stopped" for entry in bridge.entries)
 
     run(program())
 

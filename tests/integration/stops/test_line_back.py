@@ -56,7 +56,9 @@ def test_what_moved_when_the_line_was_lost_is_over_when_it_is_back(mount: str, m
             await asyncio.sleep(2.0)
             assert not truth_of(bridge.sim).moving
             assert not bridge.controller.wanted.owed and not bridge.controller.moving
-            assert [entry for entry in bridge.entries if "the line was lost while the mount moved" in entry.note]
+            assert [
+                entry for entry in bridge.entries if "the connection to the mount was lost while it moved" in entry.note
+            ]
 
     run(program())
 

@@ -70,7 +70,7 @@ def test_only_the_networks_named_may_connect() -> None:
             assert await closed(gateway, "127.0.0.2")
         friend = await link(gateway, "127.0.0.1")
         assert await ask(friend, b":GVP#") == b"Autostar#"
-        assert len([line for line in said if "127.0.0.2 was turned away" in line and "allow" in line]) == 1
+        assert len([line for line in said if "connection from 127.0.0.2 refused" in line and "allow" in line]) == 1
         friend[1].close()
 
     serve(program, allow=["127.0.0.1", "10.0.0.0/8"])
@@ -83,7 +83,7 @@ def test_the_one_too_many_is_closed_and_there_is_room_again_when_one_leaves() ->
             await ask(one, b":GR#")
         for _ in range(2):
             assert await closed(gateway, "127.0.0.2")
-        assert len([line for line in said if "turned away" in line and "max-clients" in line]) == 1
+        assert len([line for line in said if "refused on surface" in line and "max-clients" in line]) == 1
         assert len(await ask(two[1], b":GR#")) == 9
         two[0][1].close()
         await asyncio.sleep(0.05)

@@ -72,7 +72,7 @@ def test_who_comes_when_no_file_is_left_is_turned_away_with_one_line_and_later_l
             with contextlib.suppress(ConnectionResetError):
                 assert await reader.read() == b""
             writer.close()
-        [line] = [note for note in notes if "turned away" in note]
+        [line] = [note for note in notes if "refused on surface" in note]
         assert "files open at a time" in line
         assert "ulimit -n" in line
         assert await ask(here, b":GVP#") == b"Autostar#"
@@ -105,7 +105,16 @@ def test_an_arrow_begins_though_no_file_can_be_opened(tmp_path: Path, monkeypatc
                 client.tell(b":Qn#")
                 await asyncio.sleep(8.0)
                 assert bridge.controller.wanted.axes == set()
-            assert len([words for words in bridge.warned if "not marked" in words or "written" in words]) == 1
+            assert (
+                len(
+                    [
+                        words
+                        for words in bridge.warned
+                        if "motion marker" in words or "written" in words or "state file" in words
+                    ]
+                )
+                == 1
+            )
             assert not any("internal error" in entry.note for entry in bridge.entries)
 
     run(program())

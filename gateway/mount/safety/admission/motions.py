@@ -1,8 +1,8 @@
 """Before a motion: is it allowed, and in which form can this mount carry it out?
 
 Nothing moves a mount that is held (``held.py``). Checked are the target of every goto, park and home, the ways that
-lead to it (``slew_paths.py``), what is moved by hand, guided or to track again (``hand_admission.py``), and how far a
-sync moves the sky. What happens afterwards is watched (``watch.py``).
+lead to it (``slew_paths.py``), what is moved by hand, guided or to track again (``admission/by_hand.py``), and how far
+a sync moves the sky. What happens afterwards is watched (``watch.py``).
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ class Admission:
         mount, limits = self._mount, self._mount.limits()
         await self._goto_ends()
         if mount.moving().anything:
-            raise Refused("The mount moves: nothing is centred, sync when it rests.")
+            raise Refused("The mount is moving, so nothing is centred: sync when it has stopped.")
         status = await self._status()
         if status.aligned:
             here: op.Equatorial = await self._ask.read(op.Position())

@@ -54,7 +54,7 @@ def test_a_motion_that_is_not_seen_any_more_ends_before_the_limit(
             low, high = await extremes(bridge, 10.0)
             assert 20.0 <= low <= high <= 80.0
             assert low < 28.0 or high > 72.0, "it is ended late, not at once"
-            assert any("reckoned by its speed" in note for note in notes(bridge))
+            assert any("estimated from its speed" in note for note in notes(bridge))
 
     run(program())
 
