@@ -10,8 +10,9 @@ import os
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from gateway.app.config.declaring import OFF
 from gateway.app.config.endpoints import nearest, parse_endpoint
-from gateway.app.config.keys import OFF, Config, MountConfig
+from gateway.app.config.keys import Config, MountConfig
 from gateway.app.config.lines import Place
 from gateway.app.config.places import right
 from gateway.app.config.programs import programs
