@@ -6,16 +6,16 @@ import asyncio
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime
-from typing import Any
 
 from gateway.app.config import Endpoint, MountConfig
 from gateway.core.errors import UserError
+from gateway.protocols.mechanics.truth import Simulator
+from gateway.protocols.registry import PROTOCOLS, simulators
 from gateway.transport import Arrive, Listener, open_port
 from gateway.transport.handler import HangUp
 from gateway.transport.serial_pace import Pace
 from gateway.transport.wires import BAUD, SimulatedTransport
 
-DEFAULT_MODEL = {"nexstar": "6-8se", "lx200": "autostar"}
 DEFAULT_SITE = (45.0, 10.0)
 #: Places whose bytes take no time of their own.
 NETWORK = ("tcp:", "rfc2217:")
@@ -45,22 +45,16 @@ def make_simulator(
     site: tuple[float, float] = DEFAULT_SITE,
     aligned: bool = True,
     speed: float = 1.0,
-    **settings: Any,
-) -> Any:
+    **settings: object,
+) -> Simulator:
     """The simulated mount that an endpoint names; ``settings`` are those of one protocol's simulator alone.
 
-    Raises UserError for a version the model never had.
+    Raises UserError for a version the model never had, and for a protocol whose mounts nobody can play.
     """
-    model = endpoint.model or DEFAULT_MODEL[endpoint.protocol]
-    if endpoint.protocol == "lx200":
-        from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
-
-        return SimulatedLx200(model, clock=clock, site=site, aligned=aligned, speed=speed, **settings)
-    from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
-
-    return SimulatedHandControl(
-        model, endpoint.version, clock=clock, site=site, aligned=aligned, speed=speed, **settings
-    )
+    make = PROTOCOLS[endpoint.protocol].make_simulator
+    if make is None:
+        raise UserError(f"no {endpoint.protocol} mount can be simulated; {' or '.join(simulators())} can")
+    return make(endpoint.model, endpoint.version, clock=clock, site=site, aligned=aligned, speed=speed, **settings)
 
 
 def simulated_wire(endpoint: Endpoint, config: MountConfig) -> SimulatedTransport:
@@ -77,7 +71,9 @@ class _Caller:
 
     ended = False
 
-    def __init__(self, simulator: Any, latency: float, baud: int | None, write: Callable[[bytes], Any]) -> None:
+    def __init__(
+        self, simulator: Simulator, latency: float, baud: int | None, write: Callable[[bytes], object]
+    ) -> None:
         self._latency, self._write = latency, write
         #: Answers that are under way.
         self._owed = 0
@@ -124,7 +120,9 @@ class _Caller:
             pace.close()
 
 
-async def serve_simulator(simulator: Any, places: list[str], latency: float, baud: int | None = None) -> list[Listener]:
+async def serve_simulator(
+    simulator: Simulator, places: list[str], latency: float, baud: int | None = None
+) -> list[Listener]:
     """Open a simulated mount for other programs, as many at once as come; all of them see the same one.
 
     Serial ports and pseudo-terminals have the pace of 9600 baud, or of ``baud``: then they understand that rate only.

@@ -10,8 +10,9 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+from gateway.app.bindings import speech
 from gateway.app.config import parse_endpoint
-from gateway.app.gateway import Gateway, speech
+from gateway.app.gateway import Gateway
 from gateway.core.wire_log import Entry, show
 from gateway.diagnostics.log.layout import Row
 from gateway.diagnostics.log.printing import MOUNT, Rows

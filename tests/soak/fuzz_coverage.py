@@ -19,16 +19,18 @@ from typing import Any
 
 import atheris
 
+from gateway.protocols.base.session import MountSettings
+
 atheris.enabled_hooks.add("str")  # "RegEx" does not go with compiled modules such as tomli
 with atheris.instrument_imports(include=["gateway"]):
     from gateway.core.errors import Fault
     from gateway.protocols.base.driver import Send
     from gateway.protocols.base.frames import Unterminated
     from gateway.protocols.lx200.framing import LONGEST, Framer
-    from gateway.protocols.lx200.reply_rules import MeadeDialogue
+    from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
     from gateway.protocols.nexstar.framing import Framer as Lengths
     from gateway.protocols.nexstar.framing import all_lengths
-    from gateway.protocols.nexstar.reply_rules import NexStarDialogue
+    from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
     from tests.soak.fuzz_bytes import conversations
     from tests.soak.fuzz_forms import PROTOCOLS, of_reply
     from tests.support.fake_mount import Mount, Talk
@@ -36,7 +38,7 @@ with atheris.instrument_imports(include=["gateway"]):
 
 Target = Callable[[bytes], None]
 _MODELS = {"lx200": ["autostar", "lx200", "lx200-16", "lx200gps"], "nexstar": ["6-8se", "cge", "cgx", "cpc", "gt"]}
-_DIALOGUES: dict[str, Any] = {"lx200": MeadeDialogue(), "nexstar": NexStarDialogue()}
+_DIALOGUES: dict[str, Any] = {"lx200": Lx200ReplyRules(), "nexstar": NexStarReplyRules()}
 
 
 def _pieces(data: bytes) -> list[bytes]:
@@ -99,9 +101,8 @@ def _parsing(protocol: str) -> Target:
         talk.mount, talk.deferred = Mount(), []
         talk.mount.fault = Fault() if data[1] == 0xFF else None
         talk.now = talk.mount.clock.unix
-        talk.session.shared.clear()
-        talk.session.shared["sites"] = {}
-        talk.session.kept = {"precision": "high"}
+        talk.session.common.settings = MountSettings()
+        talk.session.forget()
         talk.framing = talk.face.framing(lambda: talk.now)
         for frame in talk.framing(data[2:]):
             reply = talk._handle(frame)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
+from gateway.app.bindings import make_driver, make_surface
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
-from gateway.app.gateway import DRIVERS, FACES
 from gateway.astro.ephemeris import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.core import operations as op
@@ -15,6 +15,7 @@ from gateway.mount.controller import MountController, Policy
 from gateway.mount.link.queue import MountLink
 from gateway.mount.safety.limits import Limits
 from gateway.mount.site.site_clock import SiteClock
+from gateway.protocols.base.session import Shared
 from gateway.transport import ConnectionHandler
 from gateway.transport.wires import OnData, OnLost
 from tests.support.in_process_gateway import Bridge, Visitor
@@ -56,14 +57,14 @@ class Chain:
         self.transcript = Transcript(inner.clock)
         self.entries: list[Entry] = []
         self.transcript.sinks.append(self.entries.append)
-        driver, follow_ups, dialogue = DRIVERS[link](Endpoint(link, "-"), MountConfig(at="-"), loop.time)
+        driver, follow_ups, dialogue = make_driver(Endpoint(link, "-"), MountConfig(at="-"), loop.time)
         self.driver: Any = driver
         line = MountLink(GuestWire(inner.reception), dialogue, self.transcript)
         observatory = SiteClock(loop.time, inner.clock, None)
         limits = Limits(lowest=-90.0, sun=0.0)  # the inner gateway and the mount have limits of their own
         self.controller = MountController(driver, follow_ups, line, Sky(), observatory, self.transcript, Policy(limits))
-        face = FACES[presented](Endpoint(presented, "-", surface), SurfaceConfig(at="-"), limits)
-        self.reception = ConnectionAcceptor(self.controller, face, {"sites": {}}, inner.clock, lambda: None)
+        face = make_surface(Endpoint(presented, "-", surface), SurfaceConfig(at="-"), limits)
+        self.reception = ConnectionAcceptor(self.controller, face, Shared(), inner.clock)
 
     async def __aenter__(self) -> Chain:
         await self.inner.__aenter__()

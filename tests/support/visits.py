@@ -10,8 +10,8 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any, cast
 
+from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
-from gateway.app.gateway import FACES
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.core import operations as op
 from gateway.core.errors import Fault
@@ -20,6 +20,7 @@ from gateway.mount.fair_scheduler import FairScheduler
 from gateway.mount.readings.cache import MISSING
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.rules.dead_man import HostActivity, Presence
+from gateway.protocols.base.session import Shared
 from tests.support.fake_mount import Mount
 
 
@@ -105,11 +106,9 @@ class House:
     ) -> None:
         self.mount = mount or Mount()
         self.controller = Still(self.mount)
-        face = FACES[protocol](Endpoint(protocol, "-", model, version), SurfaceConfig(at="-", **settings), Limits())
-        self.shared: dict[str, Any] = {"sites": {}}
-        self.reception = ConnectionAcceptor(
-            cast(Any, self.controller), face, self.shared, self.controller.clock, lambda: None
-        )
+        face = make_surface(Endpoint(protocol, "-", model, version), SurfaceConfig(at="-", **settings), Limits())
+        self.shared = Shared()
+        self.reception = ConnectionAcceptor(cast(Any, self.controller), face, self.shared, self.controller.clock)
 
     def visit(self, host: str = "192.168.4.2") -> Visit:
         return Visit(self, host)

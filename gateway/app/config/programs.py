@@ -7,18 +7,17 @@ bytes of its connection tell it unmistakably; then only that connection is treat
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
 
 import msgspec
 
-from gateway.app.config.endpoints import parse_endpoint
+from gateway.app.config.endpoints import Endpoint, parse_endpoint
 from gateway.app.config.keys import SurfaceConfig
 from gateway.core.errors import MappingError
-from gateway.protocols.nexstar.versions import is_starsense
-from gateway.protocols.wireformat.command_set import load, parse_version
+from gateway.protocols.registry import PROTOCOLS
+from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.rows import Version, parse_version
 
-#: What a nexstar surface without a version presents.
-PRESENTED = "4.21"
+#: A hand control that programs take for the newest there is, whatever its number: it counts anew.
 NEWEST = (99,)
 
 
@@ -58,8 +57,7 @@ def wanted_by(surface: SurfaceConfig, program: str | None = None) -> list[Need]:
     row = programs(endpoint.protocol).get(program or surface.client)
     if row is None:
         return []
-    version = endpoint.version or PRESENTED
-    numbers = NEWEST if is_starsense(version) else parse_version(version)  # of a StarSense all speak as of the newest
+    numbers = _numbers(endpoint)
     return [
         need
         for need in row.needs
@@ -68,12 +66,21 @@ def wanted_by(surface: SurfaceConfig, program: str | None = None) -> list[Need]:
     ]
 
 
+def _numbers(endpoint: Endpoint) -> Version:
+    """The version that programs go by: of one that is named by a word, which counts anew, the newest."""
+    spec = PROTOCOLS[endpoint.protocol]
+    version = endpoint.version or spec.presented_version
+    if version is None or version.partition("-")[0] in spec.version_words:
+        return NEWEST
+    return parse_version(version)
+
+
 def settled(surface: SurfaceConfig, program: str | None = None) -> SurfaceConfig:
     """The surface with what the program needs filled in."""
     return msgspec.structs.replace(surface, **as_settings(wanted_by(surface, program)))
 
 
-def as_settings(needs: list[Need]) -> dict[str, Any]:
+def as_settings(needs: list[Need]) -> dict[str, object]:
     """Needs by the name of the field that they fill."""
     return {need.key.replace("-", "_"): need.value for need in needs}
 

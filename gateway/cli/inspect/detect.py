@@ -11,8 +11,9 @@ import errno
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from gateway.cli.help import Commands
 from gateway.core.errors import UserError, about_file
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 NONE_FOUND = 1
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Put the command into the parser."""
     detect = commands.add_parser(
         "detect", help="which mount is on which port, and how to start",
@@ -128,7 +129,8 @@ def write_whole(path: Path, text: str, force: bool) -> None:
         for leftover in [draft, path][: 1 + reserved]:
             with contextlib.suppress(OSError):
                 leftover.unlink()
-        raise UserError(f"{path}: {about_file(path, error)}") from None
+        where = "; choose a folder that you may write to" if isinstance(error, PermissionError) else ""
+        raise UserError(f"{path}: {about_file(path, error)}{where}") from None
 
 
 def _there_already(path: Path) -> UserError:

@@ -7,13 +7,14 @@ import contextlib
 import os
 import socket
 import sys
-from typing import Any
 
 from gateway.app.config import Source, make_config
 from gateway.app.config.describing import keys
 from gateway.app.config.lines import Place
+from gateway.cli.help import Commands
 from gateway.cli.serve.serving import serve_mounts, with_loop
 from gateway.cli.serve.settings import add_console, add_flag, put_console
+from gateway.protocols.registry import PROTOCOLS, pairs
 from gateway.system.own_commands import own_command
 
 DEMO_PORT = 4030
@@ -23,7 +24,7 @@ OTHERS = 50
 SHOWN = ("log", "night")
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Put the command into the parser."""
     demo = commands.add_parser(
         "demo", help="a simulated mount to play with, on TCP 4030 and a virtual serial port",
@@ -46,9 +47,9 @@ def add(commands: Any) -> None:
 
 
 def _demo(arguments: argparse.Namespace) -> int:
-    client, mount, words = ("lx200", "nexstar", "NexStar 6/8 SE, driven by whatever LX200")
-    if arguments.reverse:
-        client, mount, words = ("nexstar", "lx200:lx200gps", "LX200GPS, driven by whatever NexStar")
+    client, driven = pairs()[1 if arguments.reverse else 0]
+    mount, title = PROTOCOLS[driven].demo or (driven, PROTOCOLS[driven].title)
+    words = f"{title}, driven by whatever {PROTOCOLS[client].title}"
     port, notes = arguments.port, []
     if port is None and (port := free_port()) != DEMO_PORT:
         notes.append(f"another program uses port {DEMO_PORT}; this demo takes port {port}")
@@ -58,7 +59,7 @@ def _demo(arguments: argparse.Namespace) -> int:
         if path is None and (path := free_name(f"/tmp/{client}")) != f"/tmp/{client}":
             notes.append(f"there is a /tmp/{client} of another program already; this demo takes {path}")
         surfaces.append({"at": f"{client}@pty:{path}"})
-    tables: dict[str, Any] = {
+    tables: dict[str, object] = {
         "mount": [{"at": f"{mount}@sim", "speed": arguments.speed}],
         "surface": surfaces,
         **{name: value for name in SHOWN if (value := getattr(arguments, name)) is not None},

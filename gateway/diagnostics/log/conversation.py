@@ -10,13 +10,13 @@ import re
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from gateway.core.errors import Fault, Refused
 from gateway.diagnostics.log.words import in_words, steady
-from gateway.mount.link.transaction import ReplyRules
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.frames import Framing, Unterminated
+from gateway.protocols.base.reply_rules import Replies
 from gateway.protocols.wireformat.command_set import load
 
 #: Seconds between two bytes where a capture tells no times: enough that a byte which is no command costs no other one,
@@ -42,8 +42,8 @@ class Heard(NamedTuple):
     command: str = ""
     asks: bool = False
     fails: bool = False
-    values: tuple[Any, ...] = ()
-    fields: Mapping[str, Any] = MappingProxyType({})
+    values: tuple[object, ...] = ()
+    fields: Mapping[str, object] = MappingProxyType({})
 
 
 def _briefly(meaning: str) -> str:
@@ -54,7 +54,7 @@ def _briefly(meaning: str) -> str:
 class Side:
     """One side, and the replies that are still due to it."""
 
-    def __init__(self, protocol: str, framing: Cutting, dialogue: ReplyRules) -> None:
+    def __init__(self, protocol: str, framing: Cutting, dialogue: Replies) -> None:
         self._now = 0.0
         self.protocol, self._framing, self._dialogue = protocol, framing(lambda: self._now), dialogue
         self._due: deque[Send] = deque(maxlen=DUE)
@@ -136,13 +136,13 @@ class Side:
             return Heard(data, "")
         return self._reply(ask, *taken)[0]._replace(data=data)
 
-    def _answer(self, ask: Send, data: bytes) -> tuple[dict[str, Any] | Fault, int] | None:
+    def _answer(self, ask: Send, data: bytes) -> tuple[dict[str, object] | Fault, int] | None:
         try:
             return self._dialogue.take(ask, data)
         except ValueError as error:
             return Refused(f"garbled: {error}"), len(data)
 
-    def _reply(self, ask: Send, outcome: dict[str, Any] | Fault, length: int) -> tuple[Heard, int]:
+    def _reply(self, ask: Send, outcome: dict[str, object] | Fault, length: int) -> tuple[Heard, int]:
         command = load(self.protocol).commands[ask.command]
         if isinstance(outcome, Fault):
             return Heard(b"", f"{command.name}: {outcome}", command.name, fails=True), length

@@ -13,8 +13,8 @@ from gateway.core.errors import Fault
 from gateway.core.wire_log import Transcript
 from gateway.diagnostics.virtual_time import VirtualLoop
 from gateway.mount.link.queue import MountLink, Request
-from gateway.mount.link.transaction import ReplyRules
 from gateway.protocols.base.driver import Send
+from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.transport.wires import OnData, OnLost
 
 #: Half of the recorded times' last digit, seconds.
@@ -38,7 +38,7 @@ class RecordedLoop(VirtualLoop):
 
     def call_at(  # type: ignore[override]  # the library's own signature needs a newer Python to be written down
         self, when: float, callback: Callable[..., object], *args: Any, context: Any = None
-    ) -> Any:
+    ) -> object:
         number = bisect_left(self._left, when - ROUNDED)
         deadline = when - self.time() >= DEADLINE and isinstance(getattr(callback, "__self__", None), asyncio.Timeout)
         late = deadline and number < len(self._left) and self._left[number] - when <= LATE

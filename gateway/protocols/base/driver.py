@@ -9,11 +9,24 @@ with ``send`` are carried out here; those with ``call`` are functions of the pro
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gateway.core.errors import Fault, Unsupported
-from gateway.core.operations import GotoAxes, Identity, Operation, Own, Rate, Read, Verbatim
-from gateway.protocols.wireformat.command_set import Command, CommandSet, Version, Way
+from gateway.core.operations import GotoAxes, Identity, Operation, Own, Rate, Read, Stop, Values, Verbatim
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.command_set import CommandSet
+from gateway.protocols.wireformat.rows import Model, Version, Way
+
+if TYPE_CHECKING:
+    from typing_extensions import TypeVar
+
+    ResultT = TypeVar("ResultT", default=Any)
+else:
+    from typing import TypeVar  # which has no defaults before Python 3.13; they are for type checkers alone
+
+    ResultT = TypeVar("ResultT")
+
+_T = TypeVar("_T")
 
 
 class Send(NamedTuple):
@@ -24,16 +37,18 @@ class Send(NamedTuple):
     A ``long`` one is work that takes the mount up to that many seconds: a stop that needs no answer goes out meanwhile,
     everything else is refused as busy, and silence at the end is a fault of the line.
     A ``raw`` one is answered with the reply's bytes, too, as the field ``raw``. Of a ``light`` one the first answer
-    will do: nothing hangs on it.
+    will do: nothing hangs on it. One that is asked ``once`` is believed as it comes: its answer belongs to what was
+    sent just before, or to nobody but the program that asked.
     """
 
     command: str
-    values: Mapping[str, Any] = {}
+    values: Mapping[str, object] = {}
     patience: float | None = None
     long: bool = False
     prompt: bool = False
     raw: bool = False
     light: bool = False
+    once: bool = False
 
 
 class Wait(NamedTuple):
@@ -62,13 +77,20 @@ class Remark(NamedTuple):
 
 
 Step = Send | Wait | Schedule | Remark
-Steps = Generator[Step, Any, Any]
+#: What a driver does, step by step, and what comes of it.
+Steps = Generator[Step, Any, ResultT]
+#: A function of a protocol's driver, (state, operation) -> steps: each for its own kind of operation.
+Handler = Callable[..., Steps]
+FollowUps = dict[type[Operation], Handler]
+#: What must outlive the gateway.
+Remembered = dict[str, Any]
 
 
 class Driver:
-    """Carries out operations by the rows of ``driver.toml``.
+    """Carries out operations by the rows of ``driver.toml``, and keeps what is known of the mount.
 
-    ``specials`` maps the names that rows call to functions ``(driver, operation) -> Steps``.
+    ``handlers`` are the functions that rows call, ``(driver, operation) -> Steps``. They are given to it: what a driver
+    knows and remembers has no part in how it is used.
     """
 
     #: Whether an aligned mount may be told site and time without losing its alignment.
@@ -97,13 +119,10 @@ class Driver:
     #: Whether it is a German mount, whose tube changes sides of the pier; None where that is not known.
     german: bool | None = None
     protocol: CommandSet
-    specials: Mapping[str, Callable[[Any, Any], Steps]]
     model: str | None = None
     version: Version | None = None
     #: Whether tracking was put off for a motion and has not been put back yet.
     tracking_suspended = False
-    #: The commands that end a motion and do nothing else, where a stop consists of more.
-    ends: frozenset[str] = frozenset()
     #: Whether a goto may be under way that the mount was sent and has not acknowledged.
     unsure = False
     #: Whether its motors have no power while it answers all the same.
@@ -111,9 +130,11 @@ class Driver:
     #: Seconds after which it counts as an answer that what was handed on to the mount stays unanswered; None where all
     #: that it has is answered.
     patience: float | None = None
-    #: Whether the mount was sent to sleep, and what is said to it all the same.
+    #: Whether the mount was sent to sleep.
     asleep = False
-    awake_or_not: frozenset[str] = frozenset()
+
+    def __init__(self, handlers: Mapping[str, Handler]) -> None:
+        self.handlers = handlers
 
     def knows(self, name: str) -> bool:
         """Whether the mount that was found has this command, by the manual: nothing is probed."""
@@ -126,6 +147,12 @@ class Driver:
             if all(self.knows(name) for name in (*way.send, *way.needs)):
                 return way
         return None
+
+    @property
+    def ends(self) -> frozenset[str]:
+        """The commands that end a motion and do nothing else, where a stop consists of more."""
+        way = self.way(Stop)
+        return frozenset() if way is None else frozenset(way.ends)
 
     def impossible(self, operation: Operation) -> Fault | None:
         """What an operation would be refused with, as far as that is known without asking the mount."""
@@ -146,11 +173,11 @@ class Driver:
         """The side of the pier (E, W) that the tube really is on, by the answer to PierSide; None if there is none."""
         return None
 
-    def memory(self, moving: bool) -> dict[str, Any]:
+    def memory(self, moving: bool) -> Remembered:
         """What must outlive the gateway; while the mount moves, also what it takes to stop it."""
         return {}
 
-    def recall(self, memory: Mapping[str, Any], moving: bool) -> None:
+    def recall(self, memory: Remembered, moving: bool) -> None:
         """Take up what an earlier run has remembered; nonsense is ignored."""
 
     def line_was_lost(self) -> None:
@@ -164,12 +191,11 @@ class Driver:
     def contact(self) -> Steps:
         """What must be known before the mount can be asked where it points, and where that is, if it was told.
 
-        Its name is asked for after that.
+        Its name is asked for after that. By the handler ``contact``, where there is one.
         """
-        return
-        yield  # a generator like all others
+        return (yield from self.handlers["contact"](self, None)) if "contact" in self.handlers else None
 
-    def presented(self) -> dict[str, Any]:
+    def presented(self) -> Model:
         """The model's constants that a surface of this protocol presents when it is to be the mount itself."""
         return {}
 
@@ -183,22 +209,25 @@ class Driver:
             raise Unsupported
         return (yield Send(operation.command, dict(operation.fields), raw=True))["raw"]
 
-    def perform(self, operation: Operation) -> Steps:
+    def perform(self, operation: Operation[_T]) -> Steps[_T]:
         """Carry out one operation; the generator's value is the operation's answer. Raises Fault."""
+        return self._perform(operation)
+
+    def _perform(self, operation: Operation) -> Steps:
         if isinstance(operation, Verbatim):
             if not self.knows(operation.command):
                 raise Unsupported
             patience = self.patience if self.protocol.commands[operation.command].replies else None
-            return (yield Send(operation.command, dict(operation.fields), patience))
+            return (yield Send(operation.command, dict(operation.fields), patience, once=True))
         if isinstance(operation, Own):
             return (yield from self.own(operation))
         way = self.way(type(operation))
         if way is None:
             raise Unsupported
         if way.call:
-            return (yield from self.specials[way.call](self, operation))
+            return (yield from self.handlers[way.call](self, operation))
         given = {name: getattr(operation, name) for name in operation.__struct_fields__}
-        fields: dict[str, Any] = {}
+        fields: Values = {}
         for name in way.send:
             fields |= yield Send(name, given)
         if isinstance(operation, Read) and operation.answers is not None:

@@ -1,18 +1,17 @@
 """The LX200 driver: operations become the commands of the Meade that was found.
 
-``SPECIALS`` lists the functions that rows of ``mappings/lx200/driver.toml`` call, and the driver's own follow-ups.
+``HANDLERS`` lists the functions that rows of ``mappings/lx200/driver.toml`` call, and the driver's own follow-ups.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
+from gateway.protocols.base.driver import FollowUps, Handler
 from gateway.protocols.lx200.driver import drive, ends, home, identify, library, motion, pier, place, pointing, put_back
 
-SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
+HANDLERS: dict[str, Handler] = {
     function.__name__: function
     for function in (
+        identify.contact,
         identify.identity,
         identify.status,
         pointing.position,
@@ -54,8 +53,4 @@ SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
         place.clock_from_gps,
     )
 }
-FOLLOW_UPS: dict[type[Any], Callable[[Any, Any], Any]] = {
-    home.SeekOn: home.seek_on,
-    ends.EndAgain: ends.end_again,
-    put_back.PutBack: put_back.put_back,
-}
+FOLLOW_UPS: FollowUps = {home.SeekOn: home.seek_on, ends.EndAgain: ends.end_again, put_back.PutBack: put_back.put_back}
