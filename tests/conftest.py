@@ -19,6 +19,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from tests.support.process import ALIVE, Running
+from tests.support.sampling import left_out
 
 _COUNT = itertools.count()
 
@@ -39,6 +40,19 @@ def pytest_configure(config: pytest.Config) -> None:
     if sys.flags.bytes_warning and getattr(config.option, "tx", None):
         strict = f"popen//python={shlex.quote(sys.executable)} -{'b' * sys.flags.bytes_warning}"
         config.option.tx = [strict if spec == "popen" else spec for spec in config.option.tx]
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--whole", action="store_true", help="play every combination of every grid, not a sample")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Grids of whole gateways are sampled, unless all of it is wanted or single tests are named."""
+    if config.getoption("whole") or any("::" in argument for argument in config.args):
+        return
+    if out := left_out(items):
+        config.hook.pytest_deselected(items=[item for item in items if item in out])
+        items[:] = [item for item in items if item not in out]
 
 
 @pytest.hookimpl(trylast=True)

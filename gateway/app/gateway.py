@@ -1,18 +1,14 @@
-"""Putting a gateway together: a mount, its hub, and the ports its surfaces are presented on.
-
-The only place, with ``simulators.py``, where the names of protocols are known to the upper floors: a third protocol is
-one more entry in ``DRIVERS`` and ``FACES``.
-"""
+"""Putting a gateway together: a mount, its controller, and the ports its surfaces are presented on."""
 
 from __future__ import annotations
 
 import asyncio
 import time
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
 
 from msgspec.structs import replace
 
+from gateway.app.bindings import check_pair, make_driver, make_surface
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.config.programs import as_settings, programs, recognisable, settled, wanted_by
 from gateway.app.control import Control
@@ -32,111 +28,13 @@ from gateway.core.errors import Fault, UserError
 from gateway.core.wire_log import Transcript
 from gateway.mount.controller import MountController, Policy
 from gateway.mount.link.queue import MountLink
-from gateway.mount.link.transaction import ReplyRules
-from gateway.mount.safety.limits import Limits
 from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.site_clock import SiteClock
-from gateway.protocols.base.driver import Driver
-from gateway.protocols.base.frames import Framing
-from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.system.runtime_folders import folders
 from gateway.transport import Listener, open_port
 from gateway.transport.tcp import exposed
 from gateway.transport.wires import SerialTransport, Transport, on_the_wire
-
-#: Of a NexStar whose owner has not chosen any, as a part of sidereal: its motors' own.
-GUIDE_RATE = 0.5
-#: A driver, what it does later by itself, and how its line talks.
-Driven = tuple[Driver, dict[type[Any], Callable[[Any, Any], Any]], ReplyRules]
-
-
-def _nexstar_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float]) -> Driven:
-    from gateway.protocols.nexstar.driver import FOLLOW_UPS
-    from gateway.protocols.nexstar.driver.state import NexStar, Settings
-    from gateway.protocols.nexstar.reply_rules import NexStarDialogue
-
-    settings = Settings(
-        site=config.site,
-        mode=config.mode,
-        guide_rate=config.guide_rate or GUIDE_RATE,
-        guide_directions=config.guide_directions,
-        park=config.park if isinstance(config.park, tuple) else None,
-        aux_home=config.aux_home,
-        lowest=config.lowest,
-    )
-    return NexStar(now, settings, endpoint.model, endpoint.version), dict(FOLLOW_UPS), NexStarDialogue()
-
-
-def _lx200_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> SurfaceBinding:
-    from gateway.protocols.base.surface import Surface
-    from gateway.protocols.lx200.framing import Framer
-    from gateway.protocols.lx200.surface import SPECIALS
-    from gateway.protocols.lx200.surface.opening import BEGINNING
-    from gateway.protocols.lx200.surface.own import stands_against
-
-    protocol = load("lx200")
-    name = endpoint.model or "autostar"
-    settings = {"precision": config.precision or "high", "limits": limits, "sync_text": config.sync_text}
-    model = {**protocol.models[name], "name": name}
-    halts = {
-        b":Q%c#" % letter: (op.Halt(axis), frozenset(b":M%c#" % other for other in letters))
-        for axis, letters in ((1, b"ew"), (2, b"ns"))
-        for letter in letters
-    }
-    surface = Surface(protocol, SPECIALS)
-    surface.stands_against = stands_against
-    return SurfaceBinding(
-        "LX200",
-        surface,
-        lambda now: Framing(Framer(), now),
-        BEGINNING,
-        frozenset({b":Q#", b":I#"}),
-        model,
-        settings,
-        halts=halts,
-        ends=(b":Q",),
-    )
-
-
-def _meade_driver(endpoint: Endpoint, config: MountConfig, now: Callable[[], float]) -> Driven:
-    from gateway.protocols.lx200.driver import FOLLOW_UPS
-    from gateway.protocols.lx200.driver.state import Lx200Driver
-    from gateway.protocols.lx200.reply_rules import MeadeDialogue
-
-    return Lx200Driver(now, endpoint.model, config.guide_rate), dict(FOLLOW_UPS), MeadeDialogue()
-
-
-def _nexstar_face(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> SurfaceBinding:
-    from gateway.protocols.base.surface import Surface
-    from gateway.protocols.nexstar.surface import SPECIALS, fitting, framing, lacks, presented
-    from gateway.protocols.nexstar.surface.devices import no_response, passes
-    from gateway.protocols.nexstar.surface.opening import BEGINNING
-    from gateway.protocols.nexstar.surface.own import stands_against
-
-    model = presented(endpoint.model, endpoint.version)
-    fit = None if endpoint.model else lambda polar, german, gps: fitting(polar, german, gps, endpoint.version)
-    surface = Surface(load("nexstar"), SPECIALS, no_response)
-    surface.passes, surface.lacks, surface.stands_against = passes, lacks, stands_against
-    still = (bytes((motor, way, 0)) for motor in (16, 17) for way in (36, 37, 6, 7))
-    return SurfaceBinding(
-        "NexStar", surface, framing, BEGINNING, frozenset(), model, {"precision": "high"}, fit=fit, ends=(b"M", *still)
-    )
-
-
-DRIVERS: dict[str, Callable[[Endpoint, MountConfig, Callable[[], float]], Driven]] = {
-    "lx200": _meade_driver,
-    "nexstar": _nexstar_driver,
-}
-FACES: dict[str, Callable[[Endpoint, SurfaceConfig, Limits], SurfaceBinding]] = {
-    "lx200": _lx200_face,
-    "nexstar": _nexstar_face,
-}
-
-
-def speech(protocol: str) -> tuple[Callable[[Callable[[], float]], Framing], ReplyRules]:
-    """How a protocol's commands are cut out of bytes, and how its replies are taken apart."""
-    face = FACES[protocol](Endpoint(protocol, "-"), SurfaceConfig(at="-"), Limits())
-    return face.framing, DRIVERS[protocol](Endpoint(protocol, "-"), MountConfig(at="-"), time.monotonic)[2]
 
 
 def policy(config: MountConfig) -> Policy:
@@ -221,11 +119,7 @@ class Gateway:
         self.sky = sky or Sky()
         self.mount = parse_endpoint(config.at)
         self.endpoints = [parse_endpoint(surface.at) for surface in surfaces]
-        if self.mount.protocol not in DRIVERS:
-            raise UserError(f"{self.mount}: {self.mount.protocol} mounts cannot be driven; {' or '.join(DRIVERS)} can")
-        for endpoint in self.endpoints:
-            if endpoint.protocol not in FACES:
-                raise UserError(f"{endpoint}: no {endpoint.protocol} surface; write {' or '.join(FACES)}")
+        check_pair(self.mount, self.endpoints)
         self.receptions: list[ConnectionAcceptor] = []
         self.ports: list[Listener] = []
         self.faces: list[tuple[str, SurfaceBinding]] = []
@@ -308,7 +202,7 @@ class Gateway:
     def prepare(self, make_line: Callable[[ReplyRules, Transcript], MountLink]) -> None:
         """Put everything together; nothing is opened yet."""
         config, loop = self.config, asyncio.get_running_loop()
-        driver, follow_ups, dialogue = DRIVERS[self.mount.protocol](self.mount, config, loop.time)
+        driver, follow_ups, dialogue = make_driver(self.mount, config, loop.time)
         if self.mount.where == "sim":
             driver.hurry = config.speed
         shared = to_shared(self.past.kept) if self.keeping is None else self.keeping.shared
@@ -335,7 +229,7 @@ class Gateway:
         own: list[SurfaceBinding] = []
         self.controller.identification.told = lambda: self._show_itself(own)
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
-            face = FACES[endpoint.protocol](endpoint, surface, config.limits)
+            face = make_surface(endpoint, surface, config.limits)
             face.surface.verbatim = endpoint.protocol == self.mount.protocol
             if shows_itself(self.mount, endpoint):
                 face = replace(face, fit=None)

@@ -10,12 +10,12 @@ from typing import Any
 
 from gateway.app.config import Endpoint, MountConfig
 from gateway.core.errors import UserError
+from gateway.protocols.registry import PROTOCOLS, simulators
 from gateway.transport import Arrive, Listener, open_port
 from gateway.transport.handler import HangUp
 from gateway.transport.serial_pace import Pace
 from gateway.transport.wires import BAUD, SimulatedTransport
 
-DEFAULT_MODEL = {"nexstar": "6-8se", "lx200": "autostar"}
 DEFAULT_SITE = (45.0, 10.0)
 #: Places whose bytes take no time of their own.
 NETWORK = ("tcp:", "rfc2217:")
@@ -49,18 +49,12 @@ def make_simulator(
 ) -> Any:
     """The simulated mount that an endpoint names; ``settings`` are those of one protocol's simulator alone.
 
-    Raises UserError for a version the model never had.
+    Raises UserError for a version the model never had, and for a protocol whose mounts nobody can play.
     """
-    model = endpoint.model or DEFAULT_MODEL[endpoint.protocol]
-    if endpoint.protocol == "lx200":
-        from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
-
-        return SimulatedLx200(model, clock=clock, site=site, aligned=aligned, speed=speed, **settings)
-    from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
-
-    return SimulatedHandControl(
-        model, endpoint.version, clock=clock, site=site, aligned=aligned, speed=speed, **settings
-    )
+    make = PROTOCOLS[endpoint.protocol].make_simulator
+    if make is None:
+        raise UserError(f"no {endpoint.protocol} mount can be simulated; {' or '.join(simulators())} can")
+    return make(endpoint.model, endpoint.version, clock=clock, site=site, aligned=aligned, speed=speed, **settings)
 
 
 def simulated_wire(endpoint: Endpoint, config: MountConfig) -> SimulatedTransport:

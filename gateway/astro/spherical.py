@@ -80,6 +80,27 @@ def transpose(matrix: Matrix) -> Matrix:
     return (a[0], b[0], c[0]), (a[1], b[1], c[1]), (a[2], b[2], c[2])
 
 
+def about_x(angle: float) -> Matrix:
+    """Turns a vector by an angle about x, from y towards z."""
+    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    return (1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c)
+
+
+def about_z(angle: float) -> Matrix:
+    """Turns a vector by an angle about z, from x towards y."""
+    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    return (c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)
+
+
+def product(*matrices: Matrix) -> Matrix:
+    """One rotation in the place of several, the last of which comes first."""
+    *others, total = matrices
+    for matrix in reversed(others):
+        x, y, z = (rotate(matrix, column) for column in transpose(total))
+        total = transpose((x, y, z))
+    return total
+
+
 def separation(lon1: float, lat1: float, lon2: float, lat2: float) -> float:
     """Angle in [0, 180] between two directions, exact for the smallest and the largest (Vincenty)."""
     difference = math.radians(wrap180(wrap180(lon2) - wrap180(lon1)))

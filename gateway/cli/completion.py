@@ -51,11 +51,11 @@ def script(shell: str) -> str:
     except ImportError:
         raise UserError("completion: the package shtab is missing; pip install shtab") from None
     from gateway.app.config.describing import keys
-    from gateway.app.config.endpoints import PROTOCOLS
     from gateway.app.control.objects import BODIES
     from gateway.astro.catalog.star_names import HIPPARCOS
     from gateway.cli import parser
     from gateway.diagnostics.command_tables import versions
+    from gateway.protocols.registry import PROTOCOLS
     from gateway.protocols.wireformat.command_set import load
 
     whole = parser()

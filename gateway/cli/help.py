@@ -63,7 +63,7 @@ class Parser(argparse.ArgumentParser):
 
 def endpoints() -> str:
     """How to write an endpoint, with every model there is."""
-    from gateway.app.config.endpoints import PROTOCOLS
+    from gateway.protocols.registry import PROTOCOLS
     from gateway.protocols.wireformat.command_set import load
 
     lines = [WHERE + "models:"]

@@ -9,7 +9,7 @@ port scanner is recognised by its first bytes and turned away before anything of
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from msgspec import Struct
@@ -22,7 +22,6 @@ from gateway.clients.equinox import Equinox
 from gateway.clients.greeting import Beginning, Piece
 from gateway.clients.strangers import Greeting, page
 from gateway.clients.wrong_preset import FirstWords, Presets
-from gateway.core.operations import Operation
 from gateway.mount.controller import MountController
 from gateway.protocols.base.frames import Framing
 from gateway.protocols.base.read_only import Sealed
@@ -59,14 +58,9 @@ class SurfaceBinding(Struct, frozen=True):
     framing: Callable[[Callable[[], float]], Framing]
     #: What a program may begin with, for ``Beginning``.
     beginning: re.Pattern[bytes]
-    stop_frames: frozenset[bytes]
     model: dict[str, Any]
     settings: dict[str, Any]
     equinox: Equinox | None = None
-    #: Commands that halt one axis -> the operation, and the commands that would set this axis moving.
-    halts: Mapping[bytes, tuple[Operation, frozenset[bytes]]] = {}
-    #: Bytes without which nothing that comes in can be the end of a motion.
-    ends: tuple[bytes, ...] = ()
     #: Whether the mount is equatorial, whether it is German, whether it has a GPS receiver -> the model to present;
     #: None where the user has named one.
     fit: Callable[[bool, bool | None, bool], dict[str, Any]] | None = None
@@ -125,12 +119,10 @@ class ConnectionAcceptor:
             session,
             face.framing(self.controller.now),
             write,
-            face.stop_frames,
             face.equinox,
             self.controller.transcript,
             self.controller.presence.arrive(host),
         )
-        client.halts = face.halts
         self._clients.add(client)
         if self.access.only_looks(host):
             client.rights = Rights(read_only=True)
@@ -147,6 +139,7 @@ class ConnectionAcceptor:
             rights,
         )
         self._visits.add(visit)
+        client.push()
         return visit
 
     def admit(self, name: str, host: str) -> None:
@@ -226,7 +219,7 @@ class _Visit:
         self._first: FirstWords | None = first
         self._screen: Beginning | None = None
         self._face, self._rights = face, rights
-        self._controller, self._ends = client.controller, face.ends
+        self._controller = client.controller
         #: Whether it has turned out to be no program for telescopes.
         self.stranger = False
         self._hang_up: HangUp = lambda last: None
@@ -285,7 +278,7 @@ class _Visit:
 
     def _feed(self, data: bytes, behind: int | None) -> None:
         """Take bytes in at once or in their turn; ``behind`` is how many stops there were when they may have come."""
-        urgent = any(end in data for end in self._ends)
+        urgent = self._face.surface.ends.may_be_in(data)
         piled_up = sum(len(piece) for piece, _ in self._waiting) + len(data) > PATIENCE
         if urgent or (self._waiting and piled_up) or (not self._waiting and self._controller.turnstile.open()):
             self._go_on()

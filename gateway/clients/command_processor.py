@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from gateway.clients.access import Rights
 from gateway.clients.equinox import Equinox
 from gateway.clients.outstanding import Begun
+from gateway.clients.pushes import Pushes
 from gateway.core.errors import Busy, Fault, NoAnswer
 from gateway.core.motion_kinds import BY_HAND, begins_motion
 from gateway.core.operations import CancelGoto, ClockFromGps, Halt, Operation, Own, Read, Stop, Sync
@@ -26,6 +27,7 @@ from gateway.mount.controller import MountController
 from gateway.mount.link.queue import AT_ONCE, LATE
 from gateway.mount.readings.cache import FRESH, MISSING
 from gateway.mount.safety.rules.dead_man import HostActivity
+from gateway.protocols.base.ends import Ending
 from gateway.protocols.base.frames import Framing, Unterminated
 from gateway.protocols.base.surface import (
     Defer,
@@ -68,13 +70,15 @@ class Told(NamedTuple):
 class Turn:
     """A command on its way to its reply, which came at this loop time, after so many stops.
 
-    ``plain`` and ``spent`` say whether it may be repeated, ``halting`` that it has ended a motion last, ``baud`` the
-    rate to go on with after its answer. It is ``late`` once nobody waits for its reply any more.
+    ``ending`` is what it has ended already, when it came. ``plain`` and ``spent`` say whether it may be repeated,
+    ``halting`` that it has ended a motion last, ``baud`` the rate to go on with after its answer. It is ``late`` once
+    nobody waits for its reply any more.
     """
 
     __slots__ = (
         "baud",
         "came",
+        "ending",
         "frame",
         "halting",
         "lasting",
@@ -82,13 +86,12 @@ class Turn:
         "plain",
         "spent",
         "steps",
-        "stopping",
         "stops",
         "timer",
     )
 
-    def __init__(self, frame: bytes, stops: int, stopping: bool, came: float) -> None:
-        self.frame, self.stops, self.stopping, self.came = frame, stops, stopping, came
+    def __init__(self, frame: bytes, stops: int, ending: Ending | None, came: float) -> None:
+        self.frame, self.stops, self.ending, self.came = frame, stops, ending, came
         self.steps: Handling
         self.spent: list[type[Operation]] = []
         self.plain, self.halting, self.lasting, self.late = True, False, False, False
@@ -97,7 +100,7 @@ class Turn:
 
 
 class CommandProcessor:
-    """Answers one connection. ``write`` takes reply bytes; ``stop_frames`` are the commands that stop everything."""
+    """Answers one connection. ``write`` takes reply bytes."""
 
     def __init__(
         self,
@@ -107,14 +110,13 @@ class CommandProcessor:
         session: Session,
         framing: Framing,
         write: Callable[[bytes], Any],
-        stop_frames: frozenset[bytes],
         equinox: Equinox | None,
         transcript: Transcript,
         life: HostActivity,
     ) -> None:
         self.life = life
         self.name, self.controller, self.surface, self.session = name, controller, surface, session
-        self.framing, self.write, self.stop_frames, self.equinox = framing, write, stop_frames, equinox
+        self.framing, self.write, self.equinox = framing, write, equinox
         self.transcript = transcript
         self._inbox: deque[Turn] = deque(maxlen=INBOX)
         #: The command that waits for the mount; those that nobody waits for any more.
@@ -137,7 +139,7 @@ class CommandProcessor:
         self._memo: dict[bytes, tuple[bytes, list[type[Operation]]]] = {}
         self._idle = True
         self._memo_version, self._memo_until = -1, 0.0
-        self.halts: Mapping[bytes, tuple[Operation, frozenset[bytes]]] = {}
+        self._pushes: Pushes | None = None
         #: Where the connection is a serial port: its baud rate.
         self.rate: BaudTrial | None = None
 
@@ -182,19 +184,16 @@ class CommandProcessor:
             if frame in ended:
                 self.transcript.put(self.name, "x", frame, "the same again, with nothing between: done once for both")
                 continue
-            stopping = frame in self.stop_frames or frame in self.halts
-            if not stopping:
+            ending = self.surface.ending(self.session, frame)
+            if ending is None:
                 ended.clear()
                 self.ended = False
             else:
                 ended.add(frame)
-                if frame in self.halts:
-                    self._halt(frame)
-                else:
-                    controller.begin_stop()
+                self._end(frame, ending)
             if len(self._inbox) == INBOX:
                 self.transcript.put(self.name, "x", self._inbox[0].frame, f"more than {INBOX} commands wait")
-            self._inbox.append(Turn(frame, controller.stops if stops is None else stops, stopping, self.came()))
+            self._inbox.append(Turn(frame, controller.stops if stops is None else stops, ending, self.came()))
         if self._lasting and self._inbox and self._turn is not None:
             self._give_up(self._turn)
         if self._task is None:
@@ -274,7 +273,7 @@ class CommandProcessor:
                 if self._refused(wanted.operation, turn.came):
                     continue
                 turn.halting = isinstance(wanted.operation, Halt | CancelGoto)
-                if not (turn.stopping and isinstance(wanted.operation, Stop | Halt)):
+                if turn.ending is None or wanted.operation != turn.ending.operation:
                     self._begun.begin(wanted.operation, turn.stops)
             elif isinstance(wanted, Possible):
                 turn.plain = False
@@ -422,13 +421,15 @@ class CommandProcessor:
         self._memo[turn.frame] = reply, turn.spent
         self._memo_until = min(self._memo_until, self.controller.fresh_until(turn.spent))
 
-    def _halt(self, frame: bytes) -> None:
-        """End the motion of an axis before everything that waits here, and take back what would begin it."""
-        operation, beginnings = self.halts[frame]
-        for waiting in [turn for turn in self._inbox if turn.frame in beginnings]:
+    def _end(self, frame: bytes, ending: Ending) -> None:
+        """End a motion before everything that waits here, and take back what would begin it."""
+        for waiting in [turn for turn in self._inbox if turn.frame in ending.takes_back]:
             self._inbox.remove(waiting)
             self.transcript.put(self.name, "x", waiting.frame, f"taken back by {frame!r}, which came before its turn")
-        self._begun.begin(operation, self.controller.stops)
+        if isinstance(ending.operation, Stop):
+            self.controller.begin_stop()
+        else:
+            self._begun.begin(ending.operation, self.controller.stops)
 
     def _defer(self, wanted: Defer) -> None:
         old = self._deferred.pop(wanted.special, None)
@@ -440,8 +441,8 @@ class CommandProcessor:
 
     async def _deferred_special(self, special: str) -> None:
         """Run a special later; it has no reply, so it may also outlive its connection."""
-        turn = Turn(special.encode(), self.controller.stops, False, self.controller.now())
-        turn.steps = self.surface.specials[special](self.session, None, {})  # type: ignore[arg-type]
+        turn = Turn(special.encode(), self.controller.stops, None, self.controller.now())
+        turn.steps = self.surface.handlers[special](self.session, None, {})  # type: ignore[arg-type]
         try:
             await self._finish(turn, self._through(turn, None))
         except StopIteration:
@@ -450,6 +451,26 @@ class CommandProcessor:
             self.transcript.note(self.name, f"{special}: {fault}")
         except Exception as error:
             self._defect(special.encode(), error)
+
+    def push(self) -> None:
+        """Begin to tell the client what its surface tells without being asked."""
+        if subscriptions := self.surface.subscriptions(self.session):
+            controller = self.controller
+            self._pushes = Pushes(
+                subscriptions, self._reading, self._send, lambda: self.write(b"") or 0, controller.spawn
+            )
+
+    async def _reading(self, operation: Operation) -> Any:
+        """A reading as this client is told it. Raises Fault."""
+        value = self.controller.peek(operation)
+        if value is MISSING:
+            value = await self.controller.perform(self.inward(operation), self.controller.stops, self.life)
+        return self._outward(operation, value)
+
+    def _send(self, data: bytes) -> None:
+        """Bytes that nobody has asked for."""
+        self.transcript.put(self.name, "<", data)
+        self.write(data)
 
     def inward(self, operation: Operation) -> Operation:
         return operation if self.equinox is None else self.equinox.inward(operation)
@@ -461,6 +482,8 @@ class CommandProcessor:
         """The connection is gone: what it asked for is still done, the replies go nowhere."""
         self.open = False
         self.write = lambda data: None
+        if self._pushes is not None:
+            self._pushes.close()
         for frame in self.framing.end():  # the next connection must not build on what was before half a command
             self.transcript.note(self.name, frame.words)
             deque(self.surface.handle(self.session, frame), 0)

@@ -13,9 +13,13 @@ from functools import cache
 
 from msgspec import Struct
 
+from gateway.protocols.registry import PROTOCOLS, surfaces
+
 #: What programs send in front of their first command: it ends nothing, asks nothing, and both protocols pass it over.
 IDLE = b"#\r\n\0 ?"
 
+#: What a program can choose in the place of a protocol that nobody here speaks.
+_TO_CHOOSE = " or ".join(PROTOCOLS[name].title for name in surfaces())
 #: One byte of a greeting: the values that it may have.
 Octet = frozenset[int]
 
@@ -166,7 +170,7 @@ ROWS = {
         "41 00 00 00 3A 30",
     ),
     "an MQTT request": ("10 .. 00 04 4D 51", "10 .. 00 06 4D 51"),
-    "Stellarium's own protocol (choose LX200 or NexStar in its telescope's settings)": ("14 00 00 00",),
+    f"Stellarium's own protocol (choose {_TO_CHOOSE} in its telescope's settings)": ("14 00 00 00",),
     "a port scanner's probe": (
         "6C 00 0B",
         "42 00 00 0B",

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from msgspec import Struct
-
 from gateway.core.wire_log import show
 from gateway.protocols.base.frames import Framing
+from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
 #: Bytes between commands that ask for nothing in either protocol.
@@ -22,23 +21,6 @@ PATIENCE = 3.0
 AGAIN = 60.0
 #: Bytes of a connection that are looked at, and hosts that are remembered.
 ENOUGH, MOST = 64, 1000
-
-
-class Called(Struct, frozen=True):
-    """A protocol where a person reads it: with its article, and as programs call it when one chooses the telescope."""
-
-    name: str
-    preset: str
-
-
-PROTOCOLS = {"lx200": Called("an LX200", "Meade LX200"), "nexstar": Called("a NexStar", "Celestron NexStar")}
-
-
-def guess(sent: bytes) -> str | None:
-    """The protocol of what a client has sent, by what its commands look like; None when nothing was."""
-    if not sent:
-        return None
-    return "lx200" if sent.count(b":") + sent.count(b"\x06") > 0 and sent.lstrip(b"#")[:1] in b":\x06$" else "nexstar"
 
 
 def foreign(own: str, sent: bytes) -> tuple[str, bytes] | None:
@@ -75,7 +57,7 @@ def advice(name: str, own: str, sent: bytes, where: str) -> str:
     protocol, first = found
     theirs, ours = PROTOCOLS[protocol], PROTOCOLS[own]
     return (
-        f"{name} sends `{show(first)}`: this looks like {theirs.name} program on {ours.name} surface. "
+        f"{name} sends `{show(first)}`: this looks like {theirs.a_program} program on {ours.a_program} surface. "
         f'Choose "{ours.preset}" in the program, or add --surface {protocol}@{_beside(where)}'
     )
 

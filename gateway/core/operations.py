@@ -421,7 +421,7 @@ class Own(Read, frozen=True):
     """A question of the client's own protocol -> bytes: what the mount itself answers, as it writes it.
 
     Only where client and mount speak the same protocol. ``fields`` are the request's, ``keep`` says how long an answer
-    serves everybody and what stands against it (``KEEPS``, ``wireformat/command_set.py``). Raises Unsupported where the
+    serves everybody and what stands against it (``KEEPS``, ``wireformat/rows.py``). Raises Unsupported where the
     gateway has told something else meanwhile, Silence where the mount does not answer to it.
     """
 

@@ -14,7 +14,7 @@ from gateway.diagnostics.captures import Chunk
 from gateway.diagnostics.log.conversation import Cutting, Side
 from gateway.diagnostics.log.layout import Row, plain
 from gateway.diagnostics.log.printing import EVENTS
-from gateway.mount.link.transaction import ReplyRules
+from gateway.protocols.base.reply_rules import Replies
 
 #: So many commands that no protocol has are shown of one side.
 NOISE = 1000
@@ -27,7 +27,7 @@ class NoConversation(UserError):
 
 
 def decode(
-    found: Iterable[Chunk], talk: Callable[[str], tuple[str, Cutting, ReplyRules]], began: float | None
+    found: Iterable[Chunk], talk: Callable[[str], tuple[str, Cutting, Replies]], began: float | None
 ) -> Iterator[str]:
     """Lines of text. ``talk`` tells of a side its protocol, its framing, its dialogue; ``began`` is Unix seconds.
 

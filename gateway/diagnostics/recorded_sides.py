@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from gateway.app.bindings import speech
 from gateway.app.config import parse_endpoint
-from gateway.app.gateway import speech
 from gateway.app.recording.format import MOUNT, Recording
 from gateway.diagnostics.log.conversation import Side
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault
-from gateway.mount.link.transaction import ReplyRules
 from gateway.protocols.base.driver import Driver, Send
+from gateway.protocols.base.reply_rules import ReplyRules
 
 if TYPE_CHECKING:
     from gateway.mount.controller import MountController

@@ -37,7 +37,8 @@ class ConnectionHandler(Protocol):
         """The connection came over a network, where anybody may be at the other end: how to end it."""
 
 
-#: (who it is, the host it comes from, how to write to it) -> its guest.
+#: (who it is, the host it comes from, how to write to it) -> its guest. Who writes is told how many bytes still wait to
+#: be sent, or None where that is not known.
 Arrive = Callable[[str, str, Callable[[bytes], Any]], ConnectionHandler]
 
 

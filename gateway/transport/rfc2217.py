@@ -61,9 +61,9 @@ class _Doorman:
         if data:
             self._guest.feed(data)
 
-    def _answer(self, data: bytes) -> None:
-        """Send what the real guest writes."""
-        self.write(self._escaped(data))
+    def _answer(self, data: bytes) -> Any:
+        """Send what the real guest writes -> how much of it waits, where that is known."""
+        return self.write(self._escaped(data))
 
     def _escaped(self, data: bytes) -> bytes:
         return data if self._telnet is None else data.replace(IAC, IAC + IAC)

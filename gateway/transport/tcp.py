@@ -139,11 +139,15 @@ class _Connection(asyncio.BufferedProtocol):
         else:
             asyncio.get_running_loop().call_later(LOOK, self._close_when_answered)
 
-    def _write(self, data: bytes) -> None:
+    def _write(self, data: bytes) -> int:
+        """Send bytes, which may be none -> how many of this connection the system has not taken yet."""
         if self._replies is not None:
             self._replies.append(data)
         elif self._transport is not None and not self._transport.is_closing():
-            self._transport.write(data)
+            if data:
+                self._transport.write(data)
+            return self._transport.get_write_buffer_size()
+        return 0
 
     def pause_writing(self) -> None:
         """The other side does not read: let it go rather than hold its replies for ever."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 GOAL_EARLY = 45.0
-GOAL_STEADY = 120.0
+GOAL_STEADY = 110.0
 
 
 def resident(pid: int) -> float:

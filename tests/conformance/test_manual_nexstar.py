@@ -7,8 +7,9 @@ from collections.abc import Callable
 import pytest
 
 from gateway.protocols.nexstar.driver.tracking import rate_code
-from gateway.protocols.wireformat.command_set import load, parse_version
+from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.fields import codec
+from gateway.protocols.wireformat.rows import parse_version
 from tests.support.manual_files import raw, rows
 
 NEXSTAR = load("nexstar")

@@ -10,7 +10,8 @@ from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, NoAnswer, SyncTooFar
 from gateway.protocols.nexstar.surface import lacks
 from gateway.protocols.nexstar.versions import made_with, numbered
-from gateway.protocols.wireformat.command_set import load, parse_version
+from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.rows import parse_version
 from tests.support.fake_mount import Mount, Talk, unix
 from tests.support.manual_files import raw, rows
 

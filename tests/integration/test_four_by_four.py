@@ -183,6 +183,7 @@ def apart(one: tuple[float, float], other: tuple[float, float]) -> float:
     return separation(*one, *other)
 
 
+@pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("surface", "mount", "south", "nexstar"), CASES)
 def test_what_moves(surface: tuple[str, str | None], mount: tuple[str, str, str], south: bool, nexstar: bool) -> None:
     """Gotos are exact, stops stop, arrows and syncs arrive, and parked it stands where it can stand."""
@@ -234,6 +235,7 @@ def test_what_moves(surface: tuple[str, str | None], mount: tuple[str, str, str]
 PARKS = [case for case in CASES if case.values[0][1] != "lx200" and case.values[1][1] != "lx200"]  # type: ignore[index]
 
 
+@pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("surface", "mount", "south", "nexstar"), PARKS)
 def test_parked(surface: tuple[str, str | None], mount: tuple[str, str, str], south: bool, nexstar: bool) -> None:
     """``:hP#`` at one end: at the pole, or low in the north, and standing; a 16 inch only by its own ``:hP#``."""
@@ -262,6 +264,7 @@ def test_parked(surface: tuple[str, str | None], mount: tuple[str, str, str], so
 CLOCKS = [(-5, 1), (9, 0), (12, 1), (5.5, 0), (-3.5, 0)]
 
 
+@pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("surface", "mount", "south", "nexstar"), CASES)
 def test_site_and_time(
     surface: tuple[str, str | None], mount: tuple[str, str, str], south: bool, nexstar: bool

@@ -42,6 +42,7 @@ def test_no_protocol_knows_another() -> None:
     wrong = [
         f"{path.relative_to(ROOT)} imports {imported}"
         for path in (ROOT / "protocols").rglob("*.py")
+        if path.name != "registry.py"
         for imported in _imports(path)
         if imported.startswith("gateway.protocols.")
         and imported.split(".")[2] in names - {path.relative_to(ROOT / "protocols").parts[0]}

@@ -14,7 +14,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.mount.link.queue import READ
 from gateway.mount.motion.seen import PositionSample, Seen
-from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
+from gateway.protocols.lx200.simulator.server import SimulatedLx200
 from tests.soak.fuzz_bytes import KINDS
 from tests.soak.fuzz_drivers import Findings, lie
 from tests.soak.fuzz_forms import PROTOCOLS, of_reply, of_request
@@ -163,7 +163,7 @@ def test_a_defect_in_what_is_done_later_is_told() -> None:
                 raise ArithmeticError("as if")
 
             surface = bridge.reception.face.surface
-            surface.specials = {**surface.specials, "commit_quiet": lambda *_: (broken() for _ in "x")}
+            surface.handlers = {**surface.handlers, "commit_quiet": lambda *_: (broken() for _ in "x")}
             client = bridge.client()
             await client.ask(b":SL20:15:30#")
             await asyncio.sleep(5)

@@ -25,10 +25,10 @@ with atheris.instrument_imports(include=["gateway"]):
     from gateway.protocols.base.driver import Send
     from gateway.protocols.base.frames import Unterminated
     from gateway.protocols.lx200.framing import LONGEST, Framer
-    from gateway.protocols.lx200.reply_rules import MeadeDialogue
+    from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
     from gateway.protocols.nexstar.framing import Framer as Lengths
     from gateway.protocols.nexstar.framing import all_lengths
-    from gateway.protocols.nexstar.reply_rules import NexStarDialogue
+    from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
     from tests.soak.fuzz_bytes import conversations
     from tests.soak.fuzz_forms import PROTOCOLS, of_reply
     from tests.support.fake_mount import Mount, Talk
@@ -36,7 +36,7 @@ with atheris.instrument_imports(include=["gateway"]):
 
 Target = Callable[[bytes], None]
 _MODELS = {"lx200": ["autostar", "lx200", "lx200-16", "lx200gps"], "nexstar": ["6-8se", "cge", "cgx", "cpc", "gt"]}
-_DIALOGUES: dict[str, Any] = {"lx200": MeadeDialogue(), "nexstar": NexStarDialogue()}
+_DIALOGUES: dict[str, Any] = {"lx200": Lx200ReplyRules(), "nexstar": NexStarReplyRules()}
 
 
 def _pieces(data: bytes) -> list[bytes]:

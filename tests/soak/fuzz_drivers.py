@@ -284,7 +284,7 @@ def _weigh(bridge: Bridge, findings: Findings, driven: str) -> None:
     for what, size, most in (
         ("buffer", len(controller.line.talk._buffer), 4096), ("queue", len(controller.line._queue), 200),
         ("tasks", len(controller._tasks), 200),
-        ("jobs", len(controller.motions.wanted.pending), 200), ("driver", held - len(driver.specials), 200),
+        ("jobs", len(controller.motions.wanted.pending), 200), ("driver", held - len(driver.handlers), 200),
         ("urgent", len(controller.line._urgent), 200),
     ):  # fmt: skip
         if size > most:

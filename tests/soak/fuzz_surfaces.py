@@ -21,8 +21,8 @@ from collections import Counter
 from random import Random
 from typing import Any, NamedTuple
 
+from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
-from gateway.app.gateway import FACES
 from gateway.astro.ephemeris import Sky
 from gateway.clients.command_processor import INBOX, MEMO, CommandProcessor
 from gateway.core.wire_log import MOST, Entry
@@ -145,7 +145,7 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
         aligned=rng.random() < 0.8,
     )
     endpoint = Endpoint(case.presented, "-", case.model, case.version)
-    face = FACES[case.presented](endpoint, SurfaceConfig(at="-"), Limits())
+    face = make_surface(endpoint, SurfaceConfig(at="-"), Limits())
     face.surface.verbatim = case.presented == case.driven
     bridge.reception.face = face
     bridge.controller.derived.sky = SKY

@@ -10,8 +10,8 @@ from datetime import datetime
 from functools import cache
 from typing import Any
 
+from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
-from gateway.app.gateway import FACES
 from gateway.astro.ephemeris import Sky
 from gateway.clients.acceptor import SurfaceBinding
 from gateway.clients.command_processor import PAIR
@@ -133,7 +133,7 @@ class Talk:
     ) -> None:
         self.mount = mount or Mount()
         endpoint = Endpoint(protocol, "-", model, version)
-        self.face: SurfaceBinding = FACES[protocol](endpoint, SurfaceConfig(at="-", **settings), Limits())
+        self.face: SurfaceBinding = make_surface(endpoint, SurfaceConfig(at="-", **settings), Limits())
         self.now = self.mount.clock.unix
         self.session = Session(self.face.model, self.face.settings, lambda: self.now, {"sites": {}})
         self.framing = self.face.framing(lambda: self.now)
@@ -193,7 +193,7 @@ class Talk:
             at, session, special = due[0]
             self.deferred.remove(due[0])
             self._pass(at - self.now)
-            self._run(self.face.surface.specials[special](session, None, {}), session)  # type: ignore[arg-type]
+            self._run(self.face.surface.handlers[special](session, None, {}), session)  # type: ignore[arg-type]
         self._pass(until - self.now)
 
     def _pass(self, seconds: float) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Fault
-from gateway.protocols.nexstar.simulator.devices import FocuserMotor
+from gateway.protocols.nexstar.simulator.mount import FocuserMotor
 from gateway.protocols.wireformat.command_set import load
 from tests.support.in_process_gateway import Bridge
 

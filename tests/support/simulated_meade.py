@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
+from gateway.protocols.lx200.simulator.server import SimulatedLx200
 
 EVENING = 1768514400.0  # 2026-01-15 22:00 UTC
 MODELS = ["autostar", "lx200", "lx200-16", "lx200gps"]

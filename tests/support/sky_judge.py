@@ -34,6 +34,12 @@ def timescale() -> tuple[Any, Any]:
     return scale, rows
 
 
+def drawn(dice: np.random.Generator, first: float, last: float, count: int) -> Array:
+    """So many moments on a quarter as many days, for a day costs astropy milliseconds."""
+    days = dice.uniform(first, last, (count + 3) // 4)
+    return np.clip((days - days % 86400.0).repeat(4)[:count] + dice.uniform(0.0, 86400.0, count), first, last)
+
+
 def ephemeris() -> Any:
     """DE421, from the package skyfield-data; its own path function would warn of tables that are not used here."""
     found = find_spec("skyfield_data")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
+from gateway.app.bindings import make_driver, make_surface
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
-from gateway.app.gateway import DRIVERS, FACES
 from gateway.astro.ephemeris import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.core import operations as op
@@ -56,13 +56,13 @@ class Chain:
         self.transcript = Transcript(inner.clock)
         self.entries: list[Entry] = []
         self.transcript.sinks.append(self.entries.append)
-        driver, follow_ups, dialogue = DRIVERS[link](Endpoint(link, "-"), MountConfig(at="-"), loop.time)
+        driver, follow_ups, dialogue = make_driver(Endpoint(link, "-"), MountConfig(at="-"), loop.time)
         self.driver: Any = driver
         line = MountLink(GuestWire(inner.reception), dialogue, self.transcript)
         observatory = SiteClock(loop.time, inner.clock, None)
         limits = Limits(lowest=-90.0, sun=0.0)  # the inner gateway and the mount have limits of their own
         self.controller = MountController(driver, follow_ups, line, Sky(), observatory, self.transcript, Policy(limits))
-        face = FACES[presented](Endpoint(presented, "-", surface), SurfaceConfig(at="-"), limits)
+        face = make_surface(Endpoint(presented, "-", surface), SurfaceConfig(at="-"), limits)
         self.reception = ConnectionAcceptor(self.controller, face, {"sites": {}}, inner.clock, lambda: None)
 
     async def __aenter__(self) -> Chain:

@@ -10,8 +10,8 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any, cast
 
+from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
-from gateway.app.gateway import FACES
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.core import operations as op
 from gateway.core.errors import Fault
@@ -105,7 +105,7 @@ class House:
     ) -> None:
         self.mount = mount or Mount()
         self.controller = Still(self.mount)
-        face = FACES[protocol](Endpoint(protocol, "-", model, version), SurfaceConfig(at="-", **settings), Limits())
+        face = make_surface(Endpoint(protocol, "-", model, version), SurfaceConfig(at="-", **settings), Limits())
         self.shared: dict[str, Any] = {"sites": {}}
         self.reception = ConnectionAcceptor(
             cast(Any, self.controller), face, self.shared, self.controller.clock, lambda: None

@@ -11,13 +11,11 @@ import re
 from collections.abc import Mapping, Sequence
 from functools import cache
 
+from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import load
 
-PROTOCOLS = ("lx200", "nexstar")
 #: The row of what leaves the model open.
 ANY = "any"
-#: What may stand before the word that tells the mount.
-_MAKERS = re.compile("^(celestron|meade|orion)?(nexstar)?(?=.)")
 
 
 def device(text: str) -> str | None:
@@ -41,10 +39,10 @@ def suggestion(word: str) -> str:
     for choices in (known, sorted(_every())):
         if close := difflib.get_close_matches(plain if choices is not known else word, choices, 1, 0.7):
             return f"did you mean {close[0]!r}?"
-    return (
-        "write nexstar for a Celestron, lx200 for a Meade, or the name of the mount: 6se, cpc, avx, lx90, etx "
-        "(mount-gateway --help lists the models)"
+    which = ", ".join(
+        f"{name} for a {spec.makers[0].title()}" for name, spec in reversed(PROTOCOLS.items()) if spec.makers
     )
+    return f"write {which}, or the name of the mount: 6se, cpc, avx, lx90, etx (mount-gateway --help lists the models)"
 
 
 @cache
@@ -64,7 +62,16 @@ def called(protocol: str) -> dict[str, Sequence[str]]:
 
 def _found(words: Mapping[str, str], written: str) -> str | None:
     plain = _plain(written)
-    return words.get(plain) or words.get(_MAKERS.sub("", plain))
+    return words.get(plain) or words.get(_makers().sub("", plain))
+
+
+@cache
+def _makers() -> re.Pattern[str]:
+    """What may stand before the word that tells the mount."""
+    specs = PROTOCOLS.values()
+    makers = "|".join(maker for spec in specs for maker in spec.makers)
+    brands = "|".join(brand for spec in specs for brand in spec.brands)
+    return re.compile(f"^(?:{makers})?(?:{brands})?(?=.)")
 
 
 def _plain(word: str) -> str:

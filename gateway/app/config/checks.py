@@ -13,6 +13,7 @@ from gateway.app.config.places import right
 from gateway.app.config.programs import programs
 from gateway.clients.access import Access, Networks, networks
 from gateway.core.errors import UserError
+from gateway.protocols.registry import PROTOCOLS
 
 _EVERY_ADDRESS = ("0.0.0.0", "::")
 #: What a surface listens on, rather than opens.
@@ -47,19 +48,20 @@ def mistakes(config: Config) -> Iterator[Mistake]:
 
 
 def _park(number: int, mount: MountConfig) -> Iterator[Mistake]:
-    """A NexStar has no park position of its own, and a Meade has no other."""
+    """Some mounts have a park position of their own, and no other; the others have none."""
     try:
-        protocol = parse_endpoint(mount.at).protocol
+        spec = PROTOCOLS[parse_endpoint(mount.at).protocol]
     except UserError:
         return  # that is told of the endpoint
-    if mount.park == "mount" and protocol == "nexstar":
-        yield Mistake(("mount", number, "park"), "a NexStar has no park position of its own; write AZ,ALT or nothing")
-    elif isinstance(mount.park, tuple) and protocol == "lx200":
-        yield Mistake(
-            ("mount", number, "park"),
-            'a Meade parks where it was told at its keypad; write "mount" to '
-            "allow that whatever lowest and highest say",
+    if mount.park == "mount" and not spec.parks_itself:
+        words = f"{spec.a_mount} has no park position of its own; write AZ,ALT or nothing"
+        yield Mistake(("mount", number, "park"), words)
+    elif isinstance(mount.park, tuple) and spec.parks_itself:
+        words = (
+            f'{spec.a_mount} parks where it was told at its keypad; write "mount" to allow that whatever lowest and '
+            "highest say"
         )
+        yield Mistake(("mount", number, "park"), words)
 
 
 def _endpoints(config: Config) -> Iterator[Mistake]:

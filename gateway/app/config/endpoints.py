@@ -11,14 +11,10 @@ from collections.abc import Sequence
 import msgspec
 
 from gateway.app.config import called
-from gateway.app.config.called import PROTOCOLS
+from gateway.astro.offline import go_offline
 from gateway.core.errors import UserError
-from gateway.protocols.nexstar.versions import STARSENSE, STARSENSE_NEWEST, STARSENSE_OLDEST, is_starsense, numbered
-from gateway.protocols.wireformat.command_set import load, parse_version, show_version
-
-__all__ = ["PROTOCOLS", "Endpoint", "misplaced", "nearest", "parse_device", "parse_endpoint", "parse_site"]
-
-OLDEST, NEWEST = (1, 2), (6, 0)
+from gateway.protocols.base.spec import ProtocolSpec
+from gateway.protocols.registry import PROTOCOLS, mounts
 
 
 class Endpoint(msgspec.Struct, frozen=True):
@@ -30,10 +26,7 @@ class Endpoint(msgspec.Struct, frozen=True):
     version: str | None = None
 
     def __str__(self) -> str:
-        version = f"/{self.version}" if self.version else ""
-        if self.model is None and is_starsense(self.version):
-            return f"{self.protocol}:{version[1:].replace('-', '/')}@{self.where}"
-        return f"{self.protocol}{':' + self.model if self.model else ''}{version}@{self.where}"
+        return f"{PROTOCOLS[self.protocol].shown(self.model, self.version)}@{self.where}"
 
 
 def parse_endpoint(text: str) -> Endpoint:
@@ -49,8 +42,8 @@ def _whole(text: str) -> str:
     if called.device(text.partition("/")[0]):
         return f"{text}@/dev/ttyUSB0"
     if text.startswith(("/dev/", "COM", "tcp://", "socket://", "rfc2217://", "pty:")) or text == "sim":
-        return f"nexstar@{text} (Celestron) or lx200@{text} (Meade)"
-    return "nexstar@/dev/ttyUSB0"
+        return " or ".join(f"{name}@{text} ({PROTOCOLS[name].makers[0].title()})" for name in reversed(mounts()))
+    return f"{mounts()[-1]}@/dev/ttyUSB0"
 
 
 def parse_device(what: str, where: str = "") -> Endpoint:
@@ -61,36 +54,23 @@ def parse_device(what: str, where: str = "") -> Endpoint:
     if device is None:
         raise UserError(f"{name!r} is no protocol ({', '.join(PROTOCOLS)}) and no model; {called.suggestion(name)}")
     protocol, _, model = device.partition(":")
-    if protocol == "nexstar" and model == STARSENSE:
-        model, version = "", f"{STARSENSE}-{version}" if slash else STARSENSE
-    words = [*load(protocol).models, *([STARSENSE] if protocol == "nexstar" else [])]
+    spec = PROTOCOLS[protocol]
+    if model in spec.version_words:
+        model, version = "", spec.version_words[model](version if slash else None)
+    words = [*spec.commands.models, *spec.version_words]
     if model and model not in words:
         other = called.device(model)
         right = f"write {other}" if other else nearest(model, words)
         raise UserError(f"{protocol} has no model {model!r}; {right}")
-    return Endpoint(protocol, where, model or None, _version(protocol, version) if version else None)
+    return Endpoint(protocol, where, model or None, _version(spec, version) if version else None)
 
 
-def _version(protocol: str, text: str) -> str:
+def _version(spec: ProtocolSpec, text: str) -> str:
     """The version as it is written. Raises UserError for one that there never was."""
-    if protocol == "nexstar" and is_starsense(text):
-        try:
-            return numbered(text).written
-        except ValueError:
-            oldest, newest = show_version(STARSENSE_OLDEST), show_version(STARSENSE_NEWEST)
-            raise UserError(
-                f"{text!r}: a StarSense has versions from {oldest} on; write it like {STARSENSE}-{newest}"
-            ) from None
     try:
-        version = parse_version(text)
+        return spec.check_version(text)
     except ValueError:
         raise UserError(f"{text!r} is no version; write it like 4.21") from None
-    if protocol == "nexstar" and not (OLDEST <= version < NEWEST or version[0] >= 100):
-        raise UserError(
-            f"{text!r}: hand controls have versions from 1.2 to 5.x, a GT from 100.0 on, a StarSense "
-            f"from {STARSENSE}-{show_version(STARSENSE_OLDEST)} on"
-        )
-    return text
 
 
 def nearest(word: str, choices: Sequence[str]) -> str:
@@ -121,6 +101,7 @@ def _as_on_maps(text: str, parts: Sequence[str]) -> tuple[float, float]:
     wrong = UserError(f"{text!r}: write LAT,LON, north and east positive: 45.5,-122.7 or 45°30'N,122°42'W")
     if len(parts) != 2 or any("h" in part.lower() for part in parts):
         raise wrong
+    go_offline()
     from astropy.coordinates import Latitude, Longitude
 
     try:

@@ -11,14 +11,14 @@ from typing import Any
 
 import msgspec
 
-from gateway.app.config.endpoints import parse_endpoint
+from gateway.app.config.endpoints import Endpoint, parse_endpoint
 from gateway.app.config.keys import SurfaceConfig
 from gateway.core.errors import MappingError
-from gateway.protocols.nexstar.versions import is_starsense
-from gateway.protocols.wireformat.command_set import load, parse_version
+from gateway.protocols.registry import PROTOCOLS
+from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.rows import Version, parse_version
 
-#: What a nexstar surface without a version presents.
-PRESENTED = "4.21"
+#: A hand control that programs take for the newest there is, whatever its number: it counts anew.
 NEWEST = (99,)
 
 
@@ -58,14 +58,22 @@ def wanted_by(surface: SurfaceConfig, program: str | None = None) -> list[Need]:
     row = programs(endpoint.protocol).get(program or surface.client)
     if row is None:
         return []
-    version = endpoint.version or PRESENTED
-    numbers = NEWEST if is_starsense(version) else parse_version(version)  # of a StarSense all speak as of the newest
+    numbers = _numbers(endpoint)
     return [
         need
         for need in row.needs
         if getattr(surface, need.key.replace("-", "_")) is None
         and (need.below is None or numbers < parse_version(need.below) or numbers[0] >= 100)
     ]
+
+
+def _numbers(endpoint: Endpoint) -> Version:
+    """The version that programs go by: of one that is named by a word, which counts anew, the newest."""
+    spec = PROTOCOLS[endpoint.protocol]
+    version = endpoint.version or spec.presented_version
+    if version is None or version.partition("-")[0] in spec.version_words:
+        return NEWEST
+    return parse_version(version)
 
 
 def settled(surface: SurfaceConfig, program: str | None = None) -> SurfaceConfig:

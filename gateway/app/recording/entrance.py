@@ -216,11 +216,11 @@ class _Visitor:
             if replies:
                 self._write(b"".join(replies))
 
-    def _tell(self, data: bytes) -> None:
+    def _tell(self, data: bytes) -> Any:
         if self._replies is None:
-            self._write(data)
-        else:
-            self._replies.append(data)
+            return self._write(data)
+        self._replies.append(data)
+        return None
 
     def serial(self, change_rate: Callable[[int], int]) -> None:
         self._change_rate = change_rate

@@ -1,12 +1,12 @@
-"""The sky over a site: sidereal time, alt-azimuth, equinox of date, Sun and Moon.
+"""The sky over a site: sidereal time, alt-azimuth, equinox of date, Sun, Moon and planets.
 
 Right ascension and declination are of the equinox of date (true equator), geometric: no aberration and no
 refraction but where a method says so. Degrees, longitude EAST positive, Unix time (UTC) in seconds.
-Importing this costs nothing: `Sky.start` loads ERFA (pyerfa, astropy's own library) on a thread, and until
-it is ready, if it cannot be loaded, and before 1900 and after 2099, closed forms answer. Nobody waits, no
-method raises for finite arguments, nothing is ever fetched.
+Importing this costs nothing: `Sky.start` loads astropy on a thread, which makes tables of each day that is asked for,
+and commands read between their rows. Where there is none yet, if astropy cannot be loaded, and before 1900 and after
+2099, closed forms answer. Nobody waits, no method raises for finite arguments, nothing is ever fetched.
 
-                      closed forms        exact
+                      closed forms        by astropy
     sidereal time     0.02 s + UT1-UTC    0.005 s
     of date / J2000   0.4"                0.03"
     Sun               0.01 deg            0.03"
@@ -17,10 +17,10 @@ method raises for finite arguments, nothing is ever fetched.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
-from gateway.astro.ephemeris import lunar
-from gateway.astro.ephemeris.almanac import PLANETS, Almanac, Frame
+from gateway.astro.ephemeris import closed_forms, lunar
+from gateway.astro.ephemeris.closed_forms import Frame
+from gateway.astro.ephemeris.tables import DAY, DayTable, TableLoader
 from gateway.astro.spherical import (
     SIDEREAL_RATE,
     Vector,
@@ -33,56 +33,17 @@ from gateway.astro.spherical import (
     wrap360,
 )
 
-_EXACT_FROM = -2208988800.0  # 1900-01-01
-_EXACT_TO = 4102444800.0  # 2100-01-01
 _FRAMES_KEPT = 16  # the minutes at hand: the host's clock, the mount's, a replayed transcript's
 _EARTH_RADIUS = 6378.137  # km, at the equator (WGS 84)
 _EARTH_FLATTENING = 1.0 / 298.257223563
 
 
-class Sky:
-    """Answers from closed forms at once, and from ERFA once `start` has loaded it."""
+class Sky(TableLoader):
+    """Answers from closed forms at once, and from astropy's tables where there are any."""
 
     def __init__(self) -> None:
-        self._closed = Almanac()
-        self._exact: Almanac | None = None
-        self._in_use = True
-        self._frames: dict[tuple[Almanac, float], Frame] = {}
-        self.failure = ""
-        """Why ERFA could not be loaded, in words; empty while all is well."""
-
-    @property
-    def ready(self) -> bool:
-        """True once the exact answers are in use."""
-        return self._exact is not None and self._in_use
-
-    def start(self, done: Callable[[], object] | None = None) -> None:
-        """Load ERFA and the Earth's rotation on a daemon thread; returns at once.
-
-        Where the thread calls ``done`` at the end, the exact answers are not in use before somebody calls ``use``.
-        """
-        import threading  # with `load`'s import, all that would make this module slow to import
-
-        def work() -> None:
-            self.load()
-            if done is not None:
-                done()
-
-        self._in_use = done is None
-        threading.Thread(target=work, name="sky", daemon=True).start()
-
-    def use(self) -> None:
-        """From now on the exact answers are given."""
-        self._in_use = True
-
-    def load(self) -> None:
-        """What `start` does, in the caller's own time. Never raises: sets `ready`, or `failure`."""
-        try:
-            from gateway.astro.ephemeris import exact
-
-            self._exact = exact.load()
-        except Exception as fault:  # whatever a broken installation can raise; closed forms go on
-            self.failure = f"astronomy stays approximate: {type(fault).__name__}: {fault}"
+        super().__init__()
+        self._frames: dict[tuple[DayTable | None, float], Frame] = {}
 
     def sidereal_time(self, unix: float, longitude_east: float) -> float:
         """Apparent sidereal time in [0, 360)."""
@@ -116,7 +77,7 @@ class Sky:
 
         With aberration (20"), unlike every place above: it is the almanacs' place, and where a tube would see it.
         """
-        return from_vector(self._almanac(unix).sun(unix))
+        return from_vector(self._vector("Sun", unix) or closed_forms.sun(unix))
 
     def moon(self, unix: float, lat: float, lon_east: float) -> tuple[float, float, float]:
         """Apparent (ra, dec, distance in km) of date of the Moon, as seen from a site at sea level.
@@ -135,14 +96,18 @@ class Sky:
     def planet(self, name: str, unix: float) -> tuple[float, float] | None:
         """(ra, dec) of date of a planet where its light left it, from the Earth's centre; None while not `ready`.
 
-        ``name`` is one of ``PLANETS``. Within 1.5' (Mercury and Venus 0.2', Mars 0.7'; against JPL's ephemerides).
+        Within 1.5' (Mercury and Venus 0.2', Mars 0.7'; against JPL's ephemerides).
         """
-        vector = self._almanac(unix).planet(PLANETS.index(name), unix)
+        vector = self._vector(name, unix)
         return None if vector is None else from_vector(vector)
+
+    def _moon(self, unix: float) -> Vector:
+        """The Moon from the Earth's centre: of date, in km."""
+        return self._vector("Moon", unix) or closed_forms.moon(unix)
 
     def _moon_from(self, unix: float, lat: float, lon_east: float) -> Vector:
         """The Moon from a site at sea level: of date, in km."""
-        x, y, z = self._almanac(unix).moon(unix)
+        x, y, z = self._moon(unix)
         phi = math.radians(wrap360(lat))
         polar = (1.0 - _EARTH_FLATTENING) ** 2
         curvature = _EARTH_RADIUS / math.sqrt(math.cos(phi) ** 2 + polar * math.sin(phi) ** 2)
@@ -153,22 +118,32 @@ class Sky:
             z - curvature * polar * math.sin(phi),
         )
 
-    def _almanac(self, unix: float) -> Almanac:
-        """The best there is for a date."""
-        exact = self._exact
-        return exact if exact is not None and self._in_use and _EXACT_FROM <= unix < _EXACT_TO else self._closed
-
     def _frame(self, unix: float) -> tuple[float, Frame]:
         """The minute a moment lies in and the Earth's frame at its start, kept for the next caller.
 
         Within the minute the axes move less than 0.0001"; sidereal time goes on at the sidereal rate.
         """
         minute = unix - unix % 60.0
-        almanac = self._almanac(minute)
-        key = almanac, minute
+        table = self.table("frame", minute)
+        key = table, minute
         frame = self._frames.get(key)
         if frame is None:
             if len(self._frames) >= _FRAMES_KEPT:
                 self._frames.clear()
-            frame = self._frames[key] = almanac.frame(minute)
+            frame = _frame_of(table, minute % DAY) if table else closed_forms.frame(minute)
+            self._frames[key] = frame
         return minute, frame
+
+    def _vector(self, part: str, unix: float) -> Vector | None:
+        """Where Sun, Moon or a planet stands, of date; None where there is no table."""
+        table = self.table(part, unix)
+        if table is None:
+            return None
+        x, y, z = table.at(unix % DAY)
+        return x, y, z
+
+
+def _frame_of(table: DayTable, seconds: float) -> Frame:
+    """The Earth's frame by a table, at a second of its day."""
+    greenwich, *m = table.at(seconds)
+    return greenwich + SIDEREAL_RATE * seconds, ((m[0], m[1], m[2]), (m[3], m[4], m[5]), (m[6], m[7], m[8]))

@@ -9,19 +9,20 @@ vectors, so what a site sees otherwise than the Earth's centre (up to a degree o
 from __future__ import annotations
 
 import math
+from operator import mul
 
+from gateway.astro.ephemeris.closed_forms import delaunay
 from gateway.astro.spherical import (
     Matrix,
     Vector,
+    about_x,
+    about_z,
     centuries,
-    from_vector,
     nutation,
     obliquity,
+    product,
     rotate,
     to_vector,
-    transpose,
-    wrap180,
-    wrap360,
 )
 
 RADIUS = 1737.4  # km, IAU
@@ -32,15 +33,15 @@ def orientation(unix: float) -> Matrix:
     """The rotation from selenographic axes to the true equator and equinox of date."""
     t = centuries(unix)
     node = 125.0445479 + t * (-1934.1362891 + 0.0020754 * t)
-    latitude_argument = 93.2720950 + t * (483202.0175233 - 0.0036539 * t)
-    tilt, along, turn = _physical(t, node, latitude_argument)
+    angles = delaunay(t)
+    tilt, along, turn = _physical(t, node, angles)
     in_longitude, in_obliquity = nutation(t)
     # The lunar equator's descending node lies where the orbit ascends, and the prime meridian faces the Earth there.
-    to_node = _about_z(180.0 + latitude_argument + turn - along)
-    tilted = _about_x(-_INCLINATION - tilt)
-    to_equinox = _about_z(node + along + in_longitude)
-    to_equator = _about_x(obliquity(t) + in_obliquity)
-    return _product(to_equator, _product(to_equinox, _product(tilted, to_node)))
+    to_node = about_z(180.0 + math.degrees(angles[3]) + turn - along)
+    tilted = about_x(-_INCLINATION - tilt)
+    to_equinox = about_z(node + along + in_longitude)
+    to_equator = about_x(obliquity(t) + in_obliquity)
+    return product(to_equator, to_equinox, tilted, to_node)
 
 
 def place(moon: Vector, unix: float, latitude: float, longitude: float) -> Vector:
@@ -49,33 +50,13 @@ def place(moon: Vector, unix: float, latitude: float, longitude: float) -> Vecto
     return moon[0] + RADIUS * x, moon[1] + RADIUS * y, moon[2] + RADIUS * z
 
 
-def libration(moon: Vector, unix: float) -> tuple[float, float, float]:
-    """(longitude, latitude) of the disc's centre, and the position angle of the Moon's axis, degrees, for such a Moon.
-
-    The angle is that of the northern half of the axis, from celestial north through east, in [0, 360).
-    """
-    axes = orientation(unix)
-    longitude, latitude = from_vector(rotate(transpose(axes), (-moon[0], -moon[1], -moon[2])))
-    ra, dec = (math.radians(angle) for angle in from_vector(moon))
-    pole = rotate(axes, (0.0, 0.0, 1.0))
-    east = pole[1] * math.cos(ra) - pole[0] * math.sin(ra)
-    north = pole[2] * math.cos(dec) - (pole[0] * math.cos(ra) + pole[1] * math.sin(ra)) * math.sin(dec)
-    return wrap180(longitude), latitude, wrap360(math.degrees(math.atan2(east, north)))
-
-
-def _physical(t: float, node: float, latitude_argument: float) -> tuple[float, float, float]:
+def _physical(t: float, node: float, angles: tuple[float, ...]) -> tuple[float, float, float]:
     """Eckhardt's physical libration: what is to be added to inclination, node and longitude, degrees."""
-    arguments = (
-        297.8501921 + 445267.1114034 * t,
-        357.5291092 + 35999.0502909 * t,
-        134.9633964 + 477198.8675055 * t,
-        latitude_argument,
-    )
 
     def series(terms: tuple[tuple[tuple[int, int, int, int], float, float], ...]) -> float:
         total = 0.0
         for factors, sine, cosine in terms:
-            angle = math.radians(sum(f * a for f, a in zip(factors, arguments, strict=True)))
+            angle = sum(map(mul, factors, angles))
             total += sine * math.sin(angle) + cosine * math.cos(angle)
         return total * 1e-5
 
@@ -86,65 +67,21 @@ def _physical(t: float, node: float, latitude_argument: float) -> tuple[float, f
     return series(_TILT), series(_ALONG) / math.sin(math.radians(_INCLINATION)), turn
 
 
-def _about_x(angle: float) -> Matrix:
-    """Turns a vector by an angle about x."""
-    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
-    return (1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c)
-
-
-def _about_z(angle: float) -> Matrix:
-    """Turns a vector by an angle about z."""
-    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
-    return (c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)
-
-
-def _product(a: Matrix, b: Matrix) -> Matrix:
-    """Turn by b, then by a."""
-    columns = tuple(rotate(a, column) for column in transpose(b))
-    return transpose((columns[0], columns[1], columns[2]))
-
-
-# Factors of the Moon's elongation, the Sun's anomaly, the Moon's anomaly and its argument of latitude; then 1e-5
-# degrees of sine and of cosine. The Earth's eccentricity changes the one term it concerns by less than 0.0001 degrees.
+# Factors of `delaunay`'s angles; then 1e-5 degrees of sine and of cosine. The Earth's eccentricity changes
+# the one term it concerns by less than 0.0001 degrees.
 _TILT = (
-    ((0, 0, 1, 0), 0, -2752),
-    ((0, 0, 0, 1), -2245, 0),
-    ((0, 0, 1, -2), 0, 684),
-    ((0, 0, 0, 2), 0, -293),
-    ((-2, 0, 0, 2), 0, -85),
-    ((-2, 0, 1, 0), 0, -54),
-    ((0, 0, 1, 1), -20, 0),
-    ((0, 0, 1, 2), 0, -20),
-    ((0, 0, 1, -1), 0, -20),
-    ((-2, 0, 1, 2), 0, 14),
-)
+    ((0, 0, 1, 0), 0, -2752), ((0, 0, 0, 1), -2245, 0), ((0, 0, 1, -2), 0, 684),  ((0, 0, 0, 2), 0, -293),
+    ((-2, 0, 0, 2), 0, -85),  ((-2, 0, 1, 0), 0, -54),  ((0, 0, 1, 1), -20, 0),   ((0, 0, 1, 2), 0, -20),
+    ((0, 0, 1, -1), 0, -20),  ((-2, 0, 1, 2), 0, 14),
+)  # fmt: skip
 _ALONG = (
-    ((0, 0, 1, 0), -2816, 0),
-    ((0, 0, 0, 1), 0, 2244),
-    ((0, 0, 1, -2), -682, 0),
-    ((0, 0, 0, 2), -279, 0),
-    ((-2, 0, 0, 2), -83, 0),
-    ((-2, 0, 1, 0), 69, 0),
-    ((0, 0, 1, 1), 0, 40),
-    ((0, 0, 2, 0), -25, 0),
-    ((0, 0, 1, 2), -23, 0),
-    ((0, 0, 1, -1), 19, 20),
-    ((-2, 0, 1, 2), 13, 0),
-    ((0, 0, 1, -3), 0, -10),
-)
+    ((0, 0, 1, 0), -2816, 0), ((0, 0, 0, 1), 0, 2244),  ((0, 0, 1, -2), -682, 0), ((0, 0, 0, 2), -279, 0),
+    ((-2, 0, 0, 2), -83, 0),  ((-2, 0, 1, 0), 69, 0),   ((0, 0, 1, 1), 0, 40),    ((0, 0, 2, 0), -25, 0),
+    ((0, 0, 1, 2), -23, 0),   ((0, 0, 1, -1), 19, 20),  ((-2, 0, 1, 2), 13, 0),   ((0, 0, 1, -3), 0, -10),
+)  # fmt: skip
 _TURN = (
-    ((0, 1, 0, 0), 2520, 0),
-    ((0, 0, 2, -2), 473, 14),
-    ((0, 0, 1, 0), -467, 0),
-    ((-2, 0, 2, 0), 276, 0),
-    ((0, 0, 1, -1), -39, -183),
-    ((-2, 0, 1, 0), 115, 0),
-    ((-1, 0, 1, 0), -96, 0),
-    ((-2, 0, 0, 2), 46, 0),
-    ((-1, -1, 1, 0), -32, 0),
-    ((-2, -1, 2, 0), 27, 0),
-    ((2, 0, 0, 0), -14, 0),
-    ((0, 0, 1, -2), -12, 0),
-    ((0, 0, 2, 0), -12, 0),
-    ((-2, -2, 2, 0), 11, 0),
-)
+    ((0, 1, 0, 0), 2520, 0),    ((0, 0, 2, -2), 473, 14),   ((0, 0, 1, 0), -467, 0),    ((-2, 0, 2, 0), 276, 0),
+    ((0, 0, 1, -1), -39, -183), ((-2, 0, 1, 0), 115, 0),    ((-1, 0, 1, 0), -96, 0),    ((-2, 0, 0, 2), 46, 0),
+    ((-1, -1, 1, 0), -32, 0),   ((-2, -1, 2, 0), 27, 0),    ((2, 0, 0, 0), -14, 0),     ((0, 0, 1, -2), -12, 0),
+    ((0, 0, 2, 0), -12, 0),     ((-2, -2, 2, 0), 11, 0),
+)  # fmt: skip

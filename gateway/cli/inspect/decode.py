@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.core.errors import UserError
+from gateway.protocols.registry import PROTOCOLS, guess
 from gateway.system import streams
 
 
@@ -21,13 +22,12 @@ def add(commands: Any) -> None:
         epilog="Example:\n  mount-gateway decode night.rec | less",
     )
     decode.add_argument("file", type=Path, metavar="FILE")
-    decode.add_argument("--protocol", choices=("lx200", "nexstar"), help="of a capture; without it, it is guessed")
+    decode.add_argument("--protocol", choices=tuple(PROTOCOLS), help="of a capture; without it, it is guessed")
     decode.set_defaults(run=_decode)
 
 
 def _decode(arguments: argparse.Namespace) -> int:
-    from gateway.app.gateway import speech
-    from gateway.clients.wrong_preset import guess
+    from gateway.app.bindings import speech
     from gateway.diagnostics.captures import Capture, Chunk, is_text
     from gateway.diagnostics.decode import NoConversation, decode, folded
     from gateway.diagnostics.recorded_sides import RecordedSides

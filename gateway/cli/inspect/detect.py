@@ -128,7 +128,8 @@ def write_whole(path: Path, text: str, force: bool) -> None:
         for leftover in [draft, path][: 1 + reserved]:
             with contextlib.suppress(OSError):
                 leftover.unlink()
-        raise UserError(f"{path}: {about_file(path, error)}") from None
+        where = "; choose a folder that you may write to" if isinstance(error, PermissionError) else ""
+        raise UserError(f"{path}: {about_file(path, error)}{where}") from None
 
 
 def _there_already(path: Path) -> UserError:

@@ -14,6 +14,7 @@ from gateway.app.config.describing import keys
 from gateway.app.config.lines import Place
 from gateway.cli.serve.serving import serve_mounts, with_loop
 from gateway.cli.serve.settings import add_console, add_flag, put_console
+from gateway.protocols.registry import PROTOCOLS, pairs
 from gateway.system.own_commands import own_command
 
 DEMO_PORT = 4030
@@ -46,9 +47,9 @@ def add(commands: Any) -> None:
 
 
 def _demo(arguments: argparse.Namespace) -> int:
-    client, mount, words = ("lx200", "nexstar", "NexStar 6/8 SE, driven by whatever LX200")
-    if arguments.reverse:
-        client, mount, words = ("nexstar", "lx200:lx200gps", "LX200GPS, driven by whatever NexStar")
+    client, driven = pairs()[1 if arguments.reverse else 0]
+    mount, title = PROTOCOLS[driven].demo or (driven, PROTOCOLS[driven].title)
+    words = f"{title}, driven by whatever {PROTOCOLS[client].title}"
     port, notes = arguments.port, []
     if port is None and (port := free_port()) != DEMO_PORT:
         notes.append(f"another program uses port {DEMO_PORT}; this demo takes port {port}")

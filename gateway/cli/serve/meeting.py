@@ -5,29 +5,26 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gateway.core.wire_log import show
+from gateway.protocols.registry import PROTOCOLS
 
 if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
 
-#: Seconds after which it is said what is waited for; and how long that may take, by protocol and whether the model is
-#: named.
+#: Seconds after which it is said what is waited for.
 SAID_AFTER = 1.0
-_TAKES = {("lx200", False): 9, ("lx200", True): 4}
-_SLOWEST = {"lx200": "a classic LX200", "nexstar": "a hand control"}
-_KINDS = {"lx200": "Meade LX200", "nexstar": "NexStar"}
 
 
 def waiting(gateway: Gateway) -> str:
     """What is waited for, and how long it may take."""
-    protocol, named = gateway.mount.protocol, gateway.mount.model is not None
-    takes = _TAKES.get((protocol, named), 4)
+    spec = PROTOCOLS[gateway.mount.protocol]
+    takes = spec.takes[gateway.mount.model is None]
     controller = gateway.controller
     if controller is not None and controller.identification.met.is_set():
         return (
             f"{gateway.title}: a mount is there, and programs are told where it points; which model it is may take "
             f"it {takes} s to say"
         )
-    return f"{gateway.title}: waiting for the mount's first answer; {_SLOWEST[protocol]} may take {takes} s"
+    return f"{gateway.title}: waiting for the mount's first answer; {spec.slowest} may take {takes} s"
 
 
 def not_found(gateway: Gateway) -> str:
@@ -40,7 +37,7 @@ def not_found(gateway: Gateway) -> str:
         return f"{gateway.title}: no mount answers (is it switched on, and the cable in the hand control?); {rest}"
     asked, came = talk.trouble
     answer = f"it answered {show(came)}" if came else "it did not answer that"
-    kind = _KINDS[gateway.mount.protocol]
+    kind = PROTOCOLS[gateway.mount.protocol].mounts
     return (
         f"{gateway.title}: something is there, and no {kind} was found. The last question that went wrong was "
         f"{show(asked)}: {answer}. So the cable carries bytes; the baud rate may be another one, or the mount "

@@ -192,7 +192,7 @@ def _part(gateway: Gateway, moved: bool, screen: Screen, several: bool) -> None:
 
 def _log(config: Config, mount: MountConfig) -> Sink:
     """What shows the conversation of one mount, or as much of it as is asked for."""
-    from gateway.app.gateway import speech
+    from gateway.app.bindings import speech
     from gateway.diagnostics.log.printing import Rows, printer
 
     surfaces = [parse_endpoint(surface.at).protocol for surface in config.of(mount)]

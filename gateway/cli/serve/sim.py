@@ -9,14 +9,12 @@ from math import inf
 from typing import Any, TextIO
 
 from gateway.app.config import parse_device, parse_site
-from gateway.app.config.endpoints import PROTOCOLS
 from gateway.app.config.places import right
 from gateway.cli.serve.serving import with_loop
 from gateway.cli.serve.settings import of_flag
 from gateway.cli.serve.signals import until_signal
 from gateway.core.errors import UserError, about_file
-from gateway.protocols.nexstar.versions import made_with
-from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.registry import PROTOCOLS
 from gateway.system import streams
 
 
@@ -38,16 +36,9 @@ def add(commands: Any) -> None:
     sim.add_argument("--site", metavar="LAT,LON", default="45,10", help="default 45,10")
     sim.add_argument("--unaligned", action="store_true", help="as after power-on, before the star alignment")
     sim.add_argument("--truth", metavar="FILE.jsonl", help="write what the mount physically does, ten times a second")
-    sim.add_argument(
-        "--land-tells-altaz",
-        action="store_true",
-        help="lx200: in land mode :GW# tells AN1 also on a wedge, where it else tells PN1",
-    )
-    sim.add_argument(
-        "--tolerant",
-        action="store_true",
-        help="lx200: takes arguments in every spelling that programs send, not in the manual's alone",
-    )
+    for spec in PROTOCOLS.values():
+        for name, words in spec.simulator_switches.items():
+            sim.add_argument(_flag(name), action="store_true", help=f"{spec.name}: {words}")
     sim.set_defaults(run=_sim)
 
 
@@ -75,24 +66,41 @@ Examples:
 """
 
 
+def _flag(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
+def _switches(arguments: argparse.Namespace, protocol: str) -> dict[str, bool]:
+    """What is switched on of this protocol's simulated mount. Raises UserError for what only another one has."""
+    chosen = {}
+    for spec in PROTOCOLS.values():
+        for name in spec.simulator_switches:
+            if not getattr(arguments, name):
+                continue
+            if spec.name != protocol:
+                raise UserError(f"sim: {_flag(name)} is for {spec.name} mounts; a {protocol} mount has no such setting")
+            chosen[name] = True
+    return chosen
+
+
 def _epilog() -> str:
     return f"{_EPILOG}\n{models()}"
 
 
 def models() -> str:
-    """Every model of both protocols, and the versions it was made with."""
+    """Every model of every protocol, and the versions it was made with."""
     lines = [
         "models, and versions of the hand control (the last number is the default; others are possible, and",
         "nexstar:starsense is a StarSense hand control on the default model):",
     ]
-    for protocol in PROTOCOLS:
-        for name, row in load(protocol).models.items():
-            lines.append(f"  {protocol}:{name:<16} {' '.join(made_with(row))}".rstrip())
+    for spec in PROTOCOLS.values():
+        for name, row in spec.commands.models.items():
+            lines.append(f"  {spec.name}:{name:<16} {' '.join(spec.made_with(row))}".rstrip())
     return "\n".join(lines)
 
 
 def _sim(arguments: argparse.Namespace) -> int:
-    from gateway.app.simulated import DEFAULT_MODEL, make_simulator, parse_time, running_clock
+    from gateway.app.simulated import make_simulator, parse_time, running_clock
 
     endpoint = parse_device(arguments.device)
     if not (0 <= arguments.latency < inf and 0 < arguments.speed < inf):
@@ -103,12 +111,7 @@ def _sim(arguments: argparse.Namespace) -> int:
             raise UserError(f"sim: --at {place}: write --at {meant}")
     if arguments.baud is not None and arguments.baud <= 0:
         raise UserError("sim: --baud is a rate like 9600")
-    if arguments.land_tells_altaz and endpoint.protocol != "lx200":
-        raise UserError("sim: --land-tells-altaz is for lx200 mounts")
-    if arguments.tolerant and endpoint.protocol != "lx200":
-        raise UserError("sim: --tolerant is for lx200 mounts; the commands of a hand control have one form each")
-    chosen = {"land_tells_altaz": arguments.land_tells_altaz, "tolerant": arguments.tolerant}
-    settings = {name: True for name, value in chosen.items() if value}
+    settings = _switches(arguments, endpoint.protocol)
     with of_flag("--time"):
         start = parse_time(arguments.time) if arguments.time else None
     with of_flag("--site"):
@@ -121,7 +124,7 @@ def _sim(arguments: argparse.Namespace) -> int:
         speed=arguments.speed,
         **settings,
     )
-    name = f"{endpoint.protocol}:{endpoint.model or DEFAULT_MODEL[endpoint.protocol]}"
+    name = f"{endpoint.protocol}:{endpoint.model or PROTOCOLS[endpoint.protocol].default_model}"
 
     async def serve() -> int:
         return await _serve(simulator, name, places, arguments.latency, arguments.baud, arguments.truth)

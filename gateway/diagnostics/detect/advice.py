@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gateway.diagnostics.detect.scan_port import BUSY, MUTE, UNOPENED, Finding
+from gateway.protocols.registry import PROTOCOLS
 
 NO_PORT = (
     "no serial port is there: plug the USB adapter in; dmesg | tail tells whether this computer noticed (on Windows "
@@ -12,14 +13,11 @@ NO_PORT = (
     "a virtual serial port must be named (mount-gateway detect /tmp/ttySIM0), and so must an adapter in the network "
     "(mount-gateway detect socket://192.168.1.50:4030)",
 )
-#: What may be wrong where nothing answers.
+#: What may be wrong where nothing answers; between both come the cables of each protocol's mounts.
+SWITCHED_OFF = "switch the mount on, and wait until its hand control has started"
 SILENT = (
-    "switch the mount on, and wait until its hand control has started",
-    "Celestron: the cable belongs into the base of the hand control, not into the port marked PC on the mount; Meade: "
-    "into the port marked RS-232 on the panel, or into the Autostar's own",
     "use the cable that is made for this hand control: others fit, and have their wires elsewhere",
     "end a program that speaks to the mount on another port; leave the menus of the hand control",
-    "an old classic LX200 may be deaf to what is asked here: mount-gateway detect lx200@{port}",
 )
 OF_OTHERS = {
     BUSY: "{port} is in use: end that program, or have it connect to the gateway in place of the port",
@@ -39,7 +37,10 @@ def next_steps(findings: Sequence[Finding]) -> list[str]:
     steps: list[str] = []
     silent = [finding.place.url for finding in findings if finding.state == "silent"]
     if silent:
-        steps += [step.format(port=silent[0]) for step in SILENT]
+        specs = [spec for spec in reversed(PROTOCOLS.values()) if spec.make_driver is not None]
+        cables = "; ".join(f"{spec.makers[0].title()}: {spec.cable}" for spec in specs if spec.makers and spec.cable)
+        deaf = [spec.deaf for spec in specs if spec.deaf]
+        steps += [step.format(port=silent[0]) for step in (SWITCHED_OFF, cables, *SILENT, *deaf)]
     steps += [
         OF_OTHERS[finding.state].format(port=finding.place.url)
         for finding in findings

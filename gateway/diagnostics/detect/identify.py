@@ -9,8 +9,8 @@ from typing import Any
 
 from msgspec import Struct
 
+from gateway.app.bindings import make_driver
 from gateway.app.config import Endpoint, MountConfig
-from gateway.app.gateway import DRIVERS
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.wire_log import Transcript
@@ -69,7 +69,7 @@ class _Talk:
 async def identify(protocol: str, ear: PortListener, model: str | None = None, version: str | None = None) -> Mount:
     """Let the protocol's driver find out what is on an open wire. Raises Fault when it does not get that far."""
     now = asyncio.get_running_loop().time
-    driver, _, dialogue = DRIVERS[protocol](Endpoint(protocol, ear.name, model, version), MountConfig(at="-"), now)
+    driver, _, dialogue = make_driver(Endpoint(protocol, ear.name, model, version), MountConfig(at="-"), now)
     line = MountLink(ear, dialogue, Transcript(time.time))
     talk = _Talk(driver, line)
     line.start()

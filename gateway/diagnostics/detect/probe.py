@@ -1,39 +1,34 @@
 """The law of asking an unknown line who it is.
 
 First silence: a command that another program left half finished must be dropped before two more bytes can complete it,
-and whoever talks by itself is no mount and is not spoken to. Then ``Kx``, which a hand control echoes as ``x#`` and an
-LX200 ignores. Then the single byte 0x06, which a Meade answers with one letter and no hand control takes for a command.
-Nothing that begins with ``:`` goes out unless the user has named the protocol, for LX200 text is live ammunition on a
-hand control: ``:GR#`` holds an ``R``, which is a goto.
+and whoever talks by itself is no mount and is not spoken to. Then the questions of the protocols, by their rank: first
+what no mount of any protocol can take for an order. ``Kx`` is echoed by a hand control and ignored by an LX200; the
+single byte 0x06 is answered by a Meade, and no hand control takes it for a command. Nothing that begins with ``:`` goes
+out unless the user has named the protocol: ``:GR#`` holds an ``R``, which is a goto on a hand control.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from enum import Enum
+from enum import StrEnum
 from functools import partial
 
 from msgspec import Struct
 from pynmea2 import NMEASentence
 
 from gateway.diagnostics.detect.port_listener import PortListener
+from gateway.protocols.base.spec import Question
+from gateway.protocols.registry import PROTOCOLS
 
-KX, ACK, POSITION = b"Kx", b"\x06", b"#:GR#"
-#: A lone letter is an answer to ACK only when nothing follows it for so long, in seconds.
-LONE = 0.1
-_POSITION = re.compile(rb"\d\d:\d\d(\.\d|:\d\d)#")
 #: What a stranger answers who was asked at its own rate; anything else may be an answer at another one.
 _TEXT = re.compile(rb"[ -~\r\n\t]+")
 _SENTENCE = re.compile(rb"\$([A-Z]{4,6},[^\r\n*$]*)\*([0-9A-F]{2})")
 
 
-class Verdict(Enum):
-    """What a port turned out to be."""
+class Verdict(StrEnum):
+    """What a port turned out to be where it is no mount. A mount is the name of its protocol, or a state of it."""
 
-    NEXSTAR = "nexstar"
-    LX200 = "lx200"
-    DOWNLOADER = "downloader"
     SILENT = "silent"
     ECHO = "echo"
     GPS = "gps"
@@ -61,12 +56,24 @@ AT_9600 = Patience(quiet=1.05, restless=2.5, first=0.6, answer=3.5)
 ELSEWHERE = Patience(quiet=0.3, restless=1.5, first=0.3, answer=1.05)
 
 
-def questions(named: str | None) -> list[bytes]:
-    """What a line may be asked, in order. Who names the LX200 may be wrong: a hand control is asked for first."""
-    return {None: [KX, ACK], "nexstar": [KX], "lx200": [KX, ACK, POSITION]}[named]
+def questions(named: str | None) -> list[Question]:
+    """What a line may be asked, in order.
+
+    Who names a protocol may be wrong: the questions before its own are asked, too, and none behind them.
+    """
+    every = sorted(
+        ((spec.name, question) for spec in PROTOCOLS.values() for question in spec.questions),
+        key=lambda found: found[1].rank,
+    )
+    last = max((question.rank for name, question in every if name == named), default=None)
+    return [
+        question
+        for name, question in every
+        if (not question.named or name == named) and (last is None or question.rank <= last)
+    ]
 
 
-async def probe(ear: PortListener, patience: Patience, named: str | None = None) -> Verdict:
+async def probe(ear: PortListener, patience: Patience, named: str | None = None) -> str:
     """Ask an open line who it is. Raises OSError when the port vanishes meanwhile."""
     if not await _fell_quiet(ear, patience):
         return Verdict.GPS if sentence(ear.heard) else Verdict.TALKER
@@ -75,7 +82,7 @@ async def probe(ear: PortListener, patience: Patience, named: str | None = None)
     waits = [patience.first] * (len(asked) - 1)
     waits.append(patience.answer - sum(waits))
     for question, seconds in zip(asked, waits, strict=True):
-        ear.write(question)
+        ear.write(question.request)
         verdict = await _wait(ear, seconds, partial(_judge, ear, question))
         if verdict is not None:
             return verdict
@@ -86,28 +93,26 @@ async def probe(ear: PortListener, patience: Patience, named: str | None = None)
     return Verdict.STRANGER if _TEXT.fullmatch(ear.heard) else Verdict.GARBLED
 
 
-async def overhear(ear: PortListener, seconds: float) -> Verdict:
+async def overhear(ear: PortListener, seconds: float) -> str:
     """Listen to somebody who talks, without a word: a GPS receiver, or nobody knows who. Raises OSError."""
     return await _wait(ear, seconds, lambda: Verdict.GPS if sentence(ear.heard) else None) or Verdict.TALKER
 
 
-def _judge(ear: PortListener, question: bytes) -> Verdict | None:
+def _judge(ear: PortListener, question: Question) -> str | None:
     return judge(ear.heard, ear.still, question)
 
 
-def judge(heard: bytes, still: float, question: bytes) -> Verdict | None:
-    """What the bytes after a question say; None while they may mean anything. ``still`` is seconds since the last."""
-    if heard.startswith((KX, question)):
+def judge(heard: bytes, still: float, question: Question) -> str | None:
+    """What the bytes after a question say; None while they may mean anything. ``still`` is seconds since the last.
+
+    The answer to the question before may come late.
+    """
+    before = [asked for spec in PROTOCOLS.values() for asked in spec.questions if asked.rank < question.rank]
+    if heard.startswith((question.request, *(asked.request for asked in before if asked.late))):
         return Verdict.ECHO
-    if heard.endswith(b"x#"):
-        return Verdict.NEXSTAR
-    if question == ACK and len(heard) == 1 and still >= LONE:
-        if heard in b"APLG":
-            return Verdict.LX200
-        if heard == b"D":
-            return Verdict.DOWNLOADER
-    if question == POSITION and _POSITION.fullmatch(heard):
-        return Verdict.LX200
+    for asked in (*(asked for asked in before if asked.late), question):
+        if (said := asked.judge(heard, still)) is not None:
+            return said
     return None
 
 
@@ -128,7 +133,7 @@ async def _fell_quiet(ear: PortListener, patience: Patience) -> bool:
     return True
 
 
-async def _wait(ear: PortListener, seconds: float, condition: Callable[[], Verdict | None]) -> Verdict | None:
+async def _wait(ear: PortListener, seconds: float, condition: Callable[[], str | None]) -> str | None:
     """The first verdict in time, or None."""
     end = ear.now() + seconds
     while ear.now() < end:

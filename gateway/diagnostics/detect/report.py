@@ -6,12 +6,9 @@ import json
 import shlex
 from typing import Any
 
-from gateway.diagnostics.detect.identify import Mount
 from gateway.diagnostics.detect.scan_port import USUAL, Finding
-from gateway.protocols.wireformat.command_set import parse_version
+from gateway.protocols.registry import PROTOCOLS, other_surface
 
-SURFACES = {"nexstar": "lx200", "lx200": "nexstar"}
-PORT = 4030
 #: What a person must know who lets others in.
 ANYBODY = "anybody in your network can move the mount then: these protocols know no passwords"
 #: The version of a mount that tells none.
@@ -23,7 +20,6 @@ WORDS = {
     "talker": "something talks here by itself, unintelligibly: no mount; it was sent nothing",
     "stranger": "something answers here, but not as a mount does",
     "garbled": "something answers here, unintelligibly at every rate: no mount",
-    "downloader": "a Meade that waits for new firmware: switch it off and on to use it",
     "busy": "not looked at",
     "unopened": "cannot be opened",
     "vanished": "the port vanished while it was looked at",
@@ -40,7 +36,8 @@ def block(finding: Finding, network: bool = False) -> str:
 
 def _nothing(finding: Finding) -> str:
     """Why there is no mount."""
-    words = WORDS[finding.state]
+    states = {state: words for spec in PROTOCOLS.values() for state, words in spec.states.items()}
+    words = (WORDS | states)[finding.state]
     if finding.state == "silent" and finding.rates > 1:
         words += f" at {USUAL} baud and {finding.rates - 1} other rates"
     elif finding.state in ("gps", "stranger", "echo") and finding.baud not in (None, USUAL):
@@ -58,7 +55,7 @@ def _mount_lines(finding: Finding, network: bool) -> list[str]:
     return [
         f"{mount.product}, {version}, {model}; {motors}{baud}answers in {mount.latency * 1000:.0f} ms",
         "; ".join(f"{name}: {words}" for name, words in mount.ways.items()),
-        f"equinox: {EQUINOX[mount.equinox]}",
+        f"equinox: {EQUINOX[mount.equinox].format(by=PROTOCOLS[mount.protocol].j2000_by)}",
         *hints(finding),
         "for programs on this computer:",
         f"  {command(finding)}",
@@ -71,7 +68,7 @@ def _mount_lines(finding: Finding, network: bool) -> list[str]:
 
 EQUINOX = {
     "jnow": "of date (jnow)",
-    "j2000": "by this version j2000 (Celestron's own driver says so, other programs say of date); "
+    "j2000": "by this version j2000 ({by} says so, other programs say of date); "
              "--equinox auto follows it, the default is jnow",
 }  # fmt: skip
 
@@ -83,18 +80,11 @@ def hints(finding: Finding) -> list[str]:
     found = []
     if mount.aligned is False:
         found.append("not aligned yet: align it at the hand control, it does no gotos before")
-    if mount.protocol == "nexstar" and not mount.tells_model:
-        if _before(mount, "2.2"):
-            found.append("if it is a NexStar GPS, write nexstar:nexstar-gps@ instead of nexstar@")
-        else:
-            found.append("an unknown model is driven as an alt-az fork")
+    if not mount.tells_model and (words := PROTOCOLS[mount.protocol].unknown_model(mount.version)):
+        found.append(words)
     if not mount.tells_place:
         found.append("it cannot tell its site and mode: add --site LAT,LON --mode alt-az (or eq-north, eq-south)")
     return found
-
-
-def _before(mount: Mount, version: str) -> bool:
-    return parse_version(mount.version) < parse_version(version)
 
 
 def endpoint(finding: Finding) -> str:
@@ -110,7 +100,8 @@ def endpoint(finding: Finding) -> str:
 def surface(finding: Finding, network: bool) -> str:
     """Where programs connect: from this computer only, or from the network, too."""
     assert finding.mount is not None
-    return f"{SURFACES[finding.mount.protocol]}@tcp://{'0.0.0.0' if network else '127.0.0.1'}:{PORT}"
+    spoken = other_surface(finding.mount.protocol)
+    return f"{spoken}@tcp://{'0.0.0.0' if network else '127.0.0.1'}:{PROTOCOLS[spoken].usual_port}"
 
 
 def command(finding: Finding, network: bool = False) -> str:
@@ -131,7 +122,7 @@ def toml(finding: Finding, network: bool = False) -> str:
     if finding.baud:
         rows.append(f"baud = {finding.baud}")
     if mount.equinox == "j2000":
-        rows.append('# equinox = "auto"  # j2000 for this version, by Celestron\'s own driver')
+        rows.append(f'# equinox = "auto"  # j2000 for this version, by {PROTOCOLS[mount.protocol].j2000_by}')
     if not mount.tells_place:
         rows += ["# site = [48.1, 11.6]  # latitude north, longitude east positive", '# mode = "alt-az"']
     rows += ["", "[[surface]]", f"at = {json.dumps(surface(finding, network))}"]

@@ -14,6 +14,7 @@ from gateway.diagnostics.detect.identify import Mount, identify
 from gateway.diagnostics.detect.port_listener import PortListener, Tunable
 from gateway.diagnostics.detect.ports import SerialPortInfo, holder
 from gateway.diagnostics.detect.probe import AT_9600, ELSEWHERE, Patience, Verdict, overhear, probe
+from gateway.protocols.registry import PROTOCOLS
 from gateway.transport.wires import SerialTransport
 
 USUAL = 9600
@@ -64,8 +65,8 @@ async def look(
         return Finding(place, state, reason=getattr(error, "strerror", None) or str(error), seconds=now() - began)
     try:
         verdict, baud, rates = await _at_every_rate(ear, place, first, others)
-        state, mount, reason = verdict.value, None, ""
-        if verdict in (Verdict.NEXSTAR, Verdict.LX200):
+        state, mount, reason = str(verdict), None, ""
+        if state in PROTOCOLS:
             named = place.named if place.named and place.named.protocol == state else None
             model, version = (named.model, named.version) if named else (None, None)
             try:
@@ -87,13 +88,13 @@ async def look(
 
 async def _at_every_rate(
     ear: PortListener, place: SerialPortInfo, first: Patience, others: Patience
-) -> tuple[Verdict, int, int]:
+) -> tuple[str, int, int]:
     """-> what it is, at which rate, and how many rates were tried. Raises OSError when the port vanishes."""
     protocol = place.named.protocol if place.named else None
     verdict, baud, rates = await probe(ear, first, protocol), USUAL, 1
     if not place.has_rates or verdict not in OPEN:
         return verdict, baud, rates
-    talks, garbled = verdict is Verdict.TALKER, verdict is Verdict.GARBLED
+    talks, garbled = verdict == Verdict.TALKER, verdict == Verdict.GARBLED
     for baud in OTHERS:
         try:
             ear.tune(baud)
@@ -104,12 +105,12 @@ async def _at_every_rate(
         verdict = await (overhear(ear, EAVESDROP) if talks else probe(ear, others, protocol))
         if verdict not in OPEN:
             return verdict, baud, rates
-        garbled = garbled or verdict is Verdict.GARBLED
+        garbled = garbled or verdict == Verdict.GARBLED
     return Verdict.TALKER if talks else Verdict.GARBLED if garbled else Verdict.SILENT, USUAL, rates
 
 
 async def who_answers(url: str, baud: int) -> str | None:
-    """``"nexstar"``, ``"lx200"``, or None when nobody answers sensibly at this rate."""
+    """The protocol of the mount that answers at this rate, or None when nobody answers sensibly."""
     ear = PortListener(SerialTransport(url, baud))
     try:
         await ear.begin()
@@ -121,4 +122,4 @@ async def who_answers(url: str, baud: int) -> str | None:
         return None
     finally:
         await ear.end()
-    return verdict.value if verdict in (Verdict.NEXSTAR, Verdict.LX200) else None
+    return verdict if verdict in PROTOCOLS else None

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 from gateway.core.errors import Fault, Refused
 from gateway.diagnostics.log.words import in_words, steady
-from gateway.mount.link.transaction import ReplyRules
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.frames import Framing, Unterminated
+from gateway.protocols.base.reply_rules import Replies
 from gateway.protocols.wireformat.command_set import load
 
 #: Seconds between two bytes where a capture tells no times: enough that a byte which is no command costs no other one,
@@ -54,7 +54,7 @@ def _briefly(meaning: str) -> str:
 class Side:
     """One side, and the replies that are still due to it."""
 
-    def __init__(self, protocol: str, framing: Cutting, dialogue: ReplyRules) -> None:
+    def __init__(self, protocol: str, framing: Cutting, dialogue: Replies) -> None:
         self._now = 0.0
         self.protocol, self._framing, self._dialogue = protocol, framing(lambda: self._now), dialogue
         self._due: deque[Send] = deque(maxlen=DUE)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import TextIO
 
-from gateway.clients.wrong_preset import guess, other
+from gateway.clients.wrong_preset import other
 from gateway.core.wire_log import Entry, show
 from gateway.diagnostics.log.conversation import Cutting, Heard, Side
 from gateway.diagnostics.log.folding import Folding, Told
 from gateway.diagnostics.log.layout import Row, colours_of, columns_of, painted, plain, wrapped
-from gateway.mount.link.transaction import ReplyRules
+from gateway.protocols.base.reply_rules import Replies
+from gateway.protocols.registry import guess
 from gateway.system import journal
 
 #: What a person need not see: bytes shown as commands, the hub's own decisions, a lost port that has a note besides.
@@ -22,7 +23,7 @@ SHOWN = ("all", "program", "mount", "changes", "refusals")
 
 MOUNT = "mount"
 #: A protocol -> how its commands are cut out, and how its replies are taken apart.
-Speech = Callable[[str], tuple[Cutting, ReplyRules]]
+Speech = Callable[[str], tuple[Cutting, Replies]]
 
 
 class Rows:

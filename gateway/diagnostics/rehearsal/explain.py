@@ -10,24 +10,25 @@ from functools import cache
 
 from msgspec.structs import replace
 
+from gateway.app.bindings import speech
 from gateway.app.config import Endpoint, parse_device
-from gateway.app.gateway import shows_itself, speech
+from gateway.app.gateway import shows_itself
 from gateway.app.recording.format import unescape
-from gateway.app.simulated import DEFAULT_MODEL
 from gateway.astro.ephemeris import Sky
 from gateway.core.errors import UserError
 from gateway.core.operations import GetStatus
 from gateway.core.wire_log import show
-from gateway.diagnostics.command_tables import STANDS_FOR, effective, outcome, taken
+from gateway.diagnostics.command_tables import STANDS_FOR, outcome, taken
 from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.log.words import in_words
 from gateway.diagnostics.rehearsal.play import Before, Play, Player, stage
 from gateway.diagnostics.rehearsal.samples import example
 from gateway.diagnostics.virtual_time import run
-from gateway.protocols.wireformat.command_set import KEEPS, Command, CommandSet, SurfaceRow, Version, load
+from gateway.protocols.registry import PROTOCOLS
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.command_set import CommandSet, load
+from gateway.protocols.wireformat.rows import KEEPS, SurfaceRow, Version
 
-#: What programs that speak LX200 have said before, so that there is a target.
-TARGET = {"lx200": (":Sr05:34:32#", ":Sd+22*00:52#", ":Sa+50*00#", ":Sz200*00#")}
 #: How long a gateway is left alone before it is asked, seconds.
 IDLE = 3.0
 NO_HINT = "; mount-gateway tables lists them all"
@@ -51,7 +52,7 @@ def explain(surface: str, mount: str, typed: str) -> str:
     lines = [f"{show(frame)}  {command.help}"]
     if command.models is not None:
         lines.append(f"  by the manual only on {', '.join(sorted(command.models))}")
-    if face.version and not command.known_to(None, effective(protocol, face.model or "", face.version)):
+    if face.version and not command.known_to(None, PROTOCOLS[face.protocol].counts_as(face.version)):
         lines.append(f"  a hand control of version {face.version} does not know it and passes over all of it")
         return "\n".join(lines)
     if command.beyond:
@@ -80,26 +81,27 @@ def sky() -> Sky:
 
 def whole(mount: Endpoint) -> Endpoint:
     """A mount with its model and version: what is not said is what a simulated one is."""
-    model = mount.model or DEFAULT_MODEL[mount.protocol]
+    model = mount.model or PROTOCOLS[mount.protocol].default_model or ""
     versions = load(mount.protocol).models[model].get("versions", [None])
     return replace(mount, model=model, version=mount.version or versions[-1])
 
 
 def counted(mount: Endpoint) -> Version | None:
     """The version whose commands a whole mount has."""
-    return effective(load(mount.protocol), mount.model or "", mount.version) if mount.version else None
+    return PROTOCOLS[mount.protocol].counts_as(mount.version) if mount.version else None
 
 
 def traits(face: Endpoint, command: Command) -> frozenset[str]:
     """What a row may ask of a presented model: nothing where its version lacks the command."""
-    protocol, model = load(face.protocol), face.model or DEFAULT_MODEL[face.protocol]
-    version = effective(protocol, model, face.version) if face.version else None
+    spec = PROTOCOLS[face.protocol]
+    protocol, model = spec.commands, face.model or spec.default_model or ""
+    version = spec.counts_as(face.version) if face.version else None
     return protocol.traits(model) if command.known_to(None, version) or command.beyond else frozenset()
 
 
 def before(face: Endpoint, row: SurfaceRow) -> Before:
     """What a program has said before this command, and what just before."""
-    after = (*TARGET.get(face.protocol, ()), *row.after)
+    after = (*PROTOCOLS[face.protocol].target, *row.after)
     return Before(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
 
 
@@ -157,14 +159,11 @@ def _own(protocol: CommandSet, name: str) -> list[str]:
 
 def _hint(client: str, frame: bytes) -> str:
     """What may be wrong with it."""
-    other = "nexstar" if client == "lx200" else "lx200"
-    if load(other).find(frame) is not None:
-        return f"; it is one of {other}: write explain {other} {client}"
-    if client == "lx200":
-        bare = frame.strip(b":#")
-        if load(client).find(whole := b":" + bare + b"#") is not None:
-            return f"; did you mean '{show(whole)}'? {'Its # is missing' if frame[:1] == b':' else 'Its : is missing'}"
-        return ""
+    for other, spec in PROTOCOLS.items():
+        if other != client and spec.commands.find(frame) is not None:
+            return f"; it is one of {other}: write explain {other} {client}"
+    if (hint := PROTOCOLS[client].hint) is not None:
+        return f"; {words}" if (words := hint(frame)) else ""
     alike = [command for command in load(client).commands.values() if command.request.literal[:1] == frame[:1]]
     return f"; {alike[0].help} is written like '{show(example(alike[0]))}'" if alike else ""
 

@@ -10,12 +10,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from gateway.core.errors import Unsupported
+from gateway.app.bindings import speech
+from gateway.core.errors import NoDevice, Unsupported
 from gateway.core.operations import Read, named
 from gateway.diagnostics.command_tables import outcome, remarks, sent, taken
 from gateway.diagnostics.rehearsal.play import Play
+from gateway.protocols.base.driver import Send
 from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
-from gateway.protocols.wireformat.command_set import Command, CommandSet, SurfaceRow, Version
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.command_set import CommandSet
+from gateway.protocols.wireformat.rows import SurfaceRow, Version
 
 #: Notes that are about the mount or the site, not about a command.
 PRECISIONS = ("high", "low")
@@ -100,14 +104,15 @@ def _answers(play: Play) -> list[tuple[bytes, bytes]]:
 
 
 def _mount_says_no(mount: CommandSet, request: bytes, answer: bytes) -> bool:
-    """Whether the mount has refused: a form for that, or a device that does not respond, which is one byte too long."""
-    command = mount.find(request)
-    if command is None:
+    """Whether the mount has refused: by a form for that, or by the form of a device that does not respond."""
+    found = mount.find(request)
+    if found is None:
         return False
-    forms = command[0].replies
-    refused = any(reply.fault and form.matcher.fullmatch(answer) for reply, form in forms)
-    widths = {form.width for _, form in forms if form.width is not None}
-    return refused or (bool(widths) and mount.name == "nexstar" and len(answer) > max(widths))
+    command, picture = found
+    if any(reply.fault and form.matcher.fullmatch(answer) for reply, form in command.replies):
+        return True
+    taken = speech(mount.name)[1].take(Send(command.name, picture.decode(request)), answer)
+    return taken is not None and isinstance(taken[0], NoDevice)
 
 
 def _notes(play: Play) -> list[str]:

@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from gateway.app.config import Endpoint
-from gateway.app.simulated import DEFAULT_MODEL, DEFAULT_SITE
+from gateway.app.simulated import DEFAULT_SITE
 from gateway.astro.ephemeris import Sky
 from gateway.core.errors import Fault
 from gateway.core.operations import Read, named
@@ -20,6 +20,7 @@ from gateway.diagnostics.rehearsal.samples import START
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.protocols.base.driver import Driver
 from gateway.protocols.base.surface import Defer, FireAndForget, Handling, Possible, ReuseLastReading, Session, Speed
+from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
 #: How long a reply may take, seconds.
@@ -92,14 +93,11 @@ def is_look(protocol: CommandSet, data: bytes) -> bool:
 def stage(face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, wedge: bool = False) -> Stage:
     """The gateway between a presented model and a simulated mount, each with its version, in the night of ``START``.
 
-    What old hand controls do not tell is in the settings: name, site, and on a wedge the tracking mode. A NexStar has
-    a focuser on it.
+    What old mounts do not tell is in the settings: name, site, and on a wedge the tracking mode.
     """
-    model = mount.model or DEFAULT_MODEL[mount.protocol]
+    spec = PROTOCOLS[mount.protocol]
+    model = mount.model or spec.default_model
     config: dict[str, Any] = {"site": DEFAULT_SITE}
-    simulated: dict[str, Any] = {}
-    if mount.protocol == "nexstar":
-        simulated = {"focuser": True, "wedge": wedge}
     if wedge:
         config["mode"] = "eq-north"
     return Stage(
@@ -115,7 +113,7 @@ def stage(face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, we
         speed=HURRY,
         named=True,
         config=config,
-        simulated=simulated,
+        simulated=spec.rehearsed_with(wedge),
     )
 
 

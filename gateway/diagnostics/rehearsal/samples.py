@@ -10,7 +10,7 @@ from datetime import UTC, date, datetime
 from typing import Any
 
 from gateway.core.errors import MappingError
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.fields import Codec
 
 #: 2026-01-28 21:00 UTC: a night with the Moon, the Crab nebula and Jupiter well up at the place of a simulated mount.

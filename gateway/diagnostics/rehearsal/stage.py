@@ -10,8 +10,9 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
+from gateway.app.bindings import make_driver, make_surface
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
-from gateway.app.gateway import DRIVERS, FACES, own_face, policy, shows_itself
+from gateway.app.gateway import own_face, policy, shows_itself
 from gateway.app.simulated import DEFAULT_SITE, make_simulator
 from gateway.astro.ephemeris import Sky
 from gateway.clients.acceptor import ConnectionAcceptor, SurfaceBinding
@@ -21,7 +22,11 @@ from gateway.core.wire_log import Entry, Transcript
 from gateway.mount.controller import MountController
 from gateway.mount.link.queue import MountLink
 from gateway.mount.site.site_clock import SiteClock
+from gateway.protocols.registry import pairs
 from gateway.transport.wires import SimulatedTransport
+
+#: Who speaks to whom where nobody says otherwise.
+PRESENTED, DRIVEN = pairs()[0]
 
 
 def _nobody() -> None:
@@ -42,8 +47,8 @@ class Stage:
         version: str | None = None,
         *,
         start: float,
-        driven: str = "nexstar",
-        presented: str = "lx200",
+        driven: str = DRIVEN,
+        presented: str = PRESENTED,
         surface: str | None = None,
         surface_version: str | None = None,
         site: tuple[float, float] = DEFAULT_SITE,
@@ -76,7 +81,7 @@ class Stage:
         self.entries: list[Entry] = []
         self.transcript.sinks.append(self.entries.append)
         known = endpoint if named else Endpoint(driven, "sim")
-        driver, follow_ups, dialogue = DRIVERS[driven](known, self.settings, loop.time)
+        driver, follow_ups, dialogue = make_driver(known, self.settings, loop.time)
         self.driver: Any = driver
         driver.hurry = speed
         self.wire: list[bytes] = []
@@ -89,7 +94,7 @@ class Stage:
             driver, follow_ups, line, sky or Sky(), self.observatory, self.transcript, policy(self.settings)
         )
         shown = Endpoint(presented, "-", surface, surface_version)
-        self.face: SurfaceBinding = FACES[presented](shown, SurfaceConfig(at="-"), self.settings.limits)
+        self.face: SurfaceBinding = make_surface(shown, SurfaceConfig(at="-"), self.settings.limits)
         self.face.surface.verbatim = presented == driven
         if shows_itself(Endpoint(driven, "sim"), shown):
             self.controller.identification.told = lambda: own_face(self.controller, self.face)

@@ -14,14 +14,17 @@ from multiprocessing import get_context
 from typing import NamedTuple
 
 from gateway.app.config import Endpoint
-from gateway.diagnostics.command_tables import PAIRS, versions
+from gateway.diagnostics.command_tables import versions
 from gateway.diagnostics.rehearsal.explain import before, counted, sky, traits
 from gateway.diagnostics.rehearsal.judge import Case, differences, writes
 from gateway.diagnostics.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Before, Play, Player, stage
 from gateway.diagnostics.rehearsal.samples import example
 from gateway.diagnostics.rehearsal.stage import Stage
 from gateway.diagnostics.virtual_time import run
-from gateway.protocols.wireformat.command_set import Command, CommandSet, SurfaceRow, load
+from gateway.protocols.registry import pairs as protocol_pairs
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.command_set import CommandSet, load
+from gateway.protocols.wireformat.rows import SurfaceRow
 
 #: What rows ask of a mount that a wedge changes.
 BUILDS = ("alt-az", "equatorial")
@@ -57,7 +60,7 @@ class Difference(NamedTuple):
 
 def pairs() -> Iterator[Pair]:
     """Every presented model with every mount of the other protocol, each in all its versions."""
-    for client, mount in PAIRS:
+    for client, mount in protocol_pairs():
         for face in _models(client):
             for driven in _models(mount):
                 yield Pair(face, driven)

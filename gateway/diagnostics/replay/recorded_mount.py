@@ -13,8 +13,8 @@ from gateway.core.errors import Fault
 from gateway.core.wire_log import Transcript
 from gateway.diagnostics.virtual_time import VirtualLoop
 from gateway.mount.link.queue import MountLink, Request
-from gateway.mount.link.transaction import ReplyRules
 from gateway.protocols.base.driver import Send
+from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.transport.wires import OnData, OnLost
 
 #: Half of the recorded times' last digit, seconds.

@@ -27,7 +27,7 @@ from gateway.diagnostics.replay.retraced import RetracedLoop
 from gateway.diagnostics.replay.retracing import Difference, Retracing, surface_and_host
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.queue import MountLink
-from gateway.mount.link.transaction import ReplyRules
+from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.transport import ConnectionHandler
 from gateway.transport.wires import SimulatedTransport
 
@@ -150,7 +150,7 @@ def replay_on_simulator(recording: Recording, show: Callable[[str], object]) -> 
 
 
 async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> None:
-    from gateway.app.gateway import speech
+    from gateway.app.bindings import speech
     from gateway.app.simulated import DEFAULT_SITE, make_simulator
     from gateway.diagnostics.log.layout import plain
     from gateway.diagnostics.log.printing import Rows

@@ -41,13 +41,17 @@ class HibernationGate:
 
     def admit(self, ask: Send, rank: int) -> None:
         """Whether to ask this now. Raises Asleep."""
-        if not self._driver.asleep or rank == STOP or ask.command in self._driver.awake_or_not or self._waking():
+        if not self._driver.asleep or rank == STOP or self._heard(ask) or self._waking():
             return
         if self.deep or rank != POSITION:
             raise Asleep
         self._next = self._now() + TRY_AGAIN
 
+    def _heard(self, ask: Send) -> bool:
+        """Whether the mount hears this in its sleep."""
+        return bool(self._driver.protocol.commands[ask.command].while_asleep)
+
     def answered(self, ask: Send) -> None:
         """An answer has come."""
-        if ask.command not in self._driver.awake_or_not:
+        if not self._heard(ask):
             self._driver.asleep = False

@@ -17,8 +17,9 @@ from typing import Any
 
 from gateway.core.errors import Busy, Fault, NoAnswer, Silence
 from gateway.core.wire_log import Transcript
-from gateway.mount.link.transaction import QUIET, ReplyRules, Transaction
+from gateway.mount.link.transaction import QUIET, Transaction
 from gateway.protocols.base.driver import Send
+from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.transport.wires import Transport
 
 STOP, MOTION, POSITION, WAITED, SETTING, READ = range(6)

@@ -8,13 +8,14 @@ the line is in step again, or every later answer would belong to an earlier ques
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Iterator
-from typing import Any, Protocol
+from collections.abc import Awaitable, Callable
+from typing import Any
 
 from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
 from gateway.core.wire_log import Transcript
 from gateway.mount.link.late_replies import LATEST, LateReplies
 from gateway.protocols.base.driver import Send
+from gateway.protocols.base.reply_rules import ReplyRules
 
 #: Seconds of quiet that end a disturbance.
 QUIET = 0.15
@@ -35,27 +36,6 @@ LATER, LATEST_ANSWER = 1.5, 6.0
 FIRST_ANSWER = 1.0
 #: A long piece of work of the mount may take that many seconds before what waits behind it is refused.
 BUSY_AFTER = 1.0
-
-
-class ReplyRules(Protocol):
-    """How a protocol's requests and replies look on the wire. ``closing`` ends a command of which half was sent.
-
-    It is sent, too, behind an unanswered one that ``leaves_open`` what follows.
-    """
-
-    closing: bytes
-
-    def timeout(self, ask: Send) -> float: ...
-    def pace(self, ask: Send) -> float: ...
-    def leaves_open(self, ask: Send) -> bool: ...
-    def bare(self, ask: Send) -> bool: ...
-    def alike(self, one: Send, other: Send) -> bool: ...
-    def kind(self, ask: Send) -> str | None: ...
-    def as_written(self, command: str, reply: bytes) -> bytes: ...
-    def encode(self, ask: Send) -> bytes: ...
-    def take(self, ask: Send, buffer: bytes) -> tuple[dict[str, Any] | Fault, int] | None: ...
-    def proof(self, number: int) -> Iterator[Send]: ...
-    def proven(self, ask: Send, values: dict[str, Any]) -> bool: ...
 
 
 class Transaction:
@@ -155,7 +135,7 @@ class Transaction:
     def timeout(self, ask: Send) -> float:
         """Seconds that the answer to a question may take on this line."""
         longest = max(self.dialogue.timeout(ask), self._late and LATER * self._late)
-        if self.dialogue.kind(ask) != "place" or self.answers < KNOWN or self._proving:
+        if self.dialogue.kind(ask) != "position" or self.answers < KNOWN or self._proving:
             return longest
         return min(longest, max(SOON, QUICK * self.typical))  # it is asked again and again: a lost one is soon missed
 

@@ -92,7 +92,7 @@ class ReplyVerifier:
             if len(row) >= self._wanted(kind, self._known.get(key), heard, strangers):
                 break
         else:
-            if len(row) < 2 and not (kind == "place" and longest == 1):  # a place may change that fast, and no other
+            if len(row) < 2 and not (kind == "position" and longest == 1):  # a place may change that fast, and no other
                 raise Garbled
         self._remember(key, heard)
         self._latitudes |= {name: heard.values[name] for name in _LATITUDE.values() if name in heard.values}
@@ -151,7 +151,7 @@ class ReplyVerifier:
         least = min(strangers, MOST_STRANGERS) + 1
         if known is None:
             return max(2, least)
-        if kind != "place":
+        if kind != "position":
             return least if self._agree(kind, known, heard) else max(3, least)
         if known.values.get("length") != heard.values.get("length"):  # in high precision now, or in low
             return max(2, least)
@@ -164,7 +164,7 @@ class ReplyVerifier:
         """Whether both can be true."""
         if before.fault is not None or after.fault is not None:
             return type(before.fault) is type(after.fault)
-        if kind == "place":
+        if kind == "position":
             reach = self._reach(before, after)
             return self._distance(before, after, min(POLEWARD, reach)) <= reach
         if kind == "clock":

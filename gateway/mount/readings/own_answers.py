@@ -1,6 +1,6 @@
 """What the mount itself answers to programs of its own protocol: asked once for all who want to know it.
 
-How long an answer serves everybody is said in the tables (``KEEPS``, ``wireformat/command_set.py``). What the
+How long an answer serves everybody is said in the tables (``KEEPS``, ``wireformat/rows.py``). What the
 gateway has told otherwise, because a program has set it and the mount has not taken it, stands against the mount's.
 """
 

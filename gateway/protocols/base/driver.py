@@ -12,8 +12,10 @@ from collections.abc import Callable, Generator, Mapping
 from typing import Any, NamedTuple
 
 from gateway.core.errors import Fault, Unsupported
-from gateway.core.operations import GotoAxes, Identity, Operation, Own, Rate, Read, Verbatim
-from gateway.protocols.wireformat.command_set import Command, CommandSet, Version, Way
+from gateway.core.operations import GotoAxes, Identity, Operation, Own, Rate, Read, Stop, Verbatim
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.command_set import CommandSet
+from gateway.protocols.wireformat.rows import Version, Way
 
 
 class Send(NamedTuple):
@@ -24,7 +26,8 @@ class Send(NamedTuple):
     A ``long`` one is work that takes the mount up to that many seconds: a stop that needs no answer goes out meanwhile,
     everything else is refused as busy, and silence at the end is a fault of the line.
     A ``raw`` one is answered with the reply's bytes, too, as the field ``raw``. Of a ``light`` one the first answer
-    will do: nothing hangs on it.
+    will do: nothing hangs on it. One that is asked ``once`` is believed as it comes: its answer belongs to what was
+    sent just before, or to nobody but the program that asked.
     """
 
     command: str
@@ -34,6 +37,7 @@ class Send(NamedTuple):
     prompt: bool = False
     raw: bool = False
     light: bool = False
+    once: bool = False
 
 
 class Wait(NamedTuple):
@@ -63,12 +67,14 @@ class Remark(NamedTuple):
 
 Step = Send | Wait | Schedule | Remark
 Steps = Generator[Step, Any, Any]
+Handler = Callable[[Any, Any], Steps]
 
 
 class Driver:
-    """Carries out operations by the rows of ``driver.toml``.
+    """Carries out operations by the rows of ``driver.toml``, and keeps what is known of the mount.
 
-    ``specials`` maps the names that rows call to functions ``(driver, operation) -> Steps``.
+    ``handlers`` are the functions that rows call, ``(driver, operation) -> Steps``. They are given to it: what a driver
+    knows and remembers has no part in how it is used.
     """
 
     #: Whether an aligned mount may be told site and time without losing its alignment.
@@ -97,13 +103,10 @@ class Driver:
     #: Whether it is a German mount, whose tube changes sides of the pier; None where that is not known.
     german: bool | None = None
     protocol: CommandSet
-    specials: Mapping[str, Callable[[Any, Any], Steps]]
     model: str | None = None
     version: Version | None = None
     #: Whether tracking was put off for a motion and has not been put back yet.
     tracking_suspended = False
-    #: The commands that end a motion and do nothing else, where a stop consists of more.
-    ends: frozenset[str] = frozenset()
     #: Whether a goto may be under way that the mount was sent and has not acknowledged.
     unsure = False
     #: Whether its motors have no power while it answers all the same.
@@ -111,9 +114,11 @@ class Driver:
     #: Seconds after which it counts as an answer that what was handed on to the mount stays unanswered; None where all
     #: that it has is answered.
     patience: float | None = None
-    #: Whether the mount was sent to sleep, and what is said to it all the same.
+    #: Whether the mount was sent to sleep.
     asleep = False
-    awake_or_not: frozenset[str] = frozenset()
+
+    def __init__(self, handlers: Mapping[str, Handler]) -> None:
+        self.handlers = handlers
 
     def knows(self, name: str) -> bool:
         """Whether the mount that was found has this command, by the manual: nothing is probed."""
@@ -126,6 +131,12 @@ class Driver:
             if all(self.knows(name) for name in (*way.send, *way.needs)):
                 return way
         return None
+
+    @property
+    def ends(self) -> frozenset[str]:
+        """The commands that end a motion and do nothing else, where a stop consists of more."""
+        way = self.way(Stop)
+        return frozenset() if way is None else frozenset(way.ends)
 
     def impossible(self, operation: Operation) -> Fault | None:
         """What an operation would be refused with, as far as that is known without asking the mount."""
@@ -164,10 +175,9 @@ class Driver:
     def contact(self) -> Steps:
         """What must be known before the mount can be asked where it points, and where that is, if it was told.
 
-        Its name is asked for after that.
+        Its name is asked for after that. By the handler ``contact``, where there is one.
         """
-        return
-        yield  # a generator like all others
+        return (yield from self.handlers["contact"](self, None)) if "contact" in self.handlers else None
 
     def presented(self) -> dict[str, Any]:
         """The model's constants that a surface of this protocol presents when it is to be the mount itself."""
@@ -189,14 +199,14 @@ class Driver:
             if not self.knows(operation.command):
                 raise Unsupported
             patience = self.patience if self.protocol.commands[operation.command].replies else None
-            return (yield Send(operation.command, dict(operation.fields), patience))
+            return (yield Send(operation.command, dict(operation.fields), patience, once=True))
         if isinstance(operation, Own):
             return (yield from self.own(operation))
         way = self.way(type(operation))
         if way is None:
             raise Unsupported
         if way.call:
-            return (yield from self.specials[way.call](self, operation))
+            return (yield from self.handlers[way.call](self, operation))
         given = {name: getattr(operation, name) for name in operation.__struct_fields__}
         fields: dict[str, Any] = {}
         for name in way.send:

@@ -7,20 +7,23 @@ The rows of ``surface.toml`` say what is done; those with ``call`` are functions
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing, suppress
-from functools import cache
+from functools import cached_property
 from typing import Any, NamedTuple
-
-import msgspec
 
 from gateway.core import operations
 from gateway.core.errors import Disturbed, Fault, Invalid, NoTarget, Silence, Unsupported
 from gateway.core.motion_kinds import begins_motion, may_begin_motion
-from gateway.core.operations import Operation, Own, Verbatim
+from gateway.core.operations import Operation, Own, Stop, Verbatim
+from gateway.protocols.base.ends import Ending, Ends
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.base.read_only import Sealed
-from gateway.protocols.wireformat.command_set import Command, CommandSet, SurfaceRow
+from gateway.protocols.base.replies import fields_of, needs, refusal
+from gateway.protocols.base.subscription import Subscription
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.command_set import CommandSet
+from gateway.protocols.wireformat.rows import SurfaceRow
 
 
 class FireAndForget(NamedTuple):
@@ -44,7 +47,7 @@ class ReuseLastReading(NamedTuple):
 
 
 class Defer(NamedTuple):
-    """Call a special of this surface again after some seconds."""
+    """Call a handler of this surface again after some seconds."""
 
     seconds: float
     special: str
@@ -108,11 +111,11 @@ class Surface:
     def __init__(
         self,
         protocol: CommandSet,
-        specials: Mapping[str, Special],
+        handlers: Mapping[str, Special],
         unanswered: Callable[[bytes, Fault | None], bytes] = lambda frame, fault: b"",
     ) -> None:
         #: ``unanswered`` gives the reply to a frame that nothing here answers, and to a fault that has no form.
-        self.protocol, self.specials, self.unanswered = protocol, specials, unanswered
+        self.protocol, self.handlers, self.unanswered = protocol, handlers, unanswered
         #: The mount speaks the same protocol: what means nothing here is passed on as it is, where it ``passes``.
         self.verbatim = False
         self.passes: Callable[[str, Mapping[str, Any]], bool] = lambda name, values: True
@@ -120,8 +123,25 @@ class Surface:
         self.stands_against: Callable[[Session, str, Mapping[str, Any]], bool] = lambda session, name, values: False
         #: A reply as the mount itself would write it, where it is the mount that is presented.
         self.as_written: Callable[[str, bytes], bytes] = lambda name, reply: reply
+        #: What a client is told without asking, from the beginning of its connection on.
+        self.subscriptions: Callable[[Session], Sequence[Subscription]] = lambda session: ()
         #: Why what is presented does not know a frame, which is then passed over whatever it says; empty: it knows it.
         self.lacks: Callable[[Mapping[str, Any], bytes], str] = lambda model, frame: ""
+
+    @cached_property
+    def ends(self) -> Ends:
+        """What ends motions, by the tables."""
+        return Ends(self.protocol)
+
+    def ending(self, session: Session, frame: bytes) -> Ending | None:
+        """What a command ends when it comes, before it has its turn; None for all that wait for theirs."""
+        command = self.ends.command(frame)
+        if command is None:
+            return None
+        row = self.protocol.surface[command.name]
+        return Ending(
+            self._operation(session, row, {}) if command.urgent == "axis" else Stop(), self.ends.takes_back(command)
+        )
 
     def handle(self, session: Session, frame: bytes) -> Handling:
         """One framed command -> its reply (empty: none). Yields operations; never raises for what a client sent."""
@@ -167,7 +187,7 @@ class Surface:
                     session.refused = f"{command.help}: {values['fault']}"
             return self.reply(session, command, answer)
         except Fault as fault:
-            said = self.refusal(command, fault)
+            said = refusal(command, fault)
             if not said and isinstance(fault, Invalid):
                 session.refused = f"{command.help}: {fault}"
             return said or self.unanswered(frame, fault)
@@ -178,7 +198,7 @@ class Surface:
         for name in frame.names:
             self._clear(session, name)
         command = self.protocol.commands.get(frame.names[0])
-        return b"" if frame.late or command is None else self.refusal(command, Invalid())
+        return b"" if frame.late or command is None else refusal(command, Invalid())
 
     def _clear(self, session: Session, name: str) -> None:
         """Have a command do to the session what it does when its value cannot be read."""
@@ -186,7 +206,7 @@ class Surface:
         if row is None or row.call is None:
             return
         with suppress(Fault):
-            steps = self.specials[row.call](session, self.protocol.commands[name], {"fault": Invalid()})
+            steps = self.handlers[row.call](session, self.protocol.commands[name], {"fault": Invalid()})
             if isinstance(steps, Generator):
                 with closing(steps):  # whatever it would ask of the mount is not asked
                     next(steps, None)
@@ -201,7 +221,7 @@ class Surface:
         if self.stands_against(session, command.name, values):
             raise Unsupported
         if keep == "library":
-            answer = yield from self.specials["own_library"](session, command, values)
+            answer = yield from self.handlers["own_library"](session, command, values)
         elif keep == "order":
             answer = yield Verbatim(command.name, tuple(values.items()))
         else:
@@ -248,24 +268,24 @@ class Surface:
         if row.say is not None:
             return row.say
         if row.ask is not None:
-            operation = self._operation(session, row.ask, values)
+            operation = self._operation(session, row, values)
             if not command.replies:
                 yield FireAndForget(operation)
                 return None
             return (yield operation)
         assert row.call is not None
-        outcome = self.specials[row.call](session, command, values)
+        outcome = self.handlers[row.call](session, command, values)
         if isinstance(outcome, Generator):
             outcome = yield from outcome
         return outcome
 
-    def _operation(self, session: Session, name: str, values: dict[str, Any]) -> Operation:
-        """The operation with its fields taken from the command, else from what the client set before."""
-        kind = operations.named(name)
+    def _operation(self, session: Session, row: SurfaceRow, values: dict[str, Any]) -> Operation:
+        """The operation that a row asks, with its fields from the command or the row, else from what was set before."""
+        kind = operations.named(row.ask or "")
         assert kind is not None
         fields: dict[str, Any] = {}
-        for field, required in _needs(kind):
-            value = values.get(field, session.kept.get(field))
+        for field, required in needs(kind):
+            value = values.get(field, row.given.get(field, session.kept.get(field)))
             if value is None and required:
                 raise NoTarget
             if value is not None:
@@ -278,17 +298,8 @@ class Surface:
             return answer
         for reply, picture in command.replies:
             if reply.fault is None and reply.when in (None, session.kept["precision"], session.model.get("name")):
-                return self.as_written(command.name, picture.encode(_fields(answer, picture.fields)))
+                return self.as_written(command.name, picture.encode(fields_of(answer, picture.fields)))
         return b""
-
-    def refusal(self, command: Command, fault: Fault) -> bytes:
-        """The reply form that stands for this fault, else the first that stands for any, else silence."""
-        refusals = [(reply, picture) for reply, picture in command.replies if reply.fault is not None]
-        name = type(fault).__name__
-        chosen = next((item for item in refusals if item[0].fault == name), refusals[0] if refusals else None)
-        if chosen is None:
-            return b""
-        return chosen[1].encode(dict.fromkeys(chosen[1].fields, str(fault)))
 
 
 def _without_motion(steps: Handling) -> Handling:
@@ -308,18 +319,3 @@ def _without_motion(steps: Handling) -> Handling:
             answer = yield wanted
         except Fault as error:
             fault = error
-
-
-@cache
-def _needs(kind: type[Operation]) -> tuple[tuple[str, bool], ...]:
-    """The fields of an operation, and whether each must be given; looking them up costs more than all of a reply."""
-    return tuple((field.name, field.required) for field in msgspec.structs.fields(kind))
-
-
-def _fields(answer: Any, names: Mapping[str, Any]) -> Mapping[str, Any]:
-    """An answer as the fields a reply wants: a mapping, a struct, or one bare value for one field."""
-    if isinstance(answer, Mapping):
-        return answer
-    if isinstance(answer, msgspec.Struct):
-        return msgspec.structs.asdict(answer)
-    return dict.fromkeys(names, answer)

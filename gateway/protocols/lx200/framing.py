@@ -12,6 +12,8 @@ the half one is dropped alone.
 
 from __future__ import annotations
 
+from functools import cache
+
 from gateway.protocols.base.frames import Dropped, Suspect, Unterminated
 from gateway.protocols.wireformat.command_set import load
 
@@ -19,8 +21,6 @@ ACK = 0x06
 LONGEST = 64
 #: Seconds of quiet that end a run of bytes: what comes then has nothing to do with what came before.
 RUN_GAP = 0.1
-#: What is carried out wherever it stands.
-STOPS = (b":Q#", b":Qe#", b":Qn#", b":Qs#", b":Qw#", b":FQ#")
 #: Why bytes are of no use.
 NOISE = "no command of an LX200 begins so"
 HALF = "a command without its end (#)"
@@ -36,6 +36,13 @@ def setter(begun: bytes) -> str | None:
     if command is not None:
         return command.name if command.request.fields else None
     return "" if begun.startswith(b":S") else None
+
+
+@cache
+def stops() -> tuple[bytes, ...]:
+    """What is carried out wherever it stands: what ends something and does nothing else."""
+    commands = load("lx200").commands.values()
+    return tuple([command.request.literal for command in commands if command.urgent in ("stop", "axis", "part")])
 
 
 class Framer:
@@ -95,7 +102,7 @@ class Framer:
         if self._lost:
             rest = b":" if self._colon else bytes(self._frame)
             self._give_up()
-            self._begin(rest if any(stop.startswith(rest) for stop in STOPS) else b"")
+            self._begin(rest if any(stop.startswith(rest) for stop in stops()) else b"")
 
     def _give_up(self) -> None:
         """What was swallowed comes to no end any more."""
@@ -120,7 +127,7 @@ class Framer:
         name = setter(piece) if len(piece) > 1 else None
         if self._lost:
             self._swallow(piece, name)
-            if piece + b"#" in STOPS:
+            if piece + b"#" in stops():
                 self._frames.append(piece + b"#")
         elif name is not None and self._old:
             self._frames.append(Unterminated(piece, (name,), late=True))
@@ -144,7 +151,7 @@ class Framer:
             self._swallow(frame[:-1], setter(frame[:-1]))
             self._frames.append(Unterminated(bytes(self._text) + b"#", tuple(self._lost)))
             self._lost = {}
-            if frame in STOPS:
+            if frame in stops():
                 self._frames.append(frame)
         elif len(frame) > 2:
             self._frames.append(Suspect(frame) if self._suspect else frame)

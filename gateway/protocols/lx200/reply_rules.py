@@ -14,6 +14,7 @@ from typing import Any
 
 from gateway.core.errors import Busy, Fault, Garbled, Refused
 from gateway.protocols.base.driver import Send
+from gateway.protocols.base.reply_rules import kind
 from gateway.protocols.lx200.handwriting import Handwriting
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
@@ -21,12 +22,6 @@ NAK = 0x15
 TIMEOUT, PACE = 3.0, 0.05  # seconds
 #: No reply with a ``#`` at its end is longer.
 LONGEST = 200
-#: The questions, by what their answers may do from one to the next: move, run as a clock does, or stay the same.
-KINDS = {
-    **dict.fromkeys(("GR", "GD", "GZ", "GA"), "place"),
-    "GL": "clock",
-    **dict.fromkeys(("ACK", "GW", "GVP", "GVN", "D", "h?", "Gt", "Gg", "GG", "GC", "GT"), "same"),
-}
 #: Field forms as telescopes send them: every digit in its place, any one byte between degrees, minutes and seconds.
 _SEP = rb"[^0-9#]"
 _FORMS = {
@@ -42,10 +37,6 @@ _FORMS = {
     "sHH.H": rb"[+-]?\d\d?(?:[.:]\d\d?)?",
 }
 _FIELD = re.compile(r"\{\w+:([^}]*)\}")
-
-
-#: Answers that are another one every time.
-STREAMS = frozenset({"gps"})
 
 
 @cache
@@ -75,7 +66,7 @@ def _shapes(sources: tuple[str, ...]) -> frozenset[str]:
     return frozenset(shapes)
 
 
-class MeadeDialogue:
+class Lx200ReplyRules:
     """What a line must know to exchange commands with a Meade."""
 
     protocol: CommandSet = load("lx200")
@@ -92,7 +83,7 @@ class MeadeDialogue:
 
     def kind(self, ask: Send) -> str | None:
         """What a question's answer may do from one to the next; None for a command that is no question."""
-        return KINDS.get(ask.command, "same" if ask.raw and ask.command not in STREAMS else None)
+        return kind(self.protocol, ask)
 
     def as_written(self, command: str, reply: bytes) -> bytes:
         """A reply by the manual as this telescope would write it."""
@@ -167,6 +158,6 @@ def _fault(name: str, values: dict[str, Any]) -> Fault:
     """The fault that a reply variant stands for, with the mount's own words where it sent some."""
     from gateway.core import errors
 
-    kind: type[Fault] = getattr(errors, name)
+    fault: type[Fault] = getattr(errors, name)
     words = str(values.get("text", "")).strip()
-    return kind(" ".join(words.split()) or None)
+    return fault(" ".join(words.split()) or None)

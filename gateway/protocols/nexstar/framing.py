@@ -14,7 +14,8 @@ from functools import lru_cache
 
 from gateway.core.errors import MappingError
 from gateway.protocols.base.frames import Dropped, Unterminated
-from gateway.protocols.wireformat.command_set import Command, load
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.command_set import load
 
 #: Seconds of quiet after which the rest of a command is no longer expected.
 QUIET_GAP = 1.0

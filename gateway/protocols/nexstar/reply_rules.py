@@ -12,24 +12,16 @@ from typing import Any
 
 from gateway.core.errors import Fault, Garbled, NoDevice, Refused
 from gateway.protocols.base.driver import Send
+from gateway.protocols.base.reply_rules import kind
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
 #: StarSense answers ``t`` with more than one byte: how many more at most.
 EXTRA = {"t": 4}
-#: The questions, by what their answers may do from one to the next: move, run as a clock does, or stay the same.
-KINDS = {
-    **dict.fromkeys(("e", "E", "z", "Z", "gps_latitude", "gps_longitude"), "place"),
-    **dict.fromkeys(("h", "i", "gps_time", "rtc_time"), "clock"),
-    **dict.fromkeys(
-        ("J", "t", "V", "v", "m", "w", "L", "p", "device_version", "guide_rate", "gps_linked", "gps_date", "gps_year",
-         "level_done",
-         "rtc_date", "rtc_year"), "same"),
-}  # fmt: skip
 #: Printable bytes that an echo is asked for; none is ``#``, and a proof shares none with the ones before it.
 ECHOES = range(0x40, 0x7E)
 
 
-class NexStarDialogue:
+class NexStarReplyRules:
     """What a line must know to exchange commands with a hand control. Source: Developer Notes, Timeouts."""
 
     protocol: CommandSet = load("nexstar")
@@ -45,7 +37,7 @@ class NexStarDialogue:
 
     def kind(self, ask: Send) -> str | None:
         """What a question's answer may do from one to the next; None for a command that is no question."""
-        return KINDS.get(ask.command, "same" if ask.raw else None)
+        return kind(self.protocol, ask)
 
     def leaves_open(self, ask: Send) -> bool:
         """Every command has its length."""

@@ -12,7 +12,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from gateway.protocols.wireformat.command_set import Version, parse_version, show_version
+from gateway.protocols.wireformat.rows import Version, parse_version, show_version
 
 STARSENSE = "starsense"
 STARSENSE_OLDEST, STARSENSE_NEWEST, STARSENSE_END = (1, 18), (1, 20), (2, 0)

@@ -194,7 +194,7 @@ def test_jupiter_is_found() -> None:
 
 
 def test_a_planet_that_has_no_place_yet_is_refused_in_words() -> None:
-    talk = Talk()  # its sky has not loaded ERFA
+    talk = Talk()  # its sky has not loaded astropy
     assert talk.send(b":Ls0#:LS904#:MS#") == b"11The planets are not worked out yet.#"
 
 

@@ -141,6 +141,7 @@ def test_tracking_that_was_put_off_at_the_keypad_stays_off(mount: str) -> None:
     run(program())
 
 
+@pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("mount", "motion"), CASES)
 def test_a_site_of_the_keypad_is_not_written_over(mount: str, motion: str) -> None:
     async def program() -> None:
@@ -182,6 +183,7 @@ def test_an_alignment_during_a_session_is_not_interfered_with(mount: str, motion
     run(program())
 
 
+@pytest.mark.sampled(every=2)
 @pytest.mark.parametrize(("mount", "motion"), CASES)
 def test_after_a_power_cycle_nothing_moves_by_itself(mount: str, motion: str) -> None:
     async def program() -> None:

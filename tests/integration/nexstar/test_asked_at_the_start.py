@@ -8,7 +8,7 @@ import asyncio
 
 import pytest
 
-from gateway.diagnostics.command_tables import effective
+from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import load
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
@@ -25,7 +25,7 @@ def test_no_hand_control_is_asked_what_its_version_does_not_know(model: str, ver
             client = bridge.client()
             await asyncio.sleep(1.0)
             assert (await client.ask(b":GA#", 3.0)).endswith(b"#")
-            counted = effective(NEXSTAR, model, version)
+            counted = PROTOCOLS["nexstar"].counts_as(version)
             for sent in bridge.sent():
                 found = NEXSTAR.find(sent)
                 assert found is not None and (found[0].known_to(model, counted) or found[0].name in ("V", "K")), sent

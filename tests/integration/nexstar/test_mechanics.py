@@ -8,7 +8,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import Unsupported
-from gateway.protocols.nexstar.simulator.devices import FocuserMotor
+from gateway.protocols.nexstar.simulator.mount import FocuserMotor
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 

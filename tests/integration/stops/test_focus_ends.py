@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from gateway.protocols.nexstar.simulator.devices import FocuserMotor
+from gateway.protocols.nexstar.simulator.mount import FocuserMotor
 from tests.integration.stops.test_lost_answers import swallow
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run

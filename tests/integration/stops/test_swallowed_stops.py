@@ -17,7 +17,7 @@ LOST = [("command", 1), ("byte", 3)]
 
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_a_stop_that_is_swallowed_in_part_is_a_stop(mount: str) -> None:
-    for program, motion, end in WORDS:
+    for program, motion, end in WORDS[list(MOUNTS).index(mount) % 2 :: 2]:  # all of them on every mount: the long run
         for lost, number in LOST if motion == "arrow" else LOST[:1]:
             outcome = play(Case(mount, program, motion, end, "stop", lost, number))
             assert outcome.swallowed, outcome

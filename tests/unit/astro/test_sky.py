@@ -10,11 +10,12 @@ import math
 import random
 from collections.abc import Iterator
 from datetime import UTC, datetime
+from typing import Any
 
+import numpy as np
 import pytest
 
-from gateway.astro.ephemeris import Sky
-from gateway.astro.ephemeris.earth import EarthRotation
+from gateway.astro.ephemeris import Sky, earth
 from gateway.astro.spherical import separation, wrap180
 
 ARCSECOND = 1.0 / 3600.0
@@ -157,7 +158,7 @@ def test_astropy_agrees(exact: Sky, closed: Sky) -> None:
     iers = pytest.importorskip("astropy.utils.iers")
     drawn = list(scenes(24))
     moments, lats, lons, ras, decs = map(list, zip(*drawn, strict=True))
-    with iers.conf.set_temp("auto_download", False), iers.conf.set_temp("auto_max_age", None):
+    with iers.conf.set_temp("auto_download", False), iers.earth_orientation_table.set(iers.IERS_A.open()):
         at = time.Time(moments, format="unix")
         place = coordinates.EarthLocation.from_geodetic(lons, lats)
         star = coordinates.SkyCoord(ras, decs, unit=units.deg, frame=coordinates.GCRS(obstime=at))
@@ -203,14 +204,27 @@ def test_exact_and_closed_agree_from_1900_on(exact: Sky, closed: Sky) -> None:
 # -- the Earth's rotation -------------------------------------------------------------------------------
 
 
-def test_ut1_utc_of_the_installed_table() -> None:
-    table = EarthRotation.installed()
-    assert table.ut1_utc(unix(1987, 4, 10)) == UT1_UTC_1987
-    assert table.ut1_utc(unix(1987, 4, 10, 23, 59)) == UT1_UTC_1987
-    assert table.ut1_utc(unix(1973, 1, 2)) == 0.8084178
-    assert table.ut1_utc(unix(1973, 1, 1)) == 0.0
-    assert table.ut1_utc(unix(1850, 1, 1)) == 0.0
-    assert table.ut1_utc(unix(2090, 1, 1)) == table.ut1_utc(unix(2089, 1, 1)) != 0.0
+def ut1_utc(table: Any, *moments: float) -> list[float]:
+    """What a table says at Unix times."""
+    found = table.ut1_utc(2440587.5 + np.array(moments) / 86400.0).value.tolist()
+    assert isinstance(found, list)
+    return found
+
+
+def test_ut1_utc_of_the_installed_table(exact: Sky) -> None:
+    table = earth.installed()
+    assert ut1_utc(table, unix(1987, 4, 10), unix(1973, 1, 2)) == [UT1_UTC_1987, 0.8084178]
+    assert ut1_utc(table, unix(1973, 1, 1), unix(1900, 1, 1)) == [0.0, 0.0]
+    late, later = ut1_utc(table, unix(2089, 1, 1), unix(2099, 12, 31))
+    assert late == later != 0.0
+
+
+def test_between_two_days_astropy_draws_a_line() -> None:
+    """Also over a leap second, the last of 2016, where UT1-UTC takes a step."""
+    table = earth.installed()
+    before, noon, after = ut1_utc(table, *(unix(2016, 12, 31) + hours * 3600.0 for hours in (0, 12, 24)))
+    assert after - before == pytest.approx(1.0, abs=0.003)
+    assert noon == pytest.approx((before + after - 1.0) / 2.0, abs=1e-7)
 
 
 def record(mjd: int, value: str) -> bytes:
@@ -218,11 +232,10 @@ def record(mjd: int, value: str) -> bytes:
 
 
 def test_a_table_ends_where_its_predictions_end() -> None:
-    table = EarthRotation(record(41684, "0.8") + record(41685, "0.7") + record(41686, ""))
-    days = [(mjd - 40587) * 86400.0 for mjd in range(41683, 41688)]
-    assert [table.ut1_utc(day) for day in days] == [0.0, 0.8, 0.7, 0.7, 0.7]
+    table = earth.read([record(41684, "0.8"), record(41685, "0.7"), record(41686, "")])
+    assert ut1_utc(table, *((mjd - 40587) * 86400.0 for mjd in range(41683, 41688))) == [0.0, 0.8, 0.7, 0.7, 0.7]
 
 
 def test_a_table_out_of_order_is_refused() -> None:
-    with pytest.raises(ValueError, match="record 2"):
-        EarthRotation(record(41684, "0.8") + record(41686, "0.7"))
+    with pytest.raises(ValueError, match="days do not follow"):
+        earth.read([record(41684, "0.8"), record(41686, "0.7")])

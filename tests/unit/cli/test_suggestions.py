@@ -12,13 +12,13 @@ from pathlib import Path
 import pytest
 
 from gateway.app.config import called, parse_device, parse_endpoint, parse_site
-from gateway.app.config.called import PROTOCOLS
 from gateway.app.config.places import right
 from gateway.app.stop_command import Report
 from gateway.cli import main
 from gateway.cli.suggestions import plainly
 from gateway.core.errors import UserError
 from gateway.diagnostics.detect.ports import named, whole
+from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import load
 from tests.support.process import Running, ask
 from tests.unit.cli.test_cli import refused

@@ -197,12 +197,12 @@ class _SecondFace:
     """A client of another protocol at the same mount."""
 
     def __init__(self, bridge: Bridge) -> None:
+        from gateway.app.bindings import make_surface
         from gateway.app.config import Endpoint, SurfaceConfig
-        from gateway.app.gateway import FACES
         from gateway.clients.acceptor import ConnectionAcceptor
         from gateway.mount.safety.limits import Limits
 
-        face = FACES["nexstar"](Endpoint("nexstar", "-", "6-8se"), SurfaceConfig(at="-"), Limits())
+        face = make_surface(Endpoint("nexstar", "-", "6-8se"), SurfaceConfig(at="-"), Limits())
         self.reception = ConnectionAcceptor(bridge.controller, face, {"sites": {}}, bridge.clock, lambda: None)
 
     async def __aenter__(self) -> Visitor:

@@ -20,8 +20,8 @@ from hypothesis import strategies as st
 
 from gateway.clients.greeting import Beginning, Piece
 from gateway.clients.strangers import IDLE, Greeting, Recogniser, greetings
-from gateway.protocols.lx200.surface.opening import BEGINNING as LX200_BEGINNING
-from gateway.protocols.nexstar.surface.opening import BEGINNING as NEXSTAR_BEGINNING
+from gateway.protocols.lx200.spec import OPENING as LX200_BEGINNING
+from gateway.protocols.nexstar.spec import OPENING as NEXSTAR_BEGINNING
 from tests.support.callers import Caller
 from tests.support.greetings import GREETINGS, TELNET
 from tests.support.in_process_gateway import Bridge
@@ -205,6 +205,7 @@ def test_every_form_of_the_manuals_goes_on_with_its_last_byte_at_the_latest() ->
 # --- conversations ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("transport", ["tcp", "rfc2217"])
 @pytest.mark.parametrize("path", files("*.txt"), ids=lambda path: path.stem)
 def test_a_conversation_is_answered_over_a_network_when_it_is_on_a_line(path: Path, transport: str) -> None:

@@ -51,6 +51,7 @@ async def own(mount: str, surface: str) -> set[bytes]:
         return set(bridge.sent())
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("way", ["whole", "byte by byte"])
 @pytest.mark.parametrize("transport", ["tcp", "rfc2217"])
 @pytest.mark.parametrize("surface", ["nexstar", "lx200"])

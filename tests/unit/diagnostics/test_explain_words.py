@@ -10,7 +10,7 @@ import pytest
 from gateway.core import operations as op
 from gateway.diagnostics.rehearsal.explain import explain
 from gateway.diagnostics.rehearsal.meaning import meaning
-from gateway.protocols.wireformat.command_set import OUTCOMES
+from gateway.protocols.wireformat.rows import OUTCOMES
 
 SAMPLES: dict[type, Any] = {
     float: 12.5, int: 1, str: "GVP", bool: True, op.Direction: op.Direction.NORTH, op.Tracking: op.Tracking.EQ_NORTH,

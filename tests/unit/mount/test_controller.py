@@ -311,18 +311,18 @@ def test_a_defect_in_a_driver_costs_one_operation() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
             client = bridge.client()
-            good = bridge.driver.specials["position"]
+            good = bridge.driver.handlers["position"]
 
             def broken(mount: object, operation: object) -> object:
                 raise KeyError("a defect")
 
             await client.ask(b":GR#")
-            bridge.driver.specials = {**bridge.driver.specials, "position": broken}
+            bridge.driver.handlers = {**bridge.driver.handlers, "position": broken}
             for _ in range(20):
                 client.tell(b":GR#")
                 await asyncio.sleep(0.5)
             assert any("please report" in entry.note for entry in bridge.entries)
-            bridge.driver.specials = {**bridge.driver.specials, "position": good}
+            bridge.driver.handlers = {**bridge.driver.handlers, "position": good}
             await asyncio.sleep(2)
             assert len(await client.ask(b":GR#")) == 9
             assert await client.ask(b":GVP#") == b"Autostar#"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app.gateway import speech
+from gateway.app.bindings import speech
 from gateway.cli import main
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.log.printing import Rows, printer

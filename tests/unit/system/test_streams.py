@@ -28,6 +28,7 @@ def shell(redirected: str, *words: str) -> subprocess.Popen[str]:
     )
 
 
+@pytest.mark.sampled(1)
 @FULL
 @pytest.mark.parametrize(
     ("redirected", "told"),
@@ -76,6 +77,7 @@ def test_who_serves_goes_on_and_ends_as_always(command: str, redirected: str, to
     assert said.count("\n") == bool(told)
 
 
+@pytest.mark.sampled(1)
 @FULL
 @pytest.mark.parametrize("redirected", [">/dev/full", ">&-"])
 @pytest.mark.parametrize("unbuffered", ["", "1"])

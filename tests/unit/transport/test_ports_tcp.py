@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import socket
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -102,3 +105,39 @@ def test_a_connection_is_asked_whether_it_lives() -> None:
 def test_an_address_that_is_none_is_said(where: str) -> None:
     with pytest.raises(UserError, match=f"{where[:3]}.*HOST:PORT|0 .any free one. to 65535"):
         split_address(where)
+
+
+@pytest.mark.parametrize("scheme", ["tcp", "rfc2217"])
+def test_who_writes_is_told_what_waits_for_a_program_that_does_not_read(scheme: str) -> None:
+    """What is pushed goes by it: nothing is added to what is not taken."""
+
+    async def main() -> None:
+        writes: list[Callable[[bytes], Any]] = []
+
+        def arrive(name: str, host: str, write: Callable[[bytes], Any]) -> Echo:
+            writes.append(write)
+            return Echo(write)
+
+        port = await open_port(f"{scheme}://127.0.0.1:0", arrive)
+        client = socket.socket()
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        client.connect(("127.0.0.1", split_address(port.where)[1]))
+        async with asyncio.timeout(5):
+            while not writes:
+                await asyncio.sleep(0)
+        assert not writes[0](b"")
+        waiting, written = 0, 0
+        while not waiting and written < 2**26:
+            waiting, written = writes[0](bytes(16384)), written + 16384
+        assert 0 < waiting <= 16384
+        assert writes[0](b"") == waiting
+        client.setblocking(False)
+        async with asyncio.timeout(10):
+            while writes[0](b""):
+                with contextlib.suppress(BlockingIOError):
+                    client.recv(65536)
+                await asyncio.sleep(0)
+        client.close()
+        await port.close()
+
+    asyncio.run(main())

@@ -1,6 +1,6 @@
 """The LX200 driver: operations become the commands of the Meade that was found.
 
-``SPECIALS`` lists the functions that rows of ``mappings/lx200/driver.toml`` call, and the driver's own follow-ups.
+``HANDLERS`` lists the functions that rows of ``mappings/lx200/driver.toml`` call, and the driver's own follow-ups.
 """
 
 from __future__ import annotations
@@ -10,9 +10,10 @@ from typing import Any
 
 from gateway.protocols.lx200.driver import drive, ends, home, identify, library, motion, pier, place, pointing, put_back
 
-SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
+HANDLERS: dict[str, Callable[[Any, Any], Any]] = {
     function.__name__: function
     for function in (
+        identify.contact,
         identify.identity,
         identify.status,
         pointing.position,

@@ -18,7 +18,7 @@ TIMES, AT_LEAST = 2.0, 0.6
 HIGH = len("HH:MM:SS#")
 
 
-def contact(mount: Lx200Driver) -> Steps:
+def contact(mount: Lx200Driver, _: object = None) -> Steps:
     """ACK, :GR and :GD in high precision -> Equatorial: from then on programs can be told where it points."""
     mount.power_on()
     mount.mute, mount.quick = frozenset(), OWN_PATIENCE

@@ -10,7 +10,7 @@ from gateway.astro.spherical import wrap180
 from gateway.core.errors import Silence
 from gateway.core.operations import Choose, Chosen, Equatorial
 from gateway.protocols.base.driver import Send, Steps
-from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, ask
+from gateway.protocols.lx200.driver.state import OWN_PATIENCE, Lx200Driver, ask, ask_once
 
 #: Degrees: so near to the target of before it is that one, for it is told in whole seconds.
 SAME = 20.0 / 3600.0
@@ -24,8 +24,8 @@ def choose(mount: Lx200Driver, operation: Choose) -> Steps:
         yield from ask(mount, name, **dict(fields))
     reply = yield from _said(mount, operation.command, dict(operation.fields))
     text = yield from _said(mount, "LI", {})
-    ra = (yield from ask(mount, "Gr"))["ra"]
-    dec = (yield from ask(mount, "Gd"))["dec"]
+    ra = (yield from ask_once(mount, "Gr"))["ra"]
+    dec = (yield from ask_once(mount, "Gd"))["dec"]
     same = abs(wrap180(ra - operation.ra)) < SAME and abs(dec - operation.dec) < SAME
     return Chosen(None if same else Equatorial(ra, dec), text.decode("latin-1").rstrip("#"), reply)
 

@@ -12,7 +12,7 @@ from gateway.core.errors import Unsupported
 from gateway.core.operations import PierSide
 from gateway.protocols.base.driver import Steps
 from gateway.protocols.lx200.driver.speeds import SIDEREAL
-from gateway.protocols.lx200.driver.state import Lx200Driver, ask
+from gateway.protocols.lx200.driver.state import Lx200Driver, ask, ask_once
 
 
 def chooses_side(mount: Lx200Driver, ra: float) -> None:
@@ -27,7 +27,7 @@ def beyond_pole(mount: Lx200Driver) -> Steps:
     if mount.beyond_pole is None:
         if mount.side_by is None:
             chooses_side(mount, (yield from ask(mount, "GR"))["ra"])
-        sidereal = (yield from ask(mount, "GS"))["sidereal"]
+        sidereal = (yield from ask_once(mount, "GS"))["sidereal"]
         assert mount.side_by is not None
         ra, then = mount.side_by
         hour_angle = wrap180(sidereal - (mount.now() - then) * SIDEREAL / 3600.0 - ra)

@@ -10,30 +10,20 @@ from msgspec import Struct
 
 from gateway.core.errors import Busy, Fault, Refused, Unsupported
 from gateway.core.operations import Identity, Operation, Own, Place, Pulse, PulseAxis, Rate, Tracking, TrackRate
-from gateway.protocols.base.driver import Driver, Send, Steps, Wait
+from gateway.protocols.base.driver import Driver, Handler, Send, Steps, Wait
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Abilities, nearest
 from gateway.protocols.wireformat.command_set import load
 
 BUSY_RETRIES, BUSY_WAIT = 6, 0.4
-#: What takes a telescope long, in seconds at most: a classic calculates its planets, an LX200GPS finds its satellites.
-LONG = {"SC": 14.0, "gT": 600.0}
 #: Why there is no guide pulse.
 SLEWING = "The mount is slewing: the guide pulse is dropped."
 #: Differs from every rate that may be wanted.
 UNKNOWN = -1
-#: What turns a motor, which has no power while the telescope sleeps.
-TURNS_MOTORS = frozenset({"MS", "MA", "Mn", "Ms", "Me", "Mw", "Mg", "hP", "hS", "hF"})
-#: What begins a motion by hand, its rate before it: never waited with, for then it would begin when nobody wants it.
-BY_HAND = frozenset({"RG", "RC", "RM", "RS", "Sw", "RA", "RE", "Rg", "Mn", "Ms", "Me", "Mw", "Mg"})
-#: All that is understood while it seeks its home; a Meade that is asked anything else says NAK, or nothing.
-WHILE_SEEKING = frozenset({"hS", "hF", "Q", "h?"})
 _NAMES = {"guide": "RG", "center": "RC", "find": "RM", "max": "RS"}
 #: What tells who it is; a nameless one is silent to them all.
 NAMES = frozenset({"GVP", "GVN", "GVD", "GVT", "GVF"})
 #: Seconds in which a telescope answers what it knows; its firmware may know less than its manual.
 OWN_PATIENCE = 1.5
-#: What some leave unanswered that have all the rest.
-MAY_BE_SILENT = frozenset({"GZ", "GA"})
 #: Hand-control keys 1-9 as Meade's four rates.
 _KEYS = {1: "RG", 2: "RG", 3: "RC", 4: "RC", 5: "RC", 6: "RM", 7: "RM", 8: "RS", 9: "RS"}
 
@@ -56,15 +46,18 @@ class Lx200Driver(Driver):
     protocol = load("lx200")
     takes_site_aligned = True
     patience = OWN_PATIENCE
-    ends = frozenset({"Q"})
     #: Two digits: from 51 on they are those of the century before.
     years = range(1951, 2051)
     position_reads = 2
 
-    def __init__(self, now: Callable[[], float], model: str | None = None, guide_rate: float | None = None) -> None:
-        from gateway.protocols.lx200.driver import SPECIALS  # the specials know this class
-
-        self.specials = SPECIALS
+    def __init__(
+        self,
+        now: Callable[[], float],
+        model: str | None = None,
+        guide_rate: float | None = None,
+        handlers: Mapping[str, Handler] = {},
+    ) -> None:
+        super().__init__(handlers)
         self.now = now
         self.named_model = self.model = model
         self.product, self.firmware = "", ""
@@ -160,11 +153,6 @@ class Lx200Driver(Driver):
     def equatorial(self) -> bool:
         return self.home_letter in "PG"
 
-    def contact(self) -> Steps:
-        from gateway.protocols.lx200.driver.identify import contact  # which knows this class
-
-        return (yield from contact(self))
-
     def impossible(self, operation: Operation) -> Fault | None:
         if self.goto is not None and isinstance(operation, Pulse | PulseAxis):
             return Refused(SLEWING)
@@ -190,7 +178,7 @@ class Lx200Driver(Driver):
 
     def own(self, operation: Own) -> Steps:
         """Firmware differs in what it knows: nobody waits long for an answer, and silence is one. Raises Busy."""
-        if self.seeking and operation.command not in WHILE_SEEKING:
+        if self.seeking and not self.protocol.commands[operation.command].while_seeking:
             raise Busy("The mount seeks its home.")
         if not self.knows(operation.command):
             raise Unsupported
@@ -246,19 +234,29 @@ def ask(mount: Lx200Driver, command: str, **values: Any) -> Steps:
 
     Raises Unsupported for what it lacks, and Refused for what would turn a motor of one that sleeps.
     """
+    return (yield from _ask(mount, command, values, once=False))
+
+
+def ask_once(mount: Lx200Driver, command: str) -> Steps:
+    """A question whose answer belongs to this moment alone: it is believed as it comes. Raises the same."""
+    return (yield from _ask(mount, command, {}, once=True))
+
+
+def _ask(mount: Lx200Driver, command: str, values: Mapping[str, Any], once: bool) -> Steps:
     if not mount.knows(command):
         raise Unsupported(f"This model knows no {command if command == 'ACK' else f':{command}#'}.")
-    if mount.seeking and command not in WHILE_SEEKING:
+    row = mount.protocol.commands[command]
+    if mount.seeking and not row.while_seeking:
         raise Busy("The mount seeks its home.")
-    if mount.asleep_as_told and command in TURNS_MOTORS:
+    if mount.asleep_as_told and row.while_asleep is False:
         raise Refused("The mount is asleep: wake it first.")
-    long, prompt = command in LONG, command in BY_HAND
+    patience = row.long or (OWN_PATIENCE if row.may_be_silent else None)
+    send = Send(command, {**values, "low": mount.low}, patience, row.long is not None, row.by_hand, once=once)
     for attempt in range(BUSY_RETRIES):
         try:
-            patience = LONG.get(command) or (OWN_PATIENCE if command in MAY_BE_SILENT else None)
-            return (yield Send(command, {**values, "low": mount.low}, patience, long, prompt))
+            return (yield send)
         except Busy:
-            if prompt or attempt == BUSY_RETRIES - 1:
+            if row.by_hand or attempt == BUSY_RETRIES - 1:
                 raise
             yield Wait(BUSY_WAIT)
     return None

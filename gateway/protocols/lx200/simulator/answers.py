@@ -5,14 +5,12 @@ Standard forms come from ``commands.toml``; what real telescopes do otherwise is
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gateway.astro.axes import Build
 from gateway.astro.spherical import hour_angle_to_horizon, wrap180
 from gateway.protocols.lx200.nmea import rmc
-
-if TYPE_CHECKING:
-    from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
+from gateway.protocols.lx200.simulator.telescope import Telescope
 
 Values = dict[str, Any]
 
@@ -24,7 +22,7 @@ _HELP = ("LX200 help", "Use the arrow keys to move.", "MODE shows the next menu.
 _POWER_ON_HERTZ = {"lx200gps": 60.0}
 
 
-def form(sim: SimulatedLx200, name: str, **values: Any) -> bytes:
+def form(sim: Telescope, name: str, **values: Any) -> bytes:
     """The reply of a command in the format that is set, with the degree byte of real hardware."""
     wanted = "high" if sim.high else "low"
     for reply, picture in sim.protocol.commands[name].replies:
@@ -33,13 +31,13 @@ def form(sim: SimulatedLx200, name: str, **values: Any) -> bytes:
     return b""
 
 
-def equatorial(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def equatorial(sim: Telescope, name: str, _: Values) -> bytes:
     """:GR :GD"""
     ra, dec = sim.position()
     return form(sim, name, ra=ra, dec=dec)
 
 
-def horizon(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def horizon(sim: Telescope, name: str, _: Values) -> bytes:
     """:GZ :GA - the classic's long azimuth has an apostrophe before the seconds."""
     ra, dec = sim.position()
     az, alt = hour_angle_to_horizon(wrap180(sim.mechanics.sky.sidereal(sim.now) - ra), dec, sim.site[0])
@@ -47,12 +45,12 @@ def horizon(sim: SimulatedLx200, name: str, _: Values) -> bytes:
     return reply.replace(b":", b"'") if name == "GZ" and sim.classic else reply
 
 
-def target(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def target(sim: Telescope, name: str, _: Values) -> bytes:
     """:Gr :Gd - zero after power-on."""
     return form(sim, name, ra=sim.kept.get("ra", 0.0), dec=sim.kept.get("dec", 0.0))
 
 
-def bars(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def bars(sim: Telescope, name: str, _: Values) -> bytes:
     """:D - one bar until a slew is over; on a classic 16 columns for each axis, as many bars as there is way to go."""
     going = sim.mechanics.slewing(sim.now)
     if not sim.classic:
@@ -68,12 +66,12 @@ def _bar(degrees: float) -> bytes:
     return (b"\xff" * max(1, min(BARS, round(abs(degrees) / 180.0 * BARS)))).ljust(BARS)
 
 
-def letter(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def letter(sim: Telescope, name: str, _: Values) -> bytes:
     """ACK"""
     return sim.letter.encode()
 
 
-def status(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def status(sim: Telescope, name: str, _: Values) -> bytes:
     """:GW - how it is built, whether it tracks, whether it is aligned: three characters, no #."""
     polar = sim.mechanics.build is Build.WEDGE and not (sim.letter == "L" and sim.land_tells_altaz)
     build = "G" if sim.mechanics.build is Build.GERMAN else "P" if polar else "A"
@@ -81,18 +79,18 @@ def status(sim: SimulatedLx200, name: str, _: Values) -> bytes:
     return f"{build}{'T' if tracks else 'N'}{'P' if sim.parked else int(sim.aligned)}".encode()
 
 
-def text(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def text(sim: Telescope, name: str, _: Values) -> bytes:
     """:GVP :GVN :GVD :GVT :GVF"""
     return f"{sim.row[_TEXTS[name]]}#".encode()
 
 
-def hertz(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def hertz(sim: Telescope, name: str, _: Values) -> bytes:
     """:GT - the LX200GPS writes a sign."""
     rate = sim.kept.get("hertz", _POWER_ON_HERTZ.get(sim.model, 60.1))
     return (f"{rate:+05.1f}#" if sim.model == "lx200gps" else f"{rate:04.1f}#").encode()
 
 
-def menu(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def menu(sim: Telescope, name: str, _: Values) -> bytes:
     """:G0 :G1 :G2 - 16 columns on a classic, nothing elsewhere."""
     if not sim.classic:
         return b"#"
@@ -100,24 +98,24 @@ def menu(sim: SimulatedLx200, name: str, _: Values) -> bytes:
     return f"{'>' if word[0] == sim.letter else ' '}{word:<15}#".encode()
 
 
-def home(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def home(sim: Telescope, name: str, _: Values) -> bytes:
     """:h?"""
     return b"2" if sim.seeking else str(sim.home).encode()
 
 
-def gps(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def gps(sim: Telescope, name: str, _: Values) -> bytes:
     """:gps"""
     return rmc(*sim.site, sim.now).encode() + b"#"
 
 
-def help_text(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def help_text(sim: Telescope, name: str, _: Values) -> bytes:
     """:?? :?+ :?-"""
     step = {"??": -len(_HELP), "?+": 1, "?-": -1}[name]
     sim.kept["help"] = max(0, min(len(_HELP) - 1, sim.kept.get("help", 0) + step))
     return _HELP[sim.kept["help"]].encode() + b"#"
 
 
-def nothing(sim: SimulatedLx200, name: str, values: Values) -> None:
+def nothing(sim: Telescope, name: str, values: Values) -> None:
     """Understood, without a reply or an effect that could be seen."""
 
 

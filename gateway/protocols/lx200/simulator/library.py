@@ -6,13 +6,11 @@ number only and answer ``:LI#`` and ``:Lf#`` with the manual's static texts. Wha
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from gateway.astro.ephemeris import Sky
 from gateway.protocols.lx200.simulator.motion import altitude
-
-if TYPE_CHECKING:
-    from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
+from gateway.protocols.lx200.simulator.telescope import Telescope
 
 Values = dict[str, Any]
 
@@ -42,12 +40,12 @@ _STEPS = {"LF": 0, "LN": 1, "LB": -1}
 _SKY = Sky()
 
 
-def _aim(sim: SimulatedLx200, ra: float, dec: float, name: str) -> None:
+def _aim(sim: Telescope, ra: float, dec: float, name: str) -> None:
     sim.kept["ra"], sim.kept["dec"] = _SKY.to_of_date(ra, dec, sim.utc())
     sim.kept["object"] = name
 
 
-def choose(sim: SimulatedLx200, name: str, values: Values) -> None:
+def choose(sim: Telescope, name: str, values: Values) -> None:
     """:LM :LC"""
     number = values["number"]
     for thing in _THINGS:
@@ -55,14 +53,14 @@ def choose(sim: SimulatedLx200, name: str, values: Values) -> None:
             _aim(sim, thing.ra, thing.dec, f"{'M' if name == 'LM' else 'CNGC'}{number} {thing.kind}")
 
 
-def star(sim: SimulatedLx200, name: str, values: Values) -> None:
+def star(sim: Telescope, name: str, values: Values) -> None:
     """:LS"""
     place = _STARS.get(values["number"])
     if place is not None:
         _aim(sim, *place, f"STAR{values['number']}")
 
 
-def step(sim: SimulatedLx200, name: str, _: Values) -> None:
+def step(sim: Telescope, name: str, _: Values) -> None:
     """:LF :LN :LB - the first, next or previous object that is up; nothing but on a classic."""
     if not sim.classic:
         return
@@ -72,7 +70,7 @@ def step(sim: SimulatedLx200, name: str, _: Values) -> None:
         _aim(sim, up[place].ra, up[place].dec, f"M{up[place].messier} {up[place].kind}")
 
 
-def catalogue(sim: SimulatedLx200, name: str, values: Values) -> bytes:
+def catalogue(sim: Telescope, name: str, values: Values) -> bytes:
     """:Lo :Ls - "not found" is 0 for the one and 2 for the other; only a classic ever says so."""
     present = values["catalog"] in (_DEEP_SKY if name == "Lo" else _STAR_CATALOGUES)
     if present or not sim.classic:
@@ -80,14 +78,14 @@ def catalogue(sim: SimulatedLx200, name: str, values: Values) -> bytes:
     return b"0" if name == "Lo" else b"2"
 
 
-def describe(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def describe(sim: Telescope, name: str, _: Values) -> bytes:
     """:LI :Lf"""
     if not sim.classic:
         return f"{sim.row['object_text' if name == 'LI' else 'find_text']}#".encode()
     return f"{sim.kept.get('object', 'No object')}#".encode() if name == "LI" else b"0 - Objects found#"
 
 
-def moon(sim: SimulatedLx200, name: str, values: Values) -> bytes:
+def moon(sim: Telescope, name: str, values: Values) -> bytes:
     """:SE :Se - the Moon's middle whatever the feature; 0 while it is down."""
     ra, dec, _ = _SKY.moon(sim.utc(), *sim.site)
     if altitude(sim, ra, dec) <= 0:

@@ -6,13 +6,11 @@ North raises declination or altitude, west turns the first axis with the stars. 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gateway.astro.axes import Build, Pair
 from gateway.astro.spherical import SIDEREAL_RATE, horizon_to_hour_angle, hour_angle_to_horizon, wrap180, wrap360
-
-if TYPE_CHECKING:
-    from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
+from gateway.protocols.lx200.simulator.telescope import Telescope
 
 Values = dict[str, Any]
 
@@ -23,25 +21,25 @@ _ABOVE = {True: b"2Object above    higher limit.  #", False: b"2Object Below Hig
 _SIDEREAL = SIDEREAL_RATE * 3600.0  # arcseconds a second
 
 
-def set_target(sim: SimulatedLx200, name: str, values: Values) -> bytes:
+def set_target(sim: Telescope, name: str, values: Values) -> bytes:
     """:Sr :Sd :Sa :Sz"""
     sim.kept.update(values)
     return b"1"
 
 
-def altitude(sim: SimulatedLx200, ra: float, dec: float) -> float:
+def altitude(sim: Telescope, ra: float, dec: float) -> float:
     """Of a place of date, over the site that is selected."""
     hour_angle = wrap180(sim.mechanics.sky.sidereal(sim.now) - ra)
     return hour_angle_to_horizon(hour_angle, dec, sim.site[0])[1]
 
 
-def slew(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def slew(sim: Telescope, name: str, _: Values) -> bytes:
     """:MS"""
     ra, dec = sim.kept.get("ra", 0.0), sim.kept.get("dec", 0.0)
     return _slew(sim, ra, dec, altitude(sim, ra, dec)) or b"0"
 
 
-def slew_horizontal(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def slew_horizontal(sim: Telescope, name: str, _: Values) -> bytes:
     """:MA - 1 is a fault."""
     az, alt = sim.kept.get("az", 0.0), sim.kept.get("alt", 0.0)
     hour_angle, dec = horizon_to_hour_angle(az, alt, sim.site[0])
@@ -49,7 +47,7 @@ def slew_horizontal(sim: SimulatedLx200, name: str, _: Values) -> bytes:
     return b"1" if _slew(sim, ra, dec, alt) else b"0"
 
 
-def _slew(sim: SimulatedLx200, ra: float, dec: float, height: float) -> bytes | None:
+def _slew(sim: Telescope, ra: float, dec: float, height: float) -> bytes | None:
     """Begin, or say why not."""
     if height < sim.kept["lowest"] - 1e-3:
         return _BELOW[sim.classic]
@@ -61,14 +59,14 @@ def _slew(sim: SimulatedLx200, ra: float, dec: float, height: float) -> bytes | 
     return None
 
 
-def slew_axes(sim: SimulatedLx200, goal: Pair) -> None:
+def slew_axes(sim: Telescope, goal: Pair) -> None:
     """Begin a slew that ends at these axis positions."""
     release(sim)
     sim.goal = goal, True
     sim.mechanics.goto_axes(sim.now, *goal)
 
 
-def take_up(sim: SimulatedLx200) -> None:
+def take_up(sim: Telescope) -> None:
     """In service again, if it was parked; no arrow is pressed."""
     release(sim)
     if sim.parked:
@@ -76,30 +74,30 @@ def take_up(sim: SimulatedLx200) -> None:
         sim.track(sim.letter != "L")
 
 
-def sync(sim: SimulatedLx200, name: str, _: Values) -> bytes | None:
+def sync(sim: Telescope, name: str, _: Values) -> bytes | None:
     """:CM :CL"""
     sim.mechanics.sync(sim.now, sim.kept.get("ra", 0.0), sim.kept.get("dec", 0.0))
     sim.aligned = True
     return f"{sim.row['sync_text']}#".encode() if name == "CM" else None
 
 
-def rate(sim: SimulatedLx200, name: str, _: Values) -> None:
+def rate(sim: Telescope, name: str, _: Values) -> None:
     """:RG :RC :RM :RS"""
     sim.kept["rate"] = name
 
 
-def key_rate(sim: SimulatedLx200, name: str, values: Values) -> None:
+def key_rate(sim: Telescope, name: str, values: Values) -> None:
     """:R<n>"""
     key = values["key"]
     sim.kept["rate"] = "RG" if key <= 2 else "RC" if key <= 5 else "RM" if key <= 7 else "RS"
 
 
-def free_rate(sim: SimulatedLx200, name: str, values: Values) -> None:
+def free_rate(sim: Telescope, name: str, values: Values) -> None:
     """:RA :RE :Rg - degrees a second for :RS, arcseconds a second for :RG."""
     sim.kept[name] = min(_SIDEREAL, values["rate"]) if name == "Rg" else values["rate"]
 
 
-def max_rate(sim: SimulatedLx200, name: str, values: Values) -> bytes:
+def max_rate(sim: Telescope, name: str, values: Values) -> bytes:
     """:Sw"""
     low, high = sim.row["max_rates"]
     if not low <= values["rate"] <= high:
@@ -108,11 +106,11 @@ def max_rate(sim: SimulatedLx200, name: str, values: Values) -> bytes:
     return b"1"
 
 
-def _guide_speed(sim: SimulatedLx200) -> float:
+def _guide_speed(sim: Telescope) -> float:
     return float(sim.kept.get("Rg", GUIDE * _SIDEREAL)) / 3600.0
 
 
-def _speed(sim: SimulatedLx200, axis: int) -> float:
+def _speed(sim: Telescope, axis: int) -> float:
     """Degrees a second of the arrows."""
     name = sim.kept["rate"]
     if name == "RG":
@@ -124,7 +122,7 @@ def _speed(sim: SimulatedLx200, axis: int) -> float:
     return float(sim.kept.get("RA" if axis == 1 else "RE") or sim.mechanics.fastest)
 
 
-def _axis(sim: SimulatedLx200, letter: str) -> tuple[int, float]:
+def _axis(sim: Telescope, letter: str) -> tuple[int, float]:
     """The motor and its sense for an arrow: north is up the declination, west the way of the stars."""
     polar, pole = sim.mechanics.build is not Build.ALTAZ, sim.mechanics.geometry.pole
     if letter in "ns" and sim.mechanics.build is Build.GERMAN and sim.mechanics.flipped:
@@ -134,7 +132,7 @@ def _axis(sim: SimulatedLx200, letter: str) -> tuple[int, float]:
     return 1, (1.0 if letter == "w" else -1.0) * (pole if polar else 1)
 
 
-def arrow(sim: SimulatedLx200, name: str, _: Values) -> None:
+def arrow(sim: Telescope, name: str, _: Values) -> None:
     """:Mn :Ms :Me :Mw - guiding adds to tracking, the other rates take its place."""
     axis, sense = _axis(sim, name[1])
     if set(sim.arrows) - {axis}:
@@ -150,7 +148,7 @@ def arrow(sim: SimulatedLx200, name: str, _: Values) -> None:
     sim.arrows[axis] = gentle
 
 
-def release(sim: SimulatedLx200, *axes: int) -> None:
+def release(sim: Telescope, *axes: int) -> None:
     """Let go of these arrows, or of all; when none is left, what is in view then is tracked."""
     pressed = [axis for axis in (axes or (1, 2)) if axis in sim.arrows]
     for axis in pressed:
@@ -162,12 +160,12 @@ def release(sim: SimulatedLx200, *axes: int) -> None:
         sim.mechanics.resume(sim.now)
 
 
-def let_go(sim: SimulatedLx200, name: str, _: Values) -> None:
+def let_go(sim: Telescope, name: str, _: Values) -> None:
     """:Qn :Qs :Qe :Qw"""
     release(sim, _axis(sim, name[1])[0])
 
 
-def stop(sim: SimulatedLx200, name: str, _: Values) -> None:
+def stop(sim: Telescope, name: str, _: Values) -> None:
     """:Q - everything but what a telescope that is busy does without moving."""
     release(sim)
     if sim.mechanics.slewing(sim.now):
@@ -177,7 +175,7 @@ def stop(sim: SimulatedLx200, name: str, _: Values) -> None:
         sim.seeking, sim.home = False, 0
 
 
-def pulse(sim: SimulatedLx200, name: str, values: Values) -> None:
+def pulse(sim: Telescope, name: str, values: Values) -> None:
     """:Mg"""
     axis, sense = _axis(sim, values["direction"])
     sim.mechanics.pulse(sim.now, axis, sense * _guide_speed(sim), values["ms"] / 1000.0)

@@ -5,12 +5,10 @@ None of it can be asked for over the line; ``parts`` shows it to whoever watches
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gateway.protocols.lx200.simulator.answers import form
-
-if TYPE_CHECKING:
-    from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
+from gateway.protocols.lx200.simulator.telescope import Telescope
 
 Values = dict[str, Any]
 
@@ -18,27 +16,27 @@ _SLOWEST, _FASTEST = 1, 4
 _SWITCHES = {"f": "fan", "r": "derotator", "g": "gps"}
 
 
-def focus(sim: SimulatedLx200, name: str, _: Values) -> None:
+def focus(sim: Telescope, name: str, _: Values) -> None:
     """:F+ in, :F- out, :FQ"""
     sim.parts["focuser"] = {"+": 1, "-": -1, "Q": 0}[name[1]]
 
 
-def focus_speed(sim: SimulatedLx200, name: str, values: Values) -> None:
+def focus_speed(sim: Telescope, name: str, values: Values) -> None:
     """:FF :FS :F<n>"""
     sim.parts["focus speed"] = {"FF": _FASTEST, "FS": _SLOWEST}.get(name) or values["speed"]
 
 
-def switch(sim: SimulatedLx200, name: str, _: Values) -> None:
+def switch(sim: Telescope, name: str, _: Values) -> None:
     """:f+ :f- :r+ :r- :g+ :g-"""
     sim.parts[_SWITCHES[name[0]]] = name[1] == "+"
 
 
-def backlash(sim: SimulatedLx200, name: str, values: Values) -> None:
+def backlash(sim: Telescope, name: str, values: Values) -> None:
     """:$BA the second axis, :$BZ the first."""
     sim.parts[f"backlash {2 if name == '$BA' else 1}"] = values["value"]
 
 
-def correct(sim: SimulatedLx200, name: str, _: Values) -> None:
+def correct(sim: Telescope, name: str, _: Values) -> None:
     """$Q the other way round on both axes, :$QA :$QZ on and off for one."""
     if name == "$Q":
         wanted = not sim.parts.get("pec 1", False)
@@ -47,7 +45,7 @@ def correct(sim: SimulatedLx200, name: str, _: Values) -> None:
         sim.parts[f"pec {2 if name[2] == 'A' else 1}"] = name.endswith("+")
 
 
-def reticle(sim: SimulatedLx200, name: str, values: Values) -> None:
+def reticle(sim: Telescope, name: str, values: Values) -> None:
     """:B+ :B- :B<n> :BD"""
     if name in ("B+", "B-"):
         sim.parts["reticle"] = sim.parts.get("reticle", 0) + (1 if name == "B+" else -1)
@@ -55,7 +53,7 @@ def reticle(sim: SimulatedLx200, name: str, values: Values) -> None:
         sim.parts["reticle flash" if name == "B" else "reticle duty"] = next(iter(values.values()))
 
 
-def temperature(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def temperature(sim: Telescope, name: str, _: Values) -> bytes:
     """:fT"""
     return form(sim, name, value=12.5)
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 import calendar
 import re
 from datetime import UTC, date, datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gateway.astro.spherical import wrap180
 from gateway.protocols.lx200.simulator.answers import form
+from gateway.protocols.lx200.simulator.telescope import Telescope
 from gateway.protocols.lx200.simulator.tracking import ALIGNING
-
-if TYPE_CHECKING:
-    from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
 
 Values = dict[str, Any]
 
@@ -33,57 +31,57 @@ _SEARCH = {
 _QUALITIES = ("SU", "EX", "VG", "GD", "FR", "PR", "VP")
 
 
-def takes(sim: SimulatedLx200, name: str) -> float:
+def takes(sim: Telescope, name: str) -> float:
     """How many seconds pass before the last part of this command's reply."""
     return {"SC": PLANETS if sim.classic else 0.0, "gT": GPS_FIX, "Aa": ALIGNING}.get(name, 0.0)
 
 
-def _local(sim: SimulatedLx200) -> datetime:
+def _local(sim: Telescope) -> datetime:
     return datetime.fromtimestamp(sim.utc() + sim.offset * 3600.0, UTC)
 
 
-def time(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def time(sim: Telescope, name: str, _: Values) -> bytes:
     """:GL :Ga"""
     local = _local(sim)
     return form(sim, name, time=local.hour * 3600 + local.minute * 60 + local.second)
 
 
-def day(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def day(sim: Telescope, name: str, _: Values) -> bytes:
     """:GC"""
     return form(sim, name, date=_local(sim).date())
 
 
-def offset(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def offset(sim: Telescope, name: str, _: Values) -> bytes:
     """:GG - unpadded on a classic."""
     if sim.classic and sim.offset == int(sim.offset):
         return f"{-int(sim.offset):+d}#".encode()
     return form(sim, name, offset=-sim.offset)
 
 
-def sidereal(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def sidereal(sim: Telescope, name: str, _: Values) -> bytes:
     """:GS - as it was set, else by clock and site."""
     return form(sim, name, sidereal=sim.mechanics.sky.sidereal(sim.now) + sim.kept.get("sidereal ahead", 0.0))
 
 
-def set_sidereal(sim: SimulatedLx200, name: str, values: Values) -> bytes:
+def set_sidereal(sim: Telescope, name: str, values: Values) -> bytes:
     """:SS - a display of its own here: the motors go by clock and site."""
     sim.kept["sidereal ahead"] = values["sidereal"] - sim.mechanics.sky.sidereal(sim.now)
     return b"1"
 
 
-def _set_clock(sim: SimulatedLx200, local: datetime) -> None:
+def _set_clock(sim: Telescope, local: datetime) -> None:
     sim.ahead = calendar.timegm(local.timetuple()) - sim.offset * 3600.0 - sim.now
     sim.relocate()
 
 
-def set_time(sim: SimulatedLx200, name: str, values: Values) -> bytes:
+def set_time(sim: Telescope, name: str, values: Values) -> bytes:
     """:SL"""
     seconds = int(values["time"])
     _set_clock(sim, _local(sim).replace(hour=seconds // 3600, minute=seconds // 60 % 60, second=seconds % 60))
     return b"1"
 
 
-def set_date(sim: SimulatedLx200, name: str, values: Values) -> bytes:
+def set_date(sim: Telescope, name: str, values: Values) -> bytes:
     """:SC - an LX200GPS takes the UTC date."""
     new: date = values["date"]
     if sim.row["utc_date"]:
@@ -99,7 +97,7 @@ def set_date(sim: SimulatedLx200, name: str, values: Values) -> bytes:
     return b"1Updating Planetary Data#" + b" " * 24 + b"#"
 
 
-def set_offset(sim: SimulatedLx200, name: str, values: Values) -> bytes:
+def set_offset(sim: Telescope, name: str, values: Values) -> bytes:
     """:SG - the local time stays."""
     sim.ahead += (sim.offset + values["offset"]) * 3600.0
     sim.offset = -values["offset"]
@@ -107,7 +105,7 @@ def set_offset(sim: SimulatedLx200, name: str, values: Values) -> bytes:
     return b"1"
 
 
-def stamp(sim: SimulatedLx200, name: str, values: Values) -> bytes:
+def stamp(sim: Telescope, name: str, values: Values) -> bytes:
     """:hI"""
     try:
         _set_clock(sim, datetime.strptime(values["stamp"], "%y%m%d%H%M%S").replace(tzinfo=UTC))
@@ -116,14 +114,14 @@ def stamp(sim: SimulatedLx200, name: str, values: Values) -> bytes:
     return b"1"
 
 
-def gps_time(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def gps_time(sim: Telescope, name: str, _: Values) -> bytes:
     """:gT"""
     sim.ahead = 0.0
     sim.relocate()
     return b"1"
 
 
-def latitude(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def latitude(sim: Telescope, name: str, _: Values) -> bytes:
     """:Gt - with seconds on an LX200GPS."""
     if sim.model != "lx200gps":
         return form(sim, name, latitude=sim.site[0])
@@ -132,7 +130,7 @@ def latitude(sim: SimulatedLx200, name: str, _: Values) -> bytes:
     return sign + b"%02d\xdf%02d:%02d#" % (seconds // 3600, seconds // 60 % 60, seconds % 60)
 
 
-def longitude(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def longitude(sim: Telescope, name: str, _: Values) -> bytes:
     """:Gg - unsigned, west, with seconds on an LX200GPS, without on a classic; signed on an Autostar."""
     west = -sim.site[1] % 360.0
     if sim.model == "autostar":
@@ -144,21 +142,21 @@ def longitude(sim: SimulatedLx200, name: str, _: Values) -> bytes:
     return b"%03d\xdf%02d:%02d#" % (seconds // 3600, seconds // 60 % 60, seconds % 60)
 
 
-def set_latitude(sim: SimulatedLx200, name: str, values: Values) -> bytes:
+def set_latitude(sim: Telescope, name: str, values: Values) -> bytes:
     """:St - an Autostar says 0 to a good one."""
     sim.sites[sim.site_number] = values["latitude"], sim.site[1]
     sim.relocate()
     return b"0" if sim.model == "autostar" else b"1"
 
 
-def set_longitude(sim: SimulatedLx200, name: str, values: Values) -> bytes:
+def set_longitude(sim: Telescope, name: str, values: Values) -> bytes:
     """:Sg"""
     sim.sites[sim.site_number] = sim.site[0], wrap180(-values["longitude"])
     sim.relocate()
     return b"1"
 
 
-def select(sim: SimulatedLx200, name: str, values: Values) -> None:
+def select(sim: Telescope, name: str, values: Values) -> None:
     """:W - counted from 0 or from 1 by the model, which takes a 0 for the first, too."""
     number = max(0, values["site"] - sim.row["first_site"])
     if number < len(sim.sites):
@@ -166,7 +164,7 @@ def select(sim: SimulatedLx200, name: str, values: Values) -> None:
         sim.relocate()
 
 
-def site_name(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def site_name(sim: Telescope, name: str, _: Values) -> bytes:
     """:GM :GN :GO :GP - a classic shows a line of its menu."""
     number = "MNOP".index(name[1])
     text = sim.names[number].encode("latin-1")
@@ -175,7 +173,7 @@ def site_name(sim: SimulatedLx200, name: str, _: Values) -> bytes:
     return text.ljust(_NAME) + (_MARKED if number == sim.site_number else b" ") + b"#"
 
 
-def set_site_name(sim: SimulatedLx200, name: str, values: Values) -> bytes:
+def set_site_name(sim: Telescope, name: str, values: Values) -> bytes:
     """:SM :SN :SO :SP"""
     if not 0 < len(values["name"]) <= sim.row["names"]:
         return b"0"
@@ -183,24 +181,24 @@ def set_site_name(sim: SimulatedLx200, name: str, values: Values) -> bytes:
     return b"1"
 
 
-def limit(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def limit(sim: Telescope, name: str, _: Values) -> bytes:
     """:Go :Gh"""
     return form(sim, name, limit=sim.kept["lowest" if name == "Go" else "highest"])
 
 
-def set_limit(sim: SimulatedLx200, name: str, values: Values) -> bytes:
+def set_limit(sim: Telescope, name: str, values: Values) -> bytes:
     """:So :Sh"""
     sim.kept["lowest" if name == "So" else "highest"] = float(values["limit"])
     return b"1"
 
 
-def search(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def search(sim: Telescope, name: str, _: Values) -> bytes:
     """:Gb :Gf :GF :Gl :Gs :Gy :Gq"""
     field, default = _SEARCH[name[1]]
     return form(sim, name, **{field: sim.kept.get("search " + name[1], default)})
 
 
-def set_search(sim: SimulatedLx200, name: str, values: Values) -> bytes:
+def set_search(sim: Telescope, name: str, values: Values) -> bytes:
     """:Sb :Sf :SF :Sl :Ss :Sy"""
     if name == "Sy" and not _TYPES.fullmatch(values["types"]):
         return b"0"
@@ -208,34 +206,34 @@ def set_search(sim: SimulatedLx200, name: str, values: Values) -> bytes:
     return b"1"
 
 
-def step_quality(sim: SimulatedLx200, name: str, _: Values) -> None:
+def step_quality(sim: Telescope, name: str, _: Values) -> None:
     """:Sq"""
     present = sim.kept.get("search q", "VP")
     sim.kept["search q"] = _QUALITIES[(_QUALITIES.index(present) + 1) % len(_QUALITIES)]
 
 
-def toggle_format(sim: SimulatedLx200, name: str, _: Values) -> None:
+def toggle_format(sim: Telescope, name: str, _: Values) -> None:
     """:U"""
     sim.high = not sim.high
 
 
-def toggle_pointing(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def toggle_pointing(sim: Telescope, name: str, _: Values) -> bytes:
     """:P"""
     on = sim.kept["pointing"] = not sim.kept.get("pointing", False)
     return b"HIGH PRECISION" if on else b"LOW  PRECISION"
 
 
-def toggle_hours(sim: SimulatedLx200, name: str, _: Values) -> None:
+def toggle_hours(sim: Telescope, name: str, _: Values) -> None:
     """:H"""
     sim.kept["twelve"] = not sim.kept.get("twelve", False)
 
 
-def hours(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def hours(sim: Telescope, name: str, _: Values) -> bytes:
     """:Gc"""
     return b"12#" if sim.kept.get("twelve") else b"24#"
 
 
-def yes(sim: SimulatedLx200, name: str, values: Values) -> bytes:
+def yes(sim: Telescope, name: str, values: Values) -> bytes:
     """:SB"""
     return b"1"
 

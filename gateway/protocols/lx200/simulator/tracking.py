@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gateway.astro.axes import Build, Pair
 from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.protocols.lx200.simulator.motion import release, slew_axes, take_up
+from gateway.protocols.lx200.simulator.telescope import Telescope
 from gateway.protocols.mechanics.axis_motor import LUNAR_RATE, SOLAR_RATE
-
-if TYPE_CHECKING:
-    from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
 
 Values = dict[str, Any]
 
@@ -24,18 +22,18 @@ _LEVEL: Pair = (0.0, 0.0)  # north, on the horizon
 _POLE = 90.0
 
 
-def _drive(sim: SimulatedLx200, hertz: float, rate: float) -> None:
+def _drive(sim: Telescope, hertz: float, rate: float) -> None:
     sim.kept["hertz"] = hertz
     sim.mechanics.keep_up_with(sim.now, rate)
 
 
-def _drive_manually(sim: SimulatedLx200) -> None:
+def _drive_manually(sim: Telescope) -> None:
     hertz = sim.kept.get("custom", 60.1)
     low, high = _SIDEREAL_HERTZ
     _drive(sim, hertz, SIDEREAL_RATE if low <= round(hertz, 1) <= high else hertz / 60.0 * SOLAR_RATE)
 
 
-def drive(sim: SimulatedLx200, name: str, _: Values) -> None:
+def drive(sim: Telescope, name: str, _: Values) -> None:
     """:TQ :TS :TL :TM"""
     sim.kept["manual"] = name == "TM"
     if name == "TM":
@@ -44,7 +42,7 @@ def drive(sim: SimulatedLx200, name: str, _: Values) -> None:
         _drive(sim, *_DRIVES[name])
 
 
-def set_drive(sim: SimulatedLx200, name: str, values: Values) -> bytes:
+def set_drive(sim: Telescope, name: str, values: Values) -> bytes:
     """:ST :T - a classic takes 56.4 to 60.1 only, and :ST only in manual mode."""
     low, high = _CLASSIC_HERTZ if sim.classic else _ANY_HERTZ
     hertz = values["hertz"]
@@ -55,7 +53,7 @@ def set_drive(sim: SimulatedLx200, name: str, values: Values) -> bytes:
     return b"1"
 
 
-def step_drive(sim: SimulatedLx200, name: str, _: Values) -> None:
+def step_drive(sim: Telescope, name: str, _: Values) -> None:
     """:T+ :T- - the manual rate, in use or not."""
     low, high = _CLASSIC_HERTZ if sim.classic else _ANY_HERTZ
     hertz = round(sim.kept.get("custom", 60.1) + (0.1 if name == "T+" else -0.1), 1)
@@ -64,7 +62,7 @@ def step_drive(sim: SimulatedLx200, name: str, _: Values) -> None:
         _drive_manually(sim)
 
 
-def align(sim: SimulatedLx200, name: str, _: Values) -> None:
+def align(sim: Telescope, name: str, _: Values) -> None:
     """:AA :AP :AL - where :GW is not known, the alignment begins anew: what was learnt before is gone."""
     release(sim)
     sim.letter = {"AA": "A", "AP": "P", "AL": "L"}[name]
@@ -77,7 +75,7 @@ def align(sim: SimulatedLx200, name: str, _: Values) -> None:
         sim.forget()
 
 
-def auto_align(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def auto_align(sim: Telescope, name: str, _: Values) -> bytes:
     """:Aa"""
     if sim.letter != "A":
         return b"0"
@@ -92,7 +90,7 @@ def auto_align(sim: SimulatedLx200, name: str, _: Values) -> bytes:
 # --- park, home, sleep --------------------------------------------------------------------------------------------
 
 
-def park(sim: SimulatedLx200, name: str, _: Values) -> None:
+def park(sim: Telescope, name: str, _: Values) -> None:
     """:hP - level and north, or the pole; then the motors are off."""
     sim.track(False)
     build = sim.mechanics.build
@@ -100,14 +98,14 @@ def park(sim: SimulatedLx200, name: str, _: Values) -> None:
     sim.parked = True
 
 
-def seek_home(sim: SimulatedLx200, name: str, _: Values) -> None:
+def seek_home(sim: Telescope, name: str, _: Values) -> None:
     """:hS :hF - until it is found, hardly anything is heard."""
     take_up(sim)
     slew_axes(sim, sim.start(sim.mechanics.build))
     sim.seeking, sim.home = True, 0
 
 
-def sleep(sim: SimulatedLx200, name: str, _: Values) -> None:
+def sleep(sim: Telescope, name: str, _: Values) -> None:
     """:hN - motors off."""
     release(sim)
     sim.mechanics.cancel(sim.now)
@@ -115,14 +113,14 @@ def sleep(sim: SimulatedLx200, name: str, _: Values) -> None:
     sim.asleep = True
 
 
-def wake(sim: SimulatedLx200, name: str, _: Values) -> None:
+def wake(sim: Telescope, name: str, _: Values) -> None:
     """:hW"""
     if sim.asleep:
         sim.asleep = False
         sim.track(sim.letter != "L" and not sim.parked)
 
 
-def restart(sim: SimulatedLx200, name: str, _: Values) -> bytes:
+def restart(sim: Telescope, name: str, _: Values) -> bytes:
     """:I"""
     release(sim)
     sim.mechanics.cancel(sim.now)

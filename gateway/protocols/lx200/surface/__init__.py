@@ -6,7 +6,6 @@ from gateway.protocols.base.surface import Special
 from gateway.protocols.lx200.surface import (
     accessories,
     clock,
-    gps,
     help,
     moon,
     motion,
@@ -18,10 +17,7 @@ from gateway.protocols.lx200.surface import (
     tracking,
 )
 
-_SEVERAL: dict[str, Special] = {
-    "gps_sentence": gps.sentence, "gps_clock": gps.set_clock, "own_library": own.own_library,
-}  # fmt: skip
-SPECIALS: dict[str, Special] = _SEVERAL | {
+HANDLERS: dict[str, Special] = {"own_library": own.own_library} | {
     name: function
     for module in (accessories, clock, help, moon, motion, objects, search, site, target, tracking)
     for name, function in vars(module).items()

@@ -7,7 +7,7 @@ from typing import Any
 from gateway.core.errors import Invalid, Unsupported
 from gateway.core.operations import Backlash, Focus, HomeState, PeriodicError, Unpark
 from gateway.protocols.base.surface import FireAndForget, Handling, Session, Speed
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 
 def toggle_precision(session: Session, command: Command, values: dict[str, Any]) -> None:

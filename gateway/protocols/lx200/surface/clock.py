@@ -12,10 +12,11 @@ import contextlib
 from datetime import UTC, date, datetime, timedelta
 from typing import Any
 
-from gateway.core.errors import Fault, Invalid, ReadOnly, Unsupported
-from gateway.core.operations import GetClock, Moment, SetClock, SiderealTime
+from gateway.core.errors import Fault, Invalid, NoDevice, ReadOnly, Unsupported
+from gateway.core.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Moment, Place, SetClock, SiderealTime
 from gateway.protocols.base.surface import Defer, Handling, Session
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.lx200.nmea import rmc
+from gateway.protocols.wireformat.command import Command
 
 #: One pause after the last piece, then what is there is taken.
 QUIET = 2.0
@@ -202,3 +203,22 @@ def toggle_hours(session: Session, command: Command, values: dict[str, Any]) -> 
 def tell_hours(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
     """:Gc"""
     return {"hours": "12" if session.kept.get("twelve") else "24"}
+
+
+# --- the GPS of an LX200GPS: the mount's own unit; without one, or without a fix, nothing says that there is one ---
+
+
+def gps_sentence(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:gps - one RMC sentence; without a fix one that says so (V), with the site and the clock in force."""
+    try:
+        seen: Gps = yield GetGps()
+    except (Unsupported, NoDevice):
+        seen = Gps(linked=False)
+    place: Place = seen.place or (yield GetSite())
+    moment: Moment = yield GetClock()
+    return {"text": rmc(place.latitude, place.longitude, seen.unix or moment.unix, seen.linked)}
+
+
+def gps_clock(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+    """:gT - 1 when the mount's clock was set from its GPS unit, 0 when there is none or it has no fix."""
+    yield ClockFromGps()

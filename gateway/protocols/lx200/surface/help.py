@@ -8,7 +8,7 @@ from gateway import __version__
 from gateway.core.errors import Fault
 from gateway.core.operations import GetIdentity, GetStatus, Identity, Status
 from gateway.protocols.base.surface import Handling, Session
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 _STEPS = {"??": None, "?+": 1, "?-": -1}
 #: Without the hash sign, which would end the line.

@@ -11,7 +11,7 @@ from gateway.core.errors import NoTarget
 from gateway.core.operations import Equatorial, MoonPlace, Sync
 from gateway.protocols.base.surface import FireAndForget, Handling, Session
 from gateway.protocols.lx200.surface import selected
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 
 def set_moon_target(session: Session, command: Command, values: dict[str, Any]) -> Handling:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from gateway.core.errors import Invalid
-from gateway.core.operations import Direction, Halt, Move, Pulse, Rate, SetGuideRate, Stop
+from gateway.core.operations import Direction, Move, Pulse, Rate, SetGuideRate
 from gateway.protocols.base.surface import FireAndForget, Handling, Session
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 _NAMES = {"RG": "guide", "RC": "center", "RM": "find", "RS": "max"}
 _SIDEREAL = 15.041067
@@ -23,16 +23,6 @@ def move(session: Session, command: Command, values: dict[str, Any]) -> Handling
     if rate.name == "max" and "fastest" in kept:
         rate = Rate(name="max", degrees=kept["fastest"])
     yield FireAndForget(Move(direction, rate, lowest=kept.get("lowest"), highest=kept.get("highest")))
-
-
-def halt(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """:Qn :Qs :Qe :Qw - only that axis."""
-    yield FireAndForget(Halt(Direction(command.name[1]).axis))
-
-
-def stop(session: Session, command: Command, values: dict[str, Any]) -> Handling:
-    """:Q - everything."""
-    yield FireAndForget(Stop())
 
 
 def choose_rate(session: Session, command: Command, values: dict[str, Any]) -> None:

@@ -17,7 +17,7 @@ from gateway.core.operations import Equatorial, MoonPlace, OfCatalog, PlanetPlac
 from gateway.protocols.base.surface import Handling, Session
 from gateway.protocols.lx200.surface import selected
 from gateway.protocols.lx200.surface.search import LIMITS
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 #: :Lo - catalogues that are to be had; Arp and Abell (4 and 5) are not.
 _DEEP_SKY = {0: "NGC", 1: "IC", 2: "UGC", 3: "C"}

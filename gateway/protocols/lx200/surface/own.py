@@ -13,7 +13,7 @@ from gateway.core.errors import Fault
 from gateway.core.operations import Choose, Chosen, Own, Verbatim
 from gateway.protocols.base.surface import Handling, Session
 from gateway.protocols.lx200.surface import selected
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 #: Which catalogue a number is of: chosen by another command, which is said again before, for others choose as well.
 _CATALOGUE = {"LC": "Lo", "LS": "Ls", "LF": "Lo", "LN": "Lo", "LB": "Lo"}

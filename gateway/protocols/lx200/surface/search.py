@@ -8,7 +8,7 @@ from typing import Any
 from gateway.astro.catalog import QUALITIES
 from gateway.core.errors import Invalid
 from gateway.protocols.base.surface import Session
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 #: What :G and :S change, under which name it is kept, and what holds until it is set: everything.
 LIMITS = {"b": ("brighter", -5.5), "f": ("fainter", 20.0), "F": ("field", 15), "l": ("larger", 0),

@@ -12,7 +12,7 @@ from typing import Any
 from gateway.core.errors import Fault, Invalid
 from gateway.core.operations import GetSite, Place, SetSite
 from gateway.protocols.base.surface import Handling, Session
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 #: The letters of the four sites in the commands of their names, and the highest number that ``:W`` takes.
 _NAMED = "MNOP"

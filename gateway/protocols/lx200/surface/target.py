@@ -8,7 +8,7 @@ from gateway.core.errors import Fault, NoTarget, Silence, Unsupported
 from gateway.core.operations import Equatorial, Goto, GotoHorizontal, HorizontalPosition, Own, Position, Slewing, Sync
 from gateway.protocols.base.surface import Handling, ReuseLastReading, Session
 from gateway.protocols.lx200.surface import selected
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 
 def set_target(session: Session, _: Command, values: dict[str, Any]) -> None:

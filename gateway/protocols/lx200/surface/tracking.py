@@ -12,7 +12,7 @@ from typing import Any
 from gateway.core.errors import Fault, Invalid, NotAligned
 from gateway.core.operations import DriveRate, GetStatus, SetTracking, Status, Tracking, TrackRate
 from gateway.protocols.base.surface import FireAndForget, Handling, Session
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 SIDEREAL_HERTZ = 60.16427
 #: What counts as sidereal, and how it is told; the highest frequency that can be told.

@@ -1,6 +1,6 @@
 """The NexStar driver: operations become the commands of the hand control that was found.
 
-``SPECIALS`` lists the functions that rows of ``mappings/nexstar/driver.toml`` call, and the driver's own follow-ups.
+``HANDLERS`` lists the functions that rows of ``mappings/nexstar/driver.toml`` call, and the driver's own follow-ups.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Any
 
 from gateway.protocols.nexstar.driver import goto, identify, motion, place, position, sleep, tracking
 
-SPECIALS: dict[str, Callable[[Any, Any], Any]] = {
+HANDLERS: dict[str, Callable[[Any, Any], Any]] = {
     function.__name__: function
     for function in (
         identify.identity,

@@ -1,48 +1,131 @@
-"""The hand control itself, for programs that speak its protocol: what it presents, and what it answers."""
+"""Which hand control was found, and what follows from its model and version: its facts, whatever the mount does."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 from gateway.core.errors import Silence, Unsupported
-from gateway.core.operations import Own
-from gateway.protocols.base.driver import Send, Steps
-from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT
-from gateway.protocols.wireformat.command_set import Version
-
-if TYPE_CHECKING:
-    from gateway.protocols.nexstar.driver.state import NexStar
+from gateway.core.operations import Identity, Own
+from gateway.protocols.base.driver import Driver, Handler, Send, Steps
+from gateway.protocols.nexstar.rates import key_speed, rate_tables
+from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT, numbered
+from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.rows import Version, parse_version
 
 #: What is shown of a hand control that has not told its version yet.
 FIRST_SHOWN: Version = (4, 21)
 #: Seconds in which a hand control says which kind it is, or does not.
 VARIANT_PATIENCE = 1.5
+#: The first version that counts in coordinates of date.
+JNOW_FROM = (4, 14)
+UNKNOWN: dict[str, Any] = {"mount": "fork", "rates": "se", "has": [], "motors": "0.0", "versions": []}
 
 
-def presented(mount: NexStar) -> dict[str, Any]:
-    """The row of its model, with what it has told of itself; ``counts_as`` is the version that it behaves as."""
-    shown = mount.shown or FIRST_SHOWN
-    return {
-        **mount.facts,
-        "id": mount.facts.get("id", mount.number or 0),
-        "name": mount.model or "unknown",
-        "version": shown,
-        "counts_as": mount.version or shown,
-        "own": True,
-        "variant": STARSENSE_VARIANT if mount.starsense else NEXSTAR_VARIANT,
-    }
+class HandControl(Driver):
+    """A hand control, as it was named or has told of itself."""
 
+    protocol = load("nexstar")
 
-def own(mount: NexStar, operation: Own) -> Steps:
-    """-> bytes. Nobody knows of every version whether it answers to ``v``; all else is answered by who has it.
+    def __init__(self, model: str | None, version: str | None, handlers: Mapping[str, Handler]) -> None:
+        super().__init__(handlers)
+        self.named_model = model
+        named = numbered(version) if version else None
+        self.model = model
+        self.version: Version | None = named.counts_as if named else None
+        self.version_text = "?"
+        #: What ``V`` and ``m`` have answered.
+        self.shown: Version | None = None
+        self.number: int | None = None
+        #: Commands that it did not answer.
+        self.mute: set[str] = set()
+        self.starsense = named is not None and named.starsense
+        self.motors: dict[int, Version] = {}
+        self.focuser = False
+        self.found: set[str] = set()
 
-    Raises Unsupported for what it has not, or does not answer.
-    """
-    if not mount.knows(operation.command) or operation.command in mount.mute:
-        raise Unsupported
-    patience = VARIANT_PATIENCE if operation.command == "v" else None
-    try:
-        return (yield Send(operation.command, dict(operation.fields), patience, raw=True))["raw"]
-    except Silence:
-        mount.mute.add(operation.command)
-        raise Unsupported from None
+    def presented(self) -> dict[str, Any]:
+        """The row of its model, with what it has told of itself; ``counts_as`` is the version that it behaves as."""
+        shown = self.shown or FIRST_SHOWN
+        return {
+            **self.facts,
+            "id": self.facts.get("id", self.number or 0),
+            "name": self.model or "unknown",
+            "version": shown,
+            "counts_as": self.version or shown,
+            "own": True,
+            "variant": STARSENSE_VARIANT if self.starsense else NEXSTAR_VARIANT,
+        }
+
+    def told_model(self, identity: Identity) -> str | None:
+        if self.number is None:
+            return None
+        rows = self.protocol.models
+        if self.named_model in rows and rows[self.named_model].get("id") == self.number:
+            return self.named_model
+        return next((name for name, row in rows.items() if row.get("id") == self.number), f"model {self.number}")
+
+    def own(self, operation: Own) -> Steps:
+        """-> bytes. Nobody knows of every version whether it answers to ``v``; all else is answered by who has it.
+
+        Raises Unsupported for what it has not, or does not answer.
+        """
+        if not self.knows(operation.command) or operation.command in self.mute:
+            raise Unsupported
+        patience = VARIANT_PATIENCE if operation.command == "v" else None
+        try:
+            return (yield Send(operation.command, dict(operation.fields), patience, raw=True))["raw"]
+        except Silence:
+            self.mute.add(operation.command)
+            raise Unsupported from None
+
+    def greet(self) -> Steps:
+        """``K``, which no Meade takes for anything."""
+        yield Send("K", {"echo": 0x78})
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """The row of models.toml; an unknown mount is an alt-az fork without extras."""
+        return self.protocol.models.get(self.model or "", UNKNOWN)
+
+    @property
+    def loses_alignment(self) -> bool:  # type: ignore[override]
+        """A StarSense that is told site or time forgets its alignment."""
+        return self.starsense
+
+    @property
+    def stepping(self) -> bool:  # type: ignore[override]
+        """Before 1.6 there is no pass-through to the motors."""
+        return not self.knows("slew_azm_pos")
+
+    @property
+    def equinox(self) -> str:  # type: ignore[override]
+        """Up to 4.13, and on every GT, a hand control counts in J2000 by Celestron's own driver; others disagree."""
+        if self.starsense or self.version is None or self.version >= JNOW_FROM:
+            return "jnow"
+        return "j2000"
+
+    @property
+    def german(self) -> bool:  # type: ignore[override]
+        """Whether the mount is built equatorially."""
+        return bool(self.facts["mount"] == "german")
+
+    def has(self, part: str) -> bool:
+        return part in self.facts["has"] or part in self.found
+
+    @property
+    def shifted(self) -> bool:
+        """CGE and Advanced GT 3.01-3.04 count EQ north as 1 and EQ south as 2."""
+        low_high = self.facts.get("shifted")
+        if not low_high or self.version is None:
+            return False
+        return parse_version(low_high[0]) <= self.version <= parse_version(low_high[1])
+
+    @property
+    def rates(self) -> dict[str, Any]:
+        """The fixed-rate table of the mount's family."""
+        return rate_tables()[self.facts["rates"]]
+
+    def key_speed(self, key: int) -> float:
+        """Degrees a second of a hand-control key 1-9."""
+        return key_speed(self.rates, key)

@@ -8,7 +8,7 @@ from gateway.protocols.base.driver import Send, Steps
 from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.protocols.nexstar.driver.tracking import read_status
 from gateway.protocols.nexstar.versions import GT_FIRST, STARSENSE_END, STARSENSE_OLDEST, STARSENSE_VARIANT, counts_as
-from gateway.protocols.wireformat.command_set import show_version
+from gateway.protocols.wireformat.rows import show_version
 
 #: From this version on a hand control may be a StarSense as well.
 ASKED_AGAIN_FROM = (5, 28)

@@ -31,7 +31,6 @@ from gateway.protocols.nexstar.driver import altaz, guide_speed, tracking
 from gateway.protocols.nexstar.driver.goto import Arrived, need_alignment, stop_current_motion
 from gateway.protocols.nexstar.driver.position import pier_side
 from gateway.protocols.nexstar.driver.state import NexStar, Stepping
-from gateway.protocols.nexstar.driver.unguided import times_pulses, unguided
 from gateway.protocols.nexstar.rates import SIDEREAL
 
 FOCUSER = 18
@@ -232,9 +231,9 @@ def _step(mount: NexStar, axis: int, here: float) -> float:
 def pulse(mount: NexStar, operation: Pulse) -> Steps:
     """-> Pulsed. ``motor``: n turns the second motor one way, wherever the tube is. ``sky``: n is north."""
     by_sky = mount.settings.guide_directions == "sky"
-    if operation.ms > 0 and altaz.stands(mount) and (by_sky or not times_pulses(mount)):
+    if operation.ms > 0 and altaz.stands(mount) and (by_sky or not mount.times_pulses):
         return (yield from altaz.pulse(mount, operation))
-    if tracking.native_mode(mount) is None and not (mount.stepping or times_pulses(mount)):
+    if tracking.native_mode(mount) is None and not (mount.stepping or mount.times_pulses):
         raise Unsupported("This hand control does not tell how it tracks, which guiding goes by: --mode tells it.")
     axis, sign = operation.direction.axis, sense(mount, operation.direction)
     if by_sky and not mount.stepping and (yield from _reversed(mount, operation.direction)):
@@ -251,9 +250,9 @@ def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
     fraction = mount.guide_rates[axis] if operation.rate is None else operation.rate
     if operation.ms <= 0 or fraction <= 0.0:
         return None
-    if (fault := unguided(mount)) is not None:
+    if (fault := mount.unguided()) is not None:
         raise fault
-    if times_pulses(mount):
+    if mount.times_pulses:
         piece = min(operation.ms, LONGEST_PULSE)
         percent, ticks = guide_speed.motor_pulse(piece, fraction)
         mount.pulse_ends[axis] = mount.now() + piece / 1000.0

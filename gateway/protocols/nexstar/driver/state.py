@@ -7,16 +7,14 @@ from typing import Any, cast
 
 from msgspec import Struct, ValidationError, convert, to_builtins
 
-from gateway.core.errors import Fault
+from gateway.core.errors import Fault, Refused, Unsupported
 from gateway.core.operations import (
     Equatorial,
     GotoAxes,
     Home,
     Horizontal,
-    Identity,
     Moment,
     Operation,
-    Own,
     Park,
     Place,
     PulseAxis,
@@ -24,12 +22,10 @@ from gateway.core.operations import (
     Tracking,
     TrackRate,
 )
-from gateway.protocols.base.driver import Driver, Send, Steps
-from gateway.protocols.nexstar.driver import hand_control
-from gateway.protocols.nexstar.driver.unguided import unguided
-from gateway.protocols.nexstar.rates import SIDEREAL, key_speed, rate_tables
-from gateway.protocols.nexstar.versions import numbered
-from gateway.protocols.wireformat.command_set import Version, load, parse_version
+from gateway.protocols.base.driver import Handler
+from gateway.protocols.nexstar.driver.hand_control import HandControl
+from gateway.protocols.nexstar.rates import SIDEREAL, rate_tables
+from gateway.protocols.wireformat.rows import Version
 
 
 class Settings(Struct, frozen=True):
@@ -75,12 +71,9 @@ class Memory(Struct, omit_defaults=True):
     tracking: Tracking | None = None
 
 
-class NexStar(Driver):
-    """A Celestron hand control. ``now`` is any clock that never goes back, in seconds."""
+class NexStar(HandControl):
+    """A Celestron mount. ``now`` is any clock that never goes back, in seconds."""
 
-    protocol = load("nexstar")
-    awake_or_not = frozenset("KVxy")
-    ends = frozenset({"M", "slew_azm_pos", "slew_alt_pos", "pulse"})
     sync_aligns = False
 
     def __init__(
@@ -89,26 +82,11 @@ class NexStar(Driver):
         settings: Settings = Settings(),
         model: str | None = None,
         version: str | None = None,
+        handlers: Mapping[str, Handler] = {},
     ) -> None:
-        from gateway.protocols.nexstar.driver import SPECIALS  # the specials know this class
-
+        super().__init__(model, version, handlers)
         rate_tables()  # read now: when the first arrow comes there may be no file left that can be opened
-        self.specials = SPECIALS
         self.now, self.settings = now, settings
-        self.named_model = model
-        named = numbered(version) if version else None
-        self.model = model
-        self.version: Version | None = named.counts_as if named else None
-        self.version_text = "?"
-        #: What ``V`` and ``m`` have answered.
-        self.shown: Version | None = None
-        self.number: int | None = None
-        #: Commands that it did not answer.
-        self.mute: set[str] = set()
-        self.starsense = named is not None and named.starsense
-        self.motors: dict[int, Version] = {}
-        self.focuser = False
-        self.found: set[str] = set()
         # the drive
         self.tracking: Tracking | None = None
         self.native_mode: Tracking | None = None
@@ -151,35 +129,6 @@ class NexStar(Driver):
         self.site: Place | None = None
         self.clock: Moment | None = None
 
-    def presented(self) -> dict[str, Any]:
-        return hand_control.presented(self)
-
-    def told_model(self, identity: Identity) -> str | None:
-        if self.number is None:
-            return None
-        rows = self.protocol.models
-        if self.named_model in rows and rows[self.named_model].get("id") == self.number:
-            return self.named_model
-        return next((name for name, row in rows.items() if row.get("id") == self.number), f"model {self.number}")
-
-    def own(self, operation: Own) -> Steps:
-        return hand_control.own(self, operation)
-
-    @property
-    def facts(self) -> dict[str, Any]:
-        """The row of models.toml; an unknown mount is an alt-az fork without extras."""
-        return self.protocol.models.get(self.model or "", UNKNOWN)
-
-    @property
-    def loses_alignment(self) -> bool:  # type: ignore[override]
-        """A StarSense that is told site or time forgets its alignment."""
-        return self.starsense
-
-    @property
-    def stepping(self) -> bool:  # type: ignore[override]
-        """Before 1.6 there is no pass-through to the motors."""
-        return not self.knows("slew_azm_pos")
-
     @property
     def unsure(self) -> bool:  # type: ignore[override]
         return self.goto is not None and self.goto.unsure
@@ -190,23 +139,8 @@ class NexStar(Driver):
         return self.offset != (0.0, 0.0)
 
     @property
-    def equinox(self) -> str:  # type: ignore[override]
-        """Up to 4.13, and on every GT, a hand control counts in J2000 by Celestron's own driver; others disagree."""
-        if self.starsense or self.version is None or self.version >= JNOW_FROM:
-            return "jnow"
-        return "j2000"
-
-    @property
-    def german(self) -> bool:  # type: ignore[override]
-        """Whether the mount is built equatorially."""
-        return bool(self.facts["mount"] == "german")
-
-    @property
     def southern(self) -> bool:
         return self.site is not None and self.site.latitude < 0
-
-    def has(self, part: str) -> bool:
-        return part in self.facts["has"] or part in self.found
 
     @property
     def tracking_suspended(self) -> bool:  # type: ignore[override]
@@ -250,27 +184,6 @@ class NexStar(Driver):
         """Tracking is put back only where the mount is aligned still."""
         self.in_doubt = self.suspended is not None
 
-    def greet(self) -> Steps:
-        """``K``, which no Meade takes for anything."""
-        yield Send("K", {"echo": 0x78})
-
-    @property
-    def shifted(self) -> bool:
-        """CGE and Advanced GT 3.01-3.04 count EQ north as 1 and EQ south as 2."""
-        low_high = self.facts.get("shifted")
-        if not low_high or self.version is None:
-            return False
-        return parse_version(low_high[0]) <= self.version <= parse_version(low_high[1])
-
-    @property
-    def rates(self) -> dict[str, Any]:
-        """The fixed-rate table of the mount's family."""
-        return rate_tables()[self.facts["rates"]]
-
-    def key_speed(self, key: int) -> float:
-        """Degrees a second of a hand-control key 1-9."""
-        return key_speed(self.rates, key)
-
     def speed(self, rate: Rate) -> float:
         """Degrees a second of a hand rate."""
         variable = self.variable(rate)
@@ -294,7 +207,32 @@ class NexStar(Driver):
 
     def impossible(self, operation: Operation) -> Fault | None:
         """A guide pulse by motor sense, where the motors cannot be guided now."""
-        return unguided(self) if isinstance(operation, PulseAxis) else None
+        return self.unguided() if isinstance(operation, PulseAxis) else None
+
+    @property
+    def times_pulses(self) -> bool:
+        """Whether both motors know guide pulses, which they add to whatever they do."""
+        return bool(self.motors) and min(self.motors.values()) >= PULSE_FIRMWARE
+
+    def unguided(self) -> Fault | None:
+        """Why it cannot be guided by motor sense now; None where it can.
+
+        Older motors are given a rate that differs from equatorial tracking for as long, so a mount that does not
+        track, or tracks in alt-az, cannot be guided so.
+        """
+        if self.goto is not None:
+            return Refused("The mount is slewing: the guide pulse is dropped.")
+        if self.times_pulses:
+            return None
+        if self.stepping:
+            return Unsupported("Hand controls before 1.6 have no way to the motors: this mount cannot be guided.")
+        if (self.tracking or Tracking.OFF).equatorial:
+            return None
+        if not self.aligned:
+            return Unsupported("The mount is not aligned and does not track: the guide pulse is dropped.")
+        if self.german or (self.native_mode or Tracking.OFF).equatorial:
+            return Unsupported("The mount does not track: the guide pulse is dropped. Tracking on, and it is guided.")
+        return Unsupported("This mount cannot be guided in alt-az: its motors know no guide pulses.")
 
     def tube_side(self, told: str) -> str | None:
         """The letter of ``PierSide`` on a German mount, if it was told; the other one where the version swaps them."""
@@ -345,11 +283,11 @@ class NexStar(Driver):
 
 #: Speeds this near are one, degrees a second; of guiding, as a part of the speed.
 SAME_SPEED, SAME_GUIDING = 0.01, 0.02
-JNOW_FROM = (4, 14)
+#: Motor firmware that knows guide pulses.
+PULSE_FIRMWARE = (6, 12)
 #: Up to this version the pier side is told with its letters swapped in the southern hemisphere.
 LETTERS_SWAPPED = (5, 24)
 #: Where a German mount's axes stand when it points at the pole: both at their index.
 POLE_AXES = (90.0, 90.0)
 #: How far above the lowest altitude a fork is parked, degrees.
 ABOVE_LOWEST = 0.5
-UNKNOWN: dict[str, Any] = {"mount": "fork", "rates": "se", "has": [], "motors": "0.0", "versions": []}

@@ -8,17 +8,10 @@ Universal Time (NexStar protocol, Time/Location, GPS and RTC Commands).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING, Any
 
 from gateway.astro.axes import Sky
-
-if TYPE_CHECKING:
-    from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
-
-Values = dict[str, Any]
-Handler = Callable[["SimulatedHandControl", Values], Values | None]
+from gateway.protocols.nexstar.simulator.mount import GPS, RTC, Handler, SimulatedMount, Values
 
 WEST_MOST, EAST_MOST = -12, 14  # hours: the zones in use
 
@@ -30,7 +23,7 @@ def _utc(unix: float) -> datetime:
 # --- the hand control's own -----------------------------------------------------------------------------
 
 
-def _local(sim: SimulatedHandControl, zone: float) -> Values:
+def _local(sim: SimulatedMount, zone: float) -> Values:
     """Local date and time in a zone, as both clock commands write it."""
     local = _utc(sim.utc() + (zone + sim.daylight) * 3600)
     return {
@@ -44,18 +37,18 @@ def _local(sim: SimulatedHandControl, zone: float) -> Values:
     }
 
 
-def get_time(sim: SimulatedHandControl, _: Values) -> Values:
+def get_time(sim: SimulatedMount, _: Values) -> Values:
     """``h``: the zone byte holds whole hours, so a zone of 5:45 is told as 5, with the time to it."""
     zone = math.floor(sim.zone)
     return {**_local(sim, zone), "zone": zone}
 
 
-def get_time_quarters(sim: SimulatedHandControl, _: Values) -> Values:
+def get_time_quarters(sim: SimulatedMount, _: Values) -> Values:
     """``i``: the zone in quarters of an hour."""
     return {**_local(sim, sim.zone), "quarters": round(sim.zone * 4)}
 
 
-def _set_time(sim: SimulatedHandControl, values: Values, zone: float) -> None:
+def _set_time(sim: SimulatedMount, values: Values, zone: float) -> None:
     """UTC is local time less the zone less daylight saving; impossible values change nothing."""
     if not WEST_MOST <= zone <= EAST_MOST or values["dst"] > 1 or values["year"] > 99:
         return
@@ -76,30 +69,30 @@ def _set_time(sim: SimulatedHandControl, values: Values, zone: float) -> None:
     sim.relocate(sim.mechanics.sky._replace(ahead=unix - sim.now))
 
 
-def set_time(sim: SimulatedHandControl, values: Values) -> Values:
+def set_time(sim: SimulatedMount, values: Values) -> Values:
     """``H``."""
     _set_time(sim, values, values["zone"])
     return {}
 
 
-def set_time_quarters(sim: SimulatedHandControl, values: Values) -> Values:
+def set_time_quarters(sim: SimulatedMount, values: Values) -> Values:
     """``I``."""
     _set_time(sim, values, values["quarters"] / 4)
     return {}
 
 
-def get_site(sim: SimulatedHandControl, _: Values) -> Values:
+def get_site(sim: SimulatedMount, _: Values) -> Values:
     """``w``."""
     return {"latitude": sim.mechanics.sky.latitude, "longitude": sim.mechanics.sky.longitude}
 
 
-def set_site(sim: SimulatedHandControl, values: Values) -> Values:
+def set_site(sim: SimulatedMount, values: Values) -> Values:
     """``W``."""
     sim.relocate(Sky(values["latitude"], values["longitude"], sim.mechanics.sky.ahead))
     return {}
 
 
-def sidereal_time(sim: SimulatedHandControl, _: Values) -> Values:
+def sidereal_time(sim: SimulatedMount, _: Values) -> Values:
     """``l``: by the clock and the site that the hand control believes in."""
     return {"sidereal": sim.mechanics.sky.sidereal(sim.now)}
 
@@ -107,12 +100,12 @@ def sidereal_time(sim: SimulatedHandControl, _: Values) -> Values:
 # --- GPS unit and real-time clock -----------------------------------------------------------------------
 
 
-def _true_time(sim: SimulatedHandControl, device: int) -> datetime:
+def _true_time(sim: SimulatedMount, device: int) -> datetime:
     return _utc(sim.now + (sim.rtc_ahead if device == RTC else 0.0))
 
 
 def _date(device: int) -> Handler:
-    def date(sim: SimulatedHandControl, _: Values) -> Values:
+    def date(sim: SimulatedMount, _: Values) -> Values:
         time = _true_time(sim, device)
         return {"month": time.month, "day": time.day}
 
@@ -120,21 +113,21 @@ def _date(device: int) -> Handler:
 
 
 def _year(device: int) -> Handler:
-    def year(sim: SimulatedHandControl, _: Values) -> Values:
+    def year(sim: SimulatedMount, _: Values) -> Values:
         return {"year": _true_time(sim, device).year}
 
     return year
 
 
 def _time(device: int) -> Handler:
-    def time_of_day(sim: SimulatedHandControl, _: Values) -> Values:
+    def time_of_day(sim: SimulatedMount, _: Values) -> Values:
         time = _true_time(sim, device)
         return {"hour": time.hour, "minute": time.minute, "second": time.second}
 
     return time_of_day
 
 
-def _set_rtc(sim: SimulatedHandControl, values: Values) -> Values:
+def _set_rtc(sim: SimulatedMount, values: Values) -> Values:
     """Replace a part of the RTC's date or time; an impossible one changes nothing."""
     time = _true_time(sim, RTC)
     try:
@@ -145,11 +138,9 @@ def _set_rtc(sim: SimulatedHandControl, values: Values) -> Values:
     return {}
 
 
-def _linked(sim: SimulatedHandControl, _: Values) -> Values:
+def _linked(sim: SimulatedMount, _: Values) -> Values:
     return {"linked": 1, "valid": 1}
 
-
-GPS, RTC = 176, 178
 
 CLOCKS: dict[str, Handler] = {
     "h": get_time,

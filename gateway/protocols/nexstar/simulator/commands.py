@@ -7,37 +7,31 @@ anything.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from gateway.astro.axes import Build
 from gateway.astro.spherical import wrap180
-from gateway.protocols.nexstar.simulator.clock import Handler, Values
+from gateway.protocols.nexstar.simulator.mount import ALTAZ, EQ_NORTH, EQ_SOUTH, OFF, Handler, SimulatedMount, Values
 from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT
-from gateway.protocols.wireformat.command_set import Version
+from gateway.protocols.wireformat.rows import Version
 
-if TYPE_CHECKING:
-    from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
-
-OFF, ALTAZ, EQ_NORTH, EQ_SOUTH = range(4)
 #: Slew limits of a fork, degrees of altitude.
 LOWEST, HIGHEST = -5.0, 90.0
 #: Up to this version ``p`` tells the side in the northern way, also in the southern hemisphere.
 NORTHERN_LETTERS: Version = (5, 24)
 
 
-def position(sim: SimulatedHandControl, _: Values) -> Values:
+def position(sim: SimulatedMount, _: Values) -> Values:
     """``E`` ``e``."""
     ra, dec = sim.mechanics.believed(sim.now)
     return {"ra": ra, "dec": dec}
 
 
-def axes(sim: SimulatedHandControl, _: Values) -> Values:
+def axes(sim: SimulatedMount, _: Values) -> Values:
     """``Z`` ``z``: azimuth and altitude, on polar mounts the motor axes."""
     az, alt = sim.encoders()
     return {"az": az, "alt": alt}
 
 
-def goto(sim: SimulatedHandControl, values: Values) -> Values:
+def goto(sim: SimulatedMount, values: Values) -> Values:
     """``R`` ``r``: nothing without an alignment, nothing beyond a fork's slew limits."""
     if sim.aligned:
         hour_angle = wrap180(sim.mechanics.sky.sidereal(sim.now) - values["ra"])
@@ -46,7 +40,7 @@ def goto(sim: SimulatedHandControl, values: Values) -> Values:
     return {}
 
 
-def goto_axes(sim: SimulatedHandControl, values: Values) -> Values:
+def goto_axes(sim: SimulatedMount, values: Values) -> Values:
     """``B`` ``b``: works without an alignment too, from where the mount was powered on."""
     if _allowed(sim, values["alt"]):
         first, second = sim.encoder_offset
@@ -54,36 +48,36 @@ def goto_axes(sim: SimulatedHandControl, values: Values) -> Values:
     return {}
 
 
-def _allowed(sim: SimulatedHandControl, altitude: float) -> bool:
+def _allowed(sim: SimulatedMount, altitude: float) -> bool:
     return sim.mechanics.build is not Build.ALTAZ or LOWEST <= altitude <= HIGHEST
 
 
-def sync(sim: SimulatedHandControl, values: Values) -> Values:
+def sync(sim: SimulatedMount, values: Values) -> Values:
     """``S`` ``s``: from now on RA/Dec is read and sought relative to this; the motor positions stay."""
     if sim.aligned:
         sim.mechanics.sync(sim.now, values["ra"], values["dec"])
     return {}
 
 
-def undo_sync(sim: SimulatedHandControl, _: Values) -> Values:
+def undo_sync(sim: SimulatedMount, _: Values) -> Values:
     """``u``: back to the alignment itself."""
     if sim.aligned:
         sim.mechanics.correct(sim.now, (0.0, 0.0))
     return {}
 
 
-def cancel(sim: SimulatedHandControl, _: Values) -> Values:
+def cancel(sim: SimulatedMount, _: Values) -> Values:
     """``M``: a goto ends; hand motion does not."""
     sim.mechanics.cancel(sim.now)
     return {}
 
 
-def get_mode(sim: SimulatedHandControl, _: Values) -> Values:
+def get_mode(sim: SimulatedMount, _: Values) -> Values:
     """``t``."""
     return {"mode": sim.mode - 1 if sim.shifted and sim.mode else sim.mode}
 
 
-def set_mode(sim: SimulatedHandControl, values: Values) -> Values:
+def set_mode(sim: SimulatedMount, values: Values) -> Values:
     """``T``: EQ modes put a fork on its wedge; a German mount has no alt-az tracking."""
     mode = values["mode"]
     mode = mode + 1 if sim.shifted and mode else mode
@@ -93,7 +87,7 @@ def set_mode(sim: SimulatedHandControl, values: Values) -> Values:
     return {}
 
 
-def pier_side(sim: SimulatedHandControl, _: Values) -> Values:
+def pier_side(sim: SimulatedMount, _: Values) -> Values:
     """``p``: by the hour angle of the last goto; a fork is always E."""
     west = sim.german and sim.mechanics.flipped
     if sim.german and sim.mechanics.geometry.pole < 0 and sim.version > NORTHERN_LETTERS:
@@ -101,7 +95,7 @@ def pier_side(sim: SimulatedHandControl, _: Values) -> Values:
     return {"side": "W" if west else "E"}
 
 
-def hibernate(sim: SimulatedHandControl, _: Values) -> Values:
+def hibernate(sim: SimulatedMount, _: Values) -> Values:
     """``x``: everything stops; only ``y``, ``K`` and ``V`` are answered until waking."""
     sim.mechanics.cancel(sim.now)
     sim.mechanics.track(sim.now, on=False)
@@ -109,7 +103,7 @@ def hibernate(sim: SimulatedHandControl, _: Values) -> Values:
     return {}
 
 
-def wake(sim: SimulatedHandControl, _: Values) -> Values:
+def wake(sim: SimulatedMount, _: Values) -> Values:
     """``y``: tracking comes back in its mode."""
     if sim.asleep:
         sim.asleep = False

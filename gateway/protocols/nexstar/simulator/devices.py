@@ -7,17 +7,11 @@ a hand rate.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
 from gateway.protocols.mechanics.axis_motor import LUNAR_RATE, SOLAR_RATE
-from gateway.protocols.nexstar.simulator.clock import GPS, RTC, Handler, Values
-from gateway.protocols.wireformat.command_set import Version
+from gateway.protocols.nexstar.simulator.mount import ALT, AZM, FOCUSER, GPS, RTC, Handler, SimulatedMount, Values
+from gateway.protocols.wireformat.rows import Version
 
-if TYPE_CHECKING:
-    from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
-
-AZM, ALT, FOCUSER = 16, 17, 18
 #: Variable rates that are none: sidereal, solar and lunar tracking of the motor.
 DRIVE_RATES = {0xFFFF: SIDEREAL_RATE, 0xFFFE: SOLAR_RATE, 0xFFFD: LUNAR_RATE}
 #: The keys that do not override equatorial tracking (NexStar protocol, Slewing Commands, note).
@@ -33,34 +27,10 @@ _TURN = 1 << 24
 """Steps of a position: of a turn for a motor; a focuser counts plain steps in the same field."""
 
 
-class FocuserMotor:
-    """A focuser: a position in steps that moves at a rate, to one end of its way or to a goal."""
-
-    TRAVEL = 50000
-    FASTEST = 1000.0  # steps a second at key 9
-
-    def __init__(self) -> None:
-        self._position, self._since, self._rate, self._goal = self.TRAVEL / 2, 0.0, 0.0, 0.0
-
-    def position(self, now: float) -> float:
-        """Steps from the inner end."""
-        reach, left = self._rate * (now - self._since), self._goal - self._position
-        return self._goal if abs(reach) >= abs(left) else self._position + reach
-
-    def moving(self, now: float) -> bool:
-        return self._rate != 0.0 and self.position(now) != self._goal
-
-    def go(self, now: float, goal: float, rate: float = FASTEST) -> None:
-        """Move to a step at some steps a second; 0 stops."""
-        self._position, self._since = self.position(now), now
-        self._goal = max(0.0, min(float(self.TRAVEL), goal)) if rate else self._position
-        self._rate = abs(rate) if self._goal > self._position else -abs(rate)
-
-
 # --- hand rates -----------------------------------------------------------------------------------------
 
 
-def _hand_rate(sim: SimulatedHandControl, values: Values, device: int, sign: int) -> Values | None:
+def _hand_rate(sim: SimulatedMount, values: Values, device: int, sign: int) -> Values | None:
     """24 and 25 hex: a key from 1 to 9, 0 to stop."""
     key = values["rate"]
     if key > len(sim.keys):
@@ -76,7 +46,7 @@ def _hand_rate(sim: SimulatedHandControl, values: Values, device: int, sign: int
     return {}
 
 
-def _variable_rate(sim: SimulatedHandControl, values: Values, device: int, sign: int) -> Values:
+def _variable_rate(sim: SimulatedMount, values: Values, device: int, sign: int) -> Values:
     """06 and 07: quarter arcseconds a second, except the three drive rates."""
     drive = DRIVE_RATES.get(values["rate"])
     rate = values["rate"] / 14400.0 if drive is None else drive
@@ -84,7 +54,7 @@ def _variable_rate(sim: SimulatedHandControl, values: Values, device: int, sign:
     return {}
 
 
-def _fine_rate(sim: SimulatedHandControl, values: Values, device: int, sign: int) -> Values | None:
+def _fine_rate(sim: SimulatedMount, values: Values, device: int, sign: int) -> Values | None:
     """06 and 07 with three bytes: 1/1024 arcsecond a second."""
     if device not in (AZM, ALT):
         return None
@@ -92,7 +62,7 @@ def _fine_rate(sim: SimulatedHandControl, values: Values, device: int, sign: int
     return {}
 
 
-def _pulse(sim: SimulatedHandControl, values: Values) -> Values | None:
+def _pulse(sim: SimulatedMount, values: Values) -> Values | None:
     """26 hex: percent of sidereal for hundredths of a second."""
     if values["device"] not in (AZM, ALT) or sim.motors < PULSE_FIRMWARE:
         return None
@@ -101,7 +71,7 @@ def _pulse(sim: SimulatedHandControl, values: Values) -> Values | None:
     return {}
 
 
-def _pulse_active(sim: SimulatedHandControl, values: Values) -> Values | None:
+def _pulse_active(sim: SimulatedMount, values: Values) -> Values | None:
     if values["device"] not in (AZM, ALT) or sim.motors < PULSE_FIRMWARE:
         return None
     return {"active": int(sim.mechanics.pulsing(sim.now, values["device"] - 15))}
@@ -110,14 +80,14 @@ def _pulse_active(sim: SimulatedHandControl, values: Values) -> Values | None:
 # --- positions ------------------------------------------------------------------------------------------
 
 
-def _position(sim: SimulatedHandControl, values: Values) -> Values | None:
+def _position(sim: SimulatedMount, values: Values) -> Values | None:
     device = values["device"]
     if device == FOCUSER and sim.focuser is not None:
         return {"position": round(sim.focuser.position(sim.now)) * 360.0 / _TURN}
     return {"position": sim.encoders()[device - 16]} if device in (AZM, ALT) else None
 
 
-def _goto(sim: SimulatedHandControl, values: Values, slow: bool) -> Values | None:
+def _goto(sim: SimulatedMount, values: Values, slow: bool) -> Values | None:
     """02 and 17 hex: one motor alone."""
     device = values["device"]
     if device == FOCUSER and sim.focuser is not None:
@@ -130,7 +100,7 @@ def _goto(sim: SimulatedHandControl, values: Values, slow: bool) -> Values | Non
     return {}
 
 
-def _done(sim: SimulatedHandControl, values: Values) -> Values | None:
+def _done(sim: SimulatedMount, values: Values) -> Values | None:
     """13 and 12 hex: 255 when the motor has arrived."""
     device = values["device"]
     if device == FOCUSER and sim.focuser is not None:
@@ -140,7 +110,7 @@ def _done(sim: SimulatedHandControl, values: Values) -> Values | None:
     return {"done": 0 if sim.mechanics.slewing(sim.now, device - 15) else 255}
 
 
-def _set_position(sim: SimulatedHandControl, values: Values) -> Values | None:
+def _set_position(sim: SimulatedMount, values: Values) -> Values | None:
     """04: the motor counts from there, and the hand control, which knows no better, believes it."""
     if values["device"] not in (AZM, ALT):
         return None
@@ -153,14 +123,14 @@ def _set_position(sim: SimulatedHandControl, values: Values) -> Values | None:
     return {}
 
 
-def _seek_home(sim: SimulatedHandControl, values: Values) -> Values | None:
+def _seek_home(sim: SimulatedMount, values: Values) -> Values | None:
     if values["device"] not in (AZM, ALT) or "home" not in sim.row["has"]:
         return None
     sim.mechanics.goto_axis(sim.now, values["device"] - 15, INDEX)
     return {}
 
 
-def _home_found(sim: SimulatedHandControl, values: Values) -> Values | None:
+def _home_found(sim: SimulatedMount, values: Values) -> Values | None:
     return _done(sim, values) if "home" in sim.row["has"] and values["device"] != FOCUSER else None
 
 
@@ -170,7 +140,7 @@ def _home_found(sim: SimulatedHandControl, values: Values) -> Values | None:
 def _keep(name: str, limit: int) -> Handler:
     """A value a motor keeps; one beyond the limit is acknowledged and forgotten."""
 
-    def keep(sim: SimulatedHandControl, values: Values) -> Values | None:
+    def keep(sim: SimulatedMount, values: Values) -> Values | None:
         field = "rate" if "rate" in values else "value"
         if values["device"] not in (AZM, ALT):
             return None
@@ -182,7 +152,7 @@ def _keep(name: str, limit: int) -> Handler:
 
 
 def _tell(name: str, default: int) -> Handler:
-    def tell(sim: SimulatedHandControl, values: Values) -> Values | None:
+    def tell(sim: SimulatedMount, values: Values) -> Values | None:
         if values["device"] not in (AZM, ALT):
             return None
         value = sim.settings.get((name, values["device"]), default)
@@ -191,7 +161,7 @@ def _tell(name: str, default: int) -> Handler:
     return tell
 
 
-def _periodic_error(sim: SimulatedHandControl, values: Values) -> Values | None:
+def _periodic_error(sim: SimulatedMount, values: Values) -> Values | None:
     """0C and 0D hex: acknowledged and remembered; the simulated gears have no error to correct."""
     if values["device"] != AZM or "pec" not in sim.row["has"]:
         return None
@@ -202,7 +172,7 @@ def _periodic_error(sim: SimulatedHandControl, values: Values) -> Values | None:
 def _steady(value: int, *, motors: Version, part: str = "") -> Handler:
     """What a motor control tells and nothing here changes, from a firmware on, on mounts that carry a part."""
 
-    def steady(sim: SimulatedHandControl, values: Values) -> Values | None:
+    def steady(sim: SimulatedMount, values: Values) -> Values | None:
         own: Version = sim.motors
         if values["device"] not in (AZM, ALT) or own < motors or (part and part not in sim.row["has"]):
             return None
@@ -211,17 +181,17 @@ def _steady(value: int, *, motors: Version, part: str = "") -> Handler:
     return steady
 
 
-def _motor_model(sim: SimulatedHandControl, values: Values) -> Values | None:
+def _motor_model(sim: SimulatedMount, values: Values) -> Values | None:
     """05: only newer motors tell it."""
     return {"value": sim.row["id"]} if values["device"] in (AZM, ALT) and sim.motors >= MODEL_FIRMWARE else None
 
 
-def _cordwrap_position(sim: SimulatedHandControl, values: Values) -> Values | None:
+def _cordwrap_position(sim: SimulatedMount, values: Values) -> Values | None:
     """3C hex: only the azimuth motor winds cords up."""
     return {"position": 180.0} if values["device"] == AZM and sim.motors >= CORDWRAP_FIRMWARE else None
 
 
-def _version(sim: SimulatedHandControl, values: Values) -> Values | None:
+def _version(sim: SimulatedMount, values: Values) -> Values | None:
     """FE hex. Old motors send two bytes also to who asks for four."""
     device = values["device"]
     if not sim.present(device):

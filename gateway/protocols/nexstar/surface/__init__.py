@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from gateway.protocols.base.frames import Framing
 from gateway.protocols.base.surface import Special
-from gateway.protocols.nexstar.framing import Framer
 from gateway.protocols.nexstar.surface import devices, identity, motion, place, pointing
 from gateway.protocols.nexstar.versions import STARSENSE_VARIANT, numbered
-from gateway.protocols.wireformat.command_set import Version, load, show_version
+from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.rows import Version, show_version
 
 #: row word -> function; the same word may stand in several modules, so it is written ``module.function``.
-SPECIALS: dict[str, Special] = {
+HANDLERS: dict[str, Special] = {
     f"{module.__name__.rpartition('.')[2]}.{name}": function
     for module in (devices, identity, motion, place, pointing)
     for name, function in vars(module).items()
@@ -60,8 +59,3 @@ def lacks(model: Mapping[str, Any], frame: bytes) -> str:
         return ""
     name = "StarSense" if model["variant"] == STARSENSE_VARIANT else "hand control"
     return f"a {name} {show_version(model['version'])} has no such command"
-
-
-def framing(now: Callable[[], float]) -> Framing:
-    """How requests are cut out; ``now`` is any clock, in seconds."""
-    return Framing(Framer(), now)

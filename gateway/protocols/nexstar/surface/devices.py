@@ -14,7 +14,8 @@ from gateway.core.errors import Asleep, Fault, Invalid, NoAnswer, NoDevice, Unsu
 from gateway.core.operations import Focus, GetClock, GetGps, GetSite, Gps, Home, HomeState, Moment, Place, SetClock
 from gateway.protocols.base.surface import FireAndForget, Handling, Possible, Session
 from gateway.protocols.nexstar.surface.acknowledged import begin
-from gateway.protocols.wireformat.command_set import Command, parse_version
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.rows import parse_version
 
 MOTORS = {16: 1, 17: 2}
 GPS, RTC = 176, 178

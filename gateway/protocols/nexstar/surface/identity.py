@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from gateway.protocols.base.surface import Session
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 
 def version(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:

@@ -27,7 +27,8 @@ from gateway.protocols.nexstar.rates import key_speed, rate_tables
 from gateway.protocols.nexstar.surface.acknowledged import begin
 from gateway.protocols.nexstar.surface.devices import motor
 from gateway.protocols.nexstar.versions import STARSENSE_LONG_MODE, STARSENSE_VARIANT
-from gateway.protocols.wireformat.command_set import Command, parse_version
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.rows import parse_version
 
 _TRACKING = {0xFFFF: "sidereal", 0xFFFE: "solar", 0xFFFD: "lunar"}
 _MODES = {0: Tracking.OFF, 1: Tracking.ALTAZ, 2: Tracking.EQ_NORTH, 3: Tracking.EQ_SOUTH}

@@ -9,7 +9,7 @@ from typing import Any
 from gateway.core.errors import Fault
 from gateway.core.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite
 from gateway.protocols.base.surface import Handling, Possible, Session
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 
 def site(session: Session, command: Command, values: dict[str, Any]) -> Handling:

@@ -15,7 +15,7 @@ from gateway.protocols.base.surface import FireAndForget, Handling, Session
 from gateway.protocols.nexstar.surface.acknowledged import begin
 from gateway.protocols.nexstar.surface.devices import motor
 from gateway.protocols.nexstar.surface.frames import german, readings, to_mount
-from gateway.protocols.wireformat.command_set import Command
+from gateway.protocols.wireformat.command import Command
 
 
 def axes(session: Session, command: Command, values: dict[str, Any]) -> Handling:

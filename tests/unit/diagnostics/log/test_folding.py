@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.app.gateway import speech
+from gateway.app.bindings import speech
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.log.layout import Row
 from gateway.diagnostics.log.printing import Rows

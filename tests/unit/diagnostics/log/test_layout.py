@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from gateway.app.gateway import speech
+from gateway.app.bindings import speech
 from gateway.core.wire_log import Entry, show
 from gateway.diagnostics.log import layout
 from gateway.diagnostics.log.layout import Row, plain, wrapped

@@ -13,8 +13,8 @@ from gateway.core.errors import Garbled, NoAnswer
 from gateway.core.wire_log import Transcript
 from gateway.mount.link.queue import HALF_COMMAND, READ, STOP, MountLink
 from gateway.protocols.base.driver import Send
-from gateway.protocols.lx200.reply_rules import MeadeDialogue
-from gateway.protocols.nexstar.reply_rules import NexStarDialogue
+from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
+from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
 from gateway.transport.wires import SerialTransport
 from tests.soak.faulty import Kind
 from tests.soak.line_faults import trial
@@ -100,7 +100,7 @@ def test_an_acknowledgement_that_another_follows_is_none() -> None:
 @pytest.mark.parametrize("reply", [b"+45*30:15#", b"12:3x:56#", b"2:34:56#", b"1#"])
 def test_a_reply_of_another_form_is_none(reply: bytes) -> None:
     """What a client may write and a declination are no right ascension."""
-    outcome = MeadeDialogue().take(Send("GR"), reply)
+    outcome = Lx200ReplyRules().take(Send("GR"), reply)
     assert outcome is not None
     assert isinstance(outcome[0], Garbled)
 
@@ -134,7 +134,7 @@ def test_a_mute_port_is_opened_anew() -> None:
 
     async def program() -> None:
         wire = Wire(lambda data: hand_control(data) if wire.opened == 2 else [])
-        line = MountLink(wire, NexStarDialogue(), Transcript(lambda: 0.0))
+        line = MountLink(wire, NexStarReplyRules(), Transcript(lambda: 0.0))
         line.start()
         await asyncio.sleep(0.01)
         with pytest.raises(NoAnswer):

@@ -13,8 +13,8 @@ from gateway.core.errors import NoAnswer, NoDevice, Silence
 from gateway.core.wire_log import Transcript
 from gateway.mount.link.queue import MOTION, POSITION, READ, SETTING, STOP, MountLink
 from gateway.protocols.base.driver import Send
-from gateway.protocols.lx200.reply_rules import MeadeDialogue
-from gateway.protocols.nexstar.reply_rules import NexStarDialogue
+from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
+from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
 from gateway.transport.wires import OnData, OnLost
 from tests.support.virtual import run
 
@@ -62,7 +62,7 @@ def hand_control(data: bytes) -> list[tuple[float, bytes]]:
 
 async def opened(answers: Callable[[bytes], list[tuple[float, bytes]]]) -> tuple[MountLink, Wire]:
     wire = Wire(answers)
-    line = MountLink(wire, NexStarDialogue(), Transcript(lambda: 0.0))
+    line = MountLink(wire, NexStarReplyRules(), Transcript(lambda: 0.0))
     line.start()
     await asyncio.sleep(0.01)
     return line, wire
@@ -132,7 +132,7 @@ def test_an_answer_knows_how_long_it_took_though_a_stop_follows_at_once() -> Non
 
     async def program() -> None:
         wire = Wire(lambda data: [(1.0, b"12:00:00#")] if data == b":GR#" else [])
-        line = MountLink(wire, MeadeDialogue(), Transcript(lambda: 0.0))
+        line = MountLink(wire, Lx200ReplyRules(), Transcript(lambda: 0.0))
         line.start()
         await asyncio.sleep(0.01)
         slow = asyncio.ensure_future(line.timed(Send("GR"), POSITION))

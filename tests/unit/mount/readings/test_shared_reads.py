@@ -34,8 +34,8 @@ def test_a_stop_that_ends_a_motion_before_it_begins_takes_no_answer_from_others(
             bridge.controller.begin_stop()
             assert await answer
 
-    for step in range(25):
-        run(program(0.02 * step))
+    for step in range(13):
+        run(program(0.04 * step))
 
 
 def test_who_gives_up_a_new_read_ends_it_for_nobody() -> None:

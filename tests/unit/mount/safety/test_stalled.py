@@ -50,6 +50,7 @@ def test_a_position_that_stands_still_under_an_arrow_ends_it(mount: str, driven:
     run(program())
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     ("mount", "driven"),
     [("cpc", "nexstar"), ("cge", "nexstar"), ("lx200", "lx200"), ("lx200gps", "lx200"), ("autostar", "lx200")],

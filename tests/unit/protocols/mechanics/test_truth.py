@@ -14,7 +14,7 @@ import ephem
 import pytest
 
 from gateway.cli import main
-from gateway.protocols.lx200.simulator.telescope import SimulatedLx200
+from gateway.protocols.lx200.simulator.server import SimulatedLx200
 from gateway.protocols.mechanics.truth import Truth, sample, sampled, truth_of
 from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
 from tests.support.in_process_gateway import EVENING, Bridge

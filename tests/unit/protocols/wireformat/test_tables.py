@@ -14,8 +14,10 @@ import pytest
 from gateway.core.errors import MappingError, UserError
 from gateway.diagnostics import command_tables
 from gateway.diagnostics.rehearsal.explain import explain
-from gateway.protocols.lx200.surface import SPECIALS as LX200_SPECIALS
-from gateway.protocols.nexstar.driver import SPECIALS as NEXSTAR_SPECIALS
+from gateway.protocols.lx200.surface import HANDLERS as LX200_HANDLERS
+from gateway.protocols.nexstar.driver import HANDLERS as NEXSTAR_HANDLERS
+from gateway.protocols.registry import PROTOCOLS as SPECS
+from gateway.protocols.registry import pairs
 from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_folder
 from gateway.protocols.wireformat.fields import Codec
 from tests.support.in_process_gateway import Bridge
@@ -66,9 +68,9 @@ def test_no_reply_is_the_beginning_of_another(protocol: CommandSet) -> None:
 def test_every_function_a_row_calls_exists_and_every_special_is_called() -> None:
     calls = {row.call for row in load("lx200").surface.values() if row.call}
     helpers = {"commit", "commit_quiet", "printable", "own_library"}
-    assert calls == LX200_SPECIALS.keys() - helpers
+    assert calls == LX200_HANDLERS.keys() - helpers
     ways = {way.call for rows in load("nexstar").driver.values() for way in rows if way.call}
-    assert ways == NEXSTAR_SPECIALS.keys()
+    assert ways == NEXSTAR_HANDLERS.keys()
 
 
 @pytest.mark.parametrize(
@@ -98,7 +100,7 @@ def test_the_printed_tables_are_up_to_date(capsys: pytest.CaptureFixture[str]) -
     assert command_tables.check() == 0, capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("client", "mount"), command_tables.PAIRS)
+@pytest.mark.parametrize(("client", "mount"), pairs())
 def test_no_row_is_missing(client: str, mount: str) -> None:
     assert command_tables.missing(client, mount) == []
 
@@ -177,5 +179,5 @@ def test_the_outcomes_on_the_oldest_hand_controls_are_what_happens(
     assert name is not None
     mount = load("nexstar")
     row = load("lx200").surface[name[0].name]
-    assert command_tables.outcome(row, mount, model, command_tables.effective(mount, model, version)) == outcome
+    assert command_tables.outcome(row, mount, model, SPECS["nexstar"].counts_as(version)) == outcome
     assert bool(run(program())) == (outcome == "translated")

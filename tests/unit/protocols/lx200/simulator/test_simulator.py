@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.astro.spherical import separation, sidereal_time, wrap360
-from gateway.protocols.lx200.simulator.telescope import HANDLERS
+from gateway.protocols.lx200.simulator.server import HANDLERS
 from gateway.protocols.wireformat.command_set import load
 from tests.support.manual_files import fits, raw, rows
 from tests.support.simulated_meade import MODELS, SITES, meade

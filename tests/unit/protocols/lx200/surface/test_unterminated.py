@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from gateway.core import operations as op
 from gateway.protocols.base.frames import Suspect, Unterminated
-from gateway.protocols.lx200.framing import LONGEST, STOPS, Framer
+from gateway.protocols.lx200.framing import LONGEST, Framer, stops
 from gateway.protocols.wireformat.command_set import load
 from tests.support.fake_mount import Talk
 from tests.support.manual_files import raw, rows
@@ -100,7 +100,7 @@ def test_what_follows_in_the_same_run_is_answered_and_moves_nothing(way: str) ->
 
 
 @pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("stop", STOPS)
+@pytest.mark.parametrize("stop", stops())
 def test_a_stop_inside_or_behind_is_carried_out(stop: bytes, way: str) -> None:
     for sent in (
         b":Sr07:00:00" + stop,
@@ -147,7 +147,7 @@ def test_every_stop_is_known_to_the_framing() -> None:
         for name, command in lx200.commands.items()
         if lx200.surface[name].operations and set(lx200.surface[name].operations) <= {"Stop", "Halt"}
     }
-    assert ends | {b":FQ#"} == set(STOPS)
+    assert ends | {b":FQ#"} == set(stops())
 
 
 # --- every command with an argument -------------------------------------------------------------------------------

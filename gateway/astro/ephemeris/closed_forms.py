@@ -1,0 +1,112 @@
+"""The sky in closed forms: what can be said with `math` alone, at once and for any date.
+
+In the true equator and equinox of date: how the Earth is turned, where the Sun is, where the Moon is. They answer
+until astropy is loaded, and for ever if that fails. There are no planets: no closed form of them is short enough.
+Greatest errors for 1900..2050: axes 0.4", sidereal time 0.03 s plus UT1-UTC (below 0.9 s), Sun 0.01 degrees,
+Moon 0.04 degrees and 150 km. They were measured against ERFA and against JPL's DE421.
+"""
+
+from __future__ import annotations
+
+import math
+from operator import mul
+
+from gateway.astro.spherical import (
+    Matrix,
+    Vector,
+    about_x,
+    about_z,
+    centuries,
+    nutation,
+    obliquity,
+    product,
+    rotate,
+    sidereal_time,
+    to_vector,
+    wrap360,
+)
+
+_ABERRATION = 20.4955 / 3600.0
+
+Frame = tuple[float, Matrix]
+"""Greenwich apparent sidereal time in degrees, and the rotation from J2000 to equator and equinox of date."""
+
+
+def frame(unix: float) -> Frame:
+    """Precession of IAU 2006 and the great terms of nutation; sidereal time with UT1 = UTC."""
+    return sidereal_time(unix, 0.0), _matrix_of_date(centuries(unix))
+
+
+def sun(unix: float) -> Vector:
+    """Apparent geocentric direction of date of the Sun (Meeus, chapter 25, low accuracy)."""
+    t = centuries(unix)
+    anomaly = math.radians(357.52911 + t * (35999.05029 - 0.0001537 * t))
+    centre = (
+        (1.914602 - t * (0.004817 + 0.000014 * t)) * math.sin(anomaly)
+        + (0.019993 - 0.000101 * t) * math.sin(2.0 * anomaly)
+        + 0.000289 * math.sin(3.0 * anomaly)
+    )
+    return _from_ecliptic(t, 280.46646 + t * (36000.76983 + 0.0003032 * t) + centre - _ABERRATION, 0.0, 1.0)
+
+
+def moon(unix: float) -> Vector:
+    """Apparent geocentric place of the Moon of date, in km (Meeus, chapter 47, its greater terms)."""
+    t = centuries(unix)
+    angles = delaunay(t)
+    longitude, latitude, distance = 218.3164477 + t * (481267.88123421 - 0.0015786 * t), 0.0, 385000.56
+    for factors, along, away in _MOON_LONGITUDE_AND_DISTANCE:
+        angle = sum(map(mul, factors, angles))
+        longitude += along * 1e-6 * math.sin(angle)
+        distance += away * 1e-3 * math.cos(angle)
+    for factors, across in _MOON_LATITUDE:
+        latitude += across * 1e-6 * math.sin(sum(map(mul, factors, angles)))
+    return _from_ecliptic(t, longitude, latitude, distance)
+
+
+def delaunay(t: float) -> tuple[float, float, float, float]:
+    """The Moon's elongation, the Sun's anomaly, the Moon's anomaly and its argument of latitude, in radians."""
+    return (
+        math.radians(297.8501921 + t * (445267.1114034 - 0.0018819 * t)),
+        math.radians(357.5291092 + t * (35999.0502909 - 0.0001536 * t)),
+        math.radians(134.9633964 + t * (477198.8675055 + 0.0087414 * t)),
+        math.radians(93.2720950 + t * (483202.0175233 - 0.0036539 * t)),
+    )
+
+
+def _from_ecliptic(t: float, longitude: float, latitude: float, distance: float) -> Vector:
+    """From the mean ecliptic and equinox of date to the true equator and equinox of date."""
+    in_longitude, in_obliquity = nutation(t)
+    on_ecliptic = to_vector(wrap360(longitude + in_longitude), latitude)
+    x, y, z = rotate(about_x(obliquity(t) + in_obliquity), on_ecliptic)
+    return distance * x, distance * y, distance * z
+
+
+def _matrix_of_date(t: float) -> Matrix:
+    """J2000 to true equator and equinox of date: the four angles of Fukushima and Williams (IAU 2006), and nutation."""
+    node = t * (10.556403 + t * (0.4932044 - t * 0.00031238))
+    tilt = 84381.406 + t * (-46.811015 + t * (0.0511269 + t * 0.00053289))
+    along = t * (5038.481507 + t * (1.5584176 - t * 0.00018522))
+    in_longitude, in_obliquity = nutation(t)
+    to_equator, to_equinox = about_x(obliquity(t) + in_obliquity), about_z(along / 3600.0 + in_longitude)
+    return product(to_equator, to_equinox, about_x(-tilt / 3600.0), about_z(-node / 3600.0))
+
+
+# Factors of `delaunay`'s angles; then 1e-6 degrees of longitude (sine) and metres of distance (cosine).
+_MOON_LONGITUDE_AND_DISTANCE = (
+    ((0, 0, 1, 0), 6288774, -20905355), ((2, 0, -1, 0), 1274027, -3699111), ((2, 0, 0, 0), 658314, -2955968),
+    ((0, 0, 2, 0), 213618, -569925),    ((0, 1, 0, 0), -185116, 48888),     ((0, 0, 0, 2), -114332, -3149),
+    ((2, 0, -2, 0), 58793, 246158),     ((2, -1, -1, 0), 57066, -152138),   ((2, 0, 1, 0), 53322, -170733),
+    ((2, -1, 0, 0), 45758, -204586),    ((0, 1, -1, 0), -40923, -129620),   ((1, 0, 0, 0), -34720, 108743),
+    ((0, 1, 1, 0), -30383, 104755),     ((2, 0, 0, -2), 15327, 10321),      ((0, 0, 1, 2), -12528, 0),
+    ((0, 0, 1, -2), 10980, 79661),      ((4, 0, -1, 0), 10675, -34782),     ((0, 0, 3, 0), 10034, -23210),
+    ((4, 0, -2, 0), 8548, -21636),      ((2, 1, -1, 0), -7888, 24208),      ((2, 1, 0, 0), -6766, 30824),
+    ((1, 0, -1, 0), -5163, -8379),      ((1, 1, 0, 0), 4987, -16675),       ((2, -1, 1, 0), 4036, -12831),
+)  # fmt: skip
+# Likewise: 1e-6 degrees of latitude (sine).
+_MOON_LATITUDE = (
+    ((0, 0, 0, 1), 5128122), ((0, 0, 1, 1), 280602),  ((0, 0, 1, -1), 277693),
+    ((2, 0, 0, -1), 173237), ((2, 0, -1, 1), 55413),  ((2, 0, -1, -1), 46271),
+    ((2, 0, 0, 1), 32573),   ((0, 0, 2, 1), 17198),   ((2, 0, 1, -1), 9266),
+    ((0, 0, 2, -1), 8822),   ((2, -1, 0, -1), 8216),  ((2, 0, -2, -1), 4324),
+    ((2, 0, 1, 1), 4200),
+)  # fmt: skip

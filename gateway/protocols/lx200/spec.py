@@ -1,0 +1,148 @@
+"""Meade's LX200 protocol, as the registry of protocols has it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from gateway.core.wire_log import show
+from gateway.protocols.base.spec import (
+    DriverSettings,
+    MadeDriver,
+    MadeSurface,
+    NightRows,
+    ProtocolSpec,
+    Question,
+    SurfaceSettings,
+)
+from gateway.protocols.wireformat.command_set import load
+
+if TYPE_CHECKING:
+    from gateway.protocols.base.frames import Framing
+    from gateway.protocols.base.reply_rules import ReplyRules
+    from gateway.protocols.lx200.simulator.server import SimulatedLx200
+
+NAME, DEFAULT_MODEL = "lx200", "autostar"
+ACK, POSITION = b"\x06", b"#:GR#"
+#: A lone letter is an answer to ACK only when nothing follows it for so long, in seconds.
+LONE = 0.1
+_POSITION = re.compile(rb"\d\d:\d\d(\.\d|:\d\d)#")
+#: What a program for a Meade may begin a connection with: bytes that are passed over, and whole commands.
+OPENING = re.compile(rb"(?:[#\r\n\0 ?]|\x06|:[^#]*#|\$Q#)*", re.DOTALL)
+
+
+def _framing(now: Callable[[], float]) -> Framing:
+    from gateway.protocols.base.frames import Framing
+    from gateway.protocols.lx200.framing import Framer
+
+    return Framing(Framer(), now)
+
+
+def _reply_rules() -> ReplyRules:
+    from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
+
+    return Lx200ReplyRules()
+
+
+def _make_surface(settings: SurfaceSettings) -> MadeSurface:
+    from gateway.protocols.base.surface import Surface
+    from gateway.protocols.lx200.surface import HANDLERS
+    from gateway.protocols.lx200.surface.own import stands_against
+
+    protocol = load(NAME)
+    name = settings.model or DEFAULT_MODEL
+    surface = Surface(protocol, HANDLERS)
+    surface.stands_against = stands_against
+    return MadeSurface(
+        surface,
+        {**protocol.models[name], "name": name},
+        {"precision": settings.precision or "high", "limits": settings.limits, "sync_text": settings.sync_text},
+    )
+
+
+def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
+    from gateway.protocols.lx200.driver import FOLLOW_UPS, HANDLERS
+    from gateway.protocols.lx200.driver.state import Lx200Driver
+
+    driver = Lx200Driver(now, settings.model, settings.guide_rate, HANDLERS)
+    return MadeDriver(driver, dict(FOLLOW_UPS), _reply_rules())
+
+
+def _make_simulator(model: str | None, version: str | None, **settings: Any) -> SimulatedLx200:
+    from gateway.protocols.lx200.simulator.server import SimulatedLx200
+
+    return SimulatedLx200(model or DEFAULT_MODEL, **settings)
+
+
+def _recognises(sent: bytes) -> float:
+    """Text between a colon and a hash sign, or one of the two commands that begin otherwise."""
+    begins = sent.lstrip(b"#")[:1] in (b":", ACK, b"$")
+    return 1.0 if begins and (b":" in sent or ACK in sent) else 0.0
+
+
+def _answered_ack(heard: bytes, still: float) -> str | None:
+    """A Meade answers with one letter; a D waits for new firmware."""
+    if len(heard) != 1 or still < LONE:
+        return None
+    return NAME if heard in b"APLG" else "downloader" if heard == b"D" else None
+
+
+def _answered_position(heard: bytes, still: float) -> str | None:
+    return NAME if _POSITION.fullmatch(heard) else None
+
+
+def _hint(frame: bytes) -> str:
+    """Its colon or its hash sign may have been forgotten."""
+    whole = b":" + frame.strip(b":#") + b"#"
+    if load(NAME).find(whole) is None:
+        return ""
+    forgotten = "Its # is missing" if frame[:1] == b":" else "Its : is missing"
+    return f"did you mean '{show(whole)}'? {forgotten}"
+
+
+SPEC = ProtocolSpec(
+    name=NAME,
+    title="LX200",
+    a_program="an LX200",
+    a_mount="a Meade",
+    preset="Meade LX200",
+    mounts="Meade LX200",
+    makers=("meade",),
+    default_model=DEFAULT_MODEL,
+    demo=("lx200:lx200gps", "LX200GPS"),
+    example="lx200gps",
+    framing=_framing,
+    opening=OPENING,
+    reply_rules=_reply_rules,
+    make_surface=_make_surface,
+    make_driver=_make_driver,
+    make_simulator=_make_simulator,
+    simulator_switches={
+        "land_tells_altaz": "in land mode :GW# tells AN1 also on a wedge, where it else tells PN1",
+        "tolerant": "takes arguments in every spelling that programs send, not in the manual's alone",
+    },
+    recognises=_recognises,
+    questions=(Question(2, ACK, _answered_ack), Question(3, POSITION, _answered_position, named=True)),
+    states={"downloader": "a Meade that waits for new firmware: switch it off and on to use it"},
+    capabilities={
+        "coordinates": {"GR": ":GR# :GD#"},
+        "tracking": {"AP": ":AL# and back"},
+        "sync": {"CM": ":CM#"},
+        "arrows": {"Mn": ":Mn# :Ms# :Me# :Mw#"},
+        "site": {"Gt": ":Gt# :Gg#"},
+        "clock": {"GL": ":GL# :GC# :GG#"},
+    },
+    night=NightRows(frozenset({"GR", "GD"}), frozenset({"Gt", "Gg"}), frozenset({"MS", "MA"}), east=-1),
+    cable="into the port marked RS-232 on the panel, or into the Autostar's own",
+    deaf="an old classic LX200 may be deaf to what is asked here: mount-gateway detect lx200@{port}",
+    parks_itself=True,
+    slowest="a classic LX200",
+    takes=(4, 9),
+    target=(":Sr05:34:32#", ":Sd+22*00:52#", ":Sa+50*00#", ":Sz200*00#"),
+    hint=_hint,
+    presented_remark="""\
+The commands that each model has by its manual. What it has not (*beyond*) is answered as on the models
+that have it, because programs ask without looking, or passed over in silence.
+""",
+)

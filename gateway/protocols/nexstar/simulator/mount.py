@@ -1,0 +1,202 @@
+"""A simulated mount and its hand control as they are: what they were told, how the motors turn, what is on the bus.
+
+Nothing here knows a command. Where the manual is silent:
+
+- A hand rate overrides tracking. When it ends, tracking stays suspended until ``T``, the end of a goto, or
+  the hand control's own restoring: after 20 s without a byte from the port, on alt-az mounts at the latest
+  30 s after the rate was given. Stopping an axis that is not moved by hand changes nothing.
+- The sky over it is that of the site and clock it was told; its GPS unit keeps the true place and time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from gateway.astro.axes import Build, Pair, Sky
+from gateway.astro.spherical import SIDEREAL_RATE, wrap180, wrap360
+from gateway.core.errors import UserError
+from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
+from gateway.protocols.mechanics.mount import Mechanics
+from gateway.protocols.nexstar.versions import STARSENSE, numbered
+from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.rows import Version, parse_version
+
+Values = dict[str, Any]
+#: Carries out one command: the values of its reply, or None for what a device does not have.
+Handler = Callable[["SimulatedMount", Values], Values | None]
+OFF, ALTAZ, EQ_NORTH, EQ_SOUTH = range(4)
+AZM, ALT, FOCUSER = 16, 17, 18
+GPS, RTC = 176, 178
+RESTORE_WHEN_QUIET, RESTORE_ALTAZ = 20.0, 30.0
+GERMAN_START: Pair = (90.0, 90.0)
+
+
+class FocuserMotor:
+    """A focuser: a position in steps that moves at a rate, to one end of its way or to a goal."""
+
+    TRAVEL = 50000
+    FASTEST = 1000.0  # steps a second at key 9
+
+    def __init__(self) -> None:
+        self._position, self._since, self._rate, self._goal = self.TRAVEL / 2, 0.0, 0.0, 0.0
+
+    def position(self, now: float) -> float:
+        """Steps from the inner end."""
+        reach, left = self._rate * (now - self._since), self._goal - self._position
+        return self._goal if abs(reach) >= abs(left) else self._position + reach
+
+    def moving(self, now: float) -> bool:
+        return self._rate != 0.0 and self.position(now) != self._goal
+
+    def go(self, now: float, goal: float, rate: float = FASTEST) -> None:
+        """Move to a step at some steps a second; 0 stops."""
+        self._position, self._since = self.position(now), now
+        self._goal = max(0.0, min(float(self.TRAVEL), goal)) if rate else self._position
+        self._rate = abs(rate) if self._goal > self._position else -abs(rate)
+
+
+class SimulatedMount:
+    """A simulated mount and its hand control. ``site`` is latitude and longitude east, degrees; ``utc_offset`` hours.
+
+    ``clock`` gives Unix seconds and is the only source of time. ``version`` is as the manual writes it, or
+    ``starsense-1.20``; without one it is the model's newest. ``wedge`` puts a fork on one. The motors gather
+    and lose speed as real ones do; with ``ramps`` False they change it at once, for whoever reckons with plain
+    rates. Raises UserError for a model or version that does not exist.
+    """
+
+    def __init__(
+        self,
+        model: str = "6-8se",
+        version: str | None = None,
+        *,
+        clock: Callable[[], float],
+        site: Pair = (45.0, 10.0),
+        utc_offset: float = 0.0,
+        aligned: bool = True,
+        speed: float = 1.0,
+        wedge: bool = False,
+        focuser: bool = False,
+        starsense: bool = False,
+        ramps: bool = True,
+    ) -> None:
+        protocol = load("nexstar")
+        if model not in protocol.models:
+            raise UserError(f"no NexStar model is called {model!r}; there are {', '.join(protocol.models)}")
+        self.row: dict[str, Any] = protocol.models[model]
+        self._know_version(version, starsense)
+        self.model, self.commands = model, protocol
+        self.clock: Callable[[], float] = clock
+        self.now: float = clock()
+        self.heard = self.now
+        rates = protocol.extra("rates.toml")[self.row["rates"]]
+        self.keys = [*(times * SIDEREAL_RATE for times in rates["sidereal"]), *rates["degrees"]]
+        self.motors = parse_version(self.row["motors"])
+        self.settings: dict[tuple[str, int], int] = {}
+        self.focuser = FocuserMotor() if focuser else None
+        self.site: Pair = site
+        self.zone, self.daylight, self.rtc_ahead = utc_offset, 0, 0.0
+        self.aligned: bool = aligned
+        self.asleep, self.mode = False, OFF
+        self._set_up(wedge, rates["fastest"], speed, ramps)
+
+    def _know_version(self, version: str | None, starsense: bool) -> None:
+        """What ``V`` shows, and which commands are known for it."""
+        try:
+            number = numbered(version or (STARSENSE if starsense else self.row["versions"][-1]))
+            self.shown_version: tuple[int, int] = (number.shown[0], number.shown[1])
+        except (ValueError, IndexError):
+            raise UserError(f"{version!r} is no hand-control version: 4.21 or starsense-1.20 are") from None
+        if not all(0 <= part <= 255 for part in self.shown_version):
+            raise UserError(f"{version!r} is no hand-control version: 4.21 or starsense-1.20 are")
+        self.starsense: bool = number.starsense
+        self.version: Version = number.counts_as
+        first, last = self.row.get("shifted", ("1.0", "0.0"))
+        self.shifted = parse_version(first) <= self.version <= parse_version(last)
+
+    def _set_up(self, wedge: bool, fastest: float, speed: float, ramps: bool) -> None:
+        """Point somewhere sensible: a fork at the equator's highest point, a German mount at the pole."""
+        build = Build.GERMAN if self.german else Build.WEDGE if wedge else Build.ALTAZ
+        north = self.site[0] >= 0
+        start = GERMAN_START
+        if not self.german:
+            start = 180.0 if north else 0.0, 45.0 if build is Build.ALTAZ else 0.0
+        self.mechanics: Mechanics = Mechanics(build, Sky(*self.site), self.now, start)
+        self.mechanics.fastest, self.mechanics.speed = fastest, speed
+        self.mechanics.acceleration = fastest / RAMP_SECONDS if ramps else math.inf
+        self.encoder_offset = [0.0, 0.0]
+        if self.aligned:
+            self.track(ALTAZ if build is Build.ALTAZ else EQ_NORTH if north else EQ_SOUTH)
+        else:
+            self.encoder_offset = [-start[0], -start[1]]
+            self.mechanics.correct(self.now, (-start[0], -start[1]))
+
+    # --- what the commands use --------------------------------------------------------------------------
+
+    @property
+    def german(self) -> bool:
+        return bool(self.row["mount"] == "german")
+
+    def utc(self) -> float:
+        """The hand control's own time, Unix seconds."""
+        return self.now + self.mechanics.sky.ahead
+
+    def encoders(self) -> Pair:
+        """Motor positions as the hand control counts them, degrees."""
+        first, second = self.mechanics.axes(self.now)
+        return wrap360(first + self.encoder_offset[0]), wrap180(second + self.encoder_offset[1])
+
+    def present(self, device: int) -> bool:
+        """Whether the device is on this mount's bus."""
+        has = self.row["has"]
+        return device in (AZM, ALT) or (device, True) in (
+            (GPS, "gps" in has),
+            (RTC, "rtc" in has),
+            (FOCUSER, self.focuser is not None),
+        )
+
+    def track(self, mode: int) -> None:
+        """Tracking in that mode, which the hand control keeps in mind."""
+        self.mode = mode
+        if mode != OFF and not self.german:
+            self.mechanics.rebuild(self.now, Build.ALTAZ if mode == ALTAZ else Build.WEDGE)
+        self.mechanics.track(self.now, mode != OFF, sense=-1 if mode == EQ_SOUTH else 1)
+
+    def relocate(self, sky: Sky) -> None:
+        """Another site or clock. A StarSense loses its alignment over it."""
+        self.mechanics.relocate(self.now, sky)
+        if self.starsense and self.aligned:
+            self.aligned = False
+            self.mechanics.cancel(self.now)
+            self.track(OFF)
+
+    # --- read-only view ---------------------------------------------------------------------------------
+
+    def truth(self) -> Pair:
+        """Right ascension and declination of date that the tube really points at, degrees."""
+        self.come_to_now()
+        return self.mechanics.truth(self.now)
+
+    @property
+    def tracking(self) -> bool:
+        """Whether the mount follows the sky at this moment."""
+        self.come_to_now()
+        return self.mechanics.tracking(self.now)
+
+    @property
+    def slewing(self) -> bool:
+        """Whether a goto is under way."""
+        self.come_to_now()
+        return self.mechanics.slewing(self.now)
+
+    def come_to_now(self) -> None:
+        """Let time pass, and the hand control restore its tracking when that is due."""
+        self.now = self.clock()
+        since = self.mechanics.suspended_since
+        if since is not None and self.mode != OFF and not self.asleep:
+            due = self.heard + RESTORE_WHEN_QUIET
+            if self.mechanics.build is Build.ALTAZ:
+                due = min(due, since + RESTORE_ALTAZ)
+            if due <= self.now:
+                self.mechanics.resume(due)

@@ -1,0 +1,193 @@
+"""Celestron's NexStar protocol, as the registry of protocols has it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from gateway.core.errors import UserError
+from gateway.protocols.base.spec import (
+    DriverSettings,
+    MadeDriver,
+    MadeSurface,
+    NightRows,
+    ProtocolSpec,
+    Question,
+    SurfaceSettings,
+)
+from gateway.protocols.nexstar import versions
+from gateway.protocols.nexstar.versions import STARSENSE, is_starsense, numbered
+from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.rows import Version, parse_version, show_version
+
+if TYPE_CHECKING:
+    from gateway.protocols.base.frames import Framing
+    from gateway.protocols.base.reply_rules import ReplyRules
+    from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
+
+NAME, DEFAULT_MODEL = "nexstar", "6-8se"
+#: The versions there are, but for those of a GT and of a StarSense.
+OLDEST, NEWEST, GT = (1, 2), (6, 0), 100
+#: Of a mount whose owner has not chosen any, as a part of sidereal: its motors' own.
+GUIDE_RATE = 0.5
+#: The echo of a byte, which no Meade takes for anything.
+ECHO = b"Kx"
+#: How sure it can be that bytes are in this protocol: it has no marks, nearly every byte may be a command of it.
+UNMARKED = 0.1
+#: What a program for hand controls may begin a connection with: bytes that are passed over, and well-formed commands.
+#: Well formed is a tracking mode there is, digits and a comma, a time of day; the version does not matter. What is not
+#: well formed, such as the first two bytes of TRACE, is no program's.
+OPENING = re.compile(
+    rb"""
+    (?:
+        [\#\r\n\0\ ?] | [EeZzVvJLMmtwhiplxyu] | K. | T[\0-\3]
+      | [RBS] [0-9A-Fa-f]{4},[0-9A-Fa-f]{4} | [rbs] [0-9A-Fa-f]{8},[0-9A-Fa-f]{8}
+      | P [\1-\10] .{6}
+      | W [\0-\x5a][\0-\x3b][\0-\x3b][\0-\1] [\0-\xb4][\0-\x3b][\0-\x3b][\0-\1]
+      | [HI] [\0-\x17][\0-\x3b][\0-\x3b] [\1-\x0c][\1-\x1f]. .[\0-\1]
+    )*
+    """,
+    re.DOTALL | re.VERBOSE,
+)
+
+
+def _framing(now: Callable[[], float]) -> Framing:
+    from gateway.protocols.base.frames import Framing
+    from gateway.protocols.nexstar.framing import Framer
+
+    return Framing(Framer(), now)
+
+
+def _reply_rules() -> ReplyRules:
+    from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
+
+    return NexStarReplyRules()
+
+
+def _make_surface(settings: SurfaceSettings) -> MadeSurface:
+    from gateway.protocols.base.surface import Surface
+    from gateway.protocols.nexstar.surface import HANDLERS, fitting, lacks, presented
+    from gateway.protocols.nexstar.surface.devices import no_response, passes
+    from gateway.protocols.nexstar.surface.own import stands_against
+
+    version = settings.version
+    surface = Surface(load(NAME), HANDLERS, no_response)
+    surface.passes, surface.lacks, surface.stands_against = passes, lacks, stands_against
+    fit = None if settings.model else lambda polar, german, gps: fitting(polar, german, gps, version)
+    return MadeSurface(surface, presented(settings.model, version), {"precision": "high"}, fit)
+
+
+def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
+    from gateway.protocols.nexstar.driver import FOLLOW_UPS, HANDLERS
+    from gateway.protocols.nexstar.driver.state import NexStar, Settings
+
+    chosen = Settings(
+        site=settings.site,
+        mode=settings.mode,
+        guide_rate=settings.guide_rate or GUIDE_RATE,
+        guide_directions=settings.guide_directions,
+        park=settings.park,
+        aux_home=settings.aux_home,
+        lowest=settings.lowest,
+    )
+    driver = NexStar(now, chosen, settings.model, settings.version, HANDLERS)
+    return MadeDriver(driver, dict(FOLLOW_UPS), _reply_rules())
+
+
+def _make_simulator(model: str | None, version: str | None, **settings: Any) -> SimulatedHandControl:
+    from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
+
+    return SimulatedHandControl(model or DEFAULT_MODEL, version, **settings)
+
+
+def _counts_as(text: str) -> Version:
+    return numbered(text).counts_as
+
+
+def _check_version(text: str) -> str:
+    """The version as it is written. Raises UserError for one that there never was."""
+    oldest, newest = show_version(versions.STARSENSE_OLDEST), show_version(versions.STARSENSE_NEWEST)
+    if is_starsense(text):
+        try:
+            return numbered(text).written
+        except ValueError:
+            raise UserError(
+                f"{text!r}: a StarSense has versions from {oldest} on; write it like {STARSENSE}-{newest}"
+            ) from None
+    version = parse_version(text)
+    if not (OLDEST <= version < NEWEST or version[0] >= GT):
+        raise UserError(
+            f"{text!r}: hand controls have versions from 1.2 to 5.x, a GT from 100.0 on, a StarSense "
+            f"from {STARSENSE}-{oldest} on"
+        )
+    return text
+
+
+def _starsense(version: str | None) -> str:
+    return STARSENSE if version is None else f"{STARSENSE}-{version}"
+
+
+def _made_with(row: Mapping[str, Any]) -> list[str]:
+    return versions.made_with(row)
+
+
+def _recognises(sent: bytes) -> float:
+    return UNMARKED
+
+
+def _answered_echo(heard: bytes, still: float) -> str | None:
+    return NAME if heard.endswith(ECHO[1:] + b"#") else None
+
+
+def _unknown_model(version: str) -> str:
+    if parse_version(version) < (2, 2):
+        return "if it is a NexStar GPS, write nexstar:nexstar-gps@ instead of nexstar@"
+    return "an unknown model is driven as an alt-az fork"
+
+
+SPEC = ProtocolSpec(
+    name=NAME,
+    title="NexStar",
+    a_program="a NexStar",
+    a_mount="a NexStar",
+    preset="Celestron NexStar",
+    mounts="NexStar",
+    makers=("celestron", "orion"),
+    brands=("nexstar",),
+    default_model=DEFAULT_MODEL,
+    demo=("nexstar", "NexStar 6/8 SE"),
+    example="cpc/4.21",
+    framing=_framing,
+    opening=OPENING,
+    reply_rules=_reply_rules,
+    make_surface=_make_surface,
+    make_driver=_make_driver,
+    make_simulator=_make_simulator,
+    rehearsed_with=lambda wedge: {"focuser": True, "wedge": wedge},
+    counts_as=_counts_as,
+    check_version=_check_version,
+    made_with=_made_with,
+    version_words={STARSENSE: _starsense},
+    presented_version="4.21",
+    recognises=_recognises,
+    questions=(Question(1, ECHO, _answered_echo, late=True),),
+    capabilities={
+        "coordinates": {"e": "precise (e, r)", "E": "16 bits (E, R)"},
+        "tracking": {"T": "T"},
+        "sync": {"s": "s"},
+        "arrows": {"slew_azm_pos": "P"},
+        "site": {"w": "w"},
+        "clock": {"i": "i", "h": "h"},
+    },
+    night=NightRows(frozenset({"E", "e"}), frozenset({"w"}), frozenset({"R", "r", "B", "b"})),
+    cable="the cable belongs into the base of the hand control, not into the port marked PC on the mount",
+    j2000_by="Celestron's own driver",
+    unknown_model=_unknown_model,
+    slowest="a hand control",
+    presented_remark="""\
+The commands that each version has by its manual. What it has not (*beyond*) is answered where its
+version is newer than the manual, and by devices that take what the hand control passes through; else the command is
+passed over as a whole.
+""",
+)

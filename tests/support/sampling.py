@@ -1,0 +1,71 @@
+"""Of a grid of combinations a sample: every value of every axis is met, in safety and stops twice.
+
+Stacked ``parametrize`` marks make the product of their values, of which most combinations show nothing that others do
+not. What plays a whole gateway costs a hundred times what a unit costs, so such grids are sampled; ``pytest --whole``
+plays every combination. The sample is the same in every run. The mark ``sampled(times)`` asks for every value so
+often, and ``sampled(every=2)`` takes every second one of a plain list.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Hashable, Iterable, Sequence
+from itertools import combinations, groupby
+
+import pytest
+
+#: Up to how many combinations nothing is left out.
+FEW = 6
+#: Where whole gateways are played, and how often every value is met at least; elsewhere the mark ``sampled`` says so.
+FOLDERS = {"tests/integration/safety/": 2, "tests/integration/stops/": 2, "tests/integration/": 1}
+
+
+def chosen(rows: Sequence[tuple[Hashable, ...]], times: int) -> list[int]:
+    """Which rows are in the sample: as few as it takes, and as different from each other as can be."""
+    met: Counter[Hashable] = Counter()
+    taken: list[int] = []
+    pairs = [set(combinations(enumerate(row), 2)) for row in rows]
+    seen: set[Hashable] = set()
+
+    def gain(number: int) -> tuple[int, int, int]:
+        values = list(enumerate(rows[number]))
+        return (
+            sum(met[value] < times for value in values),
+            len(pairs[number] - seen),
+            -sum(met[value] for value in values),
+        )
+
+    left = list(range(len(rows)))
+    while left:
+        best = max(left, key=gain)
+        if not gain(best)[0]:
+            break
+        met.update(enumerate(rows[best]))
+        seen |= pairs[best]
+        taken.append(best)
+        left.remove(best)
+    return sorted(taken)
+
+
+def left_out(items: Iterable[pytest.Item]) -> set[pytest.Item]:
+    """What the sample does without, of tests that stand in the order in which they were collected."""
+    out: set[pytest.Item] = set()
+    for function, together in groupby(items, key=lambda item: item.nodeid.partition("[")[0]):
+        grid = list(together)
+        mark = grid[0].get_closest_marker("sampled")
+        times = next((often for folder, often in FOLDERS.items() if function.startswith(folder)), 0)
+        if mark is None and (len(grid) <= FEW or not times):
+            continue
+        rows = [_row(item) for item in grid]
+        times, every = (mark.args or (times or 2,))[0] if mark else times, mark.kwargs.get("every", 1) if mark else 1
+        keep = set(chosen(rows, times) if len(rows[0]) > 1 else range(0, len(grid), every))
+        out.update(item for number, item in enumerate(grid) if number not in keep)
+    return out
+
+
+def _row(item: pytest.Item) -> tuple[str, ...]:
+    """What it has on each axis; names that are set together are one axis."""
+    spec = getattr(item, "callspec", None)
+    axes = [mark.args[0] for mark in item.iter_markers("parametrize")] if spec else []
+    names = [[name.strip() for name in axis.split(",")] if isinstance(axis, str) else axis for axis in axes]
+    return tuple(repr([spec.params[name] for name in axis]) for axis in names)

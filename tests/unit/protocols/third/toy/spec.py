@@ -1,0 +1,50 @@
+"""The toy protocol, as the registry of protocols has it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from gateway.core.operations import Equatorial, Position
+from gateway.protocols.base.spec import MadeSurface, ProtocolSpec, SurfaceSettings
+from gateway.protocols.wireformat.command_set import load
+
+if TYPE_CHECKING:
+    from gateway.protocols.base.frames import Framing
+
+
+def _framing(now: Callable[[], float]) -> Framing:
+    from gateway.protocols.toy.framing import Lines
+
+    from gateway.protocols.base.frames import Framing
+
+    return Framing(Lines(), now)
+
+
+def _make_surface(settings: SurfaceSettings) -> MadeSurface:
+    from gateway.protocols.base.subscription import Subscription
+    from gateway.protocols.base.surface import Surface
+
+    surface = Surface(load("toy"), {})
+    told = surface.protocol.commands["where"].replies[0][1]
+
+    def position(seen: Equatorial) -> bytes:
+        return told.encode({"ra": seen.ra, "dec": seen.dec})
+
+    surface.subscriptions = lambda session: [Subscription(Position(), 0.5, position)]
+    return MadeSurface(surface, {"name": "toy"}, {})
+
+
+SPEC = ProtocolSpec(
+    name="toy",
+    title="Toy",
+    a_program="a toy",
+    a_mount="a toy",
+    preset="Toy",
+    mounts="toy",
+    framing=_framing,
+    opening=re.compile(rb"(?:[?!=][^\n]*\n)*"),
+    make_surface=_make_surface,
+    recognises=lambda sent: 1.0 if sent[:1] in (b"?", b"!") and b"\n" in sent else 0.0,
+)

@@ -1,0 +1,163 @@
+"""Facts about commands, typed from the manuals and from what mounts do; a row that lacks one it needs is named."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from gateway.core.errors import MappingError
+from gateway.diagnostics import command_tables
+from gateway.protocols.base.driver import Send
+from gateway.protocols.base.ends import Ends
+from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
+from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_folder
+
+LX200, NEXSTAR = load("lx200"), load("nexstar")
+
+
+def having(protocol: CommandSet, fact: str) -> dict[str, object]:
+    """Command -> the fact, where it is said."""
+    values = {name: getattr(command, fact) for name, command in protocol.commands.items()}
+    return {name: value for name, value in values.items() if value not in (None, False, [], {})}
+
+
+def answering(protocol: CommandSet, word: str) -> set[str]:
+    return {name for name, command in protocol.commands.items() if command.answer == word}
+
+
+def test_what_answers_do_from_one_time_to_the_next() -> None:
+    assert answering(LX200, "position") == {"GR", "GD", "GZ", "GA"}
+    assert answering(LX200, "clock") == {"GL", "Ga", "GS"}
+    assert answering(LX200, "stream") == {"gps"}
+    assert answering(NEXSTAR, "position") == {*"EeZz", "gps_latitude", "gps_longitude", "axis_position"}
+    assert answering(NEXSTAR, "clock") == {"h", "i", "l", "gps_time", "rtc_time"}
+    assert answering(NEXSTAR, "stream") == {"K"}
+    for protocol in (LX200, NEXSTAR):
+        questions = {name for name, command in protocol.commands.items() if command.question}
+        assert questions == {name for name in protocol.commands if protocol.commands[name].answer}
+
+
+def test_what_is_believed_as_it_comes() -> None:
+    lx200, nexstar = Lx200ReplyRules(), NexStarReplyRules()
+    assert (lx200.kind(Send("GW")), lx200.kind(Send("h?")), nexstar.kind(Send("p"))) == ("state", "state", "state")
+    assert (lx200.kind(Send("Gr", once=True)), lx200.kind(Send("gps", raw=True)), nexstar.kind(Send("K"))) == (
+        None,
+        None,
+        None,
+    )
+    assert (lx200.kind(Send("MS")), lx200.kind(Send("LM", raw=True)), nexstar.kind(Send("M"))) == (None, "state", None)
+
+
+def test_what_ends_motions() -> None:
+    assert having(LX200, "urgent") == {
+        "Q": "stop",
+        "I": "restart",
+        **dict.fromkeys(("Qe", "Qn", "Qs", "Qw"), "axis"),
+        "FQ": "part",
+    }
+    assert having(LX200, "takes_back") == {
+        **{key: ["Me", "Mw"] for key in ("Qe", "Qw")},
+        **{key: ["Mn", "Ms"] for key in ("Qn", "Qs")},
+    }
+    motors = [
+        f"{what}_{axis}_{sense}" for what in ("slew", "rate") for axis in ("azm", "alt") for sense in ("pos", "neg")
+    ]
+    assert having(NEXSTAR, "urgent") == dict.fromkeys(("M", *motors), "part")
+    assert having(NEXSTAR, "urgent_at") == {key: {"rate": 0} for key in motors}
+    marks = {name: NEXSTAR.commands[name].mark for name in ("M", "slew_azm_pos", "rate_alt_neg")}
+    assert marks == {"M": b"M", "slew_azm_pos": b"P\x02\x10\x24\0", "rate_alt_neg": b"P\x03\x11\x07\0\0"}
+    assert LX200.commands["Q"].mark == b":Q"
+
+
+def test_what_a_stop_must_not_do_without() -> None:
+    assert [way.ends for way in LX200.driver["Stop"]] == [["Q"]]
+    assert [way.ends for way in NEXSTAR.driver["Stop"]] == [["M", "slew_azm_pos", "slew_alt_pos", "pulse"]]
+
+
+def test_a_stop_without_its_ends_is_named(tmp_path: Path) -> None:
+    (tmp_path / "commands.toml").write_text('[Q]\nrequest = ":Q#"\nhelp = "stop"\n', "utf-8")
+    (tmp_path / "driver.toml").write_text('[[Stop]]\nsend = ["Q"]\n', "utf-8")
+    with pytest.raises(MappingError, match="it needs ends"):
+        _ = CommandSet("lx200", tmp_path).driver
+
+
+def test_what_takes_long_and_what_is_heard_when() -> None:
+    assert having(LX200, "long") == {"SC": 14.0, "gT": 600.0}
+    assert having(NEXSTAR, "long") == {}
+    assert having(LX200, "while_seeking").keys() == {"hS", "hF", "Q", "h?"}
+    asleep = {name for name, command in LX200.commands.items() if command.while_asleep is False}
+    assert asleep == {"MS", "MA", "Mn", "Ms", "Me", "Mw", "Mg", "hP", "hS", "hF"}
+    assert having(NEXSTAR, "while_asleep").keys() == set("KVxy")
+    rates = {"RG", "RC", "RM", "RS", "Sw", "RA", "RE", "Rg"}
+    assert having(LX200, "by_hand").keys() == rates | {"Mn", "Ms", "Me", "Mw", "Mg"}
+    assert having(LX200, "may_be_silent").keys() == {"GZ", "GA"}
+
+
+@pytest.mark.parametrize(
+    ("row", "says"),
+    [
+        ('reply = "{ra:HH:MM:SS}#"', "needs answer = one of position"),
+        ('reply = "{ra:HH:MM:SS}#"\nanswer = "place"', "needs answer = one of position"),
+        ('reply = "1"\nanswer = "state"', "answer is for a command that asks"),
+        ('urgent = "now"', "urgent = 'now' is none of stop, restart, axis, part"),
+        ('takes_back = ["Me"]', "for a command that is urgent"),
+        ('urgent = "axis"\ntakes_back = ["Mx"]', r"there is no \[Mx\]"),
+        ('urgent = "part"\nurgent_at = { rate = 0 }', "it has no field rate"),
+    ],
+)
+def test_a_fact_that_is_missing_or_wrong_is_named(tmp_path: Path, row: str, says: str) -> None:
+    (tmp_path / "commands.toml").write_text(f'[ZZ]\nrequest = ":ZZ#"\nhelp = "trial"\n{row}\n', "utf-8")
+    with pytest.raises(MappingError, match=says) as raised:
+        CommandSet("lx200", tmp_path)
+    assert "[ZZ]" in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("row", "says"),
+    [
+        ("ZZ = { say = {}, given = { axis = 1 } }", "given is for a row that asks"),
+        ("Q = { say = {} }", "says which operation that is"),
+    ],
+)
+def test_a_surface_row_that_cannot_be_is_named(tmp_path: Path, row: str, says: str) -> None:
+    (tmp_path / "commands.toml").write_text(
+        '[ZZ]\nrequest = ":ZZ#"\nhelp = "trial"\n[Q]\nrequest = ":Q#"\nhelp = "stop"\nurgent = "stop"\n', "utf-8"
+    )
+    (tmp_path / "surface.toml").write_text(row, "utf-8")
+    with pytest.raises(MappingError, match=says):
+        _ = CommandSet("lx200", tmp_path).surface
+
+
+def test_one_more_command_changes_one_line_of_the_generated_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two files by hand: what it looks like, and what is done with it."""
+    before = command_tables.text()
+    shutil.copytree(mappings_folder() / "lx200", tmp_path / "lx200")
+    with (tmp_path / "lx200" / "commands.toml").open("a") as file:
+        file.write('\n[ZZ]\nrequest = ":ZZ#"\nreply = "{ra:HH:MM:SS}#"\nhelp = "trial"\nanswer = "position"\n')
+    with (tmp_path / "lx200" / "surface.toml").open("a") as file:
+        file.write('\nZZ = { ask = "Position" }\n')
+    sets = {"lx200": CommandSet("lx200", tmp_path / "lx200"), "nexstar": NEXSTAR}
+    monkeypatch.setattr(command_tables, "load", sets.__getitem__)
+    old, new = before.splitlines(), command_tables.text().splitlines()
+    assert isinstance(sets["lx200"].commands["ZZ"], Command)
+    assert [line for line in new if line not in old] == ["| `:ZZ#` | trial | translated | `e`, `E` |  |"]
+    assert len(new) == len(old) + 1
+
+
+def test_an_end_is_seen_in_bytes_that_are_not_cut_yet() -> None:
+    lx200, nexstar = Ends(LX200), Ends(NEXSTAR)
+    assert all(lx200.may_be_in(data) for data in (b":GR#:Q", b":Qe#", b"::FQ#", b":I#"))
+    assert not any(lx200.may_be_in(data) for data in (b"", b":GR#", b":MS#", b"Q#"))
+    assert nexstar.may_be_in(b"eM") and nexstar.may_be_in(b"P\x02\x10\x24\0\0\0\0")
+    assert not nexstar.may_be_in(b"P\x02\x10\x24\x09\0\0\0")
+
+
+def test_a_protocol_without_ends(tmp_path: Path) -> None:
+    (tmp_path / "commands.toml").write_text('[ZZ]\nrequest = ":ZZ#"\nhelp = "trial"\n', "utf-8")
+    assert not Ends(CommandSet("lx200", tmp_path)).may_be_in(b":ZZ#")
