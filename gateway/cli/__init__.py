@@ -145,7 +145,7 @@ def _bound(argv: list[str]) -> list[str]:
 
 def parser(asked: Sequence[str] = ()) -> Parser:
     """The whole command line, or only the command that is asked for."""
-    whole = Parser(prog="mount-gateway", description=FIRST, epilog=lambda: f"{endpoints()}\n\n{EXIT_CODES}")
+    whole = Parser(prog="mount-gateway", description=FIRST, late=lambda: f"{endpoints()}\n\n{EXIT_CODES}")
     whole.add_argument("--version", action="version", version=f"mount-gateway {__version__}")
     commands = whole.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for name in [name for name in COMMANDS if name in asked] or COMMANDS:

@@ -8,7 +8,7 @@ has been so for a second, for there may be gaps in what still comes.
 
 from __future__ import annotations
 
-from gateway.clients.command_processor import LONG_AGO
+from gateway.clients.commands.turn import LONG_AGO
 from gateway.transport.intake import LATE, SHARE
 
 #: Seconds after which whoever has sent a whole share, and nothing since, has caught up.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Protocol
 
 from msgspec.structs import replace
 
@@ -27,7 +27,7 @@ class Equinox(Protocol):
     """Between a surface's coordinates and the hub's of date; None where they are the same."""
 
     def inward(self, operation: Operation) -> Operation: ...
-    def outward(self, operation: Operation, value: Any) -> Any: ...
+    def outward(self, operation: Operation, value: object) -> object: ...
 
 
 class J2000:
@@ -43,7 +43,7 @@ class J2000:
             return replace(operation, ra=ra, dec=dec)
         return operation
 
-    def outward(self, operation: Operation, value: Any) -> Any:
+    def outward(self, operation: Operation, value: object) -> object:
         """What the hub answered, in J2000."""
         if isinstance(value, Chosen) and value.place is not None:
             place = Equatorial(*self._sky.to_j2000(value.place.ra, value.place.dec, self._unix()))

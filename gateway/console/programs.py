@@ -40,11 +40,12 @@ class Programs:
         """Every connection: name, surface, profile, last command, commands a second, whether it only looks."""
         names, found = self._gateway.names(), []
         for name, reception in zip(names, self._gateway.receptions, strict=False):
-            for client in reception.connections():
-                rate = self._rates.setdefault(client.name, Rate()).per_second(now, self._counts.get(client.name, 0))
+            for visit in reception.connections():
+                client, side = visit.client, visit.client.log.name
+                rate = self._rates.setdefault(side, Rate()).per_second(now, self._counts.get(side, 0))
                 found.append({
-                    "name": show(client.name.encode()), "surface": name, "profile": client.profile,
-                    "last": self._last.get(client.name, ""), "rate": round(rate, 1),
-                    "read_only": client.rights.read_only,
+                    "name": show(side.encode()), "surface": name, "profile": visit.profile,
+                    "last": self._last.get(side, ""), "rate": round(rate, 1),
+                    "read_only": client.runner.rights.read_only,
                 })  # fmt: skip
         return found

@@ -10,8 +10,9 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+from gateway.app.bindings import speech
 from gateway.app.config import parse_endpoint
-from gateway.app.gateway import Gateway, speech
+from gateway.app.gateway import Gateway
 from gateway.core.wire_log import Entry, show
 from gateway.diagnostics.log.layout import Row
 from gateway.diagnostics.log.printing import MOUNT, Rows
@@ -64,7 +65,7 @@ class Talk:
             return self._number
         if entry.side != MOUNT:
             number = self._open.get(entry.side, (None, 0.0))[0]
-            if entry.arrow in "<!-":
+            if entry.arrow in "<-":  # a refusal is noted first, and the reply that says it follows
                 self._open.pop(entry.side, None)
             return number
         waiting = [number for number, at in self._open.values() if entry.time - at <= RECENT]

@@ -11,7 +11,6 @@ from typing import Any
 from gateway.app.control.gather import gather
 from gateway.app.gateway import Gateway
 from gateway.app.status import does, on_the_sky
-from gateway.astro.ephemeris.almanac import PLANETS
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
@@ -23,7 +22,7 @@ STEPS = 24
 #: A position is told to a tenth of an arcsecond, a horizon place to a thousandth of a degree: finer changes are noise.
 FINE, COARSE = 5, 3
 #: The sky's own bodies that are shown.
-BODIES = ("Sun", "Moon", *(name for name in PLANETS if name != "Earth"))
+BODIES = ("Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 
 
 def mount(gateway: Gateway, index: int) -> dict[str, Any]:

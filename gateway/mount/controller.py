@@ -11,7 +11,7 @@ import asyncio
 import contextlib
 import math
 from collections.abc import Awaitable, Callable
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from msgspec import Struct
 
@@ -52,6 +52,9 @@ from gateway.protocols.base.driver import Driver, Steps
 
 async def _at_once() -> None:
     """Nobody needs to know before a motion."""
+
+
+_T = TypeVar("_T")
 
 
 class Policy(Struct, frozen=True):
@@ -175,9 +178,10 @@ class MountController:
     def slewing(self) -> bool:
         return bool(self.snapshot.value(op.Slewing))
 
-    def peek(self, operation: op.Operation) -> Any:
+    def peek(self, operation: op.Operation[_T]) -> _T:
         """The answer of a read for a program, when it is at hand; MISSING when it must be waited for."""
-        return self.own.tell(operation) if isinstance(operation, op.Own) else self.telling.tell(operation)
+        told: object = self.own.tell(operation) if isinstance(operation, op.Own) else self.telling.tell(operation)
+        return cast(_T, told)
 
     @property
     def version(self) -> int:
@@ -220,11 +224,11 @@ class MountController:
 
     async def perform(
         self,
-        operation: op.Operation,
+        operation: op.Operation[_T],
         stops: int | None = None,
         life: HostActivity | None = None,
         patience: float = math.inf,
-    ) -> Any:
+    ) -> _T:
         """Carry out an operation for ``life``. ``stops`` is the count of stops when it was asked for. Raises Fault.
 
         Nobody is told what came of it after ``patience`` seconds.
@@ -232,11 +236,11 @@ class MountController:
         if type(operation) in FRESH:
             if self.driver.asleep:
                 await self.motions.woken()
-            return await self.telling.read(operation)
+            return cast(_T, await self.telling.read(operation))
         if isinstance(operation, op.Own):
-            return await self.own.read(operation)
+            return cast(_T, await self.own.read(operation))
         try:
-            return await self._order(operation, stops, life, patience)
+            return cast(_T, await self._order(operation, stops, life, patience))
         finally:
             if not isinstance(operation, op.Read):
                 self.own.forget()

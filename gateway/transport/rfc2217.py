@@ -16,7 +16,7 @@ from typing import Any
 
 from serial.rfc2217 import M_NORMAL, PortManager
 
-from gateway.transport.handler import Arrive, HangUp
+from gateway.transport.handler import Arrive, HangUp, Write
 
 IAC = b"\xff"
 #: IAC followed by one of these begins Telnet: WILL, WONT, DO, DONT.
@@ -50,7 +50,7 @@ class _Doorman:
     #: Telnet counts what it is told: nothing of it is passed over.
     ended = False
 
-    def __init__(self, arrive: Arrive, name: str, host: str, write: Callable[[bytes], Any]) -> None:
+    def __init__(self, arrive: Arrive, name: str, host: str, write: Write) -> None:
         self.write = write
         self._held = b""
         self._telnet: PortManager | None = None
@@ -61,7 +61,7 @@ class _Doorman:
         if data:
             self._guest.feed(data)
 
-    def _answer(self, data: bytes) -> Any:
+    def _answer(self, data: bytes) -> int | None:
         """Send what the real guest writes -> how much of it waits, where that is known."""
         return self.write(self._escaped(data))
 

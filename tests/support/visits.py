@@ -20,6 +20,7 @@ from gateway.mount.fair_scheduler import FairScheduler
 from gateway.mount.readings.cache import MISSING
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.rules.dead_man import HostActivity, Presence
+from gateway.protocols.base.session import Shared
 from tests.support.fake_mount import Mount
 
 
@@ -106,10 +107,8 @@ class House:
         self.mount = mount or Mount()
         self.controller = Still(self.mount)
         face = make_surface(Endpoint(protocol, "-", model, version), SurfaceConfig(at="-", **settings), Limits())
-        self.shared: dict[str, Any] = {"sites": {}}
-        self.reception = ConnectionAcceptor(
-            cast(Any, self.controller), face, self.shared, self.controller.clock, lambda: None
-        )
+        self.shared = Shared()
+        self.reception = ConnectionAcceptor(cast(Any, self.controller), face, self.shared, self.controller.clock)
 
     def visit(self, host: str = "192.168.4.2") -> Visit:
         return Visit(self, host)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Any
 
 from gateway.app.control.endpoints import ControlEndpoint
 from gateway.app.control.messages import Parts, draw, seal, unseal
@@ -23,7 +22,7 @@ class _Asking(asyncio.DatagramProtocol):
         self.heard = False
         self.done: asyncio.Future[str] = asyncio.get_running_loop().create_future()
 
-    def datagram_received(self, data: bytes, addr: Any) -> None:
+    def datagram_received(self, data: bytes, addr: object) -> None:
         """A part of the answer, or noise."""
         found = unseal(self._secret, data)
         if found is not None and found[0] == self._number:

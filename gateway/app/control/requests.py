@@ -137,15 +137,16 @@ class Desk:
     async def _place(self, where: commands.Where) -> op.Equatorial:
         """Of date. Raises Fault."""
         if isinstance(where, commands.Body):
-            reads: op.Operation = op.MoonPlace() if where.name.lower() == "moon" else op.PlanetPlace(where.name)
+            reads: op.Read[op.Equatorial] = (
+                op.MoonPlace() if where.name.lower() == "moon" else op.PlanetPlace(where.name)
+            )
         elif not (-90.0 <= where.dec <= 90.0 and 0.0 <= where.ra <= 360.0):
             raise Invalid("There is no such place on the sky.")
         elif where.j2000:
             reads = op.OfDate(where.ra % 360.0, where.dec)
         else:
             return op.Equatorial(where.ra % 360.0, where.dec)
-        found: op.Equatorial = await self._controller.perform(reads)
-        return found
+        return await self._controller.perform(reads)
 
     async def _move(self, wish: commands.Move, begun: Begun) -> str:
         """Press, wait, release. Raises Fault."""

@@ -56,7 +56,7 @@ class TurnLoop(asyncio.SelectorEventLoop):
         self._clock, self._origin = clock, clock()
         self.elapsed, self.turn = 0.0, 0
         self.on_time: list[Callable[[], None]] = []
-        self._entering: deque[tuple[Callable[..., object], tuple[Any, ...]]] = deque()
+        self._entering: deque[tuple[Callable[..., object], tuple[object, ...]]] = deque()
         self._timers = count()
         selector = _Turning()
         selector.loop = self
@@ -71,11 +71,11 @@ class TurnLoop(asyncio.SelectorEventLoop):
         """Seconds since the loop began, at this very moment."""
         return self._clock() - self._origin
 
-    def enter(self, callback: Callable[..., object], *arguments: Any) -> None:
+    def enter(self, callback: Callable[..., object], *arguments: object) -> None:
         """Have something from outside done at the beginning of the next turn. To be called on the loop's thread."""
         self._entering.append((callback, arguments))
 
-    def begin_turn(self, timeout: float | None, wait: Wait) -> list[Any]:
+    def begin_turn(self, timeout: float | None, wait: Wait) -> list[object]:
         """Wait for something to do for up to ``timeout`` seconds of this turn's time -> what the system tells."""
         idle = timeout != 0 and not self._entering
         if not idle:

@@ -11,7 +11,6 @@ import asyncio
 import contextlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from msgspec import Struct
 
@@ -30,9 +29,10 @@ from gateway.app.state.file import (
 )
 from gateway.app.state.motion_marker import InThread, MotionMarker
 from gateway.core.errors import about_file
-from gateway.core.operations import Place
+from gateway.core.operations import Place, Values
 from gateway.mount.controller import MountController
 from gateway.mount.safety.rules.sync_sum import SyncSum
+from gateway.protocols.base.session import MountSettings, Shared
 from gateway.system.files import directory, write_whole
 from gateway.system.locks import PidLock, Taken
 
@@ -56,12 +56,12 @@ def recall(controller: MountController, past: PreviousRun) -> None:
         controller.motions.owe_stop()
 
 
-def selected_site(shared: dict[str, Any]) -> Place | None:
+def selected_site(shared: MountSettings) -> Place | None:
     """The site that was selected last, when it is complete: it stands in for a mount that knows none."""
-    stored = shared["sites"].get(str(shared.get("site", 0)), {})
-    if "latitude" not in stored or "longitude" not in stored:
+    stored = shared.stored(shared.site or 0)
+    if stored.latitude is None or stored.longitude is None:
         return None
-    return Place(stored["latitude"], stored["longitude"])
+    return Place(stored.latitude, stored.longitude)
 
 
 class StateStore:
@@ -86,11 +86,11 @@ class StateStore:
         self._lock = PidLock(self.lock_path)
         self._take()
         kept = self._read()
-        self.shared: dict[str, Any] = to_shared(kept)
+        self.shared = Shared(to_shared(kept), self.changed)
         self._marks = self.held and not self._simulated
         self.past = PreviousRun(kept, read_mark(self._mark_path) if self._marks else None)
         self._written = encode(kept)
-        self._memory: Callable[[bool], dict[str, Any]] = lambda moving: kept.mount
+        self._memory: Callable[[bool], Values] = lambda moving: kept.mount
         self._synced: Callable[[], SyncSum] = lambda: kept.synced
         self._mark: MotionMarker | None = None
         self._dirty = False
@@ -103,7 +103,7 @@ class StateStore:
         return self.directory / f"{self.name}.lock"
 
     @property
-    def _mark_path(self) -> Any:
+    def _mark_path(self) -> Path:
         return self.directory / f"{self.name}.moving"
 
     def _say(self, text: str) -> None:
@@ -197,7 +197,7 @@ class StateStore:
 
     async def _write(self) -> bool:
         """Write what is not in the file yet -> whether there was anything to write."""
-        data = encode(from_shared(self.shared, self._memory(False), self._synced()))
+        data = encode(from_shared(self.shared.settings, self._memory(False), self._synced()))
         if data == self._written:
             return False
         self._written = data

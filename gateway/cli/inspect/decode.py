@@ -7,12 +7,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from gateway.cli.help import Commands
 from gateway.core.errors import UserError
 from gateway.protocols.registry import PROTOCOLS, guess
 from gateway.system import streams
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Put the command into the parser."""
     decode = commands.add_parser(
         "decode",

@@ -11,7 +11,7 @@ import contextlib
 import os
 import sys
 from collections.abc import Coroutine, Sequence
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from gateway.app.status import Rate, StatusLine, status
 from gateway.diagnostics.log.layout import colours_of, painted
@@ -116,7 +116,7 @@ def look(gateway: Gateway, rate: Rate) -> StatusLine:
 
 def look_on(gateways: Sequence[Gateway], screen: Screen) -> list[asyncio.Task[None]]:
     """Begin to show and to report, where somebody wants it; the tasks are to be cancelled at the end."""
-    work: list[Coroutine[Any, Any, None]] = []
+    work: list[Coroutine[object, object, None]] = []
     if screen.terminal is not None:
         work.append(_show(Onlooker(gateways), screen))
     if wanted():

@@ -11,7 +11,8 @@ import msgspec
 
 from gateway import __version__
 from gateway.app.gateway import Gateway
-from gateway.app.recording.entrance import HostClock, RecordedEntrance
+from gateway.app.recording.host_clock import HostClock
+from gateway.app.recording.recorded_entrance import RecordedEntrance
 from gateway.app.recording.recorder import LONGEST, Recorder
 from gateway.app.recording.turns import TurnLoop
 

@@ -97,16 +97,16 @@ def add_console(parser: Any) -> None:
     group.add_argument("--no-console", dest="console", action="store_const", const=OFF, help="no console")
 
 
-def put_console(arguments: argparse.Namespace, tables: dict[str, Any], source: Source) -> None:
+def put_console(arguments: argparse.Namespace, tables: dict[str, object], source: Source) -> None:
     """What the flags say of the console."""
     if arguments.console is not None:
         there = tables.get("console") or [{}]
         if isinstance(there, list) and isinstance(there[0], dict):
-            tables["console"] = [there[0] | {"at": arguments.console}]
+            tables["console"] = [{**there[0], "at": arguments.console}]
             source.flags[("console", 0, "at")] = "--no-console" if arguments.console == OFF else "--console"
 
 
-def add_flag(group: Any, key: Key) -> None:
+def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
     """The flag of a key. One that is true, false or one of some words may stand alone or have ``=WORD`` behind it."""
     words = f"{key.words} (default: yes)" if key.default is True else key.words
     if isinstance(key.default, bool) and key.choices:
@@ -140,7 +140,7 @@ class Once(argparse.Action):
         self,
         parser: argparse.ArgumentParser,
         namespace: argparse.Namespace,
-        values: Any,
+        values: object,
         option_string: str | None = None,
     ) -> None:
         if getattr(namespace, self.dest) is not None:
@@ -150,7 +150,7 @@ class Once(argparse.Action):
 
 def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
     """The file and the flags as one, and where every value comes from. Raises UserError."""
-    tables: dict[str, Any] = {}
+    tables: dict[str, object] = {}
     source = Source("command line")
     path = _file(arguments)
     if path is not None:
@@ -175,7 +175,7 @@ def _file(arguments: argparse.Namespace) -> Path | None:
     return given or (HERE if not arguments.mount and HERE.is_file() else None)
 
 
-def _put_flags(arguments: argparse.Namespace, tables: dict[str, Any], source: Source) -> None:
+def _put_flags(arguments: argparse.Namespace, tables: dict[str, object], source: Source) -> None:
     given = {
         key.name: _value(key, text)
         for key in keys("mount")
@@ -205,7 +205,7 @@ def _put_flags(arguments: argparse.Namespace, tables: dict[str, Any], source: So
             source.flags[(key.name,)] = f"--{key.name}" if value else f"--no-{key.name}"
 
 
-def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, Any], source: Source) -> None:
+def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, object], source: Source) -> None:
     """What the flags say of the one surface that they can be meant for. Raises UserError where there are several."""
     given = {
         key.name: _value(key, text)
@@ -235,7 +235,7 @@ def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, Any], so
             source.flags[("surface", number, name)] = f"--{name}"
 
 
-def _on_network(surface: dict[str, Any]) -> bool:
+def _on_network(surface: dict[str, object]) -> bool:
     """Whether programs come to a surface from hosts."""
     return str(surface.get("at")).partition("@")[2].startswith(("tcp://", "rfc2217://"))
 

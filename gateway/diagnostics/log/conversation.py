@@ -10,7 +10,7 @@ import re
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from gateway.core.errors import Fault, Refused
 from gateway.diagnostics.log.words import in_words, steady
@@ -42,8 +42,8 @@ class Heard(NamedTuple):
     command: str = ""
     asks: bool = False
     fails: bool = False
-    values: tuple[Any, ...] = ()
-    fields: Mapping[str, Any] = MappingProxyType({})
+    values: tuple[object, ...] = ()
+    fields: Mapping[str, object] = MappingProxyType({})
 
 
 def _briefly(meaning: str) -> str:
@@ -136,13 +136,13 @@ class Side:
             return Heard(data, "")
         return self._reply(ask, *taken)[0]._replace(data=data)
 
-    def _answer(self, ask: Send, data: bytes) -> tuple[dict[str, Any] | Fault, int] | None:
+    def _answer(self, ask: Send, data: bytes) -> tuple[dict[str, object] | Fault, int] | None:
         try:
             return self._dialogue.take(ask, data)
         except ValueError as error:
             return Refused(f"garbled: {error}"), len(data)
 
-    def _reply(self, ask: Send, outcome: dict[str, Any] | Fault, length: int) -> tuple[Heard, int]:
+    def _reply(self, ask: Send, outcome: dict[str, object] | Fault, length: int) -> tuple[Heard, int]:
         command = load(self.protocol).commands[ask.command]
         if isinstance(outcome, Fault):
             return Heard(b"", f"{command.name}: {outcome}", command.name, fails=True), length

@@ -8,29 +8,28 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Self
 
-from gateway.app.bindings import make_driver, make_surface
+from gateway.app.bindings import make_driver, make_surface, own_face, policy, shows_itself
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
-from gateway.app.gateway import own_face, policy, shows_itself
 from gateway.app.simulated import DEFAULT_SITE, make_simulator
 from gateway.astro.ephemeris import Sky
-from gateway.clients.acceptor import ConnectionAcceptor, SurfaceBinding
+from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Access
+from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.wire_log import Entry, Transcript
 from gateway.mount.controller import MountController
 from gateway.mount.link.queue import MountLink
 from gateway.mount.site.site_clock import SiteClock
+from gateway.protocols.base.driver import Driver
+from gateway.protocols.base.session import Shared
+from gateway.protocols.mechanics.truth import Simulator
 from gateway.protocols.registry import pairs
-from gateway.transport.wires import SimulatedTransport
+from gateway.transport.wires import Connection, SimulatedTransport
 
 #: Who speaks to whom where nobody says otherwise.
 PRESENTED, DRIVEN = pairs()[0]
-
-
-def _nobody() -> None:
-    """What has changed is kept by nobody."""
 
 
 class Stage:
@@ -70,7 +69,7 @@ class Stage:
         self.host: Callable[[], float] = lambda: self.clock() + host_ahead
         self.settings = MountConfig(at="-", **(config or {}))
         endpoint = Endpoint(driven, "sim", mount, version)
-        self.sim: Any = (
+        self.sim: Simulator = (
             on.sim
             if on
             else make_simulator(
@@ -82,7 +81,7 @@ class Stage:
         self.transcript.sinks.append(self.entries.append)
         known = endpoint if named else Endpoint(driven, "sim")
         driver, follow_ups, dialogue = make_driver(known, self.settings, loop.time)
-        self.driver: Any = driver
+        self.driver: Driver = driver
         driver.hurry = speed
         self.wire: list[bytes] = []
         line = MountLink(
@@ -98,14 +97,14 @@ class Stage:
         self.face.surface.verbatim = presented == driven
         if shows_itself(Endpoint(driven, "sim"), shown):
             self.controller.identification.told = lambda: own_face(self.controller, self.face)
-        self.shared, changed = self.remember()
-        self.reception = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, changed, access=access)
+        self.shared = self.remember()
+        self.reception = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, access=access)
 
-    def remember(self) -> tuple[dict[str, Any], Callable[[], None]]:
-        """What all clients have in common, and what to call when it has changed: here nothing outlives the stage."""
-        return {"sites": {}}, _nobody
+    def remember(self) -> Shared:
+        """What all clients have in common: here nothing outlives the stage."""
+        return Shared()
 
-    def _listening(self, connect: Callable[..., Any]) -> Callable[..., Any]:
+    def _listening(self, connect: Connection) -> Connection:
         """The same way into the mount, where what it is sent is noted."""
 
         def connection(later: Callable[[float, bytes], None]) -> Callable[[bytes], bytes]:
@@ -120,7 +119,7 @@ class Stage:
 
         return connection
 
-    async def __aenter__(self) -> Any:
+    async def __aenter__(self) -> Self:
         self.controller.start()
         await self.controller.settled.wait()
         return self
@@ -139,7 +138,7 @@ class Stage:
 class Visitor:
     """One connection."""
 
-    def __init__(self, stage: Any, host: str) -> None:
+    def __init__(self, stage: Stage, host: str) -> None:
         self.heard = b""
         self._guest = stage.reception.arrive(host, host, self._hear)
 

@@ -38,7 +38,7 @@ class RecordedLoop(VirtualLoop):
 
     def call_at(  # type: ignore[override]  # the library's own signature needs a newer Python to be written down
         self, when: float, callback: Callable[..., object], *args: Any, context: Any = None
-    ) -> Any:
+    ) -> object:
         number = bisect_left(self._left, when - ROUNDED)
         deadline = when - self.time() >= DEADLINE and isinstance(getattr(callback, "__self__", None), asyncio.Timeout)
         late = deadline and number < len(self._left) and self._left[number] - when <= LATE

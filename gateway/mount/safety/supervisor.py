@@ -57,7 +57,7 @@ class Supervisor:
         self._ended.intersection_update(motions)
         self.look_after(self._wanted)
 
-    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
+    def _spawn(self, work: Coroutine[object, object, None]) -> None:
         task = self._loop.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)

@@ -6,7 +6,7 @@ It may track again, by its keys or because it was unparked: then it is switched 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Coroutine
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Unsupported
@@ -25,7 +25,7 @@ class Actions(NamedTuple):
     ask_status: Callable[[], object]
     ask_side: Callable[[], object]
     forget_syncs: Callable[[], object]
-    spawn: Callable[[Coroutine[Any, Any, None]], object]
+    spawn: Callable[[Coroutine[object, object, None]], object]
 
 
 class TrackingAtLimit:

@@ -11,8 +11,9 @@ from typing import Any
 
 import pytest
 
+from gateway.app.bindings import shows_itself
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
-from gateway.app.gateway import Gateway, shows_itself
+from gateway.app.gateway import Gateway
 from gateway.app.simulated import make_simulator
 from gateway.clients.access import Access
 from gateway.mount.link.queue import MountLink

@@ -212,7 +212,8 @@ class Served:
             await opening(gateway)
 
         monkeypatch.setattr(Gateway, "open", open_it)
-        monkeypatch.setattr(Gateway, "_wire", lambda _: SimulatedTransport("sim", self.sim.connection, 0.005))
+        wire = SimulatedTransport("sim", self.sim.connection, 0.005)
+        monkeypatch.setattr("gateway.app.gateway.make_wire", lambda *_: wire)
 
     def run(self, fast: bool, then: Callable[[], object]) -> int:
         """Begin a goto, and a moment later do something to the loop or the process."""

@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 
 from gateway.app.gateway import Gateway
-from gateway.clients.outstanding import BEGUN
+from gateway.clients.commands.outstanding import BEGUN
+from gateway.protocols.base.session import Shared
 from gateway.transport import intake as pace
 from gateway.transport.intake import BREATH, SHARE
 from tests.support.in_process_gateway import Bridge, Visitor
@@ -203,7 +204,7 @@ class _SecondFace:
         from gateway.mount.safety.limits import Limits
 
         face = make_surface(Endpoint("nexstar", "-", "6-8se"), SurfaceConfig(at="-"), Limits())
-        self.reception = ConnectionAcceptor(bridge.controller, face, {"sites": {}}, bridge.clock, lambda: None)
+        self.reception = ConnectionAcceptor(bridge.controller, face, Shared(), bridge.clock)
 
     async def __aenter__(self) -> Visitor:
         return Visitor(self, "10.0.0.2")

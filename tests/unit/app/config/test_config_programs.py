@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
+from gateway.app.bindings import manners
 from gateway.app.config import SurfaceConfig
 from gateway.app.config.describing import named
 from gateway.app.config.programs import programs, recognisable, settled, wanted_by
-from gateway.app.gateway import manners
 from gateway.clients.equinox import J2000
 from gateway.core.wire_log import Entry
 from tests.support.fake_mount import Mount, Talk

@@ -8,8 +8,7 @@ again, it gets the newest.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Sequence
-from typing import Any
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 
 from gateway.core.errors import Fault
 from gateway.core.operations import Operation
@@ -22,10 +21,10 @@ class Pushes:
     def __init__(
         self,
         subscriptions: Sequence[Subscription],
-        read: Callable[[Operation], Awaitable[Any]],
+        read: Callable[[Operation], Awaitable[object]],
         send: Callable[[bytes], None],
         unsent: Callable[[], int],
-        spawn: Callable[[Any], asyncio.Task[Any]],
+        spawn: Callable[[Coroutine[object, object, None]], asyncio.Task[None]],
     ) -> None:
         self._read, self._send, self._unsent = read, send, unsent
         self._tasks = [spawn(self._serve(subscription)) for subscription in subscriptions]
