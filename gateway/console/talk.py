@@ -20,7 +20,7 @@ from gateway.diagnostics.log.printing import MOUNT, Rows
 #: Rows that wait for a page; the oldest are dropped, and that is said.
 MOST = 400
 #: How many seconds an unanswered command may still be what the mount is asked for.
-RECENT = 10.0
+RECENT = 3.0
 
 
 class Talk:
@@ -31,6 +31,7 @@ class Talk:
         self._listeners: set[Callable[[dict[str, Any]], None]] = set()
         self._number = 0
         self._open: dict[str, tuple[int, float]] = {}
+        self._asked: int | None = None
         self._rows = self._fresh()
 
     def _fresh(self) -> Rows:
@@ -40,7 +41,7 @@ class Talk:
     def listen(self, listener: Callable[[dict[str, Any]], None]) -> Callable[[], None]:
         """Hand every row to a listener -> what ends that."""
         if not self._listeners:
-            self._rows, self._open = self._fresh(), {}
+            self._rows, self._open, self._asked = self._fresh(), {}, None
             self._gateway.transcript.sinks.append(self._put)
         self._listeners.add(listener)
         return lambda: self._leave(listener)
@@ -68,8 +69,10 @@ class Talk:
             if entry.arrow in "<-":  # a refusal is noted first, and the reply that says it follows
                 self._open.pop(entry.side, None)
             return number
-        waiting = [number for number, at in self._open.values() if entry.time - at <= RECENT]
-        return max(waiting, default=None)
+        if entry.arrow == ">":  # what the mount answers then belongs to the same command, however late it comes
+            waiting = [number for number, at in self._open.values() if entry.time - at <= RECENT]
+            self._asked = max(waiting, default=None)
+        return self._asked
 
 
 class Newest:

@@ -1,14 +1,14 @@
 """A recording, read once from its beginning to its end, as what a report tells.
 
 Bytes are understood as ``decode`` understands them. Which commands tell a place or a site, and which are gotos,
-is a row a protocol.
+is told by the protocol.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 from gateway.app.recording.format import BOOKKEEPING, MOUNT, RECORDER, Event, Recording
 from gateway.astro.spherical import separation, wrap180
@@ -17,22 +17,8 @@ from gateway.core.wire_log import SKY_READY
 from gateway.diagnostics.log.conversation import Heard, Side
 from gateway.diagnostics.recorded_sides import RecordedSides
 from gateway.diagnostics.report.night import Night, Pointing, Program, Remark, Site
-from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.registry import PROTOCOLS
 
-
-class Rows(NamedTuple):
-    """A protocol's commands by what they are to a report. ``east`` is 1 where longitudes count east, else -1."""
-
-    places: frozenset[str]
-    site: frozenset[str]
-    gotos: frozenset[str]
-    east: int
-
-
-ROWS = {
-    "nexstar": Rows(frozenset({"E", "e"}), frozenset({"w"}), frozenset({"R", "r", "B", "b"}), 1),
-    "lx200": Rows(frozenset({"GR", "GD"}), frozenset({"Gt", "Gg"}), frozenset({"MS", "MA"}), -1),
-}
 #: Seconds between two places that are kept while the tube hardly moves, and degrees that are more than hardly.
 SELDOM, FAR = 10.0, 0.3
 #: Right ascension and declination that come one after the other belong together within so many seconds.
@@ -70,9 +56,9 @@ class _Gathering:
         if mount.get("site"):
             self.night.site = Site(float(mount["site"][0]), float(mount["site"][1]), "the settings")
         self.taken = 0
-        self._rows = ROWS.get(self._sides.protocol(MOUNT), Rows(frozenset(), frozenset(), frozenset(), 1))
-        commands = load(self._sides.protocol(MOUNT)).commands
-        self._answering = {name for name, command in commands.items() if command.replies}
+        protocol = PROTOCOLS[self._sides.protocol(MOUNT)]
+        self._rows = protocol.night
+        self._answering = {name for name, command in protocol.commands.commands.items() if command.replies}
         self._speaking: dict[str, Side] = {}
         self._programs: dict[str, Program] = {}
         self._asked: deque[tuple[float, str]] = deque(maxlen=DUE)

@@ -13,8 +13,7 @@ from gateway.diagnostics.report.style import STYLE
 
 def page(night: Night, source: str) -> str:
     """``source`` is the recording's name."""
-    sky = Sky()
-    sky.load()
+    sky = Sky()  # its closed forms are good to a second of arc
     seen = track(night, sky)
     said = "".join(f"<p>{html.escape(words)}</p>" for words in summary.sentences(night, seen))
     site = (

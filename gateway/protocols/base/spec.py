@@ -85,6 +85,16 @@ class Question(Struct, frozen=True):
     late: bool = False
 
 
+class NightRows(Struct, frozen=True):
+    """Commands that the report of a night looks at: those whose replies tell where the tube points, and the site, and
+    those that send it somewhere. ``east`` is 1 where longitudes count east, else -1."""
+
+    places: frozenset[str] = frozenset()
+    site: frozenset[str] = frozenset()
+    gotos: frozenset[str] = frozenset()
+    east: int = 1
+
+
 def _written(text: str) -> str:
     """The same. Raises ValueError for what is no version."""
     parse_version(text)
@@ -148,6 +158,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: What ``detect`` says that a mount does (coordinates, tracking, sync, arrows, site, clock): command -> words, of
     #: which the first counts whose command this mount has.
     capabilities: Mapping[str, Mapping[str, str]] = {}
+    night: NightRows = NightRows()
     #: Where the cable belongs; which mount may hear none of the questions that are asked of any port, at ``{port}``.
     cable: str = ""
     deaf: str = ""

@@ -7,7 +7,15 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from gateway.core.wire_log import show
-from gateway.protocols.base.spec import DriverSettings, MadeDriver, MadeSurface, ProtocolSpec, Question, SurfaceSettings
+from gateway.protocols.base.spec import (
+    DriverSettings,
+    MadeDriver,
+    MadeSurface,
+    NightRows,
+    ProtocolSpec,
+    Question,
+    SurfaceSettings,
+)
 from gateway.protocols.wireformat.command_set import load
 
 if TYPE_CHECKING:
@@ -127,6 +135,7 @@ SPEC = ProtocolSpec(
         "site": {"Gt": ":Gt# :Gg#"},
         "clock": {"GL": ":GL# :GC# :GG#"},
     },
+    night=NightRows(frozenset({"GR", "GD"}), frozenset({"Gt", "Gg"}), frozenset({"MS", "MA"}), east=-1),
     cable="into the port marked RS-232 on the panel, or into the Autostar's own",
     deaf="an old classic LX200 may be deaf to what is asked here: mount-gateway detect lx200@{port}",
     parks_itself=True,

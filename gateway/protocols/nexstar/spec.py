@@ -7,7 +7,15 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from gateway.core.errors import UserError
-from gateway.protocols.base.spec import DriverSettings, MadeDriver, MadeSurface, ProtocolSpec, Question, SurfaceSettings
+from gateway.protocols.base.spec import (
+    DriverSettings,
+    MadeDriver,
+    MadeSurface,
+    NightRows,
+    ProtocolSpec,
+    Question,
+    SurfaceSettings,
+)
 from gateway.protocols.nexstar import versions
 from gateway.protocols.nexstar.versions import STARSENSE, is_starsense, numbered
 from gateway.protocols.wireformat.command_set import load
@@ -175,6 +183,7 @@ SPEC = ProtocolSpec(
         "site": {"w": "w"},
         "clock": {"i": "i", "h": "h"},
     },
+    night=NightRows(frozenset({"E", "e"}), frozenset({"w"}), frozenset({"R", "r", "B", "b"})),
     cable="the cable belongs into the base of the hand control, not into the port marked PC on the mount",
     j2000_by="Celestron's own driver",
     unknown_model=_unknown_model,

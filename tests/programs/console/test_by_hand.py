@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Error
 
 from ..processes import wait_until
-from .page import Console, Visit
+from .page import DESK, PHONE, Console, Visit
 
 #: What ends a motion by hand besides the release: what the browser tells the page, as a script that tells it so.
 LOSSES = {
@@ -51,7 +51,7 @@ def test_it_moves_while_held(console: Console, visit: Callable[..., Visit]) -> N
 
 @pytest.mark.parametrize("loss", LOSSES)
 def test_it_ends_when_something_is_lost(console: Console, visit: Callable[..., Visit], loss: str) -> None:
-    page = visit()
+    page = visit(DESK if loss == "the view" else PHONE)  # on a desk the pad is there in every view
     with held(console, page):
         page.page.evaluate(LOSSES[loss])
         page.page.mouse.move(5, 5)  # a capture that is lost is told with the next event

@@ -16,8 +16,8 @@ def test_a_command_stands_beside_what_it_became(console: Console, visit: Callabl
     with console.program() as program:
         program.say(b":RS#:Mn#")
         rows = page.page.locator(".exchange", has_text=":Mn#")
-        page.until("it is shown", lambda: rows.count() == 1 and rows.locator(".mount-side code").count() > 0)
-        assert "P\\x02" in (rows.locator(".mount-side").text_content() or "")
+        page.until("it is shown", lambda: rows.count() == 1)
+        page.until("and what it became", lambda: "P\\x02" in (rows.locator(".mount-side").text_content() or ""))
         assert program.name in (rows.text_content() or "")
         program.say(b":Q#")
 
@@ -52,6 +52,24 @@ def test_pause_and_go_on(console: Console, visit: Callable[..., Visit]) -> None:
         page.until(
             "what came meanwhile is shown", lambda: page.page.locator(".exchange", has_text=":GVP#").count() == 1
         )
+
+
+def test_it_is_copied(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.show("talk")
+    page.page.wait_for_timeout(300)
+    with console.program() as program:
+        program.say(b":GVP#", 5)
+        page.until("it is shown", lambda: page.page.locator(".exchange", has_text=":GVP#").count() == 1)
+    page.page.evaluate(
+        "document.addEventListener('copy', () => { window.copied = String(document.activeElement.value) })"
+    )
+    page.page.evaluate(
+        "Object.defineProperty(navigator, 'clipboard', {value: undefined})"
+    )  # as in a page of the network
+    page.page.get_by_role("button", name="Copy").click()
+    page.until("it is said", lambda: page.text("#notices").startswith("Copied"))
+    assert ":GVP#" in page.page.evaluate("window.copied")
 
 
 def test_markup_of_a_program_is_text(console: Console, visit: Callable[..., Visit]) -> None:

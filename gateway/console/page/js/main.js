@@ -11,6 +11,7 @@ import * as place from "./finding/place.js";
 import * as search from "./finding/search.js";
 import * as banners from "./frame/banners.js";
 import * as header from "./frame/header.js";
+import * as mounts from "./frame/mounts.js";
 import * as night from "./frame/night.js";
 import * as stop from "./frame/stop.js";
 import * as more from "./more.js";
@@ -18,7 +19,7 @@ import * as readings from "./readings/readings.js";
 import * as talk from "./talk/talk.js";
 
 stop.start(); // before anything else, so that whatever fails below leaves it
-for (const part of [night, header, banners, glance, search, place, orders, jog, readings, talk, more, views]) part.start();
+for (const part of [night, header, mounts, banners, glance, search, place, orders, jog, readings, talk, more, views]) part.start();
 socket.on("open", () => state.pin && socket.ask({ do: "pin", pin: state.pin }).then((answer) => (state.act ||= answer.ok)));
 socket.connect();
 chart.startOrSay();

@@ -1,10 +1,10 @@
-// What is set once: the light, what this page may do, which mount is shown; and what is good to know about it all.
+// What is set once: the light, what this page may do; and what is good to know about it all.
 
 import { askForPin } from "./frame/banners.js";
 import { button, byId, choice, el, say } from "./core/dom.js";
 import { angle } from "./core/format.js";
 import { light, onLight, setMode, setStep, sunAltitude } from "./frame/night.js";
-import { choose, mount, state, subscribe } from "./core/store.js";
+import { mount, state, subscribe } from "./core/store.js";
 
 const KEYS = [
   ["Esc", "stops everything, wherever you are"],
@@ -31,21 +31,6 @@ function lightGroup() {
     ? "By the Sun: red while it stands lower than −6° at the mount. Its altitude is not known yet."
     : `By the Sun: red while it stands lower than −6° at the mount. Now it stands at ${angle(sunAltitude())}.`));
   return group("Light", modes, words, el("h4", {}, "Brightness of the red light"), steps);
-}
-
-function mountsGroup() {
-  const box = chips("Mount that is shown");
-  const whole = group("Mount", box);
-  let names = "";
-  let chosen = null;
-  subscribe(() => {
-    whole.hidden = state.mounts.length < 2;
-    const now = JSON.stringify(state.mounts.map((one) => one.name));
-    if (now !== names) chosen = choice(box, state.mounts.map((one, index) => [String(index), one.name]), (value) => choose(Number(value)));
-    names = now;
-    chosen?.set(String(state.chosen));
-  });
-  return whole;
 }
 
 function pageGroup() {
@@ -76,7 +61,6 @@ function list(title, lines, none) {
 export function start() {
   byId("more").replaceChildren(
     lightGroup(),
-    mountsGroup(),
     list("Where programs connect", (seen) => seen.surfaces, "nowhere"),
     list("What is allowed", (seen) => seen.allowed, "everything"),
     group("Keys", el("dl", { class: "keys" }, ...KEYS.flatMap(([key, words]) => [el("dt", {}, el("kbd", {}, key)), el("dd", {}, words)]))),

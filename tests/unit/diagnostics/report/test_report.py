@@ -138,6 +138,7 @@ def test_a_meade_tells_place_and_site_in_pieces(tmp_path: Path) -> None:
     tape.asked(2.0, b":GR#", b"05:34:32#", 0.1)
     tape.asked(3.0, b":GD#", b"+22*00:52#", 0.1)
     tape.put(4.0, "mount", ">", b":Q#")
+    tape.asked(5.0, b":GR#", b"05:34:32#", 0.1)
     found = recorded(tmp_path, tape, at="lx200:lx200gps@/dev/ttyUSB0", site=None)
     assert found.site is not None and found.site.source == "the mount"
     assert (found.site.latitude, found.site.longitude) == pytest.approx((48.1333, 11.5833), abs=1e-3)

@@ -9,7 +9,7 @@ import { onView } from "../core/views.js";
 
 const KEYS = { ArrowUp: "north", ArrowDown: "south", ArrowLeft: "west", ArrowRight: "east" };
 const OPPOSITE = { north: "south", south: "north", east: "west", west: "east" };
-/** What holds each direction down: a pointer's number, or "key". @type {Map<string, number|string>} */
+/** What holds each direction down, a pointer's number or "key", and on which mount. @type {Map<string, {by: number|string, mount: number}>} */
 const held = new Map();
 let rate = 5;
 
@@ -22,9 +22,10 @@ function mark(direction, on) {
 async function press(direction, by) {
   if (held.has(direction) || !state.act) return;
   letGo(OPPOSITE[direction]);
-  held.set(direction, by);
+  const mount = state.chosen;
+  held.set(direction, { by, mount });
   mark(direction, true);
-  const answer = await ask({ do: "jog", direction, rate });
+  const answer = await ask({ do: "jog", direction, rate, mount });
   if (!answer.ok) {
     held.delete(direction);
     mark(direction, false);
@@ -33,21 +34,19 @@ async function press(direction, by) {
 }
 
 function letGo(direction) {
+  const one = held.get(direction);
   if (!held.delete(direction)) return;
   mark(direction, false);
-  tell({ do: "let_go", direction });
+  tell({ do: "let_go", direction, mount: one.mount });
 }
 
 /** Let go of everything, whoever holds it. */
 export function letAllGo() {
-  if (!held.size) return;
-  for (const direction of [...held.keys()]) mark(direction, false);
-  held.clear();
-  tell({ do: "let_go" });
+  for (const direction of [...held.keys()]) letGo(direction);
 }
 
 function letPointerGo(event) {
-  for (const [direction, by] of [...held]) if (by === event.pointerId) letGo(direction);
+  for (const [direction, { by }] of [...held]) if (by === event.pointerId) letGo(direction);
 }
 
 function setRate(wanted) {
@@ -60,7 +59,7 @@ function setRate(wanted) {
   } catch {
     // Then it is 5 again the next time.
   }
-  for (const direction of held.keys()) ask({ do: "jog", direction, rate });
+  for (const [direction, { mount }] of held) ask({ do: "jog", direction, rate, mount });
 }
 
 function remembered() {
@@ -82,7 +81,7 @@ function listenToPointers(pad) {
     // Enter on a button holds it for as long as the key is down.
     one.addEventListener("keydown", (event) => event.key === "Enter" && !event.repeat && press(one.dataset.go, "key"));
     one.addEventListener("keyup", (event) => event.key === "Enter" && letGo(one.dataset.go));
-    one.addEventListener("blur", () => held.get(one.dataset.go) === "key" && letGo(one.dataset.go));
+    one.addEventListener("blur", () => held.get(one.dataset.go)?.by === "key" && letGo(one.dataset.go));
   }
   pad.addEventListener("contextmenu", (event) => event.preventDefault());
 }

@@ -118,7 +118,7 @@ async function renew() {
 }
 
 /** What of the mount makes another verdict: then the card is asked for anew at once. */
-const verdictOf = (seen) => seen && JSON.stringify([seen.state, seen.held, seen.asleep, seen.aligned, seen.limits]);
+const verdictOf = (seen) => seen && JSON.stringify([seen.index, seen.state, seen.held, seen.asleep, seen.aligned, seen.limits]);
 
 export function start() {
   let before = null;

@@ -3,7 +3,7 @@
 import { button, byId, choice, el } from "../core/dom.js";
 import { notice } from "../frame/notices.js";
 import { on, tell } from "../core/socket.js";
-import { state } from "../core/store.js";
+import { state, subscribe } from "../core/store.js";
 import { onView, view } from "../core/views.js";
 import { asText, Exchanges } from "./exchanges.js";
 import * as explain from "./explain.js";
@@ -22,11 +22,13 @@ let kept = [];
 let listening = false;
 let sides = "";
 
+const shows = (exchange) => exchange.mount === state.chosen && passes(exchange, filter);
+
 function put(rows) {
   const box = byId("conversation");
   // Whoever reads further up is left there.
   const follows = box.scrollHeight - box.scrollTop - box.clientHeight < 40;
-  for (const exchange of exchanges.add(rows.filter((row) => row.mount === state.chosen))) showOne(box, exchange);
+  for (const exchange of exchanges.add(rows)) showOne(box, exchange);
   const alive = new Set(exchanges.all.map((one) => one.key));
   for (const [key, old] of shown) {
     if (!alive.has(key)) {
@@ -41,7 +43,7 @@ function put(rows) {
 
 function showOne(box, exchange) {
   const before = shown.get(exchange.key);
-  if (!passes(exchange, filter)) return;
+  if (!shows(exchange)) return;
   const made = element(exchange);
   if (before) before.replaceWith(made);
   else box.append(made);
@@ -70,7 +72,7 @@ function empty(box) {
 }
 
 function offerSides() {
-  const now = [...new Set(exchanges.all.filter((one) => !one.own).map((one) => one.side))];
+  const now = [...new Set(exchanges.all.filter((one) => !one.own && one.mount === state.chosen).map((one) => one.side))];
   if (filter.side && !now.includes(filter.side)) now.push(filter.side);
   if (JSON.stringify(now) === sides) return;
   sides = JSON.stringify(now);
@@ -85,7 +87,7 @@ function offerSides() {
 }
 
 async function copy() {
-  const text = exchanges.all.filter((one) => passes(one, filter)).map(asText).join("\n");
+  const text = exchanges.all.filter(shows).map(asText).join("\n");
   try {
     await navigator.clipboard.writeText(text);
   } catch {
@@ -138,6 +140,14 @@ export function start() {
   on("talk", (rows) => {
     if (!paused) return put(rows);
     kept = [...kept, ...rows].slice(-2000);
+  });
+  let mount = state.chosen;
+  subscribe(() => {
+    if (mount === state.chosen) return;
+    mount = state.chosen;
+    filter.side = "";
+    offerSides();
+    all();
   });
   on("lost", () => (listening = false));
   on("open", listen);
