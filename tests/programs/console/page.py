@@ -10,6 +10,7 @@ import contextlib
 import io
 import os
 import socket
+import time
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -24,6 +25,10 @@ PHONE, TABLET, DESK = (390, 844), (820, 1180), (1440, 900)
 VIEWS = ("sky", "control", "readings", "talk", "more")
 PATIENCE = 10.0
 _WARDED = ("--no-sandbox", "--disable-dev-shm-usage", "--disable-background-networking", "--disable-component-update")
+
+
+#: Seconds for which the mount must rest to be at rest; degrees a second that are less than any motion by hand.
+RESTS, TRACKS = 0.3, 0.008
 
 
 class Console:
@@ -48,12 +53,14 @@ class Console:
         return separation(self.truth.position(), place) > 0.02
 
     def at_rest(self) -> None:
-        """Wait until two looks of the mount itself, a quarter of a second apart, find it in one place."""
-        before: list[Spot] = []
+        """Wait until the mount itself has gone, for a while, no faster than tracking does, however slow the looks are."""
+        looks: list[tuple[float, Spot]] = []
 
         def still() -> bool:
-            before.append(self.truth.position())
-            return len(before) > 12 and separation(before[-1], before[-12]) < 0.002
+            looks.append((time.monotonic(), self.truth.position()))
+            now, here = looks[-1]
+            then, there = next((look for look in reversed(looks) if now - look[0] >= RESTS), looks[-1])
+            return now > then and separation(here, there) < TRACKS * (now - then)
 
         wait_until("the mount rests", still)
 
