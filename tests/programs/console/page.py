@@ -53,7 +53,7 @@ class Console:
         return separation(self.truth.position(), place) > 0.02
 
     def at_rest(self) -> None:
-        """Wait until the mount itself has gone, for a while, no faster than tracking does, however slow the looks are."""
+        """Wait until the mount itself goes no faster than tracking does, however slow the looks are."""
         looks: list[tuple[float, Spot]] = []
 
         def still() -> bool:
