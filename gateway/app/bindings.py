@@ -11,7 +11,8 @@ from gateway.clients.access import Access, networks
 from gateway.clients.equinox import J2000
 from gateway.clients.profiles import ClientProfile, SurfaceBinding
 from gateway.core.errors import UserError
-from gateway.mount.controller import MountController, Policy
+from gateway.mount.controller import MountController
+from gateway.mount.policy import Policy
 from gateway.mount.safety.limits import Limits
 from gateway.protocols.base.frames import Framing
 from gateway.protocols.base.plain_replies import PlainReplies
@@ -70,7 +71,7 @@ def speech(protocol: str) -> tuple[Cutting, Replies]:
 
 
 def policy(config: MountConfig) -> Policy:
-    """What the operator has decided, as the hub takes it."""
+    """What the operator has decided, as the controller takes it."""
     return Policy(
         config.limits,
         config.site_time,
@@ -113,17 +114,14 @@ def manners(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[Cli
 
 def tell_of_motions(controller: MountController, watched: WatchedMount) -> None:
     """Let the watchdog know before the mount is set moving, and when its stop becomes another one."""
-    before, changed = controller.before_motion, controller.changed
+    before = controller.before_motion.announce
 
     async def before_motion() -> None:
         watched.begin()
         await before()
 
-    def also_changed() -> None:
-        watched.renew()
-        changed()
-
-    controller.before_motion, controller.changed = before_motion, also_changed
+    controller.before_motion.announce = before_motion
+    controller.changed.connect(lambda _: watched.renew())
 
 
 def shows_itself(mount: Endpoint, surface: Endpoint) -> bool:

@@ -1,4 +1,4 @@
-"""Putting a gateway together: a mount, its controller, and the ports its surfaces are presented on."""
+"""Puts a gateway together: one mount, its controller, and the ports on which its surfaces are presented."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from gateway.app.config.programs import settled
 from gateway.app.control import Control
 from gateway.app.control.orders import orders
 from gateway.app.control.requests import Desk
-from gateway.app.mount_claim import MountClaim
 from gateway.app.recording.entrance import Entrance
 from gateway.app.state.file import FORMAT, MarkerContent, SavedState, to_shared
+from gateway.app.state.mount_claim import MountClaim
 from gateway.app.state.store import PreviousRun, StateStore, recall, selected_site
 from gateway.app.watchdog import Watchdog, WatchedMount
 from gateway.astro.ephemeris import Sky
@@ -39,7 +39,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Fault, UserError
 from gateway.core.wire_log import Transcript
 from gateway.mount.controller import MountController
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.reply_rules import ReplyRules
@@ -132,7 +132,7 @@ class Gateway:
             ]
 
         def busy() -> bool:
-            return self.controller is not None and self.controller.motions.busy
+            return self.controller is not None and self.controller.reconciler.busy
 
         lock = self.keeping.lock_path if self.keeping is not None else None
         self.watched = self.watchdog.mount(self.title, lock, commands, busy, self._was_stopped)
@@ -176,9 +176,9 @@ class Gateway:
         if self.watched is not None:
             tell_of_motions(self.controller, self.watched)
         self.desk = Desk(self.controller, self.config.name or "", str(self.mount), self.programs)
-        self.controller.before_motion = self.entrance.waiting(self.controller.before_motion)
+        self.controller.before_motion.announce = self.entrance.waiting(self.controller.before_motion.announce)
         own: list[SurfaceBinding] = []
-        self.controller.identification.told = lambda: self._show_itself(own)
+        self.controller.identification.told.connect(lambda _: self._show_itself(own))
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
             face = make_surface(endpoint, surface, config.limits)
             face.surface.verbatim = endpoint.protocol == self.mount.protocol

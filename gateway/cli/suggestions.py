@@ -1,7 +1,4 @@
-"""What was typed and is none of the commands and flags there are: what was probably meant.
-
-argparse's own words are for programmers. Here they become a line that says what is wrong and what would be right.
-"""
+"""Mistyped commands and flags: says what is wrong and what was probably meant, in one line."""
 
 from __future__ import annotations
 

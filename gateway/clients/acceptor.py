@@ -1,8 +1,9 @@
-"""Who comes in: sessions for connections.
+"""Accepts connections and gives each a session.
 
-A session is a connection. A new one begins with a copy of the state of that connection from the same host which closed
-last, if that was within a minute: programs that open a connection for every command keep their target that way, and two
-programs connected at the same time do not disturb each other.
+A session lives as long as its connection. A new one starts with a copy of the state of the connection from the same
+host that closed last, within a minute: programs that open a connection per command keep their target that way, and two
+programs connected at the same time do not disturb each other. On network ports, web browsers and port scanners are
+recognised by their first bytes and refused before anything they send is carried out.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class ConnectionAcceptor:
         self._visits: set[ClientConnection] = set()
 
     def arrive(self, name: str, host: str, write: Write) -> ConnectionHandler:
-        """A new connection. Raises TurnedAway."""
+        """A new connection. Raises ConnectionRefused."""
         self.admit(name, host)
         return self.come(name, host, write)
 
@@ -97,7 +98,7 @@ class ConnectionAcceptor:
         return visit
 
     def admit(self, name: str, host: str) -> None:
-        """See whether a connection may be, and say once of a host why not. Raises TurnedAway."""
+        """See whether a connection may be, and say once of a host why not. Raises ConnectionRefused."""
         self._clients = {client for client in self._clients if client.open or client.busy}
         if not self.access.admits(host):
             why = "it is not in allow"
@@ -109,7 +110,7 @@ class ConnectionAcceptor:
             return
         if (host, why) not in self._turned and len(self._turned) < MOST_HOSTS:
             self._turned.add((host, why))
-            self.controller.transcript.note(name, f"{host} was turned away from surface {self.number}: {why}")
+            self.controller.transcript.note(name, f"connection from {host} refused on surface {self.number}: {why}")
         raise ConnectionRefused
 
     def here(self) -> list[str]:

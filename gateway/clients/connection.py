@@ -110,13 +110,13 @@ class ClientConnection:
         """Take bytes in at once or in their turn; ``behind`` is how many stops there were when they may have come."""
         urgent = self._face.surface.ends.may_be_in(data)
         piled_up = sum(len(piece) for piece, _ in self._waiting) + len(data) > PATIENCE
-        if urgent or (self._waiting and piled_up) or (not self._waiting and self._controller.turnstile.open()):
+        if urgent or (self._waiting and piled_up) or (not self._waiting and self._controller.fair_scheduler.open()):
             self._go_on()
             self._take(data, behind)
             return
         self._waiting.append((data, self._controller.stops if behind is None else behind))
         if len(self._waiting) == 1:
-            self._controller.turnstile.enter(self._go_on)
+            self._controller.fair_scheduler.enter(self._go_on)
 
     def _go_on(self) -> None:
         """Everything that waits, in the order in which it came."""
@@ -145,7 +145,7 @@ class ClientConnection:
         session.settings = dataclasses.replace(session.settings, **manner.settings)
         session.kept.precision = manner.settings.get("precision", session.kept.precision)
         self.profile = manner.program
-        client.log.note(f"this is {manner.program}, and treated so")
+        client.log.note(f"recognised client {manner.program}: applying its profile")
         return False
 
     def serial(self, change_rate: Callable[[int], int]) -> None:

@@ -16,9 +16,8 @@ import msgspec
 
 from gateway.console import actions, requests
 from gateway.console.house import House
-from gateway.console.places import Unknown, known, look_up, where
+from gateway.console.places import Unknown, known, look_up, verdict, where
 from gateway.console.talk import Newest
-from gateway.console.verdict import verdict
 from gateway.core import operations as op
 from gateway.core.errors import UserError
 from gateway.core.operations import Direction

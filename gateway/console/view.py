@@ -30,7 +30,7 @@ def mount(gateway: Gateway, index: int) -> dict[str, Any]:
     controller = gateway.controller
     assert controller is not None
     state = gather(controller, gateway.config.name or "", str(gateway.mount), gateway.programs())
-    look, snapshot = state.look, controller.snapshot
+    look, snapshot = state.look, controller.cache
     status: op.Status | None = snapshot.value(op.GetStatus)
     here = None if look.position is None else place(controller, look.position)
     return {
@@ -52,7 +52,7 @@ def mount(gateway: Gateway, index: int) -> dict[str, Any]:
 
 def place(controller: MountController, seen: op.Equatorial) -> dict[str, Any]:
     """A place of date, as J2000 and over the horizon besides; ``alt`` and ``az`` are None while the site is unknown."""
-    derived = controller.derived
+    derived = controller.astrometry
     ra2000, dec2000 = derived.sky.to_j2000(seen.ra, seen.dec, derived.observatory.unix())
     found: dict[str, Any] = {
         "ra": round(seen.ra, FINE), "dec": round(seen.dec, FINE), "ra2000": round(ra2000, FINE),
@@ -76,7 +76,7 @@ def bodies(controller: MountController) -> list[dict[str, Any]]:
 
 
 def _body(controller: MountController, name: str) -> op.Equatorial | None:
-    derived = controller.derived
+    derived = controller.astrometry
     unix = derived.observatory.unix()
     if name == "Sun":
         return op.Equatorial(*derived.sky.sun(unix))
@@ -91,19 +91,19 @@ def _sky(controller: MountController, seen: op.Equatorial | None) -> dict[str, A
     """Sidereal time and hour angle, where the site is known."""
     if controller.sources.site() is None:
         return {"sidereal": None, "hour_angle": None}
-    sidereal = controller.derived.sidereal_time()
+    sidereal = controller.astrometry.sidereal_time()
     angle = None if seen is None else round(wrap180(sidereal - seen.ra), COARSE)
     return {"sidereal": round(sidereal, COARSE), "hour_angle": angle}
 
 
 def _goal(controller: MountController, here: Mapping[str, Any] | None) -> dict[str, Any]:
     """Where a goto leads, and the way over the horizon that is to be expected."""
-    motion = controller.motions.wanted.motion
+    motion = controller.wanted.value.motion
     goal = None
     if isinstance(motion, Slew):
         operation = motion.operation
         if isinstance(operation, op.Goto):
-            seen = controller.derived.from_mount(op.Equatorial(operation.ra, operation.dec))
+            seen = controller.astrometry.from_mount(op.Equatorial(operation.ra, operation.dec))
             goal = {**place(controller, seen), "words": on_the_sky(seen)}
         elif isinstance(operation, op.GotoHorizontal):
             words = f"azimuth {operation.az:.1f}°, altitude {operation.alt:.1f}°"
@@ -117,7 +117,7 @@ def way(
     """Azimuth and altitude, step by step: both axes turn at once, over the horizon on a fork, else about the pole."""
     if here is None or here["alt"] is None or goal["alt"] is None:
         return []
-    status: op.Status | None = controller.snapshot.value(op.GetStatus)
+    status: op.Status | None = controller.cache.value(op.GetStatus)
     parts = [step / STEPS for step in range(STEPS + 1)]
     if status is None or not status.equatorial or goal.get("ra") is None:
         turn, rise = wrap180(goal["az"] - here["az"]), goal["alt"] - here["alt"]
@@ -125,7 +125,9 @@ def way(
     turn, rise = wrap180(goal["ra"] - here["ra"]), goal["dec"] - here["dec"]
     found = []
     for part in parts:
-        over = controller.derived.horizon(op.Equatorial((here["ra"] + turn * part) % 360.0, here["dec"] + rise * part))
+        over = controller.astrometry.horizon(
+            op.Equatorial((here["ra"] + turn * part) % 360.0, here["dec"] + rise * part)
+        )
         found.append((round(over.az, 1), round(over.alt, 1)))
     return found
 

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from pathlib import Path
 
-import gateway
+from gateway.core.about import PACKAGE
 from gateway.core.errors import UserError
 from gateway.core.wire_log import show
 from gateway.diagnostics.command_outcomes import MISSING, STANDS_FOR, counts, missing, outcome, remarks, sent, taken
@@ -174,7 +173,7 @@ def _cell(words: str) -> str:
 def write() -> str:
     """Write ``mappings/README.md`` -> its path. Raises UserError for an installed copy, which is not to be changed."""
     path = mappings_folder() / "README.md"
-    if path.parent.parent == Path(gateway.__file__).resolve().parent:
+    if path.parent.parent == PACKAGE:
         raise UserError(f"tables --write: {path} is part of an installation; run it in a checkout of the source")
     path.write_text(text(), "utf-8")
     return str(path)

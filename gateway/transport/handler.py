@@ -1,4 +1,4 @@
-"""What a port and whoever talks to its connections know of each other."""
+"""What a port and the handler of a connection know of each other."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class ConnectionHandler(Protocol):
 #: How to write to a connection: whoever writes is told how many bytes still wait to be sent, or None where that is
 #: not known.
 Write = Callable[[bytes], int | None]
-#: (who it is, the host it comes from, how to write to it) -> its guest.
+#: (who it is, the host it comes from, how to write to it) -> its handler.
 Arrive = Callable[[str, str, Write], ConnectionHandler]
 
 

@@ -45,7 +45,7 @@ _server: Callable[[Any, Any], PortManager] = PortManager
 
 
 class _Doorman:
-    """A guest in front of the real one, who speaks Telnet with clients that do."""
+    """A handler in front of the real one, who speaks Telnet with clients that do."""
 
     #: Telnet counts what it is told: nothing of it is passed over.
     ended = False
@@ -62,7 +62,7 @@ class _Doorman:
             self._guest.feed(data)
 
     def _answer(self, data: bytes) -> int | None:
-        """Send what the real guest writes -> how much of it waits, where that is known."""
+        """Send what the real handler writes -> how much of it waits, where that is known."""
         return self.write(self._escaped(data))
 
     def _escaped(self, data: bytes) -> bytes:
@@ -113,5 +113,5 @@ class _Doorman:
 
 
 def over_telnet(arrive: Arrive) -> Arrive:
-    """Where guests arrive -> where those arrive who may speak RFC 2217."""
+    """Where handlers arrive -> where those arrive who may speak RFC 2217."""
     return lambda name, host, write: _Doorman(arrive, name, host, write)

@@ -1,7 +1,7 @@
-"""Wires: how bytes reach the mount.
+"""The connection to the mount: opens it, writes, and calls back with what arrives.
 
-A wire opens, writes, and calls back with what arrives. pyserial blocks, so a serial wire has one reader thread that
-hands bytes to the loop: every URL that ``serial.serial_for_url`` opens works. A simulated mount is a wire too.
+pyserial blocks, so a serial connection has one reader thread that hands bytes to the event loop. Every URL that
+``serial.serial_for_url`` opens works. A simulated mount is a connection, too.
 """
 
 from __future__ import annotations

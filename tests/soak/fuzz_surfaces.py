@@ -123,8 +123,8 @@ class Judge:
             ("inbox", len(client._inbox), INBOX), ("memo", len(client._cache._replies), MEMO), ("framer", pending, 64),
             ("kept", len(repr(client.session.kept)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),
             ("told", len(client._cache._told), 40), ("deferred", len(client.runner._deferred), 4),
-            ("said", len(bridge.transcript._said), MOST), ("tasks", len(bridge.controller._tasks), 600),
-            ("line", len(bridge.controller.line._queue), 600), ("hosts", len(bridge.reception._left), 200),
+            ("said", len(bridge.transcript._said), MOST), ("tasks", len(bridge.controller.context.tasks), 600),
+            ("line", len(bridge.controller.line.queue), 600), ("hosts", len(bridge.reception._left), 200),
         ):  # fmt: skip
             if size > most:
                 self.say(f"{self.case.presented}: {what} has grown", f"{size}, at most {most}")
@@ -150,7 +150,7 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
     face = make_surface(endpoint, SurfaceConfig(at="-"), Limits())
     face.surface.verbatim = case.presented == case.driven
     bridge.reception.face = face
-    bridge.controller.derived.sky = SKY
+    bridge.controller.astrometry.sky = SKY
     bridge.transcript.sinks[:] = [judge.hear]
     done, longest, number = 0, 0.0, 0
     clients: list[CommandProcessor] = []

@@ -16,7 +16,7 @@ from gateway.app.recording.turns import TurnLoop, Wait
 from gateway.app.simulated import make_simulator
 from gateway.cli.serve.recorded import record
 from gateway.core.wire_log import Transcript
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.transport import ConnectionHandler
 from gateway.transport.wires import SimulatedTransport
 

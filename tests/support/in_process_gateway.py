@@ -76,6 +76,6 @@ class Bridge(Stage):
         tasks = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
         for task in tasks:
             task.cancel()
-        self.controller.motions.close()
+        self.controller.reconciler.close()
         await asyncio.gather(*tasks, return_exceptions=True)
         self.keeping._lock.release()

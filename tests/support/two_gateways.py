@@ -11,8 +11,9 @@ from gateway.astro.ephemeris import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.core import operations as op
 from gateway.core.wire_log import Entry, Transcript
-from gateway.mount.controller import MountController, Policy
-from gateway.mount.link.queue import MountLink
+from gateway.mount.controller import MountController
+from gateway.mount.link.line import MountLink
+from gateway.mount.policy import Policy
 from gateway.mount.safety.limits import Limits
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.session import Shared

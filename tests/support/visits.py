@@ -34,8 +34,8 @@ class Still:
         self.presence = Presence(self.now)
         self.version = self.stops = 0
         self.closed = False
-        self.motions = self
-        self.turnstile = FairScheduler(self.loop, lambda: False)
+        self.reconciler = self.orders = self
+        self.fair_scheduler = FairScheduler(self.loop, lambda: False)
         #: What the host's clock is ahead of the loop's, and the mount's ahead of the host's.
         self._epoch = mount.clock.unix - self.now()
         self._ahead = 0.0

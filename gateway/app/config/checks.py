@@ -1,4 +1,8 @@
-"""What no single value tells: endpoints that mean something, limits in order, names that fit, nothing taken twice."""
+"""Checks that need more than one value of the configuration.
+
+Endpoints must name a protocol, a model and a place that exist; limits must be in order; names must be unique and refer
+to something; nothing may be used twice.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +10,9 @@ import os
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from gateway.app.config.declaring import OFF
 from gateway.app.config.endpoints import nearest, parse_endpoint
-from gateway.app.config.keys import OFF, Config, MountConfig
+from gateway.app.config.keys import Config, MountConfig
 from gateway.app.config.lines import Place
 from gateway.app.config.places import right
 from gateway.app.config.programs import programs

@@ -6,8 +6,9 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
+from gateway.app.config.console_keys import ConsoleConfig
 from gateway.app.config.describing import Key, keys
-from gateway.app.config.keys import Config, ConsoleConfig, SurfaceConfig
+from gateway.app.config.keys import Config, SurfaceConfig
 from gateway.app.config.lines import Place
 from gateway.app.config.programs import settled, wanted_by
 from gateway.app.config.reading import Source

@@ -1,4 +1,4 @@
-"""Who asks: one order to one gateway, repeated until it is answered, and never longer than so many seconds."""
+"""The side that asks: one request to one gateway, repeated until it is answered or the time is up."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def silent(pid: int) -> str:
 
 
 async def ask(door: ControlEndpoint, word: str, seconds: float) -> str | None:
-    """-> the gateway's answer, or ``failed REASON``; None where no gateway is behind the door any more."""
+    """-> the gateway's answer, or ``failed REASON``; None where no gateway is at this endpoint any more."""
     number = draw()
     loop = asyncio.get_running_loop()
     try:

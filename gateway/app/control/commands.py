@@ -1,7 +1,7 @@
-"""What a person may wish for at the command line, as it passes from the command to the gateway that carries it out.
+"""The requests that a person makes on the command line, as they travel to the gateway that carries them out.
 
-A wish is one line of plain ASCII, so that a recording can hold it. Angles are degrees. ``number`` was drawn by who
-wishes: by it the same person asks how it goes, and takes it back.
+A request is one line of plain ASCII, so that a recording can hold it. Angles are degrees. ``number`` is drawn by the
+command that asks; with it the same person follows the request and cancels it.
 """
 
 from __future__ import annotations
@@ -108,11 +108,11 @@ class TellSite(Base, frozen=True, tag="site"):
 
 
 class Follow(Base, frozen=True, tag="follow"):
-    """How does it go with what was wished for?"""
+    """How does it go with what was asked for?"""
 
 
 class End(Base, frozen=True, tag="end"):
-    """Take a wish back: what it began is ended, and nothing else."""
+    """Take a request back: what it began is ended, and nothing else."""
 
 
 class See(Struct, frozen=True, tag="see"):
@@ -125,12 +125,12 @@ Wish = (
 
 
 def written(wish: Wish) -> str:
-    """A wish as a line."""
+    """A request as a line."""
     return json.dumps(msgspec.to_builtins(wish), separators=(",", ":"))
 
 
 def read(line: str) -> Wish:
-    """The wish that a line is. Raises ValueError."""
+    """The request that a line is. Raises ValueError."""
     if not (line.isascii() and line.isprintable()):
         raise ValueError("a wish is plain text")
     wish: Wish = msgspec.json.decode(line, type=Wish)

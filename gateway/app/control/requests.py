@@ -1,7 +1,7 @@
-"""The desk where a person's wishes from the command line are taken, and carried out as a program's would be.
+"""Carries out what a person asks for on the command line, by the same limits and rules as a program's commands.
 
-They pass the same limits and are refused by the same rules. What a wish has begun belongs to it: to take it back ends
-that and nothing that somebody else has asked for since. A move ends by a clock here, whatever becomes of who wished it.
+What a request has begun belongs to it: to cancel it ends that motion, and nothing that somebody else has asked for
+since. A ``move`` is ended by a timer here, whatever becomes of the command that asked for it.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from gateway.mount.safety.rules.dead_man import HostActivity
 
 #: What an answer begins with: carried out, still under way, not carried out.
 DONE, UNDER_WAY, FAILED = "done", "under way", "failed"
-#: Seconds after which a motion that was wished for is not begun any more: nobody waits for it.
+#: Seconds after which a motion that was asked for is not begun any more: nobody waits for it.
 PATIENCE = 10.0
 #: Seconds that the mount is given to tell how it is, before what it said last is told.
 SIGHT = 1.5
-#: Wishes that are remembered.
+#: Requests that are remembered.
 REMEMBERED = 64
 
 
 class Begun:
-    """A wish: whose connection it counts as, the stops when it came, where it leads, whether it was taken back."""
+    """A request: whose connection it counts as, the stops when it came, where it leads, whether it was taken back."""
 
     def __init__(self, life: HostActivity, stops: int) -> None:
         self.life, self.stops = life, stops
@@ -47,7 +47,7 @@ class Begun:
 
 
 class Desk:
-    """``carry_out`` takes a wish. ``programs`` tells the hosts that are here, ``name`` and ``mount`` what it is."""
+    """``carry_out`` takes a request. ``programs`` tells the hosts that are here, ``name`` and ``mount`` what it is."""
 
     def __init__(
         self, controller: MountController, name: str, mount: str, programs: Callable[[], Sequence[str]]
@@ -127,7 +127,7 @@ class Desk:
     async def _order(self, operation: op.Operation, begun: Begun) -> None:
         """Raises Fault."""
         if begun.ended.is_set():
-            raise Busy("It was taken back.")
+            raise Busy("It was cancelled.")
         try:
             async with asyncio.timeout(PATIENCE + 1.0):
                 await self._controller.perform(operation, begun.stops, begun.life, PATIENCE)
@@ -198,8 +198,8 @@ class Desk:
     # --- how it goes ------------------------------------------------------------------------------------------------
 
     def _moves(self, begun: Begun) -> bool:
-        """Whether something that this wish has begun is under way, or waits to be."""
-        wanted = self._controller.motions.wanted
+        """Whether something that this request has begun is under way, or waits to be."""
+        wanted = self._controller.wanted.value
         moving = [wanted.motion.by] if isinstance(wanted.motion, Slew) else []
         if isinstance(wanted.motion, ByHand):
             moving = [motion.by for _, motion in wanted.motion]
@@ -212,7 +212,7 @@ class Desk:
         await self._look()
         seen = self.state().look
         follows = begun.parks and any(
-            order.follow_up for order in controller.motions.wanted.pending
+            order.follow_up for order in controller.wanted.value.pending
         )  # its tracking goes off
         if self._moves(begun) or follows:
             return f"{UNDER_WAY} {on_the_sky(seen.position) if seen.position else ''}"
@@ -229,7 +229,7 @@ class Desk:
         begun.ended.set()  # if it has not come yet, it is not begun later
         if not self._moves(begun):
             return f"{DONE} nothing that was begun here is under way"
-        wanted = controller.motions.wanted
+        wanted = controller.wanted.value
         halts: list[op.Operation] = (
             [op.Halt(axis) for axis, motion in wanted.motion if motion.by is begun.life]
             if isinstance(wanted.motion, ByHand)

@@ -1,7 +1,7 @@
-"""A gateway's side: orders come in as datagrams, and each is answered when it has been carried out.
+"""The gateway's side: requests arrive as datagrams, and each is answered once it has been carried out.
 
-No order needs a file descriptor. Who does not hear an answer asks again with the same number, and is told the same:
-an order is carried out once.
+No request needs a file descriptor. A caller that missed the answer asks again with the same number and gets the same
+answer, so nothing is carried out twice.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""Where everything from outside comes into a gateway: connections, what they say, the mount's bytes, orders to stop.
+"""The one way by which anything from outside enters a gateway: connections, their bytes, the mount's bytes, requests.
 
-As a rule it comes in as it is. Into a gateway that is recorded it comes another way (``recorded_entrance.py``).
-Whatever new thing reaches the hub or a client from a port, a thread, a file or another process has to come this way.
+Without a recording, things enter as they come. With one, they enter at the beginning of a turn of the event loop and
+are written down. What the gateway does then follows from what entered, at which turn and at what time, and from nothing
+else. Anything new that reaches the gateway from a port, a thread, a file or a process must come this way, too.
 """
 
 from __future__ import annotations

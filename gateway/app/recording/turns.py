@@ -1,8 +1,8 @@
-"""An event loop whose turns can be told apart, so that what happened in them can happen again.
+"""An event loop with numbered turns, so that what happened in them can be replayed exactly.
 
-Within a turn time stands still, and what comes from outside enters at the beginning of one, in the order in which it
-came. Everything else a program does on this loop follows from that: whoever knows at which turn and time what entered
-can have it all again, callback by callback. Times are whole microseconds, so that they survive being written down.
+Time stands still within a turn, and input from outside enters only at the beginning of one, in the order in which it
+came. Everything else that runs on this loop follows from that: with the turn and the time of every input, a replay
+repeats each callback. Times are whole microseconds, so that they survive being written as text.
 """
 
 from __future__ import annotations

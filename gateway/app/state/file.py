@@ -1,7 +1,8 @@
-"""What a real hand control keeps over power-off, in a file for each mount.
+"""The state file of a mount: what a real hand control would keep when it is switched off.
 
-A file is always whole: written beside, flushed to the disk, renamed. One that cannot be read is moved aside and is
-never in the way of starting. Nothing here waits, and nothing here knows a loop: ``keeping.py`` decides when to write.
+A file is always complete, because it is written beside the old one, flushed to the disk, and renamed. A file that
+cannot be read is moved aside and never prevents a start. Nothing here waits or uses an event loop; ``store.py`` decides
+when to write.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ class SavedState(Struct, omit_defaults=True):
 
 
 class MarkerContent(Struct):
-    """A motion mark: the mount that moves, how to reach it, and what its driver must know to stop it."""
+    """A motion marker: the mount that moves, how to reach it, and what its driver must know to stop it."""
 
     mount: str
     baud: int
@@ -73,7 +74,7 @@ def read_kept(path: Path) -> SavedState:
 
 
 def read_mark(path: Path) -> MarkerContent | None:
-    """A mark that cannot be read is a mark all the same: its mount is then not known. None where there is none."""
+    """A marker that cannot be read is a marker all the same: its mount is then not known. None where there is none."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=MarkerContent)
     except FileNotFoundError:

@@ -40,7 +40,7 @@ async def serve(
         assert gateway.controller is not None
         reason = gateway.controller.line.reason or "no answer"
         at = f" at {gateway.config.baud} baud (mounts talk at {USUAL})" * (gateway.config.baud != USUAL)
-        warn(f"{gateway.title}: {reason}{at}; trying on")
+        warn(f"{gateway.title}: {reason}{at}; the gateway keeps trying")
 
 
 async def _found(gateway: Gateway, warn: Callable[[str], None]) -> bool:
@@ -57,7 +57,7 @@ async def _found(gateway: Gateway, warn: Callable[[str], None]) -> bool:
         if not said and now() > began + SAID_AFTER and not line.reason.startswith(CANNOT_OPEN):
             said = True
             warn(waiting(gateway))
-    return gateway.controller.identification.met.is_set()  # what tells where it points is a mount
+    return gateway.controller.context.milestones.met.is_set()  # what tells where it points is a mount
 
 
 async def _find(gateway: Gateway, warn: Callable[[str], None]) -> None:

@@ -1,7 +1,6 @@
-"""What is seen of a gateway while it serves: a line on the terminal, and what systemd is told.
+"""What is shown of a running gateway: a line on the terminal, and the state that systemd is told.
 
-Both look at what is known already: neither costs the mount's line an exchange, and where there is neither a terminal
-nor systemd nothing is done at all.
+Both use what is known already and cost the mount no exchange. Without a terminal and without systemd nothing is done.
 """
 
 from __future__ import annotations
@@ -140,7 +139,7 @@ async def _report(onlooker: Onlooker, screen: Screen) -> None:
             states.append("WATCHDOG=1")
         if served and not onlooker.served:
             served = False
-            screen.warn("nobody works on the mount's line any more; please report it")
+            screen.warn("internal error: the mount I/O task has ended; restart the gateway and please report it")
         if (line := onlooker.line()) != said:
             said = line
             states.append(f"STATUS={line}")

@@ -1,7 +1,7 @@
-"""Serving until a signal comes: the event loop, the signals, and one gateway per mount from its ports to its mount.
+"""Serves until a signal comes: the event loop, the signals, and one gateway per mount.
 
-A mount that does not answer ends the program, with the reason. Where there are several, or with --wait, it is told of
-and waited for, and the others know nothing of it.
+If a mount does not answer, the program ends and says why. With several mounts, or with --wait, a warning is printed and
+the gateway keeps trying; the other mounts are unaffected.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         screen.clear()
         if console is not None:
             await console.close()
-        moved = [gateway.controller is not None and gateway.controller.motions.busy for gateway in gateways]
+        moved = [gateway.controller is not None and gateway.controller.reconciler.busy for gateway in gateways]
         await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
         if done.is_set():
             for gateway, busy in zip(gateways, moved, strict=True):
@@ -197,7 +197,7 @@ async def _stand_still(gateways: Sequence[Gateway], screen: Screen) -> None:
     moving = [
         (gateway.entrance, gateway.controller)
         for gateway in gateways
-        if gateway.controller is not None and gateway.controller.motions.busy
+        if gateway.controller is not None and gateway.controller.reconciler.busy
     ]
     try:
         async with asyncio.timeout(SUSPEND):

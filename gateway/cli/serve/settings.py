@@ -15,9 +15,9 @@ from typing import Any
 import msgspec
 
 from gateway.app.config import Config, Source, make_config, read_tables
+from gateway.app.config.declaring import OFF
 from gateway.app.config.describing import Key, keys
 from gateway.app.config.endpoints import parse_site
-from gateway.app.config.keys import OFF
 from gateway.core.errors import UserError
 from gateway.system import journal, streams
 
@@ -158,7 +158,7 @@ def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
     _put_flags(arguments, tables, source)
     config = make_config(tables, source)
     if path is HERE:
-        streams.warn(f"going by {HERE}, which is in this folder; --config FILE reads another one", journal.INFO)
+        streams.warn(f"using {HERE} from this folder; --config FILE reads another one", journal.INFO)
     return config, source
 
 

@@ -1,4 +1,4 @@
-"""What the transcript is told of one client: the same words once for every host, however often it connects."""
+"""What the wire log is told of one client: the same words once for every host, however often it connects."""
 
 from __future__ import annotations
 

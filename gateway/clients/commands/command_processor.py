@@ -1,11 +1,9 @@
-"""A client: bytes in, replies out, in order, at its own pace.
+"""Answers one connection: bytes in, replies out, in the order of the commands.
 
-One ``CommandProcessor`` belongs to one connection. What the snapshot can answer is answered within the call that
-delivered the bytes; the rest waits in a task of this client's own, so nobody waits for anybody else. A reply that was
-made of snapshot answers alone is good again for as long as they are.
-
-A reply stands in the place of its command, or is absent: what is not answered in time is never answered, and those
-behind it are. What it asked for is done all the same, unless it would set something moving that late.
+What can be answered from the readings cache is answered within the call that delivered the bytes. The rest waits in a
+task of this connection's own, so that no client waits for another. A reply made of cached readings alone is reused as
+long as they are valid. A reply stands in its command's place or is left out: what is not answered in time is never
+answered, and the commands behind it are. What it asked for is still done, unless it would start a motion that late.
 """
 
 from __future__ import annotations
@@ -83,7 +81,8 @@ class CommandProcessor:
     # --- bytes in ---------------------------------------------------------------------------------------------------
 
     def feed(self, data: bytes, stops: int | None = None) -> None:
-        """Take bytes as they arrived; ``stops`` is the hub's count of stops then, where that was some time ago."""
+        """Take bytes as they arrived; ``stops`` is the controller's count of stops then, where that was some time
+        ago."""
         self.life.heard |= stops != LONG_AGO
         if self.log.heard:
             self.log.put("raw", data)
@@ -101,7 +100,7 @@ class CommandProcessor:
             if self.rate is not None and self.surface.protocol.find(frame) is not None:
                 self.rate.understood()
             if frame in ended:
-                self.log.put("x", frame, "the same again, with nothing between: done once for both")
+                self.log.put("x", frame, "repeated with nothing in between: carried out once for both")
                 continue
             ending = self.surface.ending(self.session, frame)
             if ending is None:
@@ -234,7 +233,7 @@ class CommandProcessor:
             return
         self.log.note_once(
             f"no reply to {frame!r}: the mount has not answered within "
-            f"{ANSWER_WITHIN} s, and later its answer would be taken for another's"
+            f"{ANSWER_WITHIN} s, and a later answer would be taken for the reply to another command"
         )
 
     def _say_refused(self, frame: bytes) -> None:

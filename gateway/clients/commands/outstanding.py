@@ -1,6 +1,6 @@
-"""What one connection has asked for without waiting for it: so much at a time, and whatever ends a motion besides.
+"""The operations of one connection that nobody waits for: a limited number, plus whatever ends a motion.
 
-A halt that another one does for, whoever asked for that, is no new one.
+A halt that is still under way also serves an equal one that comes later, whoever asked for either.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ class Begun:
         return bool(self._operations)
 
     def begin(self, operation: Operation, stops: int) -> None:
-        """An operation nobody is told the outcome of: a failure goes to the transcript."""
+        """An operation nobody is told the outcome of: a failure goes to the wire log."""
         controller, name = self._controller, type(operation).__name__
         if isinstance(operation, MOVING) and stops != controller.stops:  # a stop came since, or nobody is there
             return
         halts = isinstance(operation, Halt | CancelGoto)
-        if halts and controller.motions.again(operation):
+        if halts and controller.orders.again(operation):
             return
         ends = halts or ends_focus(operation)
         if len(self._operations) >= BEGUN and (not ends or operation in self._operations.values()):
-            self._log.note_once(f"commands come faster than the mount takes them: {name} not done")
+            self._log.note_once(f"commands arrive faster than the mount accepts them: {name} is not carried out")
             return
         task = controller.begin(operation, stops, lambda fault: self._log.refused(f"{name}: {fault}"), self._life)
         self._operations[task] = operation

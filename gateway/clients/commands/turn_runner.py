@@ -18,7 +18,7 @@ from gateway.core.errors import Busy, Fault
 from gateway.core.motion_kinds import BY_HAND, begins_motion
 from gateway.core.operations import CancelGoto, ClockFromGps, Halt, Operation, Own, Read, Sync
 from gateway.mount.controller import MountController
-from gateway.mount.link.queue import AT_ONCE, LATE
+from gateway.mount.link.scheduling import AT_ONCE, LATE
 from gateway.mount.readings.cache import FRESH, MISSING
 from gateway.mount.safety.rules.dead_man import HostActivity
 from gateway.protocols.base.session import Session
@@ -112,7 +112,7 @@ class TurnRunner:
             self.begun.begin(self._inward(operation), turn.stops)
 
     def _refused(self, operation: Operation, came: float) -> Fault | None:
-        """What this client is told no with, where it may not ask for this or it is too late; the transcript knows."""
+        """What this client is told no with, where it may not ask for this or it is too late; the wire log is told."""
         late = self._controller.now() - came
         if late > AT_ONCE and (isinstance(operation, BY_HAND) or (late > WAIT_FOR_MOUNT and _never_late(operation))):
             self._log.refused(f"{type(operation).__name__}: {LATE}")
@@ -123,7 +123,7 @@ class TurnRunner:
         return None if refusal is None else refusal.fault
 
     def _impossible(self, operation: Operation) -> Fault | None:
-        """What this client is told no with where nothing can come of it; the transcript knows."""
+        """What this client is told no with where nothing can come of it; the wire log is told."""
         fault = self._controller.impossible(operation)
         if fault is not None:
             self._log.refused(f"{type(operation).__name__}: {fault}")
@@ -187,7 +187,7 @@ class TurnRunner:
     def defect(self, frame: bytes, error: Exception) -> None:
         """An error of this program: what failed may have been what should have ended a motion."""
         self._log.note(f"internal error at {frame!r}, please report it: {error!r}")
-        if self._controller.motions.busy:
+        if self._controller.reconciler.busy:
             self._controller.begin_stop()
 
 

@@ -1,9 +1,9 @@
-"""The canonical mount: everything that can be meant, as values.
+"""The operations: everything that a program can mean, as values.
 
-A surface yields these, a driver carries them out; neither knows the other. They are frozen, so they can be
-logged, compared, replayed and named in a table. Angles are degrees, right ascension included; right ascension
-and declination are of date (JNow) unless an endpoint is set to J2000; longitude counts EAST positive, a UTC
-offset is local minus UTC in hours. Motion comes in two kinds: *sky* (``Move``) and *axis* (``MoveAxis``).
+A surface yields them and a driver carries them out; neither knows the other. They are frozen, so that they can be
+logged, compared, replayed and named in a table. Angles are degrees, right ascension included. Right ascension and
+declination are of the equinox of date unless a surface is set to J2000. Longitudes count positive to the EAST; a UTC
+offset is local time minus UTC, in hours. Motion is either on the *sky* (``Move``) or of one *axis* (``MoveAxis``).
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from gateway.core.operations import Values
 from gateway.core.wire_log import Transcript
 from gateway.diagnostics.detect.capabilities import ways
 from gateway.diagnostics.detect.port_listener import PortListener
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.protocols.base.driver import Driver, Send
 from gateway.protocols.base.run_driver import carry_out
 
@@ -65,7 +65,7 @@ class _Talk:
             ask = ask._replace(patience=min(ask.patience, max(AT_LEAST, TIMES * max(self.took))))
         answer = await self.line.exchange(ask)
         if self.driver.protocol.commands[ask.command].replies:
-            self.took.append(self.line.talk.took)
+            self.took.append(self.line.talk.times.took)
         return answer
 
 

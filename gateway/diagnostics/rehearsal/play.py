@@ -179,7 +179,7 @@ class Player:
         """Until the mount has come to where it was sent, and the gateway has seen it there."""
         loop = asyncio.get_running_loop()
         end = loop.time() + ARRIVED
-        while (self.stage.sim.slewing or self.stage.controller.motions.busy) and loop.time() < end:
+        while (self.stage.sim.slewing or self.stage.controller.reconciler.busy) and loop.time() < end:
             await asyncio.sleep(_STEP)
 
     def _kept(self) -> str:
@@ -207,7 +207,7 @@ class Player:
         return False
 
     def _note(self, entry: Entry) -> None:
-        """What the transcript takes down, as far as it belongs to a command."""
+        """What the wire log takes down, as far as it belongs to a command."""
         if entry.arrow == "!":
             self._events.append(Event("note", entry.note))
         elif entry.side == "mount" and entry.arrow == ">":

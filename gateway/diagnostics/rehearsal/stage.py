@@ -1,7 +1,7 @@
-"""A stage: a whole gateway in one process on virtual time, a client at one end, a simulated mount at the other.
+"""A whole gateway in one process on virtual time, with a client at one end and a simulated mount at the other.
 
-The parts are those of a real one, put together as ``assembly`` does; only ports, files and the watchdog are missing.
-``wire`` is what the mount itself heard, taken at its end of the line and not from the gateway's own records.
+The parts are those of a real gateway, put together as ``app/gateway.py`` does; only ports, files and the watchdog are
+missing. ``wire`` is what the mount itself received, taken at its end of the line and not from the gateway's records.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.wire_log import Entry, Transcript
 from gateway.mount.controller import MountController
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.driver import Driver
 from gateway.protocols.base.session import Shared
@@ -33,7 +33,8 @@ PRESENTED, DRIVEN = pairs()[0]
 
 
 class Stage:
-    """``sim`` is the simulated mount, ``hub`` the gateway's, ``client()`` a new connection. Needs a running loop.
+    """``sim`` is the simulated mount, ``controller`` the gateway's, ``client()`` a new connection. Needs a running
+    loop.
 
     ``start`` is Unix time; ``ramps`` False is a mount whose motors change their speed at once; ``on`` a stage that has
     ended, whose mount is used again; ``simulated`` are further settings of the simulator. The driver finds out which
@@ -96,7 +97,7 @@ class Stage:
         self.face: SurfaceBinding = make_surface(shown, SurfaceConfig(at="-"), self.settings.limits)
         self.face.surface.verbatim = presented == driven
         if shows_itself(Endpoint(driven, "sim"), shown):
-            self.controller.identification.told = lambda: own_face(self.controller, self.face)
+            self.controller.identification.told.connect(lambda _: own_face(self.controller, self.face))
         self.shared = self.remember()
         self.reception = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, access=access)
 

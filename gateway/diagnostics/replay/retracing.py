@@ -19,7 +19,7 @@ from gateway.app.recording.turns import BASE
 from gateway.core.errors import UserError
 from gateway.core.wire_log import SKY_READY
 from gateway.diagnostics.replay.retraced import TOLD, RetracedEntrance, RetracedLoop, RetracedWire, Turn, turns
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.transport import ConnectionHandler
 
 #: What the gateway is given to end after the last turn, seconds.

@@ -66,7 +66,7 @@ class Supervisor:
         try:
             await self._perform(operation)
         except Fault as fault:
-            self._note(f"it did not stop: {fault}")
+            self._note(f"the motion could not be stopped: {fault}")
 
 
 def supervised(wanted: Wanted) -> list[Supervised]:

@@ -1,9 +1,9 @@
 """Driver: operations in, commands out, without I/O.
 
 A driver is a generator machine: ``perform(operation)`` yields what it wants done and is sent the outcome. It may
-yield four things only: ``Ask`` (send this command, give me its fields), ``Pause`` (give the line to others for a
-while), ``Later`` (do this operation after some seconds) and ``Remark`` (say this in the log). Rows of ``driver.toml``
-with ``send`` are carried out here; those with ``call`` are functions of the protocol's own package.
+yield four things only: ``Send`` (send this command, give me its fields), ``Wait`` (give the line to others for a
+while), ``Schedule`` (do this operation after some seconds) and ``Remark`` (say this in the log). Rows of
+``driver.toml`` with ``send`` are carried out here; those with ``call`` are functions of the protocol's own package.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 ``handle`` runs one command as a generator: it yields operations and is sent their answers, and its value is the reply.
 The rows of ``surface.toml`` say what is done; those with ``call`` are functions of the protocol's own package. A
-``Start`` is an operation whose outcome the client is never told: it is not waited for.
+``FireAndForget`` is an operation whose outcome the client is never told: it is not waited for.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A reply is as long as its picture; ``#`` is a legal data byte. A pass-through command whose device did not answer comes
 back with one extra byte before the ``#`` (NexStar protocol, Pass-through Commands with No Response). What can be told
-from one reply alone is told here; whether it is likely, the hub judges.
+from one reply alone is told here; whether it is likely, the controller judges.
 """
 
 from __future__ import annotations

@@ -18,8 +18,8 @@ from typing import TypeVar
 import msgspec
 import tomli
 
-import gateway
 from gateway.core import operations
+from gateway.core.about import PACKAGE
 from gateway.core.errors import MappingError
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, CommandRow, Model, OwnRow, SurfaceRow, Way
@@ -155,7 +155,7 @@ class CommandSet:
         return self._read(file, Model)
 
     def find(self, frame: bytes) -> tuple[Command, FrameTemplate] | None:
-        """The command whose picture fits the whole frame, longest literal beginning first."""
+        """The command whose template fits the whole frame, longest literal beginning first."""
         for length in range(min(len(frame), 8), 0, -1):
             for command, picture in self._by_literal.get(frame[:length], ()):
                 if picture.matcher.fullmatch(frame):
@@ -185,9 +185,8 @@ class CommandSet:
 
 def mappings_folder() -> Path:
     """Where ``mappings/`` lies: inside the installed package, or beside it in a checkout."""
-    here = Path(gateway.__file__).resolve().parent
-    inside = here / "mappings"
-    return inside if inside.is_dir() else here.parent / "mappings"
+    inside = PACKAGE / "mappings"
+    return inside if inside.is_dir() else PACKAGE.parent / "mappings"
 
 
 @lru_cache

@@ -1,6 +1,6 @@
-"""Pictures: frames made of fields, as the manuals draw them.
+"""Frame templates: frames made of fields, as the manuals draw them.
 
-A picture is a string (``":Sr{ra:HH:MM:SS}#"``) or a list of bytes, characters and fields
+A template is a string (``":Sr{ra:HH:MM:SS}#"``) or a list of bytes, characters and fields
 (``["P", 2, 17, 36, "{rate:u8}", 0, 0, 0]``). It turns named values into bytes and bytes into named values,
 and knows nothing of what they mean. Regular expressions are made when first needed: start-up has no time for them.
 """
@@ -90,4 +90,4 @@ class FrameTemplate:
         return {name: field.decode(raw) for (name, field), raw in zip(self.fields.items(), found.groups(), strict=True)}
 
     def __repr__(self) -> str:
-        return f"Picture({self.source!r})"
+        return f"FrameTemplate({self.source!r})"

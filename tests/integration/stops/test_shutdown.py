@@ -375,7 +375,8 @@ def test_stop_with_and_without_a_gateway(
     assert moving.tracking()
     moving.move()
     moving.gateway.end(signal.SIGKILL)
-    assert moving.gateway.said == f"mount-gateway: {moving.endpoint}: the last run ended in motion: it is stopped first"
+    told = "the last run ended while the mount was moving: the mount is stopped first"
+    assert moving.gateway.said == f"mount-gateway: {moving.endpoint}: {told}"
     assert moving.moves()
     assert stop() == (0, f"{moving.endpoint}: stopped")
     assert moving.rests()

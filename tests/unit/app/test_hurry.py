@@ -9,7 +9,7 @@ import pytest
 from gateway.app.bindings import make_wire
 from gateway.app.config import MountConfig
 from gateway.app.gateway import Gateway
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 
 
 @pytest.mark.parametrize(("at", "hurry"), [("nexstar@sim", 10.0), ("nexstar@/dev/ttyUSB9", 1.0)])

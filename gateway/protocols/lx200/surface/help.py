@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway import __version__
+from gateway.core.about import VERSION
 from gateway.core.errors import Fault
 from gateway.core.operations import GetIdentity, GetStatus, Identity, Status, Values
 from gateway.protocols.base.wants import Handling
@@ -54,4 +54,4 @@ def _text() -> Handling:
             f"Mount: {identity.product} {identity.model}, version {identity.version}",
             f"It is {'aligned' if status.aligned else 'NOT aligned'}, {build}, tracking {status.tracking.value}",
         )
-    return (f"mount-gateway {__version__}: this is no Meade", *mount, *_USAGE)
+    return (f"mount-gateway {VERSION}: this is no Meade", *mount, *_USAGE)

@@ -282,7 +282,7 @@ def test_a_slow_disk_keeps_no_client_waiting(tmp_path: Path) -> None:
             client, began = bridge.client(), bridge.controller.now()
             assert await client.ask(b":SMA#:GM#", until=b"A#") == b"1A#"
             client.tell(b":RM#:Mn#")
-            while not bridge.controller.motions.axes:
+            while not bridge.controller.wanted.axes:
                 await asyncio.sleep(0.001)
             assert bridge.controller.now() - began < 0.4, "two or three exchanges, and 20 ms for the mark"
 

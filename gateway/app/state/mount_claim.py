@@ -38,7 +38,7 @@ class MountClaim:
                 "connect to that one's surfaces"
             ) from None
         except OSError as error:
-            warn(f"{mount}: another gateway could be given the same mount, and nobody would notice: {error.strerror}")
+            warn(f"{mount}: a second gateway on the same mount would not be noticed: {error.strerror}")
 
     def release(self) -> None:
         """Another gateway may have it."""
