@@ -36,6 +36,7 @@ def held(console: Console, page: Visit, direction: str = "north") -> Iterator[No
     start = console.truth.position()
     page.page.mouse.move(box["x"] + 20, box["y"] + 20)
     page.page.mouse.down()
+    page.page.mouse.move(box["x"] + 21, box["y"] + 21)
     page.until("it moves", lambda: console.moved_from(start))
     yield
     console.at_rest()
@@ -44,9 +45,9 @@ def held(console: Console, page: Visit, direction: str = "north") -> Iterator[No
 def test_it_moves_while_held(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     with held(console, page):
-        assert page.does("Moved by hand")
+        page.until("it says so", lambda: page.does("Moved by hand"))
         page.page.mouse.up()
-    page.until("it says so", lambda: page.does("Tracking"))
+    page.until("and that it tracks again", lambda: page.does("Tracking"))
 
 
 @pytest.mark.parametrize("loss", LOSSES)

@@ -1,10 +1,10 @@
-// What is set once: the light, what this page may do; and what is good to know about it all.
+// What is set once: the light, and what this page may do; and what is good to know about it all.
 
-import { askForPin } from "./frame/banners.js";
 import { button, byId, choice, el, say } from "./core/dom.js";
 import { angle } from "./core/format.js";
-import { light, onLight, setMode, setStep, sunAltitude } from "./frame/night.js";
 import { mount, state, subscribe } from "./core/store.js";
+import { askForPin } from "./frame/banners.js";
+import { light, onLight, setMode, setStep, sunAltitude } from "./frame/night.js";
 
 const KEYS = [
   ["Esc", "stops everything, wherever you are"],

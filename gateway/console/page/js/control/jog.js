@@ -77,12 +77,13 @@ function listenToPointers(pad) {
       one.setPointerCapture(event.pointerId);
       press(one.dataset.go, event.pointerId);
     });
-    for (const ending of ["pointerup", "pointercancel", "lostpointercapture"]) one.addEventListener(ending, letPointerGo);
     // Enter on a button holds it for as long as the key is down.
     one.addEventListener("keydown", (event) => event.key === "Enter" && !event.repeat && press(one.dataset.go, "key"));
     one.addEventListener("keyup", (event) => event.key === "Enter" && letGo(one.dataset.go));
     one.addEventListener("blur", () => held.get(one.dataset.go)?.by === "key" && letGo(one.dataset.go));
   }
+  // Wherever the finger is lifted by then.
+  for (const ending of ["pointerup", "pointercancel", "lostpointercapture"]) addEventListener(ending, letPointerGo);
   pad.addEventListener("contextmenu", (event) => event.preventDefault());
 }
 
