@@ -22,6 +22,16 @@ def test_a_command_stands_beside_what_it_became(console: Console, visit: Callabl
         program.say(b":Q#")
 
 
+def test_it_is_there_when_the_page_is_opened_on_it(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.show("talk")
+    page.page.reload()
+    page.page.wait_for_timeout(800)
+    with console.program() as program:
+        program.say(b":GVP#", 5)
+        page.until("it is shown", lambda: page.page.locator(".exchange", has_text=":GVP#").count() == 1)
+
+
 def test_refusals_only(console: Console, visit: Callable[..., Visit]) -> None:
     page = visit()
     page.show("talk")

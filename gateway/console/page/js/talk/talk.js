@@ -149,8 +149,10 @@ export function start() {
     offerSides();
     all();
   });
-  on("lost", () => (listening = false));
-  on("open", listen);
+  on("open", () => {
+    listening = false;  // whatever was said before this connection, the gateway has not heard
+    listen();
+  });
   onView(listen);
   document.addEventListener("visibilitychange", listen);
 }
