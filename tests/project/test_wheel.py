@@ -23,19 +23,25 @@ ROOT = Path(__file__).parents[2]
 FOLDER = "from gateway.protocols.wireformat.command_set import mappings_folder as f; print(f())"
 
 
-#: What a source distribution is made of.
-SOURCES = (".ci", "docs", "gateway", "mappings", "tests")
-SINGLE = ("CHANGELOG.md", "LICENSE", "MANIFEST.in", "README.md", "pyproject.toml", "setup.py")
-LEFT_OUT = shutil.ignore_patterns("__pycache__", ".hypothesis")
+#: What lies beside the source where somebody works on it.
+BESIDES = ("*.egg-info", "__pycache__", "build", "dist")
+
+
+def sources() -> list[Path]:
+    """All that the project consists of, as it lies at the top."""
+    left_out = {path for pattern in (".*", *BESIDES) for path in ROOT.glob(pattern)}
+    return sorted({*ROOT.iterdir()} - left_out | {ROOT / ".ci"})
 
 
 def source_of(tmp_path: Path) -> Path:
     """The source as it is, in a folder where a former build has left a module that is no more."""
     source = tmp_path / "source"
-    for name in SOURCES:
-        shutil.copytree(ROOT / name, source / name, ignore=LEFT_OUT)
-    for name in SINGLE:
-        shutil.copy(ROOT / name, source / name)
+    source.mkdir()
+    for path in sources():
+        if path.is_dir():
+            shutil.copytree(path, source / path.name, ignore=shutil.ignore_patterns("__pycache__", ".hypothesis"))
+        else:
+            shutil.copy(path, source)
     leave_behind(source)
     return source
 
@@ -84,10 +90,8 @@ def test_tests_run_from_a_source_distribution_and_so_does_its_wheel(tmp_path: Pa
         timeout=120, cwd=source, capture_output=True, text=True, env=environment(),
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
-    missing = {path.relative_to(ROOT) for path in (ROOT / "tests").rglob("*.*") if not ignored(path)} - {
-        path.relative_to(source) for path in (source / "tests").rglob("*")
-    }
-    assert not missing
+    wanted = {path for top in sources() for path in (top, *top.rglob("*")) if not ignored(path)}
+    assert [path for path in sorted(wanted) if not (source / path.relative_to(ROOT)).exists()] == []
     leave_behind(source)
     assert content(built(source, "wheel", tmp_path)) == installed_files()
 
