@@ -20,6 +20,7 @@ from gateway.diagnostics.doctor import installed, linux
 from gateway.diagnostics.doctor.facts import Facts, Port, Running
 from gateway.diagnostics.doctor.places import USUAL
 from gateway.system.files import directory
+from gateway.system.own_commands import pip_command
 from gateway.system.runtime_folders import user_name
 from gateway.transport.wires import group_of
 
@@ -52,7 +53,7 @@ def gather(state: str | None = None) -> Facts:
         state_folder=str(folder),
         state_problem=unwritable(folder),
         gateways=list(running(Scope(folder, alone=state is not None))),
-        pip=os.path.join(os.path.dirname(sys.executable), "pip"),
+        pip=pip_command(),
     )
 
 

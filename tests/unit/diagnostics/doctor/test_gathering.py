@@ -14,6 +14,7 @@ from gateway.cli import main
 from gateway.cli.inspect import doctor
 from gateway.diagnostics.doctor import BAD, GOOD, Result, gather, gathering, installed, linux
 from gateway.diagnostics.doctor.facts import Listener
+from gateway.system.own_commands import how_to_add, pip_command
 
 SOCKETS = """\
   sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode
@@ -132,3 +133,11 @@ def test_something_to_mend_is_exit_code_1(monkeypatch: pytest.MonkeyPatch, capsy
         "1 to mend",
     ]
     assert doctor.lines(results[:1])[-1] == "nothing to mend"
+
+
+def test_how_packages_are_installed_where_this_one_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.prefix", str(tmp_path))
+    monkeypatch.setattr("sys.executable", str(tmp_path / "bin" / "python"))
+    assert pip_command() == str(tmp_path / "bin" / "pip") and f"type {pip_command()} install" in how_to_add("library")
+    (tmp_path / "pipx_metadata.json").touch()
+    assert pip_command() == "pipx runpip mount-gateway"
