@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from gateway.cli.help import Commands
 
 if TYPE_CHECKING:
-    from gateway.diagnostics.doctor import Result
+    from gateway.diagnostics.doctor.facts import Result
 
 EXAMPLES = """\
 Examples:
@@ -42,7 +42,9 @@ def _doctor(arguments: argparse.Namespace) -> int:
     import msgspec
 
     from gateway import __version__
-    from gateway.diagnostics.doctor import BAD, examine, gather
+    from gateway.diagnostics.doctor.checks import examine
+    from gateway.diagnostics.doctor.facts import BAD
+    from gateway.diagnostics.doctor.gathering import gather
     from gateway.system import streams
 
     results = examine(gather(arguments.state))
@@ -58,7 +60,7 @@ def _doctor(arguments: argparse.Namespace) -> int:
 
 def lines(results: Sequence[Result]) -> list[str]:
     """The results for a person, and how many of them ask for something."""
-    from gateway.diagnostics.doctor import BAD, NOTE
+    from gateway.diagnostics.doctor.facts import BAD, NOTE
 
     told: list[str] = []
     for result in results:

@@ -3,11 +3,3 @@
 ``facts`` says what is looked at; ``gathering``, ``installed`` and ``linux`` look; ``checks`` and ``places`` judge.
 A check is a function of the facts alone and one row of ``CHECKS``; it asks nothing, so a test can hand it any computer.
 """
-
-from __future__ import annotations
-
-from gateway.diagnostics.doctor.checks import CHECKS, examine
-from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, Facts, Result
-from gateway.diagnostics.doctor.gathering import gather
-
-__all__ = ["BAD", "CHECKS", "GOOD", "NOTE", "Facts", "Result", "examine", "gather"]

@@ -7,8 +7,8 @@ from datetime import UTC, datetime
 import pytest
 from msgspec.structs import replace
 
-from gateway.diagnostics.doctor import BAD, CHECKS, GOOD, NOTE, Facts, Result, examine
-from gateway.diagnostics.doctor.facts import Listener, Package, Port, Running
+from gateway.diagnostics.doctor.checks import CHECKS, examine
+from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, Facts, Listener, Package, Port, Result, Running
 
 
 def at(day: str) -> float:

@@ -12,8 +12,8 @@ import pytest
 
 from gateway.cli import main
 from gateway.cli.inspect import doctor
-from gateway.diagnostics.doctor import BAD, GOOD, Result, gather, gathering, installed, linux
-from gateway.diagnostics.doctor.facts import Listener
+from gateway.diagnostics.doctor import gathering, installed, linux
+from gateway.diagnostics.doctor.facts import BAD, GOOD, Listener, Result
 from gateway.system.own_commands import how_to_add, pip_command
 
 SOCKETS = """\
@@ -111,7 +111,7 @@ def test_a_state_folder_that_takes_no_files(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_this_computer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    facts = gather(str(tmp_path))
+    facts = gathering.gather(str(tmp_path))
     assert {"astropy", "pyserial"} < {package.name for package in facts.packages}
     code = main(["doctor", "--json", "--state", str(tmp_path)])
     told = json.loads(capsys.readouterr().out)
@@ -123,7 +123,7 @@ def test_this_computer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
 
 def test_something_to_mend_is_exit_code_1(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     results = [Result("clock", GOOD, "right"), Result("ports", BAD, "taken", "end it")]
-    monkeypatch.setattr("gateway.diagnostics.doctor.examine", lambda facts: results)
+    monkeypatch.setattr("gateway.diagnostics.doctor.checks.examine", lambda facts: results)
     assert main(["doctor"]) == 1
     assert capsys.readouterr().out.splitlines() == [
         "good  clock      right",
