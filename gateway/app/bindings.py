@@ -53,7 +53,16 @@ def make_surface(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> S
     made = spec.make_surface(
         SurfaceSettings(endpoint.model, endpoint.version, config.precision, config.sync_text, limits)
     )
-    return SurfaceBinding(spec.title, made.surface, spec.framing, spec.opening, made.model, made.settings, fit=made.fit)
+    return SurfaceBinding(
+        spec.title,
+        made.surface,
+        spec.framing,
+        spec.opening,
+        made.model,
+        made.settings,
+        counts_in=spec.equinox,
+        fit=made.fit,
+    )
 
 
 def speech(protocol: str) -> tuple[Cutting, Replies]:

@@ -237,7 +237,7 @@ class Gateway:
             j2000 = J2000(self.sky, observatory.unix)
             face = replace(
                 face,
-                equinox=j2000 if surface.equinox == "j2000" else None,
+                equinox=j2000 if (surface.equinox or face.counts_in) == "j2000" else None,
                 manners=tuple(manners(endpoint.protocol, surface, j2000)),
             )
             self.receptions.append(

@@ -61,6 +61,8 @@ class SurfaceBinding(Struct, frozen=True):
     model: dict[str, Any]
     settings: dict[str, Any]
     equinox: Equinox | None = None
+    #: What its programs count in where the user says nothing: ``jnow`` or ``j2000``.
+    counts_in: str = "jnow"
     #: Whether the mount is equatorial, whether it is German, whether it has a GPS receiver -> the model to present;
     #: None where the user has named one.
     fit: Callable[[bool, bool | None, bool], dict[str, Any]] | None = None
@@ -319,7 +321,8 @@ class _Visit:
     def network(self, hang_up: HangUp) -> None:
         """From here on nothing is heard before it is known that no stranger says it."""
         client, now = self._client, self._controller.now
-        self._hang_up, self._screen, self._after = hang_up, Beginning(self._face.beginning), self._take
+        self._hang_up, self._after = hang_up, self._take
+        self._screen = Beginning(self._face.beginning, self._face.surface.protocol.name)
         client.rights = self._rights
         client.came = lambda: now() if self._came is None else self._came
         client.framing = self._face.framing(client.came)

@@ -14,7 +14,7 @@ from pathlib import Path
 import gateway
 from gateway.core.errors import UserError
 from gateway.core.wire_log import show
-from gateway.protocols.registry import PROTOCOLS, mounts, pairs
+from gateway.protocols.registry import PROTOCOLS, mounts, pairs, surfaces
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_folder
 from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, SurfaceRow, Version, Way
@@ -202,7 +202,7 @@ def text() -> str:
         _HEAD
         + "".join(_pair(client, mount) for client, mount in pairs())
         + _SHARED
-        + "".join(_shared(client) for client, _ in pairs())
+        + "".join(_shared(name) for name in surfaces() if name in mounts())
     )
 
 
@@ -229,7 +229,8 @@ def _pair(client: str, mount: str) -> str:
     lines.append("\n### By model of the mount\n")
     lines.append(f"`mount-gateway tables --model {PROTOCOLS[mount].example}` prints one in full, with its counts:\n")
     lines += _models(driven)
-    lines += ["\n### By presented model\n", PROTOCOLS[client].presented_remark, *_models(protocol)]
+    if protocol.models:
+        lines += ["\n### By presented model\n", PROTOCOLS[client].presented_remark, *_models(protocol)]
     return "\n".join(lines) + "\n"
 
 
@@ -254,9 +255,8 @@ def _rows(client: str, mount: str, model: str | None = None, version: Version | 
         becomes = outcome(row, driven, model, version)
         if model and (wedged := outcome(row, driven, model, version, wedge=True)) != becomes:
             said += f"; on a wedge {wedged}"
-        lines.append(
-            f"| `{_cell(wire(command.request.source))}` | {command.help} | {becomes} | {mounted} | {_cell(said)} |"
-        )
+        asked = f"`{_cell(wire(command.request.source))}`" if command.asked else f"unasked, every {command.pushed:g} s"
+        lines.append(f"| {asked} | {command.help} | {becomes} | {mounted} | {_cell(said)} |")
     return lines
 
 

@@ -10,6 +10,8 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
+from msgspec.structs import replace
+
 from gateway.app.bindings import make_driver, make_surface
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.app.gateway import own_face, policy, shows_itself
@@ -17,6 +19,7 @@ from gateway.app.simulated import DEFAULT_SITE, make_simulator
 from gateway.astro.ephemeris import Sky
 from gateway.clients.acceptor import ConnectionAcceptor, SurfaceBinding
 from gateway.clients.access import Access
+from gateway.clients.equinox import J2000
 from gateway.core import operations as op
 from gateway.core.wire_log import Entry, Transcript
 from gateway.mount.controller import MountController
@@ -96,6 +99,8 @@ class Stage:
         shown = Endpoint(presented, "-", surface, surface_version)
         self.face: SurfaceBinding = make_surface(shown, SurfaceConfig(at="-"), self.settings.limits)
         self.face.surface.verbatim = presented == driven
+        if self.face.counts_in == "j2000":
+            self.face = replace(self.face, equinox=J2000(self.controller.derived.sky, self.observatory.unix))
         if shows_itself(Endpoint(driven, "sim"), shown):
             self.controller.identification.told = lambda: own_face(self.controller, self.face)
         self.shared, changed = self.remember()
