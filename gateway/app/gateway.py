@@ -31,6 +31,7 @@ from gateway.mount.link.queue import MountLink
 from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.reply_rules import ReplyRules
+from gateway.protocols.registry import PROTOCOLS
 from gateway.system.runtime_folders import folders
 from gateway.transport import Listener, open_port
 from gateway.transport.tcp import exposed
@@ -82,6 +83,11 @@ def tell_of_motions(controller: MountController, watched: WatchedMount) -> None:
         changed()
 
     controller.before_motion, controller.changed = before_motion, also_changed
+
+
+def _named(face: SurfaceBinding) -> str | None:
+    """The model that is presented; None where the protocol has none."""
+    return str(face.model["name"]) if face.surface.protocol.models else None
 
 
 def shows_itself(mount: Endpoint, surface: Endpoint) -> bool:
@@ -312,7 +318,7 @@ class Gateway:
         """One ``PROTOCOL:MODEL@WHERE`` per open port, followed by the mount's name where it has one."""
         name = f" {self.config.name}" if self.config.name else ""
         return [
-            f"{protocol}:{face.model['name']}@{port.where}{name}"
+            f"{PROTOCOLS[protocol].shown(_named(face), None)}@{port.where}{name}"
             for (protocol, face), port in zip(self.faces, self.ports, strict=True)
         ]
 

@@ -183,7 +183,7 @@ class Folding:
 
     def _counted(self, party: _Party, by: Row) -> list[Row]:
         """On one line, at the end of a fold, how often everything was asked that has not been told yet."""
-        counts = {show(asked): run.count for asked, run in party.runs.items() if run.count}
+        counts = {show(asked) or "told unasked": run.count for asked, run in party.runs.items() if run.count}
         for run in party.runs.values():
             run.count, run.since = 0, by.time
         if not counts:
