@@ -1,4 +1,6 @@
-"""What pyproject.toml cannot say: every build begins from nothing.
+"""What pyproject.toml cannot say: which packages there are, and that every build begins from nothing.
+
+The packages are every folder of ``gateway/``, and the command tables, which lie beside it and are installed inside it.
 
 setuptools copies the modules into build/lib and leaves them there, so that the next ``pip install .`` would install one
 that has been removed from the source meanwhile.
@@ -8,7 +10,7 @@ from __future__ import annotations
 
 import shutil
 
-from setuptools import setup
+from setuptools import find_packages, setup
 from setuptools.command.build_py import build_py
 
 
@@ -21,4 +23,4 @@ class Afresh(build_py):
         super().run()
 
 
-setup(cmdclass={"build_py": Afresh})
+setup(packages=[*find_packages(include=["gateway", "gateway.*"]), "gateway.mappings"], cmdclass={"build_py": Afresh})

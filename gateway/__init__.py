@@ -1,5 +1,41 @@
-"""mount-gateway: a protocol translator between Meade LX200 and Celestron NexStar telescope mounts."""
+"""mount-gateway: a protocol translator between Meade LX200 and Celestron NexStar telescope mounts.
+
+What a program may use of it is listed in ``__all__`` and explained in docs/python.md; everything else may change from
+one version to the next. The names are loaded when they are first used, because the command line, which needs none of
+them, is to start quickly. This module stands above all layers: nothing inside the package imports it.
+"""
 
 from __future__ import annotations
 
-__version__ = "0.1.0"
+from gateway.core.about import VERSION
+
+#: Type checkers and editors take it for true. The constant in ``typing`` is the same, but importing that takes time.
+TYPE_CHECKING = False
+__version__ = VERSION
+
+__all__ = [
+    "Fault",
+    "Frame",
+    "FrameError",
+    "RunningGateway",
+    "Splitter",
+    "UserError",
+    "decode",
+    "decode_reply",
+    "encode",
+    "encode_reply",
+    "open_gateway",
+]
+
+if TYPE_CHECKING:
+    from gateway.app.api.embedding import RunningGateway, open_gateway
+    from gateway.app.api.frames import Frame, FrameError, Splitter, decode, decode_reply, encode, encode_reply
+    from gateway.core.errors import Fault, UserError
+
+
+def __getattr__(name: str) -> object:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from gateway.app import api
+
+    return getattr(api, name)

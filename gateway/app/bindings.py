@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
-from gateway.clients.acceptor import SurfaceBinding
+from gateway.app.config.programs import as_settings, programs, recognisable, wanted_by
+from gateway.app.watchdog import WatchedMount
+from gateway.clients.access import Access, networks
+from gateway.clients.equinox import J2000
+from gateway.clients.profiles import ClientProfile, SurfaceBinding
 from gateway.core.errors import UserError
+from gateway.mount.controller import MountController
+from gateway.mount.policy import Policy
 from gateway.mount.safety.limits import Limits
 from gateway.protocols.base.frames import Framing
 from gateway.protocols.base.plain_replies import PlainReplies
 from gateway.protocols.base.reply_rules import Replies
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSettings
 from gateway.protocols.registry import PROTOCOLS, mounts, surfaces
+from gateway.transport.tcp import exposed
+from gateway.transport.wires import SerialTransport, Transport
 
 Cutting = Callable[[Callable[[], float]], Framing]
 
@@ -69,3 +77,82 @@ def speech(protocol: str) -> tuple[Cutting, Replies]:
     """How a protocol's commands are cut out of bytes, and how its replies are taken apart."""
     spec = PROTOCOLS[protocol]
     return spec.framing, PlainReplies(spec.commands) if spec.reply_rules is None else spec.reply_rules()
+
+
+def policy(config: MountConfig) -> Policy:
+    """What the operator has decided, as the controller takes it."""
+    return Policy(
+        config.limits,
+        config.site_time,
+        config.equinox,
+        own_park=config.park is not None,
+        unaligned=config.unaligned,
+        silence=config.dead_man,
+        silence_closed=config.dead_man_closed,
+    )
+
+
+def access(surface: SurfaceConfig, config: MountConfig) -> Access:
+    """Who may come in, who may only look, and what nobody may, as the operator has it. Raises UserError."""
+    looks = surface.read_only
+    return Access(
+        None if surface.allow is None else networks(surface.allow),
+        looks if isinstance(looks, bool) else networks(looks),
+        surface.max_clients,
+        config.hibernate,
+    )
+
+
+def exposure(where: str, surface: SurfaceConfig) -> str:
+    """What the user should know of a port that others reach; empty where nobody moves the mount through it."""
+    if not exposed(where) or surface.allow is not None or surface.read_only is True:
+        return ""
+    return (
+        f"{where}: there is no password, whoever can reach this port can move the mount; "
+        'allow = ["192.168.1.0/24"] on this surface, or --allow 192.168.1.0/24, lets in only those'
+    )
+
+
+def manners(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[ClientProfile]:
+    """The programs that are told by their first bytes on a surface, and what is different for them."""
+    for first, program in recognisable(surface).items():
+        needs = as_settings(wanted_by(surface, program))
+        equinox = j2000 if needs.pop("equinox", None) == "j2000" else None
+        yield ClientProfile(first, programs(protocol)[program].name, needs, equinox)
+
+
+def tell_of_motions(controller: MountController, watched: WatchedMount) -> None:
+    """Let the watchdog know before the mount is set moving, and when its stop becomes another one."""
+    before = controller.before_motion.announce
+
+    async def before_motion() -> None:
+        watched.begin()
+        await before()
+
+    controller.before_motion.announce = before_motion
+    controller.changed.connect(lambda _: watched.renew())
+
+
+def named(face: SurfaceBinding) -> str | None:
+    """The model that is presented; None where the protocol has none."""
+    return str(face.model["name"]) if face.surface.protocol.models else None
+
+
+def shows_itself(mount: Endpoint, surface: Endpoint) -> bool:
+    """Whether what is presented on a surface is the mount itself: the same protocol, and no model was named."""
+    return mount.protocol == surface.protocol and surface.model is None and surface.version is None
+
+
+def own_face(controller: MountController, face: SurfaceBinding) -> None:
+    """Present the mount itself, as it has told what it is."""
+    face.model.update(controller.driver.presented())
+    face.surface.as_written = controller.line.dialogue.as_written
+
+
+def make_wire(mount: Endpoint, config: MountConfig, watched: WatchedMount | None) -> Transport:
+    """The way to a mount, which the watchdog process may use, too."""
+    if mount.where == "sim":
+        from gateway.app.simulated import simulated_wire
+
+        return simulated_wire(mount, config)
+    return SerialTransport(mount.where, config.baud, watched)

@@ -1,104 +1,54 @@
-"""Putting a gateway together: a mount, its controller, and the ports its surfaces are presented on."""
+"""Puts a gateway together: one mount, its controller, and the ports on which its surfaces are presented."""
 
 from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 from msgspec.structs import replace
 
-from gateway.app.bindings import check_pair, make_driver, make_surface
-from gateway.app.config import Endpoint, MountConfig, SurfaceConfig, parse_endpoint
-from gateway.app.config.programs import as_settings, programs, recognisable, settled, wanted_by
+from gateway.app.bindings import (
+    access,
+    check_pair,
+    exposure,
+    make_driver,
+    make_surface,
+    make_wire,
+    manners,
+    named,
+    own_face,
+    policy,
+    shows_itself,
+    tell_of_motions,
+)
+from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
+from gateway.app.config.programs import settled
 from gateway.app.control import Control
 from gateway.app.control.orders import orders
 from gateway.app.control.requests import Desk
-from gateway.app.mount_claim import MountClaim
 from gateway.app.recording.entrance import Entrance
 from gateway.app.state.file import FORMAT, MarkerContent, SavedState, to_shared
+from gateway.app.state.mount_claim import MountClaim
 from gateway.app.state.store import PreviousRun, StateStore, recall, selected_site
 from gateway.app.watchdog import Watchdog, WatchedMount
 from gateway.astro.ephemeris import Sky
-from gateway.clients.acceptor import ClientProfile, ConnectionAcceptor, SurfaceBinding
-from gateway.clients.access import Access, networks
+from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.equinox import J2000
+from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.errors import Fault, UserError
 from gateway.core.wire_log import Transcript
-from gateway.mount.controller import MountController, Policy
-from gateway.mount.link.queue import MountLink
+from gateway.mount.controller import MountController
+from gateway.mount.link.line import MountLink
 from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.reply_rules import ReplyRules
+from gateway.protocols.base.session import Shared
 from gateway.protocols.registry import PROTOCOLS
 from gateway.system.runtime_folders import folders
 from gateway.transport import Listener, open_port
-from gateway.transport.tcp import exposed
-from gateway.transport.wires import SerialTransport, Transport, on_the_wire
-
-
-def policy(config: MountConfig) -> Policy:
-    """What the operator has decided, as the hub takes it."""
-    return Policy(
-        config.limits,
-        config.site_time,
-        config.equinox,
-        own_park=config.park is not None,
-        unaligned=config.unaligned,
-        silence=config.dead_man,
-        silence_closed=config.dead_man_closed,
-    )
-
-
-def access(surface: SurfaceConfig, config: MountConfig) -> Access:
-    """Who may come in, who may only look, and what nobody may, as the operator has it. Raises UserError."""
-    looks = surface.read_only
-    return Access(
-        None if surface.allow is None else networks(surface.allow),
-        looks if isinstance(looks, bool) else networks(looks),
-        surface.max_clients,
-        config.hibernate,
-    )
-
-
-def manners(protocol: str, surface: SurfaceConfig, j2000: J2000) -> Iterator[ClientProfile]:
-    """The programs that are told by their first bytes on a surface, and what is different for them."""
-    for first, program in recognisable(surface).items():
-        needs = as_settings(wanted_by(surface, program))
-        equinox = j2000 if needs.pop("equinox", None) == "j2000" else None
-        yield ClientProfile(first, programs(protocol)[program].name, needs, equinox)
-
-
-def tell_of_motions(controller: MountController, watched: WatchedMount) -> None:
-    """Let the watchdog know before the mount is set moving, and when its stop becomes another one."""
-    before, changed = controller.before_motion, controller.changed
-
-    async def before_motion() -> None:
-        watched.begin()
-        await before()
-
-    def also_changed() -> None:
-        watched.renew()
-        changed()
-
-    controller.before_motion, controller.changed = before_motion, also_changed
-
-
-def _named(face: SurfaceBinding) -> str | None:
-    """The model that is presented; None where the protocol has none."""
-    return str(face.model["name"]) if face.surface.protocol.models else None
-
-
-def shows_itself(mount: Endpoint, surface: Endpoint) -> bool:
-    """Whether what is presented on a surface is the mount itself: the same protocol, and no model was named."""
-    return mount.protocol == surface.protocol and surface.model is None and surface.version is None
-
-
-def own_face(controller: MountController, face: SurfaceBinding) -> None:
-    """Present the mount itself, as it has told what it is."""
-    face.model.update(controller.driver.presented())
-    face.surface.as_written = controller.line.dialogue.as_written
+from gateway.transport.wires import on_the_wire
 
 
 class Gateway:
@@ -153,7 +103,8 @@ class Gateway:
         if self.keeping is None:
             self.remember()
         self._watch()
-        self.prepare(lambda dialogue, transcript: MountLink(self.entrance.wire(self._wire()), dialogue, transcript))
+        wire = self.entrance.wire(make_wire(self.mount, self.config, self.watched))
+        self.prepare(lambda dialogue, transcript: MountLink(wire, dialogue, transcript))
         for endpoint, surface, reception in zip(self.endpoints, self.surfaces, self.receptions, strict=True):
             try:
                 self.ports.append(await open_port(endpoint.where, self.entrance.arrive(reception), surface.baud))
@@ -162,11 +113,8 @@ class Gateway:
                 raise
         for port, surface, reception in zip(self.ports, self.surfaces, self.receptions, strict=True):
             reception.presets.where = port.where  # with the number of the port that was taken
-            if exposed(port.where) and surface.allow is None and surface.read_only is not True:
-                self.warn(
-                    f"{port.where}: there is no password, whoever can reach this port can move the mount; "
-                    'allow = ["192.168.1.0/24"] on this surface, or --allow 192.168.1.0/24, lets in only those'
-                )
+            if words := exposure(port.where, surface):
+                self.warn(words)
         if self.controller is not None and self.controller.hold.on:
             self.entrance.tell("h", lambda: None)
         await self.entrance.begin(self.begin)
@@ -186,7 +134,7 @@ class Gateway:
             ]
 
         def busy() -> bool:
-            return self.controller is not None and self.controller.motions.busy
+            return self.controller is not None and self.controller.reconciler.busy
 
         lock = self.keeping.lock_path if self.keeping is not None else None
         self.watched = self.watchdog.mount(self.title, lock, commands, busy, self._was_stopped)
@@ -211,8 +159,8 @@ class Gateway:
         driver, follow_ups, dialogue = make_driver(self.mount, config, loop.time)
         if self.mount.where == "sim":
             driver.hurry = config.speed
-        shared = to_shared(self.past.kept) if self.keeping is None else self.keeping.shared
-        site = op.Place(*config.site) if config.site else selected_site(shared)
+        shared = Shared(to_shared(self.past.kept)) if self.keeping is None else self.keeping.shared
+        site = op.Place(*config.site) if config.site else selected_site(shared.settings)
         observatory = SiteClock(loop.time, self.clock, site)
         self.controller = MountController(
             driver,
@@ -230,10 +178,9 @@ class Gateway:
         if self.watched is not None:
             tell_of_motions(self.controller, self.watched)
         self.desk = Desk(self.controller, self.config.name or "", str(self.mount), self.programs)
-        self.controller.before_motion = self.entrance.waiting(self.controller.before_motion)
-        changed = (lambda: None) if self.keeping is None else self.keeping.changed
+        self.controller.before_motion.announce = self.entrance.waiting(self.controller.before_motion.announce)
         own: list[SurfaceBinding] = []
-        self.controller.identification.told = lambda: self._show_itself(own)
+        self.controller.identification.told.connect(lambda _: self._show_itself(own))
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
             face = make_surface(endpoint, surface, config.limits)
             face.surface.verbatim = endpoint.protocol == self.mount.protocol
@@ -252,7 +199,6 @@ class Gateway:
                     face,
                     shared,
                     self.clock,
-                    changed,
                     number,
                     access(surface, config),
                     endpoint.where,
@@ -318,16 +264,9 @@ class Gateway:
         """One ``PROTOCOL:MODEL@WHERE`` per open port, followed by the mount's name where it has one."""
         name = f" {self.config.name}" if self.config.name else ""
         return [
-            f"{PROTOCOLS[protocol].shown(_named(face), None)}@{port.where}{name}"
+            f"{PROTOCOLS[protocol].shown(named(face), None)}@{port.where}{name}"
             for (protocol, face), port in zip(self.faces, self.ports, strict=True)
         ]
-
-    def _wire(self) -> Transport:
-        if self.mount.where == "sim":
-            from gateway.app.simulated import simulated_wire
-
-            return simulated_wire(self.mount, self.config)
-        return SerialTransport(self.mount.where, self.config.baud, self.watched)
 
     @property
     def title(self) -> str:

@@ -1,8 +1,8 @@
-"""What runs here and can be asked to stop, what was left in motion, and what of that cannot be known.
+"""Which gateways run on this computer, which mounts were left moving, and what of that cannot be known.
 
-``stop`` may only say that there is nothing to stop when it has looked everywhere: into the state folder, into the
-folders that live as long as a session, and at the processes of this computer. Whatever it could not see is a doubt, a
-whole sentence with what can be done about it.
+``stop`` may say that there is nothing to stop only after it has looked everywhere: in the state folder, in the runtime
+folders, and at the processes of this computer. Whatever it could not see is reported as a doubt, in a whole sentence
+that says what can be done about it.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def _readable(folder: Path, owner: int | None) -> Sequence[tuple[Path, ControlEn
 
 
 def _sure_of(folder: Path) -> bool:
-    """Whether a gateway with this state folder would have left its door there, for this user to see.
+    """Whether a gateway with this state folder would have left its endpoint there, for this user to see.
 
     The folder is this user's (to root all are), and takes files.
     """

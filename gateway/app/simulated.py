@@ -6,10 +6,10 @@ import asyncio
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime
-from typing import Any
 
 from gateway.app.config import Endpoint, MountConfig
 from gateway.core.errors import UserError
+from gateway.protocols.mechanics.truth import Simulator
 from gateway.protocols.registry import PROTOCOLS, simulators
 from gateway.transport import Arrive, Listener, open_port
 from gateway.transport.handler import HangUp
@@ -45,8 +45,8 @@ def make_simulator(
     site: tuple[float, float] = DEFAULT_SITE,
     aligned: bool = True,
     speed: float = 1.0,
-    **settings: Any,
-) -> Any:
+    **settings: object,
+) -> Simulator:
     """The simulated mount that an endpoint names; ``settings`` are those of one protocol's simulator alone.
 
     Raises UserError for a version the model never had, and for a protocol whose mounts nobody can play.
@@ -71,7 +71,9 @@ class _Caller:
 
     ended = False
 
-    def __init__(self, simulator: Any, latency: float, baud: int | None, write: Callable[[bytes], Any]) -> None:
+    def __init__(
+        self, simulator: Simulator, latency: float, baud: int | None, write: Callable[[bytes], object]
+    ) -> None:
         self._latency, self._write = latency, write
         #: Answers that are under way.
         self._owed = 0
@@ -118,7 +120,9 @@ class _Caller:
             pace.close()
 
 
-async def serve_simulator(simulator: Any, places: list[str], latency: float, baud: int | None = None) -> list[Listener]:
+async def serve_simulator(
+    simulator: Simulator, places: list[str], latency: float, baud: int | None = None
+) -> list[Listener]:
     """Open a simulated mount for other programs, as many at once as come; all of them see the same one.
 
     Serial ports and pseudo-terminals have the pace of 9600 baud, or of ``baud``: then they understand that rate only.

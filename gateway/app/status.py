@@ -1,7 +1,7 @@
-"""How the mounts are, on one line that fits: who, where it points, what it does, who is there, how busy its line is.
+"""The status line: which mount, where it points, what it does, who is connected, how busy its connection is.
 
-Values in, text out; whoever gathers them asks the mount nothing. Where there is no room for all of it the last things
-go first, for every mount alike.
+Values in, text out; nothing here asks the mount. Where the terminal is too narrow, the least important parts are left
+out first, for every mount alike.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Stopping from outside: every mount on a state folder, with or without a running gateway.
+"""``mount-gateway stop``: stops every mount of a state folder, with or without a running gateway.
 
-A running gateway is asked. Where none runs and the last one ended in motion, the mount's port is opened and the stop
-sent from here. Either way the mount must be seen to rest before it counts as stopped.
+A running gateway is asked to. If none runs and the last one ended while its mount moved, the mount's port is opened and
+the stop is sent from here. Either way the mount counts as stopped only when it has been seen at rest.
 """
 
 from __future__ import annotations
@@ -93,28 +93,27 @@ def _take_away(path: Path) -> None:
 async def _rescue(mark: MarkerContent, where: Path) -> str:
     """Open the port of a mount that a killed gateway has left moving -> ``stopped`` or ``failed REASON``.
 
-    A gateway without clients does it: whatever begins on such a mark sends the stop before anything else.
+    A gateway without clients does it: whatever begins on such a marker sends the stop before anything else.
     """
     from gateway.app.config import MountConfig
     from gateway.app.gateway import Gateway
-    from gateway.mount.readings.rest import come_to_rest
 
     if not mark.mount:
-        return "failed its motion mark cannot be read; start its gateway, which stops it first"
+        return "failed its motion marker cannot be read; start its gateway, which stops the mount first"
     try:
         gateway = Gateway(MountConfig(mark.mount, baud=mark.baud, state=str(where)), [])
         await gateway.open()
     except UserError as error:
         return f"failed {error}"
     assert gateway.controller is not None and gateway.keeping is not None
-    motions, line = gateway.controller.motions, gateway.controller.line
+    wanted, line = gateway.controller.wanted, gateway.controller.line
     try:
         if not gateway.keeping.held:
-            return "failed a gateway has its files and does not answer"
+            return "failed a gateway holds its state files but does not answer"
         async with asyncio.timeout(ACKNOWLEDGED):
-            while motions.owed:
+            while wanted.owed:
                 await asyncio.sleep(0.02)
-        await come_to_rest(gateway.controller)
+        await gateway.controller.come_to_rest()
         return STOPPED
     except TimeoutError:
         return f"failed {line.reason or 'no answer from the mount'}"

@@ -1,6 +1,7 @@
-"""The command line. One line per open endpoint on stdout; a mistake is one line on stderr and exit code 2.
+"""The command line, a module for every command.
 
-Every command is a module here: ``add`` puts it into the parser, and the rest of the file carries it out. Only the one
+One line per open endpoint goes to stdout; a mistake is one line on stderr and exit code 2.
+In every module ``add`` puts it into the parser, and the rest of the file carries it out. Only the one
 that is asked for is loaded: a gateway should be there soon after power-on.
 """
 
@@ -12,8 +13,8 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
-from gateway import __version__
 from gateway.cli.help import EXIT_CODES, Parser, endpoints
+from gateway.core.about import VERSION
 from gateway.core.errors import UserError
 from gateway.system import journal, streams
 
@@ -37,6 +38,7 @@ COMMANDS = {
     "explain": "inspect.explain",
     "replay": "inspect.replay",
     "decode": "inspect.decode",
+    "report": "inspect.report",
     "completion": "completion",
 }
 
@@ -144,8 +146,8 @@ def _bound(argv: list[str]) -> list[str]:
 
 def parser(asked: Sequence[str] = ()) -> Parser:
     """The whole command line, or only the command that is asked for."""
-    whole = Parser(prog="mount-gateway", description=FIRST, epilog=lambda: f"{endpoints()}\n\n{EXIT_CODES}")
-    whole.add_argument("--version", action="version", version=f"mount-gateway {__version__}")
+    whole = Parser(prog="mount-gateway", description=FIRST, late=lambda: f"{endpoints()}\n\n{EXIT_CODES}")
+    whole.add_argument("--version", action="version", version=f"mount-gateway {VERSION}")
     commands = whole.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for name in [name for name in COMMANDS if name in asked] or COMMANDS:
         import_module(f"gateway.cli.{COMMANDS[name]}").add(commands)

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from typing import Any
 
+from gateway.cli.help import Commands
 from gateway.core.errors import UserError
 
 SHELLS = ("bash", "zsh", "fish")
@@ -27,7 +27,7 @@ Once, for your own user:
 """
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Put the command into the parser."""
     completion = commands.add_parser(
         "completion",
@@ -54,7 +54,7 @@ def script(shell: str) -> str:
     from gateway.app.control.objects import BODIES
     from gateway.astro.catalog.star_names import HIPPARCOS
     from gateway.cli import parser
-    from gateway.diagnostics.command_tables import versions
+    from gateway.diagnostics.command_outcomes import versions
     from gateway.protocols.registry import PROTOCOLS
     from gateway.protocols.wireformat.command_set import load
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
+from gateway.cli.help import Commands
 from gateway.cli.serve.settings import add_settings, settings
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Put the command into the parser."""
     config = commands.add_parser(
         "config", help="the configuration in effect, or an example of gateway.toml",

@@ -1,14 +1,15 @@
 """What ``--help`` is made of: paragraphs that are filled, indented lines that stay, and the grammar of an endpoint.
 
-Models are only read when somebody asks for help: an epilog may be a function.
+Models are only read when somebody asks for help: an epilog may be made then.
 """
 
 from __future__ import annotations
 
 import argparse
 import textwrap
+from collections.abc import Callable
 from itertools import groupby
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeAlias
 
 from gateway.cli import suggestions
 from gateway.core.errors import UserError
@@ -45,20 +46,26 @@ class Layout(argparse.HelpFormatter):
 
 
 class Parser(argparse.ArgumentParser):
-    """One line for a mistake, as everywhere. ``epilog`` is a text, or a function that makes it."""
+    """One line for a mistake, as everywhere. ``late`` makes the epilog when somebody asks for help."""
 
-    def __init__(self, *arguments: Any, epilog: Any = None, **others: Any) -> None:
-        super().__init__(*arguments, **{"formatter_class": Layout, **others})
-        self._late = epilog
+    def __init__(self, *, late: Callable[[], str] | None = None, **others: Any) -> None:
+        super().__init__(**{"formatter_class": Layout, **others})
+        self._late = late
 
     def format_help(self) -> str:
         """The help, with what stands under it."""
-        self.epilog = self._late() if callable(self._late) else self._late
+        self.epilog = self._text_below()
         return super().format_help()
 
     def error(self, message: str) -> NoReturn:
-        under = self._late() if callable(self._late) else self._late
-        raise UserError(suggestions.plainly(message, self.prog, suggestions.example(under or "", self.prog)))
+        raise UserError(suggestions.plainly(message, self.prog, suggestions.example(self._text_below(), self.prog)))
+
+    def _text_below(self) -> str:
+        return self._late() if self._late is not None else self.epilog or ""
+
+
+#: What a command adds itself to.
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
 def endpoints() -> str:

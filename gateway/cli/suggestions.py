@@ -1,7 +1,4 @@
-"""What was typed and is none of the commands and flags there are: what was probably meant.
-
-argparse's own words are for programmers. Here they become a line that says what is wrong and what would be right.
-"""
+"""Mistyped commands and flags: says what is wrong and what was probably meant, in one line."""
 
 from __future__ import annotations
 
@@ -123,7 +120,6 @@ def _key(flag: str) -> str:
     """Where a key is written that is no flag; empty for what is no key either."""
     from gateway.app.config.describing import named
 
-    title = next(
-        (title for table, title in (("mount", "[mount]"), ("surface", "[[surface]]")) if named(table, flag[2:])), ""
-    )
+    titles = {"mount": "[mount]", "surface": "[[surface]]", "console": "[console]"}
+    title = next((title for table, title in titles.items() if named(table, flag[2:])), "")
     return title and (f"{flag[2:]} is written in gateway.toml, under {title}; mount-gateway config --example shows how")

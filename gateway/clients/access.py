@@ -1,8 +1,8 @@
-"""Who may come in on a surface, and who may only look.
+"""Which hosts may connect to a surface, and which of them may only read.
 
-The protocols know no users and no passwords: all that tells one program from another is the host it comes from. What a
-client that only looks may do is decided here, by kind of operation and for every protocol at once: it may read and it
-may stop, because a stop is never refused. What all clients have in common it sees as it is and cannot change.
+The protocols know no users and no passwords; the host is all that tells programs apart. What a read-only client may do
+is decided here, by kind of operation and for every protocol alike: it may read, and it may stop, because a stop is
+never refused. It sees what all clients share and cannot change it.
 """
 
 from __future__ import annotations

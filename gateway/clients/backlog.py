@@ -1,14 +1,14 @@
-"""How far a connection is behind: whether what is read of it was sent just now, before the last stops, or long ago.
+"""How far a connection is behind: was what is read of it sent just now, before the last stops, or long ago?
 
-One that sends more than is read at a time is behind: nobody knows when it was sent what comes next, and what was sent
-before a stop begins no motion after it. One that has been behind for over a second may have closed long ago: nothing of
-what is left begins a motion at all. It has caught up when nothing more was left to read; one that was late, when that
-has been so for a second, for there may be gaps in what still comes.
+A connection that sends more than is read at a time is behind. Nobody knows when the rest was sent, so what may be older
+than a stop begins no motion after that stop. One that has been behind for over a second may be closed at the other end:
+nothing that is left of it begins a motion. It has caught up when nothing was left to read, or, after having been late,
+when that has been so for a second.
 """
 
 from __future__ import annotations
 
-from gateway.clients.command_processor import LONG_AGO
+from gateway.clients.commands.turn import LONG_AGO
 from gateway.transport.intake import LATE, SHARE
 
 #: Seconds after which whoever has sent a whole share, and nothing since, has caught up.

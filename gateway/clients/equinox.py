@@ -1,9 +1,9 @@
-"""Between an endpoint that counts in J2000 and the hub, which counts of date."""
+"""Converts between the J2000 coordinates of a client and the coordinates of date that everything else uses."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Protocol
 
 from msgspec.structs import replace
 
@@ -24,10 +24,10 @@ from gateway.core.operations import (
 
 
 class Equinox(Protocol):
-    """Between a surface's coordinates and the hub's of date; None where they are the same."""
+    """Between a surface's coordinates and the controller's of date; None where they are the same."""
 
     def inward(self, operation: Operation) -> Operation: ...
-    def outward(self, operation: Operation, value: Any) -> Any: ...
+    def outward(self, operation: Operation, value: object) -> object: ...
 
 
 class J2000:
@@ -43,8 +43,8 @@ class J2000:
             return replace(operation, ra=ra, dec=dec)
         return operation
 
-    def outward(self, operation: Operation, value: Any) -> Any:
-        """What the hub answered, in J2000."""
+    def outward(self, operation: Operation, value: object) -> object:
+        """What the controller answered, in J2000."""
         if isinstance(value, Chosen) and value.place is not None:
             place = Equatorial(*self._sky.to_j2000(value.place.ra, value.place.dec, self._unix()))
             return replace(value, place=place)

@@ -1,9 +1,8 @@
-"""The beginning of a connection from a network: bytes wait here while they may still be a stranger's greeting.
+"""The first bytes of a network connection, held back while they may still be a stranger's greeting.
 
-A well-formed command that is whole never waits, although more of a greeting may follow it (an ``E`` may become
-``EHLO``): no answer that is due comes later for this. What waits are halves of commands, and what is none. A greeting
-contains no well-formed command that does more than ask, so nothing that a stranger sends is carried out. Once it is
-known who it is this is out of the way.
+A complete, well-formed command never waits, even where a greeting could follow (``E`` may become ``EHLO``), so no reply
+is late because of this. Halves of commands wait, and so does what is no command. No greeting contains a well-formed
+command that does more than ask, so nothing a stranger sends is carried out. Once the sender is known, this is bypassed.
 """
 
 from __future__ import annotations

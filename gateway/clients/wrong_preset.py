@@ -1,7 +1,7 @@
-"""A wrong preset in a program: what comes in on a surface is the other protocol.
+"""Notices that a program speaks the other protocol because the wrong telescope type was chosen in it.
 
-Told by the tables, by the whole commands that bytes begin with. Nothing is turned away for it: a program may ask in
-another protocol first whether anybody speaks that, and go on in the surface's own.
+It is told by the whole commands at the start of a connection. Nothing is refused for it: some programs try another
+protocol first and then go on in the surface's own.
 """
 
 from __future__ import annotations

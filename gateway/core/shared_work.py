@@ -8,7 +8,7 @@ nobody else.
 from __future__ import annotations
 
 import asyncio
-from typing import Any, TypeVar
+from typing import TypeVar
 
 _T = TypeVar("_T")
 
@@ -24,7 +24,7 @@ async def result_of(work: asyncio.Future[_T]) -> _T:
     return work.result()
 
 
-def heed(outcome: asyncio.Future[Any]) -> None:
+def heed(outcome: asyncio.Future[_T]) -> None:
     """Mark the exception as retrieved, so that asyncio does not log one for which nobody waits."""
     if not outcome.cancelled():
         outcome.exception()

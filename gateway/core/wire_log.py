@@ -1,6 +1,6 @@
-"""The transcript: every exchange and every fault, on both sides, as it happened.
+"""The wire log: every command, reply and fault on either side, as it happened.
 
-Entries are values; sinks are functions that take them. Without a sink nothing is recorded and nothing is spent.
+Entries are values, and sinks are functions that take them. Without a sink nothing is recorded and nothing is spent.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ class Entry(NamedTuple):
 
     ``arrow`` is ``>`` for a command towards the mount, ``<`` for a reply, ``raw`` for bytes as they arrived, ``!`` for
     a note, ``+`` and ``-`` for a connection that comes and goes, ``^`` and ``v`` for the mount's port opened and lost,
-    ``r`` for the hub's decision to read something anew, ``x`` for bytes of a program that are dropped, with the reason.
+    ``r`` for the controller's decision to read something anew, ``x`` for bytes of a program that are dropped, with the
+    reason.
     """
 
     time: float

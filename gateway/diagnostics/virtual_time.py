@@ -13,12 +13,14 @@ import selectors
 from collections import deque
 from collections.abc import Callable, Coroutine
 from contextvars import Context, copy_context
-from typing import Any
+from typing import Any, TypeVar
 
 #: Timers less than this apart are due together, seconds.
 RESOLUTION = 1e-9
 #: With more timers than this those that were cancelled are taken out before their time.
 MANY = 500
+
+_T = TypeVar("_T")
 
 
 class _Due(list[Any]):
@@ -63,7 +65,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
     # asyncio's own signatures of these three need a newer Python to be written down
 
     def call_soon(  # type: ignore[override]
-        self, callback: Callable[..., object], *args: Any, context: Context | None = None
+        self, callback: Callable[..., object], *args: object, context: Context | None = None
     ) -> _Due:
         if self._closed:  # type: ignore[attr-defined]
             raise RuntimeError("Event loop is closed")
@@ -72,14 +74,14 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         return due
 
     def call_soon_threadsafe(  # type: ignore[override]
-        self, callback: Callable[..., object], *args: Any, context: Context | None = None
+        self, callback: Callable[..., object], *args: object, context: Context | None = None
     ) -> _Due:
         due = self.call_soon(callback, *args, context=context)
         self._write_to_self()  # type: ignore[attr-defined]
         return due
 
     def call_at(  # type: ignore[override]
-        self, when: float, callback: Callable[..., object], *args: Any, context: Context | None = None
+        self, when: float, callback: Callable[..., object], *args: object, context: Context | None = None
     ) -> _Due:
         if self._closed:  # type: ignore[attr-defined]
             raise RuntimeError("Event loop is closed")
@@ -89,7 +91,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         return due
 
     def call_later(  # type: ignore[override]
-        self, delay: float, callback: Callable[..., object], *args: Any, context: Context | None = None
+        self, delay: float, callback: Callable[..., object], *args: object, context: Context | None = None
     ) -> _Due:
         return self.call_at(self.elapsed + delay, callback, *args, context=context)
 
@@ -143,7 +145,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
         self._timers.clear()
 
 
-def run(program: Coroutine[Any, Any, Any], loop: Callable[[], VirtualLoop] = VirtualLoop) -> Any:
+def run(program: Coroutine[object, object, _T], loop: Callable[[], VirtualLoop] = VirtualLoop) -> _T:
     """Run a coroutine in virtual time."""
     with asyncio.Runner(loop_factory=loop) as runner:
         return runner.run(program)

@@ -1,74 +1,58 @@
-"""The hub: the one owner of a mount.
+"""The controller of one mount: builds its parts, in an order in which each knows only those before it, and is the one
+that everybody outside asks.
 
-Reads are answered from a snapshot while it is fresh and share one exchange when it is not; while any client polls,
-the snapshot is refreshed in the background, so a hundred pollers cost the mount's line what one costs. Motions, and
-site and clock, have files of their own.
+What goes back up goes by signals. Reads are answered from the cache while they are fresh and share one exchange when
+they are not; while any client polls, the cache is refreshed, so a hundred pollers cost the mount's line what one costs.
 """
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import math
-from collections.abc import Awaitable, Callable
-from typing import Any
-
-from msgspec import Struct
+from collections.abc import Callable, Coroutine
+from typing import Any, TypeVar, cast
 
 from gateway.astro.ephemeris import Sky
 from gateway.core import operations as op
-from gateway.core.errors import Asleep, Busy, Fault, Held, NoAnswer
-from gateway.core.motion_kinds import GOTOS, MOTIONS, begins_motion
+from gateway.core.errors import Fault
 from gateway.core.wire_log import Transcript
-from gateway.mount.execution import HubExecutor
+from gateway.mount.consequences import Consequences
+from gateway.mount.context import Context
 from gateway.mount.fair_scheduler import FairScheduler
 from gateway.mount.identification import Identification
+from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.hibernation import HibernationGate
-from gateway.mount.link.queue import SETTING, STOP, MountLink
+from gateway.mount.link.line import MountLink
 from gateway.mount.link.verification import ReplyVerifier
-from gateway.mount.motion.awaited import ended
-from gateway.mount.motion.end_watch import EndWatch
+from gateway.mount.motion.moving import Movement
+from gateway.mount.motion.order_runner import BeforeMotion, OrderRunner
 from gateway.mount.motion.reconciler import Reconciler
-from gateway.mount.readings.cache import FRESH, Kind, ReadingsCache
+from gateway.mount.motion.taking_orders import TakingOrders
+from gateway.mount.motion.wanted import WantedState
+from gateway.mount.orders import Orders
+from gateway.mount.policy import Policy
+from gateway.mount.readings.at_hand import AtHand
+from gateway.mount.readings.cache import Kind, ReadingsCache, Version
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.poller import Poller
 from gateway.mount.readings.reader import Reader
-from gateway.mount.readings.told_position import Telling
-from gateway.mount.safety.limits import Limits
+from gateway.mount.readings.rest import SIGHT, come_to_rest
+from gateway.mount.readings.target_limits import TargetLimits
+from gateway.mount.readings.told_position import ToldPosition
+from gateway.mount.safety.assembled import Safety
 from gateway.mount.safety.rules.dead_man import HostActivity, Presence
-from gateway.mount.safety.rules.held import Hold
 from gateway.mount.safety.rules.sun import SunAvoidance
-from gateway.mount.safety.rules.sync_sum import SyncSum
 from gateway.mount.safety.supervisor import Supervisor
-from gateway.mount.safety_inputs import make_rules
+from gateway.mount.safety.tracking_at_limit import TrackingAtLimit
 from gateway.mount.shutdown import end_motion
 from gateway.mount.site.astrometry import SiteAstrometry
-from gateway.mount.site.ephemeris_reads import PLACES
 from gateway.mount.site.settings import SiteAndClock
+from gateway.mount.site.settings_sync import SyncSettings
 from gateway.mount.site.site_clock import SiteClock
 from gateway.mount.site.sources import BestSources
-from gateway.protocols.base.driver import Driver, Steps
+from gateway.protocols.base.driver import Driver
 
-
-async def _at_once() -> None:
-    """Nobody needs to know before a motion."""
-
-
-class Policy(Struct, frozen=True):
-    """What the operator has decided for a mount.
-
-    ``own_park``: the park position is his own choice. ``unaligned``: whether a mount that is not aligned may be sent to
-    axis readings (``allow`` or ``refuse``). ``silence`` and ``silence_closed`` are for how many seconds a
-    client that moves the mount by hand may be silent, on an open connection and after it was closed.
-    """
-
-    limits: Limits = Limits()
-    site_time: str = "unaligned"
-    equinox: str = "jnow"
-    own_park: bool = False
-    unaligned: str = "refuse"
-    silence: float = 30.0
-    silence_closed: float = 5.0
+_T = TypeVar("_T")
 
 
 class MountController:
@@ -80,223 +64,196 @@ class MountController:
         follow_ups: dict[type[Any], Callable[[Any, Any], Any]],
         line: MountLink,
         sky: Sky,
-        observatory: SiteClock,
+        site_clock: SiteClock,
         transcript: Transcript,
         policy: Policy = Policy(),
     ) -> None:
-        self.driver, self.line, self.observatory = driver, line, observatory
-        self.transcript, self.policy = transcript, policy
-        self.loop = asyncio.get_running_loop()
-        self.now = self.loop.time
-        self.sources = BestSources(observatory)
+        context = self.context = Context(driver, policy, transcript)
+        self.driver, self.line, self.site_clock, self.transcript = driver, line, site_clock, transcript
+        self.now, self.loop = context.now, asyncio.get_running_loop()
+        # What is known: of the mount, of what is wanted of it, of where and when it is.
+        cache = self.cache = ReadingsCache()
+        wanted = self.wanted = WantedState()
+        movement = self.movement = Movement(wanted, cache)
         #: Astronomy by the best sources, for the limits and for horizon coordinates; and by what programs are told.
-        self.derived = SiteAstrometry(sky, self.sources, policy.equinox)
-        self.told = SiteAstrometry(sky, observatory, policy.equinox)
-        self.snapshot = ReadingsCache()
-        self.belief = ReplyVerifier(line, self.now, driver.hurry)
-        self.reader, self.identification = Reader(self), Identification(self)
-        #: The mount has said who it is; it has said where and when it is, as far as it can.
-        self.identified, self.settled = self.identification.known, self.identification.settled
-        self.suns = SunAvoidance(self.derived, transcript, policy.limits.sun, self.settled.is_set)
-        #: How far the syncs since the alignment have moved the sky together.
-        self.synced = SyncSum()
-        self.ends = EndWatch(self.now, self._end_again, lambda text: transcript.note("mount", text))
-        self.hold = Hold()
-        self.guard, self.checks = make_rules(self)
-        self.executor, self.presence = HubExecutor(self), Presence(self.now)
-        self.supervisor = Supervisor(
-            self.presence, policy.silence, policy.silence_closed, self.perform, self.executor.note
+        self.sources = BestSources(site_clock)
+        astrometry = self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox)
+        self.told_astrometry = SiteAstrometry(sky, site_clock, policy.equinox)
+        self.suns = SunAvoidance(astrometry, transcript, policy.limits.sun, context.milestones.settled.is_set)
+        # Exchanges with the mount.
+        gate = HibernationGate(context, wanted)
+        self.verifier = ReplyVerifier(line, self.now, driver.hurry)
+        runner = DriverRunner(context, self.verifier, gate)
+        self.fair_scheduler = FairScheduler(self.loop, lambda: wanted.ending)
+        # Reading it.
+        at_hand = AtHand(self.now, line, cache, wanted, site_clock)
+        limits = TargetLimits(context, cache, wanted, movement, astrometry, self.suns)
+        told = self.told_position = ToldPosition(context, at_hand, cache, wanted, movement, astrometry, limits)
+        reader = self.reader = Reader(
+            context, line, runner, self.fair_scheduler, cache, at_hand, told, wanted, movement, astrometry
         )
-        self.motions = Reconciler(driver, self.executor, follow_ups)
-        self.slumber = HibernationGate(driver, self.now, lambda: self.motions.waking)
-        self.refresh = Poller(self)
-        self.telling, self.own = Telling(self), OwnAnswers(self)
-        self.settings = SiteAndClock(self)
-        #: Called when something that outlives the gateway may have changed; awaited before the mount is set moving.
-        self.changed: Callable[[], None] = lambda: None
-        self.before_motion: Callable[[], Awaitable[None]] = _at_once
-        self.closed = False  # when it is, nothing is begun any more
-        self.turnstile = FairScheduler(self.loop, lambda: self.motions.ending)
-        self._tasks: set[asyncio.Task[Any]] = set()
+        runner.stirs.connect(told.stirs)
+        self.own = OwnAnswers(context, runner, self.fair_scheduler, site_clock)
+        sync = SyncSettings(context, line, runner, cache, reader, movement, site_clock)
+        self.settings = SiteAndClock(context, line, runner, site_clock, self.told_astrometry, sync)
+        # Keeping it within its limits, and moving it.
+        safety = self.safety = Safety(context, line, cache, reader, movement, astrometry, self.sources, self.suns, sync)
+        self.hold, self.watch, self.ends = safety.hold, safety.watch, safety.ends
+        self.before_motion = BeforeMotion()
+        carried_out = OrderRunner(context, follow_ups, runner, movement, safety.admission, self.before_motion)
+        reconciler = self.reconciler = Reconciler(context, line, runner, wanted, movement, carried_out)
+        taking = TakingOrders(context, line, movement, reconciler)
+        #: Emitted when something that outlives the gateway may have changed.
+        self.changed = reconciler.lasting
+        Consequences(context, gate, cache, told, wanted, astrometry, safety).listen(reconciler)
+        safety.watch.must_stop.connect(self._stop_now)
+        safety.ends.again.connect(reconciler.send_again)
+        reader.goto_over.connect(reconciler.arrived)
+        # Whoever asks for something, and whoever looks after what was begun.
+        self.orders = Orders(
+            context, line, runner, reader, self.own, self.settings, reconciler, taking, wanted, self.hold, astrometry,
+            self.told_astrometry,
+        )  # fmt: skip
+        TrackingAtLimit(context, cache, reader, safety.watch, self.orders.perform).must_stop.connect(self._stop_now)
+        self.presence = Presence(self.now)
+        self.supervisor = Supervisor(
+            self.presence, policy.silence, policy.silence_closed, self.orders.perform, context.note
+        )
+        wanted.changed.connect(self.supervisor.look_after)
+        self.identification = Identification(
+            context, line, runner, gate, cache, reader, self.own, site_clock, sync, reconciler, self.ends, safety.doubts
+        )
+        self.identification.told.connect(self._found_equinox)
+        self.identified, self.settled = context.milestones.known, context.milestones.settled
+        self.poller = Poller(
+            context, line, gate, cache, reader, site_clock, self.settings, movement, self.watch, self.ends
+        )
+        # Replies that were made of older answers are out of date.
+        self._version = Version()
+        for signal in (cache.changed, wanted.changed, site_clock.changed, told.changed):
+            signal.connect(self._version.grow)
+
+    def _stop_now(self, _: None) -> None:
+        self.begin_stop()
+
+    def _found_equinox(self, _: None) -> None:
+        """The mount has said who it is, and with that what its coordinates mean."""
+        if self.context.policy.equinox == "auto":
+            self.astrometry.means(self.driver.equinox)
+            self.told_astrometry.means(self.driver.equinox)
 
     # --- life -----------------------------------------------------------------------------------------------------
 
     def start(self, refresh: bool = True) -> None:
-        """Open the line, find out what is on it, and keep the snapshot fresh, unless somebody else decides on that."""
+        """Open the line, find out what is on it, and keep the cache fresh, unless somebody else decides on that."""
         self.line.start()
         if refresh:
-            self.refresh.start()
+            self.poller.start()
 
     async def close(self) -> None:
         """End motion, put tracking back, forget what was planned, close the line."""
-        await end_motion(self)
-        self.closed = True
-        self.identification.met.set()  # whoever waits for that is to hear that nothing comes
-        self.identified.set()
-        self.motions.close()
+        await end_motion(self.context, self.line, self.reader, self.reconciler)
+        self.context.closed = True
+        self.context.milestones.nothing_comes()
+        self.reconciler.close()
         self.supervisor.close()
         self.reader.close()
-        for task in self._tasks:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await self.context.tasks.close()
         await self.line.close()
 
-    def spawn(self, work: Any) -> asyncio.Task[Any]:
+    def spawn(self, work: Coroutine[Any, Any, Any]) -> asyncio.Task[Any]:
         """Run something in the background and hold on to it."""
-        task = self.loop.create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
-        return task
+        return self.context.tasks.spawn(work)
 
-    # --- asking ---------------------------------------------------------------------------------------------------
+    # --- what is known --------------------------------------------------------------------------------------------
+
+    @property
+    def policy(self) -> Policy:
+        """What the operator has decided."""
+        return self.context.policy
+
+    @property
+    def closed(self) -> bool:
+        """Whether nothing is begun any more."""
+        return self.context.closed
 
     @property
     def moving(self) -> bool:
         """Whether anything moves that a stop should end."""
-        return bool(self.motions.axes) or self.slewing
-
-    def impossible(self, operation: op.Operation) -> Fault | None:
-        """Why nothing can come of an operation, as far as that is known without asking: no may be said at once."""
-        if self.line.state == "down" or (self.line.overdue and not self.driver.asleep):
-            return NoAnswer()
-        sleeps = (self.driver.asleep or self.driver.powerless) and not self.motions.waking
-        if sleeps and begins_motion(operation):
-            return Asleep()
-        if self.line.occupied and begins_motion(operation) and not isinstance(operation, GOTOS):  # which wait for it
-            return Busy()
-        try:
-            if isinstance(operation, MOTIONS):
-                self.hold.admit(operation)
-        except Held as fault:
-            return fault
-        return self.motions.impossible(operation) if self.identified.is_set() else None
+        return self.movement.anything
 
     @property
     def slewing(self) -> bool:
-        return bool(self.snapshot.value(op.Slewing))
-
-    def peek(self, operation: op.Operation) -> Any:
-        """The answer of a read for a program, when it is at hand; MISSING when it must be waited for."""
-        return self.own.tell(operation) if isinstance(operation, op.Own) else self.telling.tell(operation)
+        """Whether the mount is seen to carry out a goto."""
+        return self.movement.slewing
 
     @property
     def version(self) -> int:
         """Grows whenever an answer changes: what was made from older ones is then out of date."""
-        return self.snapshot.version
+        return self._version.number
 
     @property
     def stops(self) -> int:
         """How many stops there were: a motion that was asked for before the last one is not begun."""
-        return self.motions.stops
+        return self.wanted.value.stops
 
-    def _end_again(self, axes: frozenset[int]) -> None:
-        """An end that was sent is sent once more: the mount was seen to go on moving."""
-        if len(axes) > 1:
-            self.motions.send_stop()
-            return
+    def doubts(self) -> str:
+        """What does not fit together of what the mount has said and the configuration; nothing where all fits."""
+        return self.safety.doubts()
 
-        async def send() -> None:
-            with contextlib.suppress(Fault):  # it is sent again when the next position shows no difference
-                await self.drive(self.driver.perform(op.Halt(*axes)), STOP)
+    # --- reading --------------------------------------------------------------------------------------------------
 
-        self.spawn(send())
-
-    def begin_stop(self) -> None:
-        """End every motion, before everything else; from now on it counts as stopped."""
-        self.motions.begin_stop()
-
-    async def stop(self) -> None:
-        """The same, and wait until the mount has acknowledged it. Raises Fault."""
-        await self.motions.stop()
+    def peek(self, operation: op.Operation[_T]) -> _T:
+        """The answer of a read for a program, when it is at hand; MISSING when it must be waited for."""
+        told: object = self.own.tell(operation) if isinstance(operation, op.Own) else self.told_position.tell(operation)
+        return cast(_T, told)
 
     def fresh_until(self, kinds: list[Kind]) -> float:
         """The loop time until which the answers of these reads may be told."""
-        return self.telling.fresh_until(kinds)
+        return self.told_position.fresh_until(kinds)
 
     def touch(self, kinds: list[Kind], now: float) -> None:
         """A client was served a repeated reply: it is polling what that was made of all the same."""
-        for kind in kinds:
-            self.snapshot.asked[kind] = now
+        self.cache.touch(kinds, now)
+
+    async def read(self, operation: op.Operation[_T]) -> _T:
+        """What the mount says, at hand or by an exchange that everyone who asks shares. Raises Fault."""
+        return cast(_T, await self.reader.read(operation))
+
+    async def anew(self, operation: op.Operation[_T]) -> _T:
+        """A read from the mount, however fresh the last answer is. Raises Fault."""
+        return cast(_T, await self.reader.anew(operation))
+
+    async def come_to_rest(self, seconds: float = SIGHT) -> None:
+        """Look at the mount until it is seen to rest. Raises Fault that says what was seen, or could not be."""
+        await come_to_rest(self.context, self.reader, self.movement, seconds)
+
+    # --- orders ---------------------------------------------------------------------------------------------------
+
+    def begin_stop(self) -> None:
+        """End every motion, before everything else; from now on it counts as stopped."""
+        self.reconciler.begin_stop()
+
+    async def stop(self) -> None:
+        """The same, and wait until the mount has acknowledged it. Raises Fault."""
+        await self.reconciler.stop()
+
+    def impossible(self, operation: op.Operation) -> Fault | None:
+        """Why nothing can come of an operation, as far as that is known without asking: no may be said at once."""
+        return self.orders.impossible(operation)
 
     async def perform(
         self,
-        operation: op.Operation,
+        operation: op.Operation[_T],
         stops: int | None = None,
         life: HostActivity | None = None,
         patience: float = math.inf,
-    ) -> Any:
-        """Carry out an operation for ``life``. ``stops`` is the count of stops when it was asked for. Raises Fault.
-
-        Nobody is told what came of it after ``patience`` seconds.
-        """
-        if type(operation) in FRESH:
-            if self.driver.asleep:
-                await self.motions.woken()
-            return await self.telling.read(operation)
-        if isinstance(operation, op.Own):
-            return await self.own.read(operation)
-        try:
-            return await self._order(operation, stops, life, patience)
-        finally:
-            if not isinstance(operation, op.Read):
-                self.own.forget()
-
-    async def _order(
-        self, operation: op.Operation, stops: int | None, life: HostActivity | None, patience: float
-    ) -> Any:
-        """Whatever is no question that everybody shares."""
-        if isinstance(operation, op.Stop):
-            return await self.stop()
-        if isinstance(operation, MOTIONS):
-            value = await ended(self.motions.begin(operation, stops, life, patience))
-            if isinstance(value, op.Chosen) and value.place is not None:
-                value = op.Chosen(self.derived.from_mount(value.place), value.text, value.reply)
-            return value
-        if type(operation) in PLACES:
-            return PLACES[type(operation)](self.told, operation)
-        handler = self.settings.handlers.get(type(operation))
-        if handler is not None:
-            return await handler(operation)
-        return await self.drive(self.driver.perform(operation), SETTING)
+    ) -> _T:
+        """Carry out an operation for ``life``. ``stops`` is the count of stops when it was asked for. Raises Fault."""
+        return cast(_T, await self.orders.perform(operation, stops, life, patience))
 
     def begin(
         self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: HostActivity
     ) -> asyncio.Future[None]:
         """Carry out an operation that nobody waits for; ``failed`` is told when it was not."""
-        motion = self.motions.begin(operation, stops, life) if isinstance(operation, MOTIONS) else None
-
-        async def finish() -> None:
-            try:
-                await (ended(motion) if motion is not None else self.perform(operation, stops))
-            except Fault as fault:
-                failed(fault)
-            except Exception as error:  # a defect must not be lost because nobody waits for what came of it
-                self.transcript.note("mount", f"internal error, please report it: {error!r}")
-                if self.motions.busy:
-                    self.begin_stop()  # what failed may have been what should have ended a motion
-
-        return self.spawn(finish())
-
-    def at_hand(self, operation: op.Operation) -> Any:
-        """What the mount said last, when it is fresh enough; MISSING when it must be asked."""
-        return self.reader.at_hand(operation)
-
-    async def read(self, operation: op.Operation) -> Any:
-        """What the mount says, at hand or by an exchange that everyone who asks shares. Raises Fault."""
-        return await self.reader.read(operation)
-
-    async def asked(self, operation: op.Operation) -> Any:
-        """The answer of the exchange under way, or of a new one. Raises Fault."""
-        return await self.reader.asked(operation)
-
-    async def anew(self, operation: op.Operation) -> Any:
-        """A read from the mount, however fresh the last answer is. Raises Fault."""
-        return await self.reader.anew(operation)
-
-    async def tube_side(self) -> str | None:
-        """The side of the pier (E, W) that the tube of a German mount is on; None where nobody tells."""
-        return await self.reader.tube_side()
-
-    async def drive(self, steps: Steps, rank: int) -> Any:
-        """Carry out a driver's generator: exchanges, pauses, things to do later. Raises Fault."""
-        return await self.executor.drive(steps, rank)
+        return self.orders.begin(operation, stops, failed, life)

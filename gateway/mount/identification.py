@@ -9,122 +9,149 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer
-from gateway.mount.link.queue import READ, STOP
-from gateway.mount.readings.poller import ASK_AGAIN
-from gateway.mount.safety_inputs import say_doubts
+from gateway.core.signals import Signal
+from gateway.mount.context import Context
+from gateway.mount.link.driver_runner import DriverRunner
+from gateway.mount.link.hibernation import HibernationGate
+from gateway.mount.link.line import MountLink
+from gateway.mount.link.scheduling import READ, STOP
+from gateway.mount.motion.end_watch import EndWatch
+from gateway.mount.motion.reconciler import Reconciler
+from gateway.mount.readings.cache import ReadingsCache
+from gateway.mount.readings.own_answers import OwnAnswers
+from gateway.mount.readings.reader import Reader
 from gateway.mount.shutdown import stop_commands
+from gateway.mount.site.settings_sync import SyncSettings
+from gateway.mount.site.site_clock import SiteClock
 
-if TYPE_CHECKING:
-    from gateway.mount.controller import MountController
+#: Seconds from one question who is there to the next, while nobody answers.
+ASK_AGAIN = 1.0
 
 
 class Identification:
-    """``met`` is set once a mount is known to be there, ``known`` once it has said who it is, ``settled`` once it has
-    said where and when it is, too.
+    """Listens to the line. ``told`` is emitted whenever the mount has said who it is.
+
+    ``doubts`` tells what does not fit together, once where and when it is are known as well.
     """
 
-    def __init__(self, controller: MountController) -> None:
-        self._controller = controller
-        self.met, self.known, self.settled = asyncio.Event(), asyncio.Event(), asyncio.Event()
+    def __init__(
+        self,
+        context: Context,
+        link: MountLink,
+        runner: DriverRunner,
+        gate: HibernationGate,
+        cache: ReadingsCache,
+        reader: Reader,
+        own: OwnAnswers,
+        site_clock: SiteClock,
+        sync: SyncSettings,
+        reconciler: Reconciler,
+        ends: EndWatch,
+        doubts: Callable[[], str],
+    ) -> None:
+        self._context, self._driver, self._milestones = context, context.driver, context.milestones
+        self._link, self._runner, self._gate = link, runner, gate
+        self._cache, self._reader, self._own = cache, reader, own
+        self._site_clock, self._sync = site_clock, sync
+        self._reconciler, self._ends, self._doubts = reconciler, ends, doubts
         self._asking: asyncio.Task[Any] | None = None
-        #: Called whenever the mount has said who it is.
-        self.told: Callable[[], None] = lambda: None
+        self.told: Signal[None] = Signal()
         #: Something moved when the mount's port was lost.
         self._cut_short = False
-        line = controller.line
-        line.on_up, line.first_words, line.talk.on_lost = self._on_up, self._first_words, self._on_lost
+        link.came_up.connect(self._on_up)
+        link.reopened.connect(self._first_words)
+        link.lost.connect(self._on_lost)
 
-    def _on_lost(self) -> None:
-        self._cut_short = self._cut_short or self._controller.motions.busy or self._controller.ends.pending
+    def _on_lost(self, _: None) -> None:
+        self._cut_short = self._cut_short or self._reconciler.busy or self._ends.pending
 
-    def _first_words(self) -> list[bytes]:
+    def _first_words(self, words: list[bytes]) -> None:
         """The port is open again: nothing that moved survives that. A mount that nobody knows yet is greeted first."""
         if self._cut_short:
             self._cut_short = False
-            self._controller.transcript.note(
-                "mount", "the line was lost while the mount moved: it is stopped, now that it is back"
+            self._context.note(
+                "the connection to the mount was lost while it moved and is back now: the mount is stopped first"
             )
-            self._controller.motions.begin_stop()
-        known = self._controller.motions.owed and self.known.is_set()
-        return stop_commands(self._controller.driver, self._controller.line.dialogue, ends_only=True) if known else []
+            self._reconciler.begin_stop()
+        if self._reconciler.wanted.owed and self._milestones.known.is_set():
+            words += stop_commands(self._driver, self._link.dialogue, ends_only=True)
 
-    def _on_up(self) -> None:
-        self._controller.snapshot.clear()
-        self._controller.own.forget(everything=True)
-        self._controller.driver.line_was_lost()
-        if self._controller.driver.unsure:  # it is looked at until it is seen to be over
-            self._controller.snapshot.put(op.Slewing, True, self._controller.now())
-        self._controller.slumber.doubt()
-        self._controller.settings.sync.doubt()
+    def _on_up(self, _: None) -> None:
+        self._cache.clear()
+        self._own.forget(everything=True)
+        self._driver.line_was_lost()
+        if self._driver.unsure:  # it is looked at until it is seen to be over
+            self._cache.put(op.Slewing, True, self._context.now())
+        self._gate.doubt()
+        self._sync.doubt()
         if self._asking is not None:
             self._asking.cancel()
-        self._asking = self._controller.spawn(self._identify())
+        self._asking = self._context.tasks.spawn(self._identify())
 
     async def _identify(self) -> None:
         """Who is there, where it stands, what time it has. A stop that is owed goes before everything else."""
-        if self._controller.motions.owed:
+        if self._reconciler.wanted.owed:
             with contextlib.suppress(Fault):
-                if not self.known.is_set():
-                    await self._controller.drive(self._controller.driver.greet(), STOP)
-                await self._controller.stop()
+                if not self._milestones.known.is_set():
+                    await self._runner.drive(self._driver.greet(), STOP)
+                await self._reconciler.stop()
         met = False
-        while op.GetIdentity not in self._controller.snapshot.seen:
+        while not self._cache.has(op.GetIdentity):
             met = met or await self._meet()
             if met:
                 await self.learn(op.GetIdentity())
-            if self._controller.line.state != "up":
+            if self._link.state != "up":
                 return  # it is begun again when the line is up
-            if op.GetIdentity not in self._controller.snapshot.seen:
+            if not self._cache.has(op.GetIdentity):
                 await asyncio.sleep(ASK_AGAIN)
-        if self._controller.motions.owed:  # it did not answer to the stop, but it does now
-            self._controller.begin_stop()
-        if self._controller.policy.equinox == "auto":
-            self._controller.derived.equinox = self._controller.told.equinox = self._controller.driver.equinox
-        self.told()
-        self.met.set()
-        self.known.set()
+        if self._reconciler.wanted.owed:  # it did not answer to the stop, but it does now
+            self._reconciler.begin_stop()
+        self.told.emit(None)
+        self._milestones.met.set()
+        self._milestones.known.set()
         await self.learn(op.GetStatus())
         await self.learn(op.GetSite())
         if self._counts_from_the_other_pole():
             await self.learn(op.GetStatus())
         await self.learn(op.GetClock())
-        self._controller.settings.sync.resume()
-        self.settled.set()
-        say_doubts(self._controller)
+        self._sync.resume()
+        self._milestones.settled.set()
+        if words := self._doubts():
+            self._context.note_once(words)
 
     async def _meet(self) -> bool:
         """Whether a mount is there: from then on it can be asked where it points, whoever it is."""
         try:
-            place = await self._controller.drive(self._controller.driver.contact(), READ)
+            place = await self._runner.drive(self._driver.contact(), READ)
         except Fault as fault:
             if not isinstance(fault, NoAnswer):
-                self._controller.transcript.note_once("mount", str(fault))
+                self._context.note_once(str(fault))
             return False
         if place is not None:
-            self._controller.reader.told(op.Position(), place)
-            self.met.set()
+            self._reader.told(op.Position(), place)
+            self._milestones.met.set()
         return True
 
     def _counts_from_the_other_pole(self) -> bool:
         """Whether it was taken to follow the northern sky before it told that it stands in the south."""
-        place, status = self._controller.observatory.site(), self._controller.snapshot.value(op.GetStatus)
+        place, status = self._site_clock.site(), self._cache.value(op.GetStatus)
         north = status is not None and status.tracking is op.Tracking.EQ_NORTH
         return north and place is not None and place.latitude < 0.0
 
     async def learn(self, operation: op.Operation) -> None:
         """Ask for something that is told but once."""
         try:
-            value = await self._controller.drive(self._controller.driver.perform(operation), READ)
+            value = await self._runner.perform(operation, READ)
         except NoAnswer:
             return
         except Fault as fault:
-            self._controller.transcript.note("mount", str(fault))
+            self._context.note(str(fault))
             return
         if isinstance(value, op.Place | op.Moment):
-            self._controller.settings.sync.heard(value)
+            self._sync.heard(value)
         else:
-            self._controller.snapshot.put(type(operation), value, self._controller.now())
+            self._cache.put(type(operation), value, self._context.now())

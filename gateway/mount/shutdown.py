@@ -1,7 +1,7 @@
-"""The end of a gateway: nothing moves afterwards, and the mount tracks as its user had it.
+"""Shutdown: nothing moves afterwards, and the mount tracks as its user had it.
 
-The stop is sent and waited for. Where no answer comes, or nobody serves the line any more, its bytes go out all the
-same. Then what outlives a stop is waited for: a hand control may have to be told twice to track again.
+The stop is sent and waited for. If no answer comes, or nothing serves the line any more, its bytes are sent all the
+same. Then what survives a stop is waited for: a hand control may have to be told twice to track again.
 """
 
 from __future__ import annotations
@@ -9,15 +9,15 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import copy
-from typing import TYPE_CHECKING
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault
+from gateway.mount.context import Context
+from gateway.mount.link.line import MountLink
+from gateway.mount.motion.reconciler import Reconciler
+from gateway.mount.readings.reader import Reader
 from gateway.protocols.base.driver import Driver, Send
 from gateway.protocols.base.reply_rules import ReplyRules
-
-if TYPE_CHECKING:
-    from gateway.mount.controller import MountController
 
 #: Seconds for the stop, and for what must follow it; between two commands whose answers nobody waits for.
 STOP, SETTLE, BLIND = 4.0, 2.5, 0.2
@@ -25,36 +25,37 @@ STOP, SETTLE, BLIND = 4.0, 2.5, 0.2
 LEFT = 1.0
 
 
-async def end_motion(controller: MountController) -> None:
+async def end_motion(context: Context, link: MountLink, reader: Reader, reconciler: Reconciler) -> None:
     """Stop whatever moves and put tracking back; takes seconds at most, and raises nothing."""
-    controller.motions.no_more()  # what still waits in a connection is not begun any more
-    moved = controller.motions.busy and controller.line.state != "opening"
+    reconciler.no_more()  # what still waits in a connection is not begun any more
+    moved = reconciler.busy and link.state != "opening"
     if moved:
-        await _stop(controller)
+        await _stop(context, link, reconciler)
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(SETTLE):
-            await controller.motions.settle()
-    if moved and not controller.motions.owed and controller.line.state == "up":
+            while link.usable and reconciler.wanted.pending:  # hand controls may need to be told twice to track again
+                await asyncio.sleep(0.05)
+    if moved and not reconciler.wanted.owed and link.state == "up":
         with contextlib.suppress(TimeoutError, Fault):
             async with asyncio.timeout(LEFT):
-                await controller.anew(op.GetStatus())
+                await reader.anew(op.GetStatus())
 
 
-async def _stop(controller: MountController) -> None:
+async def _stop(context: Context, link: MountLink, reconciler: Reconciler) -> None:
     await asyncio.sleep(0)  # a loop that is torn down has cancelled the line as well
     try:
-        async with asyncio.timeout(STOP if controller.line.served else 0.0):
-            await controller.stop()
+        async with asyncio.timeout(STOP if link.served else 0.0):
+            await reconciler.stop()
     except (TimeoutError, Fault):
-        controller.transcript.note("mount", "the stop at shutdown was not answered: sent once more")
-        await _stop_blindly(controller)
+        context.note("the mount did not answer the stop at shutdown: the stop is sent once more")
+        await _stop_blindly(context, link)
 
 
-async def _stop_blindly(controller: MountController) -> None:
+async def _stop_blindly(context: Context, link: MountLink) -> None:
     """The bytes of a stop, without waiting for answers."""
     with contextlib.suppress(Exception):  # the last thing tried
-        for command in stop_commands(controller.driver, controller.line.dialogue):
-            controller.line.talk.send(command)
+        for command in stop_commands(context.driver, link.dialogue):
+            link.talk.send(command)
             await asyncio.sleep(BLIND)
 
 

@@ -1,6 +1,6 @@
 """How many files this process may have open, and whether there is room for one more program.
 
-Some are kept for the gateway itself: for the mark of a motion, for the mount's port when it comes back, for
+Some are kept for the gateway itself: for the motion marker, for the mount's port when it comes back, for
 ``mount-gateway stop``. They are never given to a program that connects.
 """
 

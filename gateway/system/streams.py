@@ -1,7 +1,7 @@
-"""stdout and stderr as they may be: closed, a full disk, a pipe that nobody reads any more.
+"""Standard output and standard error that may be closed, full, or a pipe that nobody reads.
 
-A gateway that cannot be heard goes on all the same: a mount hangs on it. Where a standard stream was closed before the
-program began, its number is taken up at once, else the first socket would get it.
+A gateway whose output fails goes on, because a mount depends on it. If a standard stream was closed before the program
+began, its descriptor is taken at once; otherwise the first socket would get it.
 """
 
 from __future__ import annotations

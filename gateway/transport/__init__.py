@@ -1,4 +1,4 @@
-"""Ports: where clients come in. TCP, RFC 2217, a pseudo-terminal with a stable name, a real serial port.
+"""Ports where clients come in: TCP, RFC 2217, a pseudo-terminal with a stable name, a real serial port.
 
 A port knows nothing of protocols: for every connection it asks ``arrive`` for somebody to feed, and hands back what
 that one writes. Clients come and go at any moment; what one of them does to its connection never reaches another.

@@ -1,8 +1,8 @@
-"""A name in the file system that stands for a device, and that one gateway holds at a time.
+"""A name in the file system for a device, held by one gateway at a time.
 
-The name is a symbolic link. One that leads nowhere is replaced, and so is one that a gateway of this user left behind
-when it was killed, which its lock's file tells: the number of its pseudo-terminal may be another one's by now. Any
-other link that leads somewhere is in use by another program, and stays; so does a file of any other kind.
+The name is a symbolic link. A link that leads nowhere is replaced, and so is one that a killed gateway of this user
+left behind, which its lock file tells. Any other link that leads somewhere belongs to another program and stays, and so
+does a file of any other kind.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""What a port and whoever talks to its connections know of each other."""
+"""What a port and the handler of a connection know of each other."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Protocol
 
 #: Ends a connection: these bytes are the last, and the other side is given the time to read them.
 HangUp = Callable[[bytes], None]
@@ -37,9 +37,11 @@ class ConnectionHandler(Protocol):
         """The connection came over a network, where anybody may be at the other end: how to end it."""
 
 
-#: (who it is, the host it comes from, how to write to it) -> its guest. Who writes is told how many bytes still wait to
-#: be sent, or None where that is not known.
-Arrive = Callable[[str, str, Callable[[bytes], Any]], ConnectionHandler]
+#: How to write to a connection: whoever writes is told how many bytes still wait to be sent, or None where that is
+#: not known.
+Write = Callable[[bytes], int | None]
+#: (who it is, the host it comes from, how to write to it) -> its handler.
+Arrive = Callable[[str, str, Write], ConnectionHandler]
 
 
 class Listener(Protocol):

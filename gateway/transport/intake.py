@@ -1,9 +1,8 @@
-"""How fast bytes are taken in from connections that send without end.
+"""How fast bytes are read from connections that send without end, so that a flood costs no more than a few clients do.
 
-One that has sent a whole share waits for a breath; all of them together get so many shares a second, one after the
-other, and a fifth of the processor's time at most, so that a crowd costs no more than a few do. What only repeats the
-ends of motions is passed over in large pieces, a whole number of times: whoever sent it may be long gone, and nobody
-waits for what it has left behind.
+A connection that has sent a whole share pauses. All of them together get a limited number of shares a second, one after
+the other, and at most a fifth of the processor's time. Input that only repeats the ends of motions is skipped in large
+pieces, a whole number of repetitions at a time: its sender may be long gone.
 """
 
 from __future__ import annotations

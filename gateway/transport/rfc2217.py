@@ -16,7 +16,7 @@ from typing import Any
 
 from serial.rfc2217 import M_NORMAL, PortManager
 
-from gateway.transport.handler import Arrive, HangUp
+from gateway.transport.handler import Arrive, HangUp, Write
 
 IAC = b"\xff"
 #: IAC followed by one of these begins Telnet: WILL, WONT, DO, DONT.
@@ -45,12 +45,12 @@ _server: Callable[[Any, Any], PortManager] = PortManager
 
 
 class _Doorman:
-    """A guest in front of the real one, who speaks Telnet with clients that do."""
+    """A handler in front of the real one, who speaks Telnet with clients that do."""
 
     #: Telnet counts what it is told: nothing of it is passed over.
     ended = False
 
-    def __init__(self, arrive: Arrive, name: str, host: str, write: Callable[[bytes], Any]) -> None:
+    def __init__(self, arrive: Arrive, name: str, host: str, write: Write) -> None:
         self.write = write
         self._held = b""
         self._telnet: PortManager | None = None
@@ -61,8 +61,8 @@ class _Doorman:
         if data:
             self._guest.feed(data)
 
-    def _answer(self, data: bytes) -> Any:
-        """Send what the real guest writes -> how much of it waits, where that is known."""
+    def _answer(self, data: bytes) -> int | None:
+        """Send what the real handler writes -> how much of it waits, where that is known."""
         return self.write(self._escaped(data))
 
     def _escaped(self, data: bytes) -> bytes:
@@ -113,5 +113,5 @@ class _Doorman:
 
 
 def over_telnet(arrive: Arrive) -> Arrive:
-    """Where guests arrive -> where those arrive who may speak RFC 2217."""
+    """Where handlers arrive -> where those arrive who may speak RFC 2217."""
     return lambda name, host, write: _Doorman(arrive, name, host, write)

@@ -1,7 +1,7 @@
-"""Wires: how bytes reach the mount.
+"""The connection to the mount: opens it, writes, and calls back with what arrives.
 
-A wire opens, writes, and calls back with what arrives. pyserial blocks, so a serial wire has one reader thread that
-hands bytes to the loop: every URL that ``serial.serial_for_url`` opens works. A simulated mount is a wire too.
+pyserial blocks, so a serial connection has one reader thread that hands bytes to the event loop. Every URL that
+``serial.serial_for_url`` opens works. A simulated mount is a connection, too.
 """
 
 from __future__ import annotations
@@ -13,8 +13,11 @@ import os
 import socket
 import threading
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 from urllib.parse import urlsplit
+
+if TYPE_CHECKING:
+    from serial import Serial
 
 #: What hand controls and telescopes speak at power-on.
 BAUD = 9600
@@ -54,7 +57,7 @@ class SerialTransport:
 
     def __init__(self, url: str, baud: int = BAUD, watched: Watched | None = None) -> None:
         self.name, self.baud, self._watched = url, baud, watched
-        self._port: Any = None
+        self._port: Serial | None = None
         self._thread: threading.Thread | None = None
 
     async def open(self, on_data: OnData, on_lost: OnLost) -> None:
@@ -70,7 +73,7 @@ class SerialTransport:
         )
         self._thread.start()
 
-    def _read(self, port: Any, loop: asyncio.AbstractEventLoop, on_data: OnData, on_lost: OnLost) -> None:
+    def _read(self, port: Serial, loop: asyncio.AbstractEventLoop, on_data: OnData, on_lost: OnLost) -> None:
         """Hand over whatever arrives, until the port is closed or lost."""
         try:
             while self._port is port:
@@ -84,7 +87,7 @@ class SerialTransport:
             if self._port is port and not loop.is_closed():
                 loop.call_soon_threadsafe(on_lost, str(error))
 
-    def _rest(self, port: Any) -> bytes:
+    def _rest(self, port: Serial) -> bytes:
         """What is there besides the first byte, without waiting for more."""
         if not self.name.startswith("socket://"):
             waiting = port.in_waiting
@@ -104,6 +107,7 @@ class SerialTransport:
     def set_baud(self, baud: int) -> None:
         """Change the rate of the open port, and nothing else. Raises OSError for a rate that it does not have."""
         try:
+            assert self._port is not None
             self._port.baudrate = baud
         except Exception as error:  # ValueError, SerialException, termios.error: as the system has it
             raise OSError(errno.EINVAL, f"{baud} baud: {error}") from None
@@ -124,7 +128,7 @@ class SerialTransport:
                 self._watched.closed()
             await asyncio.get_running_loop().run_in_executor(None, self._shut, port)
 
-    def _shut(self, port: Any) -> None:
+    def _shut(self, port: Serial) -> None:
         cancel = getattr(port, "cancel_read", None)
         if cancel is not None:
             cancel()
@@ -139,7 +143,7 @@ def on_the_wire(url: str, data: bytes) -> bytes:
     return data.replace(b"\xff", b"\xff\xff") if url.startswith("rfc2217://") else data
 
 
-def descriptor(port: Any) -> int | None:
+def descriptor(port: Serial) -> int | None:
     """The file descriptor of an open port; None where it has none."""
     for holder in (port, getattr(port, "_socket", None)):
         with contextlib.suppress(AttributeError, OSError, ValueError):
@@ -147,7 +151,7 @@ def descriptor(port: Any) -> int | None:
     return None
 
 
-def unlock(port: Any) -> None:
+def unlock(port: Serial) -> None:
     """Give up the exclusive use of a port: a duplicate of its descriptor elsewhere would hold on to it."""
     number = descriptor(port)
     if number is not None and os.name == "posix":
@@ -157,7 +161,7 @@ def unlock(port: Any) -> None:
             fcntl.flock(number, fcntl.LOCK_UN)
 
 
-def open_port(url: str, baud: int) -> Any:
+def open_port(url: str, baud: int) -> Serial:
     """Open a serial URL for exclusive use. Raises OSError that says what is wrong."""
     import serial
 

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from gateway.core import operations as op
+from gateway.protocols.base.session import NamedSite, Shared
 from tests.support.fake_mount import Mount, Talk
 from tests.support.transcript_files import Conversation, files, read
 from tests.support.virtual import run
@@ -29,7 +30,7 @@ def _degrees(text: str) -> float:
     return (whole + minutes / 60 + seconds / 3600) * (-1 if text.startswith("-") else 1)
 
 
-def _set_up(mount: Mount, sites: dict[str, dict[str, object]], text: str) -> None:
+def _set_up(mount: Mount, common: Shared, text: str) -> None:
     """Carry out a ``!`` line."""
     match text.split():
         case ["position", ra, dec]:
@@ -39,7 +40,7 @@ def _set_up(mount: Mount, sites: dict[str, dict[str, object]], text: str) -> Non
         case ["ack", "A"]:
             mount.status = op.Status(op.Tracking.ALTAZ, aligned=True, equatorial=False)
         case ["site-name", name]:
-            sites["0"] = {"name": name}
+            common.settings = common.settings.with_site(0, NamedSite(name))
         case _:
             raise ValueError(text)
 
@@ -65,7 +66,7 @@ def test_conversation(path: Path, way: str) -> None:
         elif line.mark == "@":
             talk.wait(float(line.text))
         else:
-            _set_up(talk.mount, talk.session.shared["sites"], line.text)
+            _set_up(talk.mount, talk.session.common, line.text)
     assert heard == b""
 
 
@@ -90,8 +91,8 @@ async def _received(path: Path, conversation: Conversation) -> None:
         elif line.mark == "@":
             await asyncio.sleep(float(line.text))
         else:
-            _set_up(house.mount, house.shared["sites"], line.text)
-            house.controller.changed()
+            _set_up(house.mount, house.shared, line.text)
+            house.controller.changed.emit(None)
     assert heard == b""
 
 

@@ -96,6 +96,10 @@ class Process:
         wait_until(f"{count} lines '{start}…' from {self}", happened, seconds)
         return self.whole_lines(start)[:count]
 
+    def signal(self, number: int) -> None:
+        """Send it a signal."""
+        self._process.send_signal(number)
+
     def end(self, seconds: float = 10.0) -> int:
         """Ask the program to end (SIGTERM); kill it when it does not. The exit status."""
         if self.running():

@@ -75,7 +75,15 @@ def start_meade(
 def _gateway(workshop: Workshop, mount: str, port: int, surface: str, transport: str) -> Endpoint:
     """The gateway over a mount of one protocol, presenting a surface through `tcp` or a `pty`."""
     where = "tcp://127.0.0.1:0" if transport == "tcp" else f"pty:{workshop.folder / 'surface'}"
-    argv = [*PRODUCT, "run", "--mount", f"{mount}@socket://127.0.0.1:{port}", "--surface", f"{surface}@{where}"]
+    argv = [
+        *PRODUCT,
+        "run",
+        "--no-console",
+        "--mount",
+        f"{mount}@socket://127.0.0.1:{port}",
+        "--surface",
+        f"{surface}@{where}",
+    ]
     # The mount's night is long past, so today's Sun would count as well, and what is refused depend on the hour.
     argv += ["--sun", "0"]
     process = workshop.start(argv, ends_well=True)

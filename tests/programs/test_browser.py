@@ -57,7 +57,17 @@ def set_up(workshop: Workshop, mount: str) -> Setup:
         else start_meade(workshop, "lx200gps", NORTH)
     )
     tap = Tap(workshop, wire.port)
-    argv = [*PRODUCT, "run", "--mount", f"{mount}@socket://127.0.0.1:{tap.port}", "--sun", "0", "--hibernate", "--log"]
+    argv = [
+        *PRODUCT,
+        "run",
+        "--no-console",
+        "--mount",
+        f"{mount}@socket://127.0.0.1:{tap.port}",
+        "--sun",
+        "0",
+        "--hibernate",
+        "--log",
+    ]
     for surface in SURFACES:
         argv += ["--surface", f"{surface}@tcp://127.0.0.1:0"]
     gateway = workshop.start(argv, ends_well=True)

@@ -47,6 +47,7 @@ def virtual_port(workshop: Workshop, mount: str, port: int, surface: str) -> End
     argv = [
         *PRODUCT,
         "run",
+        "--no-console",
         "--mount",
         f"{mount}@rfc2217://127.0.0.1:{port}",
         "--surface",

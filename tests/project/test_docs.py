@@ -16,7 +16,7 @@ import pytest
 
 from gateway.app import stop_command
 from gateway.cli import COMMANDS, main, parser
-from tests.support.pages import blocks, commands, installed, spans
+from tests.support.pages import ROOT, blocks, commands, installed, spans
 from tests.support.process import GATEWAY, Running, ask
 
 SERVING = ("run", "demo", "sim")
@@ -92,6 +92,12 @@ def test_every_block_is_run_or_says_why_not() -> None:
     for block in blocks():
         if block.language == "powershell":
             assert block.reason, f"{block.page.name}: {block.text}"
+        elif block.language == "python":  # the examples are run by a test of their own
+            examples = (path.read_text("utf-8") for path in (ROOT / "examples").glob("*.py"))
+            written = [{line.strip() for line in example.splitlines()} for example in examples]
+            assert any(lines.issuperset(block.lines) for lines in written), f"{block.page.name}: {block.text}"
+        elif block.language == "mermaid":
+            assert block.page.name == "architecture.md", "a picture that no test compares with the code"
         elif block.language not in ("sh", "toml"):
             assert block.language == ""
             assert block.reason or not any(line.startswith(("$ ", "mount-gateway ")) for line in block.lines), block

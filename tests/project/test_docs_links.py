@@ -30,8 +30,13 @@ def test_links_lead_somewhere(page: Path) -> None:
     assert not dead
 
 
-def test_every_page_is_named_in_the_readme() -> None:
-    links = _LINK.findall((ROOT / "README.md").read_text("utf-8"))
-    named = {(ROOT / link.partition("#")[0]).resolve() for link in links}
-    pages = {page.resolve() for page in (ROOT / "docs").glob("*.md")}
-    assert pages <= named
+def _linked(page: Path) -> set[Path]:
+    """The pages that a page leads to."""
+    links = _LINK.findall(_FENCE.sub("", page.read_text("utf-8")))
+    return {(page.parent / link.partition("#")[0]).resolve() for link in links if "://" not in link} & set(PAGES)
+
+
+def test_every_page_can_be_reached_from_the_readme() -> None:
+    """Users' pages from the README itself, those for developers from docs/developers.md."""
+    readme, developers = ROOT / "README.md", ROOT / "docs" / "developers.md"
+    assert _linked(readme) | _linked(developers) | {readme} >= set(PAGES)

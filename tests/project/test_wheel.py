@@ -41,6 +41,8 @@ def test_the_wheel_runs_the_demo(tmp_path: Path) -> None:
     wheel = built(tmp_path)
     files = zipfile.ZipFile(wheel).namelist()
     assert "gateway/removed.py" not in files and "gateway/__main__.py" in files
+    page = {path.relative_to(ROOT).as_posix() for path in (ROOT / "gateway/console/page").rglob("*") if path.is_file()}
+    assert page and page <= set(files)
     fresh = tmp_path / "fresh"
     venv.create(fresh, with_pip=False)
     [site] = fresh.glob("lib/python*/site-packages")

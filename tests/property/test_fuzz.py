@@ -12,7 +12,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault
-from gateway.mount.link.queue import READ
+from gateway.mount.link.scheduling import READ
 from gateway.mount.motion.seen import PositionSample, Seen
 from gateway.protocols.lx200.simulator.server import SimulatedLx200
 from tests.soak.fuzz_bytes import KINDS
@@ -69,7 +69,7 @@ def test_a_read_from_a_mount_that_never_said_who_it_is_ends_also_after_a_stop() 
         bridge.controller.start()
         with pytest.raises(Fault):
             await bridge.controller.stop()
-        bridge.controller.snapshot.put(op.Slewing, False, bridge.controller.now())  # as an acknowledged stop leaves it
+        bridge.controller.cache.put(op.Slewing, False, bridge.controller.now())  # as an acknowledged stop leaves it
         await asyncio.sleep(20)
         async with asyncio.timeout(10):
             with pytest.raises(Fault):
@@ -185,7 +185,7 @@ def test_a_simulated_classic_shows_bars_on_the_way_to_half_a_target() -> None:
 def test_a_look_from_before_the_site_was_known_is_measured_again_from_the_sun_too() -> None:
     async def program() -> None:
         async with Bridge(start=EVENING - 10 * 3600.0) as bridge:
-            guard = bridge.controller.guard
+            guard = bridge.controller.watch
             seen = await bridge.controller.read(op.Position())
             guard.seen = Seen(last=PositionSample(bridge.controller.now() - 1.0, seen))
             guard._coasts_until = 0.0

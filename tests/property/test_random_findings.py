@@ -136,7 +136,7 @@ def test_a_hand_that_takes_over_from_a_goto_is_stopped_in_time(model: str) -> No
             await client.ask(b"P\x02\x11\x25\x09\x00\x00\x00")
             low = 90.0
             for _ in range(60):
-                bridge.controller.snapshot.put(op.Slewing, True, bridge.controller.now())
+                bridge.controller.cache.put(op.Slewing, True, bridge.controller.now())
                 await asyncio.sleep(0.1)
                 low = min(low, altitude(bridge))
             return low

@@ -184,6 +184,7 @@ class Attacked:
             tree,
             ahead,
             "run",
+            "--no-console",
             "--mount",
             f"{mount.partition(':')[0]}@socket://127.0.0.1:{self.relay.port}",
             "--surface",

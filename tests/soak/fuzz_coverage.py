@@ -19,6 +19,8 @@ from typing import Any
 
 import atheris
 
+from gateway.protocols.base.session import MountSettings
+
 atheris.enabled_hooks.add("str")  # "RegEx" does not go with compiled modules such as tomli
 with atheris.instrument_imports(include=["gateway"]):
     from gateway.core.errors import Fault
@@ -99,9 +101,8 @@ def _parsing(protocol: str) -> Target:
         talk.mount, talk.deferred = Mount(), []
         talk.mount.fault = Fault() if data[1] == 0xFF else None
         talk.now = talk.mount.clock.unix
-        talk.session.shared.clear()
-        talk.session.shared["sites"] = {}
-        talk.session.kept = {"precision": "high"}
+        talk.session.common.settings = MountSettings()
+        talk.session.forget()
         talk.framing = talk.face.framing(lambda: talk.now)
         for frame in talk.framing(data[2:]):
             reply = talk._handle(frame)

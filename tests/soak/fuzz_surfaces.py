@@ -24,7 +24,9 @@ from typing import Any, NamedTuple
 from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.astro.ephemeris import Sky
-from gateway.clients.command_processor import INBOX, MEMO, CommandProcessor
+from gateway.clients.commands.command_processor import CommandProcessor
+from gateway.clients.commands.inbox import INBOX
+from gateway.clients.commands.reply_cache import MEMO
 from gateway.core.wire_log import MOST, Entry
 from gateway.mount.safety.limits import Limits
 from gateway.protocols.nexstar.versions import made_with
@@ -118,11 +120,11 @@ class Judge:
         framer: Any = client.framing.framer
         pending = len(framer._frame if self.case.presented == "lx200" else framer._pending)
         for what, size, most in (
-            ("inbox", len(client._inbox), INBOX), ("memo", len(client._memo), MEMO), ("framer", pending, 64),
+            ("inbox", len(client._inbox), INBOX), ("memo", len(client._cache._replies), MEMO), ("framer", pending, 64),
             ("kept", len(repr(client.session.kept)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),
-            ("told", len(client._told), 40), ("deferred", len(client._deferred), 4),
-            ("said", len(bridge.transcript._said), MOST), ("tasks", len(bridge.controller._tasks), 600),
-            ("line", len(bridge.controller.line._queue), 600), ("hosts", len(bridge.reception._left), 200),
+            ("told", len(client._cache._told), 40), ("deferred", len(client.runner._deferred), 4),
+            ("said", len(bridge.transcript._said), MOST), ("tasks", len(bridge.controller.context.tasks), 600),
+            ("line", len(bridge.controller.line.queue), 600), ("hosts", len(bridge.reception._left), 200),
         ):  # fmt: skip
             if size > most:
                 self.say(f"{self.case.presented}: {what} has grown", f"{size}, at most {most}")
@@ -148,7 +150,7 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
     face = make_surface(endpoint, SurfaceConfig(at="-"), Limits())
     face.surface.verbatim = case.presented == case.driven
     bridge.reception.face = face
-    bridge.controller.derived.sky = SKY
+    bridge.controller.astrometry.sky = SKY
     bridge.transcript.sinks[:] = [judge.hear]
     done, longest, number = 0, 0.0, 0
     clients: list[CommandProcessor] = []

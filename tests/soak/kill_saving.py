@@ -22,6 +22,7 @@ from pathlib import Path
 
 from gateway.app.state import store
 from gateway.app.state.file import MarkerContent, read_kept
+from gateway.protocols.base.session import NamedSite
 
 LONGEST = 0.02
 
@@ -36,9 +37,9 @@ def _save_on(directory: Path, first: int, report: int) -> None:
         number = first
         while True:
             number += 1
-            for index in "0123":
-                kept.shared["sites"][index] = {"name": str(number), "latitude": 1.0, "longitude": 2.0}
-                kept.changed()
+            for index in range(4):
+                kept.shared.settings = kept.shared.settings.with_site(index, NamedSite(str(number), 1.0, 2.0))
+                kept.shared.changed()
             assert kept._writer is not None
             await asyncio.wait({kept._writer})
             os.write(report, number.to_bytes(4, "big"))

@@ -22,7 +22,7 @@ from typing import Any
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Fault
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.mount.readings.cache import MISSING
 from gateway.protocols.base.driver import Send
 from tests.soak.faulty import BREAKING, FaultyWire, Kind
@@ -59,7 +59,7 @@ class Trial:
         self.line: MountLink = line
         self.strange: list[Send] = []
         self.acknowledged: list[tuple[Send, bool]] = []
-        in_step, exchange = line.talk.in_step, line.talk.exchange
+        in_step, exchange = line.recovery.in_step, line.talk.exchange
 
         async def exchanging(ask: Send, firm: bool = False) -> Any:
             self.wire.strange, self.wire.of_another = None, False
@@ -71,7 +71,7 @@ class Trial:
             return outcome
 
         line.talk.exchange = exchanging  # type: ignore[method-assign]
-        order = self.bridge.controller.belief._order
+        order = self.bridge.controller.verifier._order
 
         async def ordering(ask: Send, rank: int) -> Any:
             done = len(self.acknowledged)
@@ -83,7 +83,7 @@ class Trial:
                 self.unsure += 1
             return answer
 
-        self.bridge.controller.belief._order = ordering  # type: ignore[method-assign]
+        self.bridge.controller.verifier._order = ordering  # type: ignore[method-assign]
 
         async def proving() -> bool:
             self.wire.proving = True
@@ -92,7 +92,7 @@ class Trial:
             finally:
                 self.wire.proving = False
 
-        line.talk.in_step = proving  # type: ignore[method-assign]
+        line.recovery.in_step = proving  # type: ignore[method-assign]
         self.bridge.transcript.sinks.append(self.wire.follow)
         self.trail: deque[tuple[float, float, float]] = deque(maxlen=4000)
         self.wrong: Counter[str] = Counter()
@@ -271,7 +271,7 @@ class Trial:
     def _oldest(self, now: float) -> float:
         """The time before which nothing that is told now may come from."""
         line = self.line
-        old = line.state != "up" or self.bridge.controller.telling.told_old  # which the log says
+        old = line.state != "up" or self.bridge.controller.told_position.told_old  # which the log says
         allowed = 10.0 if old else max(AGE, 2.5 * line.typical)
         return now - allowed - EXCHANGE
 
@@ -302,7 +302,7 @@ class Trial:
         self.asked[type(operation).__name__] += 1
         if isinstance(operation, op.Slewing):
             self._sample()
-            if value != self.said or self.bridge.controller.motions.goto_waits:  # one that waits counts as under way
+            if value != self.said or self.bridge.controller.wanted.goto_waits:  # one that waits counts as under way
                 self.said_since, self.said = now, bool(value)
             since = self.still_since if value else self.slewing_since
             if since is not None and min(now - since, now - self.said_since) > SETTLED and self.line.state == "up":
@@ -327,7 +327,7 @@ class Trial:
         utc = self.sim.utc() + (self.bridge.clock() - self.sim.now)
         if clock is not None and abs(clock.unix - utc) > 2.7:
             self._is_wrong("clock", f"off by {clock.unix - utc:.1f} s")
-        identity = controller.snapshot.value(op.GetIdentity)
+        identity = controller.cache.value(op.GetIdentity)
         if identity is not None and identity != self.identity:
             self._is_wrong("identity", f"{identity}, not {self.identity}")
 

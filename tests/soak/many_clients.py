@@ -81,6 +81,7 @@ async def _bench(chance: random.Random, state: str, running: list[Running]) -> B
     mount = PacedMount(make_simulator(Endpoint("nexstar", "sim", "6-8se"), clock=time.time), chance)
     gateway = Running(
         "run",
+        "--no-console",
         "--mount",
         f"nexstar@socket://127.0.0.1:{await mount.listen()}",
         "--sun",

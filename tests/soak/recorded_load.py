@@ -97,6 +97,7 @@ def record(path: Path, mount: str, arguments: argparse.Namespace, seed: int) -> 
         SERVE,
         str(arguments.part),
         "run",
+        "--no-console",
         "--mount",
         mount,
         "--latency",

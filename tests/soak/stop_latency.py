@@ -193,6 +193,7 @@ async def _bench(way: Way, chance: random.Random, state: str, running: list[Runn
     with _beside():
         gateway = Running(
             "run",
+            "--no-console",
             "--mount",
             where,
             "--sun",

@@ -10,13 +10,13 @@ from typing import Any
 
 from gateway.app.config import MountConfig, SurfaceConfig
 from gateway.app.gateway import Gateway
-from gateway.app.recording.entrance import HostClock
+from gateway.app.recording.host_clock import HostClock
 from gateway.app.recording.recorder import Recorder
 from gateway.app.recording.turns import TurnLoop, Wait
 from gateway.app.simulated import make_simulator
 from gateway.cli.serve.recorded import record
 from gateway.core.wire_log import Transcript
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.transport import ConnectionHandler
 from gateway.transport.wires import SimulatedTransport
 

@@ -6,6 +6,7 @@ It has no protocol and no time of its own. Gotos and syncs are judged by the pro
 from __future__ import annotations
 
 import calendar
+from copy import copy
 from datetime import datetime
 from functools import cache
 from typing import Any
@@ -13,8 +14,8 @@ from typing import Any
 from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.astro.ephemeris import Sky
-from gateway.clients.acceptor import SurfaceBinding
-from gateway.clients.command_processor import PAIR
+from gateway.clients.commands.reply_cache import PAIR
+from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, Unsupported
 from gateway.mount.safety.limits import Limits
@@ -22,7 +23,8 @@ from gateway.mount.safety.rules.sync_sum import check_sync
 from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.ephemeris_reads import PLACES
 from gateway.mount.site.site_clock import SiteClock
-from gateway.protocols.base.surface import Defer, FireAndForget, Possible, ReuseLastReading, Session, Speed
+from gateway.protocols.base.surface import Session
+from gateway.protocols.base.wants import Defer, FireAndForget, Possible, ReuseLastReading, Speed
 
 
 @cache
@@ -135,7 +137,7 @@ class Talk:
         endpoint = Endpoint(protocol, "-", model, version)
         self.face: SurfaceBinding = make_surface(endpoint, SurfaceConfig(at="-", **settings), Limits())
         self.now = self.mount.clock.unix
-        self.session = Session(self.face.model, self.face.settings, lambda: self.now, {"sites": {}})
+        self.session = self.face.surface.session(self.face.model, self.face.settings, lambda: self.now)
         self.framing = self.face.framing(lambda: self.now)
         self.deferred: list[tuple[float, Session, str]] = []
         self._told: dict[type[Any], tuple[float, Any]] = {}
@@ -182,8 +184,8 @@ class Talk:
     def reconnect(self) -> None:
         """Close the connection and open the next one, which begins with what this one has kept."""
         before = self.session
-        self.session = Session(before.model, before.settings, before.clock, before.shared, before.changed)
-        self.session.kept = dict(before.kept)
+        self.session = type(before)(before.model, before.settings, before.clock, before.common)
+        self.session.kept = copy(before.kept)
         self.framing = self.face.framing(lambda: self.now)
 
     def wait(self, seconds: float) -> None:

@@ -11,6 +11,7 @@ from gateway.app.state.file import MarkerContent
 from gateway.app.state.motion_marker import InThread
 from gateway.app.state.store import StateStore
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
+from gateway.protocols.base.session import Shared
 from tests.support.sent_forms import malformed
 
 __all__ = ["EVENING", "Bridge", "Visitor", "here"]
@@ -48,7 +49,7 @@ class Bridge(Stage):
         self.warned: list[str] = []
         super().__init__(mount, version, surface=surface, start=start, driven=driven, presented=presented, **settings)
 
-    def remember(self) -> tuple[dict[str, Any], Callable[[], None]]:
+    def remember(self) -> Shared:
         if self._state is None:
             return super().remember()
         self.keeping = StateStore(
@@ -60,7 +61,7 @@ class Bridge(Stage):
             self._in_thread or here,
         )
         self.keeping.attach(self.controller)
-        return self.keeping.shared, self.keeping.changed
+        return self.keeping.shared
 
     async def __aexit__(self, failed: object = None, *_: object) -> None:
         await super().__aexit__()
@@ -75,6 +76,6 @@ class Bridge(Stage):
         tasks = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
         for task in tasks:
             task.cancel()
-        self.controller.motions.close()
+        self.controller.reconciler.close()
         await asyncio.gather(*tasks, return_exceptions=True)
         self.keeping._lock.release()

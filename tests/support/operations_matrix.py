@@ -64,7 +64,7 @@ async def position(b: Bridge) -> bool:
 
 async def horizon(b: Bridge) -> bool:
     seen = await b.controller.perform(op.HorizontalPosition())
-    here = b.controller.derived.horizon(await b.controller.perform(op.Position()))
+    here = b.controller.astrometry.horizon(await b.controller.perform(op.Position()))
     return _near((seen.az, seen.alt), (here.az, here.alt), 0.3)
 
 

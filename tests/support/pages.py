@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
 _FENCED = re.compile(r"(?ms)(?:<!-- not run: ([^>]*) -->\n)?^( *)```(\w*)\n(.*?)^ *```$")
 _INDENTED = re.compile(r"(?m)^Run the (\w+):\n\n    (.+)$")
 _SPAN = re.compile(r"`(mount-gateway [^`]+)`")

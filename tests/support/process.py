@@ -25,6 +25,8 @@ class Running:
     said = ""
 
     def __init__(self, *arguments: str, by: list[str] = GATEWAY) -> None:
+        if arguments[:1] in (("run",), ("demo",)) and "--console" not in arguments:
+            arguments = (*arguments, "--no-console")  # a web server that the test does not ask for takes its time
         self.process = subprocess.Popen([*by, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         ALIVE.append(self)
 

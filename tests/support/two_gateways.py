@@ -11,10 +11,12 @@ from gateway.astro.ephemeris import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.core import operations as op
 from gateway.core.wire_log import Entry, Transcript
-from gateway.mount.controller import MountController, Policy
-from gateway.mount.link.queue import MountLink
+from gateway.mount.controller import MountController
+from gateway.mount.link.line import MountLink
+from gateway.mount.policy import Policy
 from gateway.mount.safety.limits import Limits
 from gateway.mount.site.site_clock import SiteClock
+from gateway.protocols.base.session import Shared
 from gateway.transport import ConnectionHandler
 from gateway.transport.wires import OnData, OnLost
 from tests.support.in_process_gateway import Bridge, Visitor
@@ -63,7 +65,7 @@ class Chain:
         limits = Limits(lowest=-90.0, sun=0.0)  # the inner gateway and the mount have limits of their own
         self.controller = MountController(driver, follow_ups, line, Sky(), observatory, self.transcript, Policy(limits))
         face = make_surface(Endpoint(presented, "-", surface), SurfaceConfig(at="-"), limits)
-        self.reception = ConnectionAcceptor(self.controller, face, {"sites": {}}, inner.clock, lambda: None)
+        self.reception = ConnectionAcceptor(self.controller, face, Shared(), inner.clock)
 
     async def __aenter__(self) -> Chain:
         await self.inner.__aenter__()

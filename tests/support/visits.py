@@ -20,6 +20,7 @@ from gateway.mount.fair_scheduler import FairScheduler
 from gateway.mount.readings.cache import MISSING
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.rules.dead_man import HostActivity, Presence
+from gateway.protocols.base.session import Shared
 from tests.support.fake_mount import Mount
 
 
@@ -33,8 +34,8 @@ class Still:
         self.presence = Presence(self.now)
         self.version = self.stops = 0
         self.closed = False
-        self.motions = self
-        self.turnstile = FairScheduler(self.loop, lambda: False)
+        self.reconciler = self.orders = self
+        self.fair_scheduler = FairScheduler(self.loop, lambda: False)
         #: What the host's clock is ahead of the loop's, and the mount's ahead of the host's.
         self._epoch = mount.clock.unix - self.now()
         self._ahead = 0.0
@@ -106,10 +107,8 @@ class House:
         self.mount = mount or Mount()
         self.controller = Still(self.mount)
         face = make_surface(Endpoint(protocol, "-", model, version), SurfaceConfig(at="-", **settings), Limits())
-        self.shared: dict[str, Any] = {"sites": {}}
-        self.reception = ConnectionAcceptor(
-            cast(Any, self.controller), face, self.shared, self.controller.clock, lambda: None
-        )
+        self.shared = Shared()
+        self.reception = ConnectionAcceptor(cast(Any, self.controller), face, self.shared, self.controller.clock)
 
     def visit(self, host: str = "192.168.4.2") -> Visit:
         return Visit(self, host)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import Any
 
 from gateway.app.config.lines import Place
 
@@ -22,7 +21,7 @@ def control(text: str) -> str:
     return f"there is a control character (U+{ord(found.group()):04X}) in it; write it without"
 
 
-def misspelt(tables: Any, place: Place = ()) -> Iterator[tuple[Place, str]]:
+def misspelt(tables: object, place: Place = ()) -> Iterator[tuple[Place, str]]:
     """Every text in tables that has a control character, where it is, and what is wrong with it."""
     if isinstance(tables, str):
         if words := control(tables):

@@ -1,4 +1,8 @@
-"""What no single value tells: endpoints that mean something, limits in order, names that fit, nothing taken twice."""
+"""Checks that need more than one value of the configuration.
+
+Endpoints must name a protocol, a model and a place that exist; limits must be in order; names must be unique and refer
+to something; nothing may be used twice.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ import os
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from gateway.app.config.declaring import OFF
 from gateway.app.config.endpoints import nearest, parse_endpoint
 from gateway.app.config.keys import Config, MountConfig
 from gateway.app.config.lines import Place
@@ -39,6 +44,7 @@ def mistakes(config: Config) -> Iterator[Mistake]:
     yield from _names(config)
     yield from _clients(config)
     yield from _access(config)
+    yield from _console(config)
     yield from _taken_twice(config)
     if not config.surface:
         yield Mistake(
@@ -149,6 +155,26 @@ def _nobody(where: str, allowed: Networks) -> str:
         f"nobody could connect: at {host} only programs of this computer arrive, and {host} is not among these; "
         f"let the surface listen at tcp://0.0.0.0:{port or 4030}, or add {host}"
     )
+
+
+def _console(config: Config) -> Iterator[Mistake]:
+    """An address to listen on, and networks that are some."""
+    for console in config.console:
+        if console.at == OFF:
+            continue
+        try:
+            if not console.at.startswith("tcp://"):
+                raise UserError(f"{console.at!r}: write tcp://127.0.0.1:4080, or off")
+            from gateway.transport.tcp import split_address
+
+            split_address(console.at)
+        except UserError as error:
+            yield Mistake(("console", 0, "at"), str(error))
+        for key, value in (("allow", console.allow), ("read-only", console.read_only)):
+            try:
+                networks(value if isinstance(value, list) else [])
+            except UserError as error:
+                yield Mistake(("console", 0, key), str(error))
 
 
 def _taken_twice(config: Config) -> Iterator[Mistake]:

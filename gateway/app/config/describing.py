@@ -20,9 +20,9 @@ class Key(NamedTuple):
     shown: str
     right: str
     choices: tuple[str, ...]
-    kind: Any
-    default: Any
-    example: Any
+    kind: object
+    default: object
+    example: object
     flag: bool
     required: bool
     #: Whether the value is a list, which a flag writes with commas.
@@ -72,12 +72,12 @@ def _key(field: Any, hint: Any) -> Key:
     )
 
 
-def _meta(hint: Any) -> msgspec.Meta | None:
+def _meta(hint: object) -> msgspec.Meta | None:
     """The description that a key was declared with."""
     return next((item for item in getattr(hint, "__metadata__", ()) if item.extra is not None), None)
 
 
-def _plain(hint: Any) -> Iterator[tuple[Any, list[msgspec.Meta]]]:
+def _plain(hint: object) -> Iterator[tuple[object, list[msgspec.Meta]]]:
     """The types a value may have, each with its limits, without None."""
     if get_origin(hint) is Annotated:
         inner, *metas = get_args(hint)
@@ -90,16 +90,16 @@ def _plain(hint: Any) -> Iterator[tuple[Any, list[msgspec.Meta]]]:
         yield hint, []
 
 
-def _choices(hint: Any) -> tuple[str, ...]:
+def _choices(hint: object) -> tuple[str, ...]:
     return tuple(word for kind, _ in _plain(hint) if get_origin(kind) is Literal for word in get_args(kind))
 
 
-def _right(hint: Any) -> str:
+def _right(hint: object) -> str:
     """What a value must be, in words."""
     return " or ".join(_words(kind, metas) for kind, metas in _plain(hint))
 
 
-def _words(kind: Any, metas: list[msgspec.Meta]) -> str:
+def _words(kind: object, metas: list[msgspec.Meta]) -> str:
     if get_origin(kind) is Literal:
         return f"one of {', '.join(get_args(kind))}"
     if get_origin(kind) is tuple:
@@ -115,7 +115,7 @@ def _words(kind: Any, metas: list[msgspec.Meta]) -> str:
 
 def _range(metas: list[msgspec.Meta]) -> str:
     """The limits in words: `` from 1 to 9``."""
-    limits: dict[str, Any] = {}
+    limits: dict[str, object] = {}
     for meta in metas:
         limits |= {name: getattr(meta, name) for name in ("ge", "gt", "le", "lt") if getattr(meta, name) is not None}
     low = f" from {limits['ge']:g}" if "ge" in limits else f" more than {limits['gt']:g}" if "gt" in limits else ""

@@ -1,6 +1,6 @@
 """Every key of ``gateway.toml``, declared once: its type, range, default, and the words that describe it.
 
-A new key is one field here. ``_key`` takes the words of ``--help`` and of the documentation, what the value is called
+A new key is one field here. ``key`` takes the words of ``--help`` and of the documentation, what the value is called
 there, an example for keys that have no default, and the limits that msgspec checks; those of a key that may be absent
 belong to the type within it, as for ``site``. The ``title`` of a limit is what a message calls it. Every key of
 ``[mount]`` is also a flag of ``run``, except those with ``flag=False``, and so is every key that only a surface has; a
@@ -9,21 +9,17 @@ flag writes a list with commas.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
+from gateway.app.config.console_keys import ConsoleConfig
+from gateway.app.config.declaring import OFF, Plain, key
 from gateway.mount.safety.limits import Limits
-
-
-def _key(words: str, shown: str = "", example: Any = None, *, flag: bool = True, **limits: Any) -> Meta:
-    return Meta(description=words, extra={"shown": shown, "example": example, "flag": flag}, **limits)
-
 
 _Latitude = Annotated[float, Meta(ge=-90.0, le=90.0)]
 _Longitude = Annotated[float, Meta(ge=-180.0, le=360.0)]
 _Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_.-]+$", title="a word of letters, digits and _ . -")]
-_Plain = Annotated[str, Meta(pattern=r"^[ -\"$-~]+$", title="plain text without #")]
 
 
 class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
@@ -31,7 +27,7 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
 
     at: Annotated[
         str,
-        _key(
+        key(
             "the mount: PROTOCOL[:MODEL[/VERSION]]@PORT, where PORT is a serial port, socket://HOST:PORT or another "
             "pyserial URL, or sim for a simulated mount",
             "ENDPOINT",
@@ -40,12 +36,12 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
         ),
     ]
     name: Annotated[
-        _Name | None, _key("a name for the mount, needed with several mounts", "NAME", "pier", flag=False)
+        _Name | None, key("a name for the mount, needed with several mounts", "NAME", "pier", flag=False)
     ] = None
-    baud: Annotated[int, _key("speed of the mount's serial port (baud)", "BAUD", ge=300, le=921600)] = 9600
+    baud: Annotated[int, key("speed of the mount's serial port (baud)", "BAUD", ge=300, le=921600)] = 9600
     site: Annotated[
         tuple[_Latitude, _Longitude] | None,
-        _key(
+        key(
             "latitude and longitude of the mount (degrees, north and east positive), for hand controls that do not "
             "tell it",
             "LAT,LON",
@@ -54,33 +50,33 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     ] = None
     mode: Annotated[
         Literal["alt-az", "eq-north", "eq-south"] | None,
-        _key("tracking mode, for hand controls that do not tell it (before version 2.3)", example="alt-az"),
+        key("tracking mode, for hand controls that do not tell it (before version 2.3)", example="alt-az"),
     ] = None
     equinox: Annotated[
         Literal["jnow", "j2000", "auto"],
-        _key("equinox of the mount's coordinates; auto: by the version of its hand control"),
+        key("equinox of the mount's coordinates; auto: by the version of its hand control"),
     ] = "jnow"
     site_time: Annotated[
         Literal["unaligned", "always", "never"],
-        _key(
+        key(
             "when to pass site and time from programs on to the mount (unaligned: to a NexStar only until it is "
             "aligned, to a Meade always)"
         ),
     ] = "unaligned"
     lowest: Annotated[
-        float, _key("lowest altitude for gotos and for motion by hand (degrees)", "DEG", ge=-90.0, le=90.0)
+        float, key("lowest altitude for gotos and for motion by hand (degrees)", "DEG", ge=-90.0, le=90.0)
     ] = 0.0
     highest: Annotated[
-        float, _key("highest altitude for gotos and for motion by hand (degrees)", "DEG", ge=-90.0, le=90.0)
+        float, key("highest altitude for gotos and for motion by hand (degrees)", "DEG", ge=-90.0, le=90.0)
     ] = 90.0
-    sync_limit: Annotated[float, _key("refuse syncs further away than this (degrees)", "DEG", gt=0.0, le=180.0)] = 15.0
+    sync_limit: Annotated[float, key("refuse syncs further away than this (degrees)", "DEG", gt=0.0, le=180.0)] = 15.0
     guide_rate: Annotated[
         Annotated[float, Meta(gt=0.0, le=1.0)] | None,
-        _key("guiding speed as a fraction of sidereal (default: 0.5 on a NexStar; a Meade keeps its own)", "RATE", 0.5),
+        key("guiding speed as a fraction of sidereal (default: 0.5 on a NexStar; a Meade keeps its own)", "RATE", 0.5),
     ] = None
     guide_directions: Annotated[
         Literal["motor", "sky"],
-        _key(
+        key(
             "what guide pulses (:Mgn#) to a NexStar mean on both sides of the pier. motor: a pulse always turns the "
             "motor the same way; sky: north is always north on the sky"
         ),
@@ -89,7 +85,7 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
         tuple[Annotated[float, Meta(ge=-360.0, le=360.0)], Annotated[float, Meta(ge=-180.0, le=180.0)]]
         | Literal["mount"]
         | None,
-        _key(
+        key(
             "park position of a NexStar, as axis readings in degrees (default: the pole on an equatorial mount, else "
             "north at the horizon or half a degree above lowest). mount: a Meade may park at its own park position, "
             "even outside lowest and highest",
@@ -99,22 +95,22 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     ] = None
     unaligned: Annotated[
         Literal["refuse", "allow"],
-        _key(
+        key(
             "whether a NexStar that is not aligned may be sent to axis readings, parked and homed. Nobody knows then "
             "where it really points"
         ),
     ] = "refuse"
-    aux_home: Annotated[bool, _key("use the mount's home switches for homing, where it has them")] = False
+    aux_home: Annotated[bool, key("use the mount's home switches for homing, where it has them")] = False
     hibernate: Annotated[
         bool,
-        _key(
+        key(
             "allow programs on a network surface (tcp, rfc2217) to put the mount to sleep; "
             "on virtual and real serial ports they always may"
         ),
     ] = False
     sun: Annotated[
         float,
-        _key(
+        key(
             "keep this far from the Sun while it is up (degrees; 0: no limit, for solar filters)",
             "DEG",
             ge=0.0,
@@ -123,11 +119,11 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     ] = 20.0
     hour_angle_limit: Annotated[
         Annotated[float, Meta(gt=0.0, le=12.0)] | None,
-        _key("how far an equatorial mount may go past the meridian (hours; default: no limit)", "HOURS", 1.5),
+        key("how far an equatorial mount may go past the meridian (hours; default: no limit)", "HOURS", 1.5),
     ] = None
     dead_man: Annotated[
         float,
-        _key(
+        key(
             "stop arrow motion when the program that started it has been silent this long (seconds)",
             "S",
             gt=0.0,
@@ -136,7 +132,7 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     ] = 30.0
     dead_man_closed: Annotated[
         float,
-        _key(
+        key(
             "stop arrow motion this long after the connection that started it was closed, unless its computer has "
             "opened another (seconds)",
             "S",
@@ -146,21 +142,21 @@ class MountConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab
     ] = 5.0
     state: Annotated[
         str | None,
-        _key(
+        key(
             "folder for the state that is kept between runs (default: the usual one of your system)",
             "PATH",
             "/var/lib/mount-gateway",
         ),
     ] = None
     record: Annotated[
-        str | None, _key("record all traffic to FILE, for replay and decode", "FILE", "/var/tmp/night.rec")
+        str | None, key("record all traffic to FILE, for replay and decode", "FILE", "/var/tmp/night.rec")
     ] = None
     record_keep: Annotated[
-        int, _key("how many files of 10 MB a recording may have; then the oldest is deleted", "N", ge=1, le=10000)
+        int, key("how many files of 10 MB a recording may have; then the oldest is deleted", "N", ge=1, le=10000)
     ] = 20
-    latency: Annotated[float, _key("how long a simulated mount takes to answer (seconds)", "S", ge=0.0, le=3.0)] = 0.0
+    latency: Annotated[float, key("how long a simulated mount takes to answer (seconds)", "S", ge=0.0, le=3.0)] = 0.0
     speed: Annotated[
-        float, _key("how many times faster than a real one a simulated mount slews", "TIMES", gt=0.0, le=1000.0)
+        float, key("how many times faster than a real one a simulated mount slews", "TIMES", gt=0.0, le=1000.0)
     ] = 1.0
 
     @property
@@ -180,7 +176,7 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
 
     at: Annotated[
         str,
-        _key(
+        key(
             "where programs connect: PROTOCOL[:MODEL[/VERSION]]@tcp://HOST:PORT, rfc2217://HOST:PORT, "
             "pty:PATH or a serial port",
             "ENDPOINT",
@@ -189,14 +185,14 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     ]
     baud: Annotated[
         Annotated[int, Meta(ge=300, le=921600)] | None,
-        _key("speed of a serial port (baud; default: 9600; a virtual port takes any)", "BAUD", 9600),
+        key("speed of a serial port (baud; default: 9600; a virtual port takes any)", "BAUD", 9600),
     ] = None
     mount: Annotated[
-        str | None, _key("name of the mount this surface belongs to, needed with several mounts", "NAME", "pier")
+        str | None, key("name of the mount this surface belongs to, needed with several mounts", "NAME", "pier")
     ] = None
     client: Annotated[
         str,
-        _key(
+        key(
             "the program that connects here: it gets what it is known to need. auto: recognise it where possible; "
             "any: treat all alike",
             "PROGRAM",
@@ -204,15 +200,15 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     ] = "auto"
     equinox: Annotated[
         Literal["jnow", "j2000"] | None,
-        _key("equinox of the program's coordinates (default: by client, else jnow; stellarium: j2000)", example="jnow"),
+        key("equinox of the program's coordinates (default: by client, else jnow; stellarium: j2000)", example="jnow"),
     ] = None
     precision: Annotated[
         Literal["high", "low"] | None,
-        _key("lx200: precision when a program connects (default: by client, else high)", example="high"),
+        key("lx200: precision when a program connects (default: by client, else high)", example="high"),
     ] = None
     sync_text: Annotated[
-        _Plain | None,
-        _key(
+        Plain | None,
+        key(
             "lx200: reply to :CM# (sync), without its # (default: by client, else that of the model)",
             "TEXT",
             "Coordinates matched.",
@@ -220,7 +216,7 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     ] = None
     allow: Annotated[
         list[str] | None,
-        _key(
+        key(
             "network surfaces: only these networks or addresses may connect (default: all that can reach the port)",
             "NETWORKS",
             ["192.168.1.0/24", "127.0.0.1"],
@@ -228,13 +224,13 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     ] = None
     read_only: Annotated[
         bool | list[str],
-        _key(
+        key(
             "programs may look and stop the mount, but not move or set anything: all programs, or those on these "
             "networks",
             "NETWORKS",
         ),
     ] = False
-    max_clients: Annotated[int, _key("network surfaces: how many connections at a time", "N", ge=1, le=10000)] = 400
+    max_clients: Annotated[int, key("network surfaces: how many connections at a time", "N", ge=1, le=10000)] = 400
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
@@ -242,22 +238,29 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
 
     mount: list[MountConfig]
     surface: list[SurfaceConfig] = []
-    wait: Annotated[bool, _key("keep looking for a mount that does not answer; programs can connect meanwhile")] = False
-    discovery: Annotated[bool, _key("announce surfaces that other computers can reach (SkySafari, mDNS)")] = True
+    console: list[ConsoleConfig] = []
+    wait: Annotated[bool, key("keep looking for a mount that does not answer; programs can connect meanwhile")] = False
+    discovery: Annotated[bool, key("announce surfaces that other computers can reach (SkySafari, mDNS)")] = True
     watchdog: Annotated[
-        bool, _key("a second, small process stops the mount if the gateway dies or hangs while the mount moves")
+        bool, key("a second, small process stops the mount if the gateway dies or hangs while the mount moves")
     ] = True
     log: Annotated[
         bool | Literal["all", "program", "mount", "changes", "refusals"],
-        _key(
+        key(
             "show the conversation in words. all or true: everything; program, mount: only that side; changes: only "
             "what moves or sets something; refusals: only what is refused or fails"
         ),
     ] = False
-    night: Annotated[bool, _key("use only shades of red as colours on the terminal")] = False
-    status: Annotated[bool, _key("show a status line on a terminal, renewed every second (not together with log)")] = (
+    night: Annotated[bool, key("use only shades of red as colours on the terminal")] = False
+    status: Annotated[bool, key("show a status line on a terminal, renewed every second (not together with log)")] = (
         True
     )
+
+    @property
+    def page(self) -> ConsoleConfig | None:
+        """The console; None where there is to be none."""
+        console = self.console[0] if self.console else ConsoleConfig()
+        return None if console.at == OFF else console
 
     def of(self, mount: MountConfig) -> list[SurfaceConfig]:
         """The surfaces of one mount."""
@@ -265,4 +268,4 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
 
 
 #: Every table and what its keys are; the keys outside any table last.
-TABLES: dict[str, type[Struct]] = {"mount": MountConfig, "surface": SurfaceConfig, "": Config}
+TABLES: dict[str, type[Struct]] = {"mount": MountConfig, "surface": SurfaceConfig, "console": ConsoleConfig, "": Config}

@@ -7,7 +7,6 @@ bytes of its connection tell it unmistakably; then only that connection is treat
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
 
 import msgspec
 
@@ -81,7 +80,7 @@ def settled(surface: SurfaceConfig, program: str | None = None) -> SurfaceConfig
     return msgspec.structs.replace(surface, **as_settings(wanted_by(surface, program)))
 
 
-def as_settings(needs: list[Need]) -> dict[str, Any]:
+def as_settings(needs: list[Need]) -> dict[str, object]:
     """Needs by the name of the field that they fill."""
     return {need.key.replace("-", "_"): need.value for need in needs}
 

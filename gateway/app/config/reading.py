@@ -38,6 +38,10 @@ _BEYOND: dict[type[Exception], str] = {
 }
 
 
+#: Tables that a file writes once, and that are lists of one here.
+SINGLE = ("mount", "console")
+
+
 class Source(msgspec.Struct):
     """Where the values come from: a file's name and text, and the flags that were given."""
 
@@ -67,11 +71,13 @@ class Source(msgspec.Struct):
 
     def _written(self, place: Place) -> Place:
         """The place as the file has it: a single ``[mount]`` has no number."""
-        single = place[:2] == ("mount", 0) and isinstance(tomli.loads(self.text).get("mount"), dict)
+        single = (
+            place[0] in SINGLE and place[1:2] == (0,) and isinstance(tomli.loads(self.text).get(str(place[0])), dict)
+        )
         return (place[0], *place[2:]) if single else place
 
 
-def read_tables(path: Path) -> tuple[dict[str, Any], Source]:
+def read_tables(path: Path) -> tuple[dict[str, object], Source]:
     """The tables of a file, and where they come from. Raises UserError with the file and the line."""
     try:
         text = path.read_text("utf-8-sig")
@@ -91,8 +97,9 @@ def read_tables(path: Path) -> tuple[dict[str, Any], Source]:
     except (RecursionError, ValueError) as error:
         raise UserError(f"{path}:{_broken_off(text)}: {_BEYOND[type(error)]}") from None
     source = Source(str(path), text)
-    if isinstance(tables.get("mount"), dict):
-        tables["mount"] = [tables["mount"]]
+    for single in SINGLE:
+        if isinstance(tables.get(single), dict):
+            tables[single] = [tables[single]]
     if isinstance(tables.get("surface"), dict):
         raise UserError(f"{source.where(('surface',))}: [surface]: write [[surface]], there may be several of them")
     return tables, source
@@ -114,7 +121,7 @@ def _broken_off(text: str) -> int:
     return bisect_left(range(1, len(lines)), True, key=given_up) + 1
 
 
-def make_config(tables: dict[str, Any], source: Source) -> Config:
+def make_config(tables: dict[str, object], source: Source) -> Config:
     """Plain tables, ``mount`` being a list of them -> what they say. Raises UserError that names place and key."""
     for place, words in misspelt(tables):
         raise _line(source, Mistake(place[:3] if place[0] in TABLES else place[:1], words))
@@ -136,7 +143,7 @@ def _read_error(message: str) -> tuple[Place, str | None, str]:
     return (place, field.group(2), field.group(1)) if field else (place, None, "")
 
 
-def _mistake(tables: dict[str, Any], source: Source, place: Place, field: str | None, what: str) -> UserError:
+def _mistake(tables: dict[str, object], source: Source, place: Place, field: str | None, what: str) -> UserError:
     """One line for what the library did not accept."""
     table = str(place[0]) if place and place[0] in TABLES else ""
     if field is None:
@@ -155,7 +162,7 @@ def _mistake(tables: dict[str, Any], source: Source, place: Place, field: str | 
     return _line(source, Mistake((*place, field), f'is needed: {key.words}; for example "{key.example}"'))
 
 
-def _wrong(tables: dict[str, Any], source: Source, table: str, place: Place) -> UserError:
+def _wrong(tables: dict[str, object], source: Source, table: str, place: Place) -> UserError:
     """A value of the wrong type or out of its range, or something else in the place of a table."""
     key = named(table, str(place[2] if table and len(place) > 2 else place[0]))
     if key is None:
@@ -171,7 +178,7 @@ def _value(tables: Any, place: Place) -> Any:
     return tables
 
 
-def _swapped(name: str, value: Any) -> str:
+def _swapped(name: str, value: object) -> str:
     """The hint for a place whose two numbers stand the wrong way round."""
     if name != "site" or not isinstance(value, list | tuple) or len(value) != 2:
         return ""
@@ -194,10 +201,10 @@ def _line(source: Source, mistake: Mistake) -> UserError:
 
 
 def _title(table: str) -> str:
-    return "[[surface]]" if table == "surface" else "[mount]" if table == "mount" else "the first lines of the file"
+    return {"surface": "[[surface]]", "": "the first lines of the file"}.get(table, f"[{table}]")
 
 
-def _show(value: Any) -> str:
+def _show(value: object) -> str:
     """A value as TOML has it, shortened."""
     try:
         text = repr(value).lower() if isinstance(value, bool) else repr(value)

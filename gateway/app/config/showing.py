@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
+from gateway.app.config.console_keys import ConsoleConfig
 from gateway.app.config.describing import Key, keys
 from gateway.app.config.keys import Config, SurfaceConfig
 from gateway.app.config.lines import Place
@@ -17,6 +18,8 @@ def effective(config: Config, source: Source) -> str:
     """What ``run`` would go by, as ``gateway.toml``; what is no default says where it comes from."""
     lines = ["# The configuration in effect. What is no default says where it comes from.", ""]
     lines += [_line(key, getattr(config, key.name), source.origin((key.name,))) for key in keys("")]
+    console = config.console[0] if config.console else ConsoleConfig()
+    lines += ["", "[console]", *_table("console", console, source, ("console", 0))]
     for number, mount in enumerate(config.mount):
         lines += ["", "[mount]" if len(config.mount) == 1 else "[[mount]]"]
         lines += _table("mount", mount, source, ("mount", number))
@@ -58,6 +61,7 @@ def example() -> str:
         "[mount]",
         *_sample("mount"),
     ]
+    lines += ["", "# The page that a browser shows.", "[console]", *_sample("console")]
     lines += ["", "# As many as there are places where programs connect.", "[[surface]]", *_sample("surface")]
     return "\n".join(lines) + "\n"
 
@@ -73,7 +77,7 @@ def _sample(table: str) -> Iterator[str]:
 def table() -> str:
     """Every key as a Markdown table."""
     lines = ["| table | key | what it says | it is | default |", "|---|---|---|---|---|"]
-    for name, title in (("", ""), ("mount", "`[mount]`"), ("surface", "`[[surface]]`")):
+    for name, title in (("", ""), ("mount", "`[mount]`"), ("surface", "`[[surface]]`"), ("console", "`[console]`")):
         for key in keys(name):
             default = "needed" if key.required else "" if key.default is None else f"`{toml(key.default)}`"
             lines.append(f"| {title} | `{key.name}` | {key.words} | {key.right} | {default} |")

@@ -1,8 +1,8 @@
-"""How a command of this program reaches the gateways that run: ``mount-gateway stop``, for one.
+"""How commands such as ``mount-gateway stop`` reach the gateways that are running.
 
-A gateway listens on a loopback port of its own for datagrams, which need no descriptor for every caller, and writes the
-port and a secret into files that only its user can read: in its state folder and in every runtime folder. A question is
-a word, an answer is text, and both are sealed with the secret, so that nobody else can give either.
+Each gateway listens for datagrams on a loopback port of its own; datagrams need no file descriptor per caller. It
+writes the port and a secret into endpoint files that only its user can read, in its state folder and in every runtime
+folder. Requests and answers are text, sealed with the secret, so that nobody else can forge either.
 """
 
 from gateway.app.control.client import ask

@@ -1,9 +1,8 @@
-"""Who asks: one order to one gateway, repeated until it is answered, and never longer than so many seconds."""
+"""The side that asks: one request to one gateway, repeated until it is answered or the time is up."""
 
 from __future__ import annotations
 
 import asyncio
-from typing import Any
 
 from gateway.app.control.endpoints import ControlEndpoint
 from gateway.app.control.messages import Parts, draw, seal, unseal
@@ -23,7 +22,7 @@ class _Asking(asyncio.DatagramProtocol):
         self.heard = False
         self.done: asyncio.Future[str] = asyncio.get_running_loop().create_future()
 
-    def datagram_received(self, data: bytes, addr: Any) -> None:
+    def datagram_received(self, data: bytes, addr: object) -> None:
         """A part of the answer, or noise."""
         found = unseal(self._secret, data)
         if found is not None and found[0] == self._number:
@@ -46,7 +45,7 @@ def silent(pid: int) -> str:
 
 
 async def ask(door: ControlEndpoint, word: str, seconds: float) -> str | None:
-    """-> the gateway's answer, or ``failed REASON``; None where no gateway is behind the door any more."""
+    """-> the gateway's answer, or ``failed REASON``; None where no gateway is at this endpoint any more."""
     number = draw()
     loop = asyncio.get_running_loop()
     try:

@@ -1,7 +1,7 @@
-"""What a person may wish for at the command line, as it passes from the command to the gateway that carries it out.
+"""The requests that a person makes on the command line, as they travel to the gateway that carries them out.
 
-A wish is one line of plain ASCII, so that a recording can hold it. Angles are degrees. ``number`` was drawn by who
-wishes: by it the same person asks how it goes, and takes it back.
+A request is one line of plain ASCII, so that a recording can hold it. Angles are degrees. ``number`` is drawn by the
+command that asks; with it the same person follows the request and cancels it.
 """
 
 from __future__ import annotations
@@ -31,67 +31,106 @@ class Body(Struct, frozen=True, tag="body"):
 Where = Spot | Body
 
 
-class Goto(Struct, frozen=True, tag="goto"):
+class Numbered(Struct, frozen=True):
+    """What all have in common: the number that was drawn for it."""
+
+    number: str
+
+
+class Base(Numbered, frozen=True, kw_only=True):
+    """And who wishes, where that is not the command itself."""
+
+    who: str = ""
+
+
+class Goto(Base, frozen=True, tag="goto"):
     """Point there and track."""
 
-    number: str
     where: Where
 
 
-class Sync(Struct, frozen=True, tag="sync"):
+class Sync(Base, frozen=True, tag="sync"):
     """It points there now."""
 
-    number: str
     where: Where
 
 
-class Park(Struct, frozen=True, tag="park"):
+class Park(Base, frozen=True, tag="park"):
     """Go to the park position."""
 
-    number: str
+
+class Home(Base, frozen=True, tag="home"):
+    """Go to the home position."""
 
 
-class Unpark(Struct, frozen=True, tag="unpark"):
+class Unpark(Base, frozen=True, tag="unpark"):
     """Take up service again."""
 
-    number: str
 
-
-class Move(Struct, frozen=True, tag="move"):
+class Move(Base, frozen=True, tag="move"):
     """Press an arrow for some seconds, at the hand control's key 1 to 9."""
 
-    number: str
     direction: Direction
     key: int
     seconds: float
 
 
-class Follow(Struct, frozen=True, tag="follow"):
-    """How does it go with what was wished for?"""
+class Press(Base, frozen=True, tag="press"):
+    """Press an arrow until it is let go. Said again, it only tells that somebody still holds it."""
 
-    number: str
+    direction: Direction
+    key: int
 
 
-class End(Struct, frozen=True, tag="end"):
-    """Take a wish back: what it began is ended, and nothing else."""
+class LetGo(Base, frozen=True, tag="let go"):
+    """Let go of the arrow that was pressed under this number."""
 
-    number: str
+
+class Track(Base, frozen=True, tag="track"):
+    """Tracking on or off; on, perhaps at another rate: ``sidereal``, ``lunar`` or ``solar``."""
+
+    on: bool = True
+    rate: str | None = None
+
+
+class TellTime(Base, frozen=True, tag="time"):
+    """What time it is: UTC as Unix seconds, and local time minus UTC in hours."""
+
+    unix: float
+    offset: float
+
+
+class TellSite(Base, frozen=True, tag="site"):
+    """Where the mount stands, degrees, north and east positive."""
+
+    latitude: float
+    longitude: float
+
+
+class Follow(Base, frozen=True, tag="follow"):
+    """How does it go with what was asked for?"""
+
+
+class End(Base, frozen=True, tag="end"):
+    """Take a request back: what it began is ended, and nothing else."""
 
 
 class See(Struct, frozen=True, tag="see"):
     """Everything that is known of the mount."""
 
 
-Wish = Goto | Sync | Park | Unpark | Move | Follow | End | See
+Wish = (
+    Goto | Sync | Park | Home | Unpark | Move | Press | LetGo | Track | TellTime | TellSite | Follow | End | See
+)  # fmt: skip
 
 
 def written(wish: Wish) -> str:
-    """A wish as a line."""
+    """A request as a line."""
     return json.dumps(msgspec.to_builtins(wish), separators=(",", ":"))
 
 
 def read(line: str) -> Wish:
-    """The wish that a line is. Raises ValueError."""
+    """The request that a line is. Raises ValueError."""
     if not (line.isascii() and line.isprintable()):
         raise ValueError("a wish is plain text")
     wish: Wish = msgspec.json.decode(line, type=Wish)

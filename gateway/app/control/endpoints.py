@@ -1,7 +1,7 @@
-"""Door files: what a command must know to reach a gateway.
+"""Endpoint files: what a command must know to reach a gateway.
 
-One that cannot be read as such (half written, a directory of that name, another program's) is none, and never hinders
-those beside it. A file outlives a gateway that was killed; whoever sees that nobody listens takes it away.
+A file that cannot be read as one (half written, a directory, another program's) is ignored and never hides those beside
+it. A file outlives a gateway that was killed; whoever finds that nobody listens on its port removes it.
 """
 
 from __future__ import annotations

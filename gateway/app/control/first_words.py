@@ -1,7 +1,7 @@
-"""What a person should know once the mount has said who, where and when it is: one line for each, the worst last.
+"""What a person should know once the mount has identified itself, one line each, the most serious last.
 
-What was found, and by whose site and clock the gateway goes; then whatever does not fit: another model than was named,
-a mount that is not aligned, sites and clocks that contradict each other.
+What was found, and whose site and clock are in use; then everything that does not fit: a different model than the one
+that was named, a mount that is not aligned, sites and clocks that contradict each other.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from msgspec import Struct
 from gateway.app.control.gather import LATELY, clock, gather, site
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
-from gateway.mount.safety_inputs import doubts_of
 
 
 class Said(Struct, frozen=True):
@@ -26,8 +25,8 @@ class Said(Struct, frozen=True):
 
 def first_words(controller: MountController, model: str | None, version: str | None) -> Iterator[Said]:
     """``model`` and ``version`` are those that were named, None where nobody has."""
-    identity: op.Identity | None = controller.snapshot.value(op.GetIdentity)
-    status: op.Status | None = controller.snapshot.value(op.GetStatus)
+    identity: op.Identity | None = controller.cache.value(op.GetIdentity)
+    status: op.Status | None = controller.cache.value(op.GetStatus)
     if identity is None:
         return
     yield Said(f"found {gather(controller, '', '', ()).found}")
@@ -47,7 +46,7 @@ def first_words(controller: MountController, model: str | None, version: str | N
             "(north and east are positive)",
             warns=True,
         )
-    if words := doubts_of(controller):
+    if words := controller.doubts():
         yield Said(words.removeprefix("WARNING: "), warns=True)
 
 
@@ -74,16 +73,16 @@ def _numbers(version: str) -> list[int]:
 
 def last_words(controller: MountController, moved: bool) -> Said | None:
     """What a person should know at the end; ``moved``: something was to be stopped. None where no mount was found."""
-    status: op.Status | None = controller.snapshot.value(op.GetStatus)
-    if controller.snapshot.value(op.GetIdentity) is None:
+    status: op.Status | None = controller.cache.value(op.GetStatus)
+    if controller.cache.value(op.GetIdentity) is None:
         return None
-    if controller.motions.owed:
+    if controller.wanted.owed:
         return Said("the mount has not acknowledged the stop: look at it, and switch it off if it moves", warns=True)
     words = "stopped the mount" if moved else "the mount was not moving"
     if status is None:
         return Said(words)
     how, age = (
         "off" if status.tracking is op.Tracking.OFF else "on",
-        controller.snapshot.age(op.GetStatus, controller.now()),
+        controller.cache.age(op.GetStatus, controller.now()),
     )
     return Said(f"{words}; tracking is {how}" if age <= LATELY else f"{words}; tracking was {how} when it last said so")

@@ -1,6 +1,7 @@
-"""Gathers what is known of a mount into one value, which everybody tells from: nothing is asked for it.
+"""Gathers what is known of a mount into one value, without asking the mount anything.
 
-What is wanted and by whom, what the owner allows, what was seen last, how the line is, what was refused lately.
+What is wanted and by whom, what the owner allows, what was seen last, the state of the connection, and what was refused
+lately. The status line, ``status`` and ``watch`` all show this value.
 """
 
 from __future__ import annotations
@@ -26,20 +27,20 @@ WORDS = {op.Direction.NORTH: "north", op.Direction.SOUTH: "south", op.Direction.
 
 def look(controller: MountController, name: str, mount: str, programs: int, rate: Rate | None = None) -> StatusLine:
     """What fits on the status line."""
-    now, snapshot = controller.now(), controller.snapshot
+    now, snapshot = controller.now(), controller.cache
     identity = snapshot.value(op.GetIdentity)
     called = mount if identity is None else identity.model or identity.product
     line, driver = controller.line, controller.driver
     return StatusLine(
         name or called, line.state, line.reason, snapshot.value(op.Position), snapshot.age(op.Position, now),
-        controller.slewing, bool(controller.motions.axes), snapshot.value(op.GetStatus), programs,
+        controller.slewing, bool(controller.wanted.axes), snapshot.value(op.GetStatus), programs,
         0.0 if rate is None else rate.per_second(now, line.answers), driver.asleep, controller.hold.on,
     )  # fmt: skip
 
 
 def gather(controller: MountController, name: str, mount: str, programs: Sequence[str]) -> State:
     """Everything; ``programs`` are the hosts of those that are here, and ``name`` is the mount's, where it has one."""
-    identity: op.Identity | None = controller.snapshot.value(op.GetIdentity)
+    identity: op.Identity | None = controller.cache.value(op.GetIdentity)
     who = (identity.product, identity.model, identity.version) if identity else ("", "", "")
     return State(
         look(controller, name, mount, len(programs)),
@@ -74,7 +75,7 @@ def clock(controller: MountController) -> str:
 
 def _wanted(controller: MountController) -> Iterator[str]:
     """What the mount was told to do, by whom, and what waits for its turn."""
-    wanted = controller.motions.wanted
+    wanted = controller.wanted.value
     if wanted.owed:
         yield "a stop, which the mount has not acknowledged yet"
     if isinstance(wanted.motion, Slew):
@@ -91,7 +92,7 @@ def _wanted(controller: MountController) -> Iterator[str]:
 
 def _goto(controller: MountController, operation: op.Operation) -> str:
     if isinstance(operation, op.Goto):
-        goal = controller.derived.from_mount(op.Equatorial(operation.ra, operation.dec))
+        goal = controller.astrometry.from_mount(op.Equatorial(operation.ra, operation.dec))
         return f"a goto to {on_the_sky(goal)}"
     if isinstance(operation, op.GotoHorizontal | op.GotoAxes):
         return f"a goto to azimuth {operation.az:.1f}°, altitude {operation.alt:.1f}°"

@@ -1,7 +1,7 @@
-"""What passes between a command and a gateway: sealed datagrams.
+"""The datagrams between a command and a gateway, and their seal.
 
-``SEAL NUMBER TEXT``: the number is drawn by who asks and repeated by who answers; the seal is an HMAC of the rest. A
-long answer goes in parts, each with its place among them: a datagram has no more room than the system gives it.
+A datagram is ``SEAL NUMBER TEXT``. The number is drawn by the side that asks and repeated in the answer; the seal is an
+HMAC of the rest. A long answer is sent in numbered parts, because the system limits the size of a datagram.
 """
 
 from __future__ import annotations

@@ -59,9 +59,18 @@ def describe(text: str) -> Object:
 def beginning(text: str, most: int) -> list[str]:
     """Names that begin like a text: bodies, catalogue numbers, names of stars and nebulae."""
     typed = names.bare(text)
-    bodies = [body for body in BODIES if body.lower().startswith(typed)]
-    numbers = [text.strip().upper()] if re.fullmatch(r"[A-Za-z]+[ -]*\d{1,6}", text.strip()) and _exists(text) else []
-    return list(dict.fromkeys((*bodies, *numbers, *names.beginning(text, most))))[:most]
+    bodies = [body for body in BODIES if typed and body.lower().startswith(typed)]
+    return list(dict.fromkeys((*bodies, *_numbers(text.strip()), *names.beginning(text, most))))[:most]
+
+
+def _numbers(text: str) -> list[str]:
+    """Catalogue numbers that begin so: of Messier's few objects all, of the large catalogues the one that was typed."""
+    found = re.fullmatch(r"([A-Za-z]+)[ -]*(\d{1,6})", text)
+    if found is None or not _exists(text):
+        return []
+    if _CATALOGUES[found[1].lower()] != "M":
+        return [text.upper()]
+    return [f"M {number}" for number in range(1, _HIGHEST["M"] + 1) if str(number).startswith(str(int(found[2])))]
 
 
 def _exists(text: str) -> bool:

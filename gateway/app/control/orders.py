@@ -1,7 +1,7 @@
-"""What a gateway does at an order from outside: stop, hold, release.
+"""What a gateway does when a command tells it to stop, to hold its mount, or to release it.
 
-``stopped``, ``held`` and ``released`` are only said of a mount for which that is so and was seen; everything else is
-``failed`` and the reason, in words for the person who gave the order.
+It answers ``stopped``, ``held`` or ``released`` only when this was seen to be so. Everything else is ``failed`` with
+the reason, in words for the person who gave the command.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from gateway.app.state import hold as on_disk
 from gateway.app.state.store import StateStore
 from gateway.core.errors import Fault
 from gateway.mount.controller import MountController
-from gateway.mount.readings.rest import SIGHT, come_to_rest
+from gateway.mount.readings.rest import SIGHT
 
 STOPPED, HELD, RELEASED = "stopped", "held", "released"
 #: Seconds that a mount has to acknowledge a stop; a hand control takes 3.5 for one answer at worst.
@@ -60,10 +60,10 @@ async def stopped(controller: MountController) -> str:
         if controller.driver.asleep and controller.line.state != "down":
             return STOPPED  # it stands still, and hears of nothing
         why = controller.line.reason or str(fault) or f"no answer from the mount within {ACKNOWLEDGED:.0f} s"
-        owed = "; the stop is owed, and the first thing that it is sent when it answers again" * controller.motions.owed
+        owed = "; the stop is owed, and the first thing that it is sent when it answers again" * controller.wanted.owed
         return f"failed {why}{owed}"
     try:
-        await come_to_rest(controller)
+        await controller.come_to_rest()
     except Fault as fault:
         return f"failed {fault}"
     return STOPPED

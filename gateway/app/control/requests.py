@@ -1,7 +1,7 @@
-"""The desk where a person's wishes from the command line are taken, and carried out as a program's would be.
+"""Carries out what a person asks for on the command line, by the same limits and rules as a program's commands.
 
-They pass the same limits and are refused by the same rules. What a wish has begun belongs to it: to take it back ends
-that and nothing that somebody else has asked for since. A move ends by a clock here, whatever becomes of who wished it.
+What a request has begun belongs to it: to cancel it ends that motion, and nothing that somebody else has asked for
+since. A ``move`` is ended by a timer here, whatever becomes of the command that asked for it.
 """
 
 from __future__ import annotations
@@ -26,26 +26,28 @@ from gateway.mount.safety.rules.dead_man import HostActivity
 
 #: What an answer begins with: carried out, still under way, not carried out.
 DONE, UNDER_WAY, FAILED = "done", "under way", "failed"
-#: Seconds after which a motion that was wished for is not begun any more: nobody waits for it.
+#: Seconds after which a motion that was asked for is not begun any more: nobody waits for it.
 PATIENCE = 10.0
 #: Seconds that the mount is given to tell how it is, before what it said last is told.
 SIGHT = 1.5
-#: Wishes that are remembered.
+#: Requests that are remembered.
 REMEMBERED = 64
 
 
 class Begun:
-    """A wish: whose connection it counts as, the stops when it came, where it leads, whether it was taken back."""
+    """A request: whose connection it counts as, the stops when it came, where it leads, whether it was taken back."""
 
     def __init__(self, life: HostActivity, stops: int) -> None:
         self.life, self.stops = life, stops
         self.goal: op.Equatorial | None = None
         self.parks = False
         self.ended = asyncio.Event()
+        #: The arrow that is held down, and the hand control's key.
+        self.pressed: tuple[op.Direction, int] | None = None
 
 
 class Desk:
-    """``carry_out`` takes a wish. ``programs`` tells the hosts that are here, ``name`` and ``mount`` what it is."""
+    """``carry_out`` takes a request. ``programs`` tells the hosts that are here, ``name`` and ``mount`` what it is."""
 
     def __init__(
         self, controller: MountController, name: str, mount: str, programs: Callable[[], Sequence[str]]
@@ -70,7 +72,7 @@ class Desk:
             return await self._follow(wish.number)
         if isinstance(wish, commands.End):
             return await self._end(wish.number)
-        begun = self._remember(wish.number, type(wish).__name__.lower())
+        begun = self._remember(wish.number, wish.who or f"mount-gateway {type(wish).__name__.lower()}")
         try:
             return f"{DONE} {await self._do(wish, begun)}"
         except Fault as fault:
@@ -78,10 +80,10 @@ class Desk:
             controller.transcript.refused(begun.life.who, f"{type(wish).__name__}: {fault}")
             return f"{FAILED} {no(fault, controller.policy.limits)}"
 
-    def _remember(self, number: str, command: str) -> Begun:
+    def _remember(self, number: str, who: str) -> Begun:
         begun, presence = self._begun.get(number), self._controller.presence
         if begun is None:
-            begun = self._begun[number] = Begun(presence.arrive(f"mount-gateway {command}"), self._controller.stops)
+            begun = self._begun[number] = Begun(presence.arrive(who), self._controller.stops)
             if len(self._begun) > REMEMBERED:
                 presence.leave(self._begun.pop(next(iter(self._begun))).life)
         return begun
@@ -102,6 +104,21 @@ class Desk:
                 begun.parks = True
                 await self._order(op.Park(), begun)
                 return "it goes to its park position"
+            case commands.Home():
+                await self._order(op.Home(), begun)
+                return "it goes to its home position"
+            case commands.Press():
+                return await self._press(wish, begun)
+            case commands.LetGo():
+                return await self._let_go(begun)
+            case commands.Track():
+                return await self._track(wish, begun)
+            case commands.TellTime():
+                await self._controller.perform(op.SetClock(wish.unix, wish.offset))
+                return "the time is set"
+            case commands.TellSite():
+                await self._controller.perform(op.SetSite(wish.latitude, wish.longitude))
+                return "the site is set"
             case commands.Unpark():
                 await self._order(op.Wake() if self._controller.driver.asleep else op.Unpark(), begun)
                 return "it is in service again, and tracks"
@@ -110,7 +127,7 @@ class Desk:
     async def _order(self, operation: op.Operation, begun: Begun) -> None:
         """Raises Fault."""
         if begun.ended.is_set():
-            raise Busy("It was taken back.")
+            raise Busy("It was cancelled.")
         try:
             async with asyncio.timeout(PATIENCE + 1.0):
                 await self._controller.perform(operation, begun.stops, begun.life, PATIENCE)
@@ -120,15 +137,16 @@ class Desk:
     async def _place(self, where: commands.Where) -> op.Equatorial:
         """Of date. Raises Fault."""
         if isinstance(where, commands.Body):
-            reads: op.Operation = op.MoonPlace() if where.name.lower() == "moon" else op.PlanetPlace(where.name)
+            reads: op.Read[op.Equatorial] = (
+                op.MoonPlace() if where.name.lower() == "moon" else op.PlanetPlace(where.name)
+            )
         elif not (-90.0 <= where.dec <= 90.0 and 0.0 <= where.ra <= 360.0):
             raise Invalid("There is no such place on the sky.")
         elif where.j2000:
             reads = op.OfDate(where.ra % 360.0, where.dec)
         else:
             return op.Equatorial(where.ra % 360.0, where.dec)
-        found: op.Equatorial = await self._controller.perform(reads)
-        return found
+        return await self._controller.perform(reads)
 
     async def _move(self, wish: commands.Move, begun: Begun) -> str:
         """Press, wait, release. Raises Fault."""
@@ -150,11 +168,38 @@ class Desk:
             raise Stopped
         return f"it was moved {WORDS[wish.direction]} for {lasted:.1f} s"
 
+    async def _press(self, wish: commands.Press, begun: Begun) -> str:
+        """Begin to move, or go on. Raises Fault."""
+        if not 1 <= wish.key <= 9:
+            raise Invalid("Rates are from 1 to 9.")
+        begun.life.heard = True
+        if begun.stops != self._controller.stops:
+            raise Stopped
+        if begun.pressed == (wish.direction, wish.key):
+            return f"it is moved {WORDS[wish.direction]}"
+        begun.pressed = wish.direction, wish.key
+        await self._order(op.Move(wish.direction, op.Rate(key=wish.key)), begun)
+        return f"it is moved {WORDS[wish.direction]}"
+
+    async def _let_go(self, begun: Begun) -> str:
+        """End what was pressed. Raises Fault."""
+        begun.ended.set()
+        if begun.pressed is not None and self._moves(begun):
+            await self._controller.perform(op.Halt(begun.pressed[0].axis), None, begun.life)
+        return "let go"
+
+    async def _track(self, wish: commands.Track, begun: Begun) -> str:
+        """Raises Fault."""
+        if wish.rate is not None:
+            await self._order(op.TrackRate(wish.rate), begun)
+        await self._order(op.SetTracking(wish.on), begun)
+        return f"tracking is {'on' if wish.on else 'off'}"
+
     # --- how it goes ------------------------------------------------------------------------------------------------
 
     def _moves(self, begun: Begun) -> bool:
-        """Whether something that this wish has begun is under way, or waits to be."""
-        wanted = self._controller.motions.wanted
+        """Whether something that this request has begun is under way, or waits to be."""
+        wanted = self._controller.wanted.value
         moving = [wanted.motion.by] if isinstance(wanted.motion, Slew) else []
         if isinstance(wanted.motion, ByHand):
             moving = [motion.by for _, motion in wanted.motion]
@@ -167,7 +212,7 @@ class Desk:
         await self._look()
         seen = self.state().look
         follows = begun.parks and any(
-            order.follow_up for order in controller.motions.wanted.pending
+            order.follow_up for order in controller.wanted.value.pending
         )  # its tracking goes off
         if self._moves(begun) or follows:
             return f"{UNDER_WAY} {on_the_sky(seen.position) if seen.position else ''}"
@@ -180,11 +225,11 @@ class Desk:
         return f"{DONE} it is there{': ' + on_the_sky(seen.position) if seen.position else ''}"
 
     async def _end(self, number: str) -> str:
-        controller, begun = self._controller, self._remember(number, "stop")
+        controller, begun = self._controller, self._remember(number, "mount-gateway stop")
         begun.ended.set()  # if it has not come yet, it is not begun later
         if not self._moves(begun):
             return f"{DONE} nothing that was begun here is under way"
-        wanted = controller.motions.wanted
+        wanted = controller.wanted.value
         halts: list[op.Operation] = (
             [op.Halt(axis) for axis, motion in wanted.motion if motion.by is begun.life]
             if isinstance(wanted.motion, ByHand)

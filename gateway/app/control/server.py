@@ -1,7 +1,7 @@
-"""A gateway's side: orders come in as datagrams, and each is answered when it has been carried out.
+"""The gateway's side: requests arrive as datagrams, and each is answered once it has been carried out.
 
-No order needs a file descriptor. Who does not hear an answer asks again with the same number, and is told the same:
-an order is carried out once.
+No request needs a file descriptor. A caller that missed the answer asks again with the same number and gets the same
+answer, so nothing is carried out twice.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class Control(asyncio.DatagramProtocol):
             raise failed[0]
         self._occupied = [number for path in self.paths[1:] if (number := occupy(path.parent)) is not None]
 
-    def datagram_received(self, data: bytes, addr: Any) -> None:
+    def datagram_received(self, data: bytes, addr: object) -> None:
         """An order, or noise."""
         found = unseal(self._secret, data)
         if found is None or not found[1].startswith("ask "):
@@ -120,7 +120,7 @@ class Control(asyncio.DatagramProtocol):
         except Exception as error:  # a defect must not look like a gateway that is gone
             return f"failed internal error, please report it: {error!r}"
 
-    def _answer(self, number: str, answer: str, addr: Any) -> None:
+    def _answer(self, number: str, answer: str, addr: object) -> None:
         for part in parts(answer):
             self._send(number, part, addr)
 
@@ -141,7 +141,7 @@ class Control(asyncio.DatagramProtocol):
         for task in waiting:
             task.cancel()
         if waiting:
-            await asyncio.wait(cast("list[asyncio.Task[Any]]", waiting), timeout=1.0)
+            await asyncio.wait(cast("list[asyncio.Task[object]]", waiting), timeout=1.0)
             await asyncio.sleep(0)
         self._transport.close()
         self._transport = None

@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from gateway.app.discovery.mdns import Publisher, publish
 from gateway.app.discovery.offer import Offer, offered
@@ -23,7 +22,7 @@ __all__ = ["Announcement", "Offer", "offered"]
 class Announcement:
     """What is announced until it is closed. ``warn`` is told what a user must know, ``note`` what one may."""
 
-    def __init__(self, warn: Callable[[str], Any], note: Callable[[str], Any]) -> None:
+    def __init__(self, warn: Callable[[str], object], note: Callable[[str], object]) -> None:
         self._warn, self._note = warn, note
         self._skyfi: asyncio.DatagramTransport | None = None
         self._publishing: asyncio.Task[None] | None = None

@@ -10,9 +10,9 @@ import socket
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from gateway import __version__
 from gateway.app.discovery.addresses import held
 from gateway.app.discovery.offer import EVERYWHERE, Offer
+from gateway.core.about import VERSION
 
 if TYPE_CHECKING:
     from zeroconf import ServiceInfo
@@ -53,13 +53,7 @@ def service(offer: Offer) -> ServiceInfo:
 
     kind, computer = f"_{offer.protocol}._tcp.local.", socket.gethostname().partition(".")[0]
     name = f"{offer.mount or 'Telescope'} on {computer}".encode()[:LONGEST].decode("utf-8", "ignore")
-    record = {
-        "txtvers": "1",
-        "model": offer.model,
-        "transport": offer.scheme,
-        "mount": offer.mount,
-        "gateway": __version__,
-    }
+    record = {"txtvers": "1", "model": offer.model, "transport": offer.scheme, "mount": offer.mount, "gateway": VERSION}
     return ServiceInfo(
         kind,
         f"{name}.{kind}",

@@ -1,8 +1,8 @@
-"""Writing a recording: a transcript's sink, and a file that only its owner can read and that does not grow for ever.
+"""Writes a recording: a sink of the wire log, into a file that only its owner can read and that does not grow for ever.
 
-A file that has become long is put aside as FILE.1, the older ones as FILE.2 and so on; the oldest is deleted. So is an
-earlier run's recording put aside, never written over. When the disk is full the recording ends there with a line that
-says so, and the person is told at once: what was written can be played again, and the night goes on.
+A long file is set aside as FILE.1, older ones as FILE.2 and so on, and the oldest is deleted. The recording of an
+earlier run is set aside in the same way, never overwritten. When the disk is full the recording ends with a line that
+says so, the user is warned, and the gateway goes on.
 """
 
 from __future__ import annotations

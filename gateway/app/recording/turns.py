@@ -1,8 +1,8 @@
-"""An event loop whose turns can be told apart, so that what happened in them can happen again.
+"""An event loop with numbered turns, so that what happened in them can be replayed exactly.
 
-Within a turn time stands still, and what comes from outside enters at the beginning of one, in the order in which it
-came. Everything else a program does on this loop follows from that: whoever knows at which turn and time what entered
-can have it all again, callback by callback. Times are whole microseconds, so that they survive being written down.
+Time stands still within a turn, and input from outside enters only at the beginning of one, in the order in which it
+came. Everything else that runs on this loop follows from that: with the turn and the time of every input, a replay
+repeats each callback. Times are whole microseconds, so that they survive being written as text.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class TurnLoop(asyncio.SelectorEventLoop):
         self._clock, self._origin = clock, clock()
         self.elapsed, self.turn = 0.0, 0
         self.on_time: list[Callable[[], None]] = []
-        self._entering: deque[tuple[Callable[..., object], tuple[Any, ...]]] = deque()
+        self._entering: deque[tuple[Callable[..., object], tuple[object, ...]]] = deque()
         self._timers = count()
         selector = _Turning()
         selector.loop = self
@@ -71,11 +71,11 @@ class TurnLoop(asyncio.SelectorEventLoop):
         """Seconds since the loop began, at this very moment."""
         return self._clock() - self._origin
 
-    def enter(self, callback: Callable[..., object], *arguments: Any) -> None:
+    def enter(self, callback: Callable[..., object], *arguments: object) -> None:
         """Have something from outside done at the beginning of the next turn. To be called on the loop's thread."""
         self._entering.append((callback, arguments))
 
-    def begin_turn(self, timeout: float | None, wait: Wait) -> list[Any]:
+    def begin_turn(self, timeout: float | None, wait: Wait) -> list[object]:
         """Wait for something to do for up to ``timeout`` seconds of this turn's time -> what the system tells."""
         idle = timeout != 0 and not self._entering
         if not idle:

@@ -1,19 +1,22 @@
-"""What a real hand control keeps over power-off, in a file for each mount.
+"""The state file of a mount: what a real hand control would keep when it is switched off.
 
-A file is always whole: written beside, flushed to the disk, renamed. One that cannot be read is moved aside and is
-never in the way of starting. Nothing here waits, and nothing here knows a loop: ``keeping.py`` decides when to write.
+A file is always complete, because it is written beside the old one, flushed to the disk, and renamed. A file that
+cannot be read is moved aside and never prevents a start. Nothing here waits or uses an event loop; ``store.py`` decides
+when to write.
 """
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 import msgspec
 from msgspec import Meta, Struct
 
+from gateway.core.operations import Values
 from gateway.mount.safety.rules.sync_sum import SyncSum
+from gateway.protocols.base.session import UNNAMED, MountSettings, NamedSite
 
 FORMAT: Final = 1
 #: Longest name of a mount's files: with an ending it must fit a directory entry.
@@ -24,35 +27,27 @@ Byte = Annotated[int, Meta(ge=0, le=255)]
 MOTORS = ("backlash ", "guide rate ")
 
 
-class NamedSite(Struct, omit_defaults=True):
-    """One of the four: degrees, north and east positive. A name is 1 to 15 printable characters without ``#``."""
-
-    name: Annotated[str, Meta(pattern=r"^[ -\"$-~]{1,15}$")] | None = None
-    latitude: Annotated[float, Meta(ge=-90, le=90)] | None = None
-    longitude: Annotated[float, Meta(ge=-360, le=360)] | None = None
-
-
 class SavedState(Struct, omit_defaults=True):
     """A state file. ``mount`` is the driver's own: where home is, whether the mount is parked."""
 
     format: Literal[1]
-    sites: dict[Literal["0", "1", "2", "3"], NamedSite] = {}
+    sites: dict[Annotated[str, Meta(pattern="^[0-3]$")], NamedSite] = {}
     site: Annotated[int, Meta(ge=0, le=3)] | None = None
     #: Time zone in hours and daylight saving, as a hand control's client has set them.
-    zone: tuple[Annotated[float, Meta(ge=-14, le=14)], Literal[0, 1]] | None = None
+    zone: tuple[Annotated[float, Meta(ge=-14, le=14)], Annotated[int, Meta(ge=0, le=1)]] | None = None
     pec: bool | None = None
     motors: dict[str, Byte] = {}
-    mount: dict[str, Any] = {}
+    mount: Values = {}
     #: How far the syncs since the mount's alignment have moved the sky together.
     synced: SyncSum = SyncSum()
 
 
 class MarkerContent(Struct):
-    """A motion mark: the mount that moves, how to reach it, and what its driver must know to stop it."""
+    """A motion marker: the mount that moves, how to reach it, and what its driver must know to stop it."""
 
     mount: str
     baud: int
-    memory: dict[str, Any] = {}
+    memory: Values = {}
 
 
 def file_name(protocol: str, where: str) -> str:
@@ -79,7 +74,7 @@ def read_kept(path: Path) -> SavedState:
 
 
 def read_mark(path: Path) -> MarkerContent | None:
-    """A mark that cannot be read is a mark all the same: its mount is then not known. None where there is none."""
+    """A marker that cannot be read is a marker all the same: its mount is then not known. None where there is none."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=MarkerContent)
     except FileNotFoundError:
@@ -98,26 +93,26 @@ def move_aside(path: Path) -> Path:
 # --- between the file and what clients have in common -----------------------------------------------------------
 
 
-def to_shared(kept: SavedState) -> dict[str, Any]:
+def to_shared(kept: SavedState) -> MountSettings:
     """What all clients of a mount begin with."""
-    sites = {
-        index: {name: value for name, value in msgspec.structs.asdict(site).items() if value is not None}
-        for index, site in kept.sites.items()
-    }
-    single = {"site": kept.site, "zone": kept.zone, "pec": kept.pec}
-    known = {name: value for name, value in kept.motors.items() if name.startswith(MOTORS)}
-    return {"sites": sites, **{name: value for name, value in single.items() if value is not None}, **known}
+    return MountSettings(
+        sites={int(index): site for index, site in kept.sites.items()},
+        site=kept.site,
+        zone=kept.zone,
+        pec=kept.pec,
+        motors={name: value for name, value in kept.motors.items() if name.startswith(MOTORS)},
+    )
 
 
-def from_shared(shared: dict[str, Any], mount: dict[str, Any], synced: SyncSum = SyncSum()) -> SavedState:
+def from_shared(shared: MountSettings, mount: Values, synced: SyncSum = SyncSum()) -> SavedState:
     """The lasting part of it; the rest (a pulse under way, a drive rate) ends with the gateway."""
     return SavedState(
         FORMAT,
-        sites={index: NamedSite(**site) for index, site in shared["sites"].items() if site},
-        site=shared.get("site"),
-        zone=shared.get("zone"),
-        pec=shared.get("pec"),
-        motors={name: value for name, value in shared.items() if name.startswith(MOTORS)},
+        sites={str(index): site for index, site in shared.sites.items() if site != UNNAMED},
+        site=shared.site,
+        zone=shared.zone,
+        pec=shared.pec,
+        motors=dict(shared.motors),
         mount=mount,
         synced=synced,
     )

@@ -1,6 +1,6 @@
-"""The hold on disk: a file in the state folder, and while it is there nothing moves a mount of that folder.
+"""The hold on disk: a file in the state folder. While it exists, nothing moves a mount of that folder.
 
-That there is such a file is all that counts: an empty one, whoever owns it, holds as well as any other.
+Only the existence of the file counts: an empty one, whoever owns it, holds as well as any other.
 """
 
 from __future__ import annotations

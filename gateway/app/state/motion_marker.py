@@ -1,8 +1,8 @@
-"""The motion mark: a file that exists while the mount moves because the gateway told it to.
+"""The motion marker: a file that exists while the mount moves because the gateway told it to.
 
-A process that is killed cannot stop its mount; the mark is how the next one, or ``mount-gateway stop``, learns that it
-must. It is written before the motion is sent, without waiting for the disk: it outlives the process, which is all that
-is asked, and it never holds a motion up for more than ``PATIENCE``.
+A process that was killed cannot stop its mount. By the marker the next gateway, or ``mount-gateway stop``, learns that
+it must. It is written before the motion is sent, without waiting for the disk: it has to survive the process, not a
+power failure, and it never delays a motion by more than ``PATIENCE``.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class MotionMarker:
             self._watch()
 
     async def before_motion(self) -> None:
-        """The mark is there, or at least under way, when this returns."""
+        """The marker is there, or at least under way, when this returns."""
         marked = self._there is not None and self._wanted is not None
         self._want(msgspec.json.encode(self._content()))
         self._quiet = 0.0
@@ -56,7 +56,7 @@ class MotionMarker:
             await asyncio.wait({self._writing}, timeout=PATIENCE)
 
     def renew(self) -> None:
-        """What must be known to stop the mount has changed: its tracking has been put off, for example."""
+        """What must be known to stop the mount has changed: its tracking has been suspended, for example."""
         if self._wanted is not None:
             self._want(msgspec.json.encode(self._content()))
 
@@ -73,7 +73,10 @@ class MotionMarker:
                 try:
                     await self._in_thread(self._put, content)
                 except OSError as error:
-                    self._warn(f"motions are not marked: {error}")
+                    self._warn(
+                        f"cannot write the motion marker {self.path} "
+                        f"({error.strerror or error}): after a crash the mount would not be stopped automatically"
+                    )
                 self._there = content
         finally:
             self._writing = None
@@ -89,7 +92,7 @@ class MotionMarker:
             self._watching = asyncio.get_running_loop().create_task(self._until_quiet())
 
     async def _until_quiet(self) -> None:
-        """Take the mark away once nothing has moved for a while; a guiding program moves all the time."""
+        """Take the marker away once nothing has moved for a while; a guiding program moves all the time."""
         self._quiet = 0.0
         while self._quiet < QUIET:
             await asyncio.sleep(LOOK)
@@ -97,7 +100,7 @@ class MotionMarker:
         self._want(None)
 
     async def close(self) -> None:
-        """Take the mark away, unless the mount could not be stopped: then it is for whoever comes next."""
+        """Take the marker away, unless the mount could not be stopped: then it is for whoever comes next."""
         if self._watching is not None:
             self._watching.cancel()
         if not self._busy():

@@ -1,8 +1,7 @@
-"""Keeping: a mount's state file and motion mark while its gateway runs.
+"""Keeps a mount's state file and motion marker up to date while its gateway runs.
 
-What has changed is written soon, on a thread; a burst of changes is few writes. A directory that cannot be written to
-costs one line of warning and the keeping, nothing else. Two gateways never share a file: the second one keeps its state
-in memory.
+Changes are written soon, on a thread; a burst of changes causes few writes. If the folder cannot be written to, one
+warning says so and nothing else suffers. Two gateways never share a file: the second keeps its state in memory.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ import asyncio
 import contextlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from msgspec import Struct
 
@@ -30,9 +28,10 @@ from gateway.app.state.file import (
 )
 from gateway.app.state.motion_marker import InThread, MotionMarker
 from gateway.core.errors import about_file
-from gateway.core.operations import Place
+from gateway.core.operations import Place, Values
 from gateway.mount.controller import MountController
 from gateway.mount.safety.rules.sync_sum import SyncSum
+from gateway.protocols.base.session import MountSettings, Shared
 from gateway.system.files import directory, write_whole
 from gateway.system.locks import PidLock, Taken
 
@@ -41,7 +40,7 @@ PAUSE = 1.0
 
 
 class PreviousRun(Struct, frozen=True):
-    """What an earlier run has kept, and the mark it left behind when it ended in motion."""
+    """What an earlier run has kept, and the marker it left behind when it ended in motion."""
 
     kept: SavedState
     left: MarkerContent | None = None
@@ -50,18 +49,18 @@ class PreviousRun(Struct, frozen=True):
 def recall(controller: MountController, past: PreviousRun) -> None:
     """Take up what an earlier run has remembered; what it left moving is stopped first."""
     controller.driver.recall(past.kept.mount, moving=False)
-    controller.synced = past.kept.synced
+    controller.safety.synced.recall(past.kept.synced)
     if past.left is not None:
         controller.driver.recall(past.left.memory, moving=True)
-        controller.motions.owe_stop()
+        controller.reconciler.owe_stop()
 
 
-def selected_site(shared: dict[str, Any]) -> Place | None:
+def selected_site(shared: MountSettings) -> Place | None:
     """The site that was selected last, when it is complete: it stands in for a mount that knows none."""
-    stored = shared["sites"].get(str(shared.get("site", 0)), {})
-    if "latitude" not in stored or "longitude" not in stored:
+    stored = shared.stored(shared.site or 0)
+    if stored.latitude is None or stored.longitude is None:
         return None
-    return Place(stored["latitude"], stored["longitude"])
+    return Place(stored.latitude, stored.longitude)
 
 
 class StateStore:
@@ -86,11 +85,11 @@ class StateStore:
         self._lock = PidLock(self.lock_path)
         self._take()
         kept = self._read()
-        self.shared: dict[str, Any] = to_shared(kept)
+        self.shared = Shared(to_shared(kept), self.changed)
         self._marks = self.held and not self._simulated
         self.past = PreviousRun(kept, read_mark(self._mark_path) if self._marks else None)
         self._written = encode(kept)
-        self._memory: Callable[[bool], dict[str, Any]] = lambda moving: kept.mount
+        self._memory: Callable[[bool], Values] = lambda moving: kept.mount
         self._synced: Callable[[], SyncSum] = lambda: kept.synced
         self._mark: MotionMarker | None = None
         self._dirty = False
@@ -103,7 +102,7 @@ class StateStore:
         return self.directory / f"{self.name}.lock"
 
     @property
-    def _mark_path(self) -> Any:
+    def _mark_path(self) -> Path:
         return self.directory / f"{self.name}.moving"
 
     def _say(self, text: str) -> None:
@@ -138,21 +137,27 @@ class StateStore:
             return read_kept(self.path)
         except OSError as error:
             if self.held:
-                self._say(f"state cannot be read: {error}")
+                self._say(
+                    f"cannot read the state file {self.path} ({error.strerror or error}): the "
+                    "gateway starts without what earlier runs kept"
+                )
         except ValueError as error:
             if self.held:
-                where = "left where it is"
+                where = "left in place"
                 with contextlib.suppress(OSError):
                     where = f"moved to {move_aside(self.path).name}"
-                self._warn(f"{self.path} is no state of this version ({error}): {where}, beginning anew")
+                self._warn(
+                    f"{self.path} is not a state file of this version ({error}): it was "
+                    f"{where}, and the gateway starts without it"
+                )
         return SavedState(FORMAT)
 
     def attach(self, controller: MountController) -> None:
-        """Let the hub tell of motions and changes; stop first what the last run left moving."""
+        """Let the controller tell of motions and changes; stop first what the last run left moving."""
         self._memory = controller.driver.memory
-        self._synced = lambda: controller.synced
+        self._synced = lambda: controller.safety.synced.value
         recall(controller, self.past)
-        controller.changed = self.changed
+        controller.changed.connect(lambda _: self.changed())
         controller.hold.on = hold.is_held(self.directory)
         if controller.hold.on:
             self._warn(
@@ -160,16 +165,18 @@ class StateStore:
             )
         if self._marks:
             if self.past.left is not None:
-                self._warn(f"{self._marked.mount}: the last run ended in motion: it is stopped first")
+                self._warn(
+                    f"{self._marked.mount}: the last run ended while the mount was moving: the mount is stopped first"
+                )
             self._mark = MotionMarker(
                 self._mark_path,
                 self._content,
-                lambda: controller.motions.busy,
+                lambda: controller.reconciler.busy,
                 self._say,
                 self.in_thread,
                 there=self.past.left is not None,
             )
-            controller.before_motion = self._mark.before_motion
+            controller.before_motion.announce = self._mark.before_motion
 
     def _content(self) -> MarkerContent:
         return MarkerContent(self._marked.mount, self._marked.baud, self._memory(True))
@@ -197,7 +204,7 @@ class StateStore:
 
     async def _write(self) -> bool:
         """Write what is not in the file yet -> whether there was anything to write."""
-        data = encode(from_shared(self.shared, self._memory(False), self._synced()))
+        data = encode(from_shared(self.shared.settings, self._memory(False), self._synced()))
         if data == self._written:
             return False
         self._written = data
@@ -205,7 +212,10 @@ class StateStore:
             await self.in_thread(write_whole, self.path, data)
         except OSError as error:
             self._written = b""
-            self._say(f"state could not be written: {error}")
+            self._say(
+                f"cannot write the state file {self.path} ({error.strerror or error}): what is "
+                "set now is lost when the gateway ends"
+            )
         return True
 
     async def close(self) -> None:

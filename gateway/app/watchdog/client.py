@@ -1,9 +1,9 @@
-"""The gateway's side of the watchdog: starts the process, hands it the lines, tells it what moves, and is heard.
+"""The gateway's side of the watchdog: it starts the process, passes it the serial lines, and tells it what moves.
 
-Every message is a line of ASCII: ``line NUMBER TITLE LOCK``, which comes with a duplicate of the line's descriptor,
-``gone NUMBER``, ``moving NUMBER COMMAND…`` with what stops the mount, ``rest NUMBER`` and ``beat``; texts and commands
-are in hexadecimal. Back comes ``stopped NUMBER``. Heartbeats come from the event loop and only while something moves;
-nothing is asked of the mount.
+Every message is one line of ASCII: ``line NUMBER TITLE LOCK``, sent with a duplicate of the line's descriptor; ``gone
+NUMBER``; ``moving NUMBER COMMAND…`` with what stops the mount; ``rest NUMBER``; and ``beat``. Texts and commands are in
+hexadecimal. The process answers ``stopped NUMBER``. Heartbeats are sent from the event loop, only while something
+moves; the mount is asked nothing.
 """
 
 from __future__ import annotations

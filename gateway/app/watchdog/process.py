@@ -144,7 +144,7 @@ class Watch:
 
     def is_silent(self, mounts: list[Mount]) -> None:
         """The gateway hangs: stop its mounts for some seconds, or until it is heard again."""
-        self.say(mounts, f"was not heard of for {SILENCE:g} s")
+        self.say(mounts, f"has not responded for {SILENCE:g} s")
         for attempt in range(TIMES):
             began = time.monotonic()
             send_stops(mounts)

@@ -91,7 +91,7 @@ def order(candidate: Candidate) -> tuple[int, float, int]:
     return int(ra / 15.0), -dec, row
 
 
-def _original(name: str) -> tuple[Any, ...] | None:
+def _original(name: str) -> tuple[object, ...] | None:
     """The object that a duplicate record stands for."""
     numbers = _rows("name = ?", name, columns="ngc, ic, messier")[0]
     for picture, number in zip(("NGC{}", "IC{}"), numbers, strict=False):

@@ -52,11 +52,11 @@ def _star(number: int, name: str, year: float) -> Entry | None:
 
 
 def beginning(text: str, most: int) -> list[str]:
-    """Names that begin so, the shortest first."""
+    """Names that begin so: the stars that mounts are aligned on first, other spellings last; the shorter the sooner."""
     typed = bare(text)
     spelled = {bare(known): known for known in (*_deep_sky(), *ALSO, *HIPPARCOS)}
-    longer = sorted((known for known in spelled if typed and known.startswith(typed)), key=len)
-    return [spelled[known] for known in longer[:most]]
+    longer = [known for bared, known in spelled.items() if typed and bared.startswith(typed)]
+    return sorted(longer, key=lambda known: (known in ALSO, known not in named_stars.STARS, len(known)))[:most]
 
 
 def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:

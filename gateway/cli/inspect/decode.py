@@ -7,12 +7,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from gateway.cli.help import Commands
 from gateway.core.errors import UserError
 from gateway.protocols.registry import PROTOCOLS, guess
 from gateway.system import streams
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Put the command into the parser."""
     decode = commands.add_parser(
         "decode",
@@ -28,21 +29,17 @@ def add(commands: Any) -> None:
 
 def _decode(arguments: argparse.Namespace) -> int:
     from gateway.app.bindings import speech
-    from gateway.app.recording.format import MOUNT
     from gateway.diagnostics.captures import Capture, Chunk, is_text
     from gateway.diagnostics.decode import NoConversation, decode, folded
+    from gateway.diagnostics.recorded_sides import RecordedSides
 
     streams.tolerate()
     path = arguments.file
     capture = Capture(path)
     recording = capture.recording
-    protocols: dict[str, str] = {}
-    surfaces: list[str] = []
-    began = None
+    sides, protocol, began = None, arguments.protocol, None
     if recording is not None:
-        began = recording.settings["began"]
-        protocols[MOUNT] = _protocol(recording.settings["config"]["mount"])
-        surfaces = [_protocol(surface) for surface in recording.settings["config"]["surface"]]
+        sides, began = RecordedSides(recording), recording.settings["began"]
     else:
         sample = capture.sample()
         if capture.bare and not arguments.protocol and is_text(sample):
@@ -51,22 +48,20 @@ def _decode(arguments: argparse.Namespace) -> int:
                 "run --record, pyserial's spy://, socat -x, and the bare bytes that a client sent "
                 "(with --protocol whatever they look like)"
             )
-        protocol = arguments.protocol or guess(sample)
+        protocol = protocol or guess(sample)
         if protocol is None:
             raise UserError(f"{path}: nothing in it was sent by a client; name the protocol with --protocol")
-        protocols["client"] = protocol
 
     def introduced() -> Iterator[Chunk]:
         """The chunks, where it is known of each connection on which surface it came in."""
         for chunk in capture:
-            if chunk.arrow == "+":
-                number = int(chunk.data.split(b",")[0].split()[-1])
-                protocols[chunk.side] = surfaces[number - 1]
+            if sides is not None and chunk.arrow == "+":
+                sides.come(chunk.side, chunk.data)
             yield chunk
 
     def talk(side: str) -> tuple[str, Any, Any]:
-        protocol = protocols.get(side) or protocols[MOUNT if recording is not None else "client"]
-        return protocol, *speech(protocol)
+        spoken = protocol if sides is None else sides.protocol(side)
+        return spoken, *speech(spoken)
 
     lines = decode(introduced(), talk, began)
     try:
@@ -77,9 +72,3 @@ def _decode(arguments: argparse.Namespace) -> int:
     if recording is not None and recording.cut:
         print(recording.cut)
     return 0
-
-
-def _protocol(settings: dict[str, Any]) -> str:
-    from gateway.app.config import parse_endpoint
-
-    return parse_endpoint(settings["at"]).protocol

@@ -11,8 +11,9 @@ import errno
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from gateway.cli.help import Commands
 from gateway.core.errors import UserError, about_file
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 NONE_FOUND = 1
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Put the command into the parser."""
     detect = commands.add_parser(
         "detect", help="which mount is on which port, and how to start",

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
+from gateway.cli.help import Commands
 from gateway.core.errors import UserError
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Put the command into the parser."""
     tables = commands.add_parser(
         "tables", help="what becomes of every command, per model",

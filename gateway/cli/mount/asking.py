@@ -1,6 +1,7 @@
-"""What the commands have in common that speak with a gateway which runs: which one is meant, and what it answers.
+"""What the commands share that speak to a running gateway: which gateway is meant, and what it answers.
 
-The exit code is 0 when it was done, 1 when the gateway said no or none runs, 2 when it cannot be done as typed.
+The exit code is 0 when the request was carried out, 1 when the gateway refused it or none runs, and 2 when it cannot be
+done as typed.
 """
 
 from __future__ import annotations
@@ -92,7 +93,7 @@ def nobody(arguments: argparse.Namespace) -> None:
 
 
 async def wished(door: ControlEndpoint, line: str, seconds: float = ANSWERED) -> str:
-    """What the gateway answers to a wish, ``failed REASON`` where nobody does."""
+    """What the gateway answers to a request, ``failed REASON`` where nobody does."""
     from gateway.app.control.client import ask
 
     answer = await ask(door, f"wish {line}", seconds)
@@ -104,7 +105,7 @@ async def wished(door: ControlEndpoint, line: str, seconds: float = ANSWERED) ->
 
 
 def told(answer: str) -> int:
-    """Say what came of a wish -> the exit code."""
+    """Say what came of a request -> the exit code."""
     how, _, words = answer.partition(" ")
     plain = "".join(letter if letter.isprintable() else "?" for letter in words)
     if how == "failed":
@@ -137,7 +138,7 @@ async def unless(done: asyncio.Event, work: Coroutine[object, object, str]) -> s
 
 
 def wish_for(arguments: argparse.Namespace, number: str, line: str, wait: bool, seconds: float = ANSWERED) -> int:
-    """Have a wish carried out by the one gateway that is meant, and stop what it began when Ctrl-C comes."""
+    """Have a request carried out by the one gateway that is meant, and stop what it began when Ctrl-C comes."""
     from gateway.app.control import commands
 
     door = the_one(arguments)

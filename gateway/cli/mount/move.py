@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+
+from gateway.cli.help import Commands
 
 DIRECTIONS = ("north", "south", "east", "west")
 EXAMPLES = """\
@@ -13,7 +14,7 @@ Examples:
 """
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Put the command into the parser."""
     from gateway.cli.mount.asking import add_which
 

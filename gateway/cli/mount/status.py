@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import asyncio
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from gateway.cli.help import Commands
 
 if TYPE_CHECKING:
     from gateway.app.status import State
@@ -17,7 +19,7 @@ Examples:
 """
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Put the command into the parser."""
     from gateway.cli.mount.asking import add_which
 

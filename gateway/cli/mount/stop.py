@@ -11,8 +11,9 @@ import asyncio
 import os
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TextIO
 
+from gateway.cli.help import Commands
 from gateway.core.errors import UserError
 from gateway.system import journal
 
@@ -25,7 +26,7 @@ Examples:
 """
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Put the command into the parser."""
     stop = commands.add_parser(
         "stop", help="stop the mount: of every running gateway, and of one that was killed",
@@ -115,7 +116,7 @@ def _on_disk(folder: Path, word: str) -> tuple[str, str]:
         return "", f"{folder / hold.NAME}: {error.strerror}: {after}"
 
 
-def _say(lines: list[str], stream: Any, level: int) -> None:
+def _say(lines: list[str], stream: TextIO, level: int) -> None:
     for line in lines:
         plain = "".join(letter if letter.isprintable() else "?" for letter in line)
         print(f"{journal.level(level, stream)}{plain}", file=stream)

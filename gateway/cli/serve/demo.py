@@ -7,13 +7,13 @@ import contextlib
 import os
 import socket
 import sys
-from typing import Any
 
 from gateway.app.config import Source, make_config
 from gateway.app.config.describing import keys
 from gateway.app.config.lines import Place
+from gateway.cli.help import Commands
 from gateway.cli.serve.serving import serve_mounts, with_loop
-from gateway.cli.serve.settings import add_flag
+from gateway.cli.serve.settings import add_console, add_flag, put_console
 from gateway.protocols.registry import PROTOCOLS, pairs
 from gateway.system.own_commands import own_command
 
@@ -24,7 +24,7 @@ OTHERS = 50
 SHOWN = ("log", "night")
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Put the command into the parser."""
     demo = commands.add_parser(
         "demo", help="a simulated mount to play with, on TCP 4030 and a virtual serial port",
@@ -42,6 +42,7 @@ def add(commands: Any) -> None:
     for key in keys(""):
         if key.name in SHOWN:
             add_flag(demo, key)
+    add_console(demo)
     demo.set_defaults(run=_demo)
 
 
@@ -58,7 +59,7 @@ def _demo(arguments: argparse.Namespace) -> int:
         if path is None and (path := free_name(f"/tmp/{client}")) != f"/tmp/{client}":
             notes.append(f"there is a /tmp/{client} of another program already; this demo takes {path}")
         surfaces.append({"at": f"{client}@pty:{path}"})
-    tables = {
+    tables: dict[str, object] = {
         "mount": [{"at": f"{mount}@sim", "speed": arguments.speed}],
         "surface": surfaces,
         **{name: value for name in SHOWN if (value := getattr(arguments, name)) is not None},
@@ -69,7 +70,9 @@ def _demo(arguments: argparse.Namespace) -> int:
         ("surface", 1): "--pty",
         ("log",): "--log",
     }
-    config = make_config(tables, Source("demo", flags=flags))
+    source = Source("demo", flags=flags)
+    put_console(arguments, tables, source)
+    config = make_config(tables, source)
     speed = "" if arguments.speed == 1 else f"\nIt slews {arguments.speed:g} times as fast as a real one."
     banner = "\n".join(
         [

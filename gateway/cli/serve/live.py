@@ -1,7 +1,6 @@
-"""What is seen of a gateway while it serves: a line on the terminal, and what systemd is told.
+"""What is shown of a running gateway: a line on the terminal, and the state that systemd is told.
 
-Both look at what is known already: neither costs the mount's line an exchange, and where there is neither a terminal
-nor systemd nothing is done at all.
+Both use what is known already and cost the mount no exchange. Without a terminal and without systemd nothing is done.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ import contextlib
 import os
 import sys
 from collections.abc import Coroutine, Sequence
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from gateway.app.status import Rate, StatusLine, status
 from gateway.diagnostics.log.layout import colours_of, painted
@@ -116,7 +115,7 @@ def look(gateway: Gateway, rate: Rate) -> StatusLine:
 
 def look_on(gateways: Sequence[Gateway], screen: Screen) -> list[asyncio.Task[None]]:
     """Begin to show and to report, where somebody wants it; the tasks are to be cancelled at the end."""
-    work: list[Coroutine[Any, Any, None]] = []
+    work: list[Coroutine[object, object, None]] = []
     if screen.terminal is not None:
         work.append(_show(Onlooker(gateways), screen))
     if wanted():
@@ -140,7 +139,7 @@ async def _report(onlooker: Onlooker, screen: Screen) -> None:
             states.append("WATCHDOG=1")
         if served and not onlooker.served:
             served = False
-            screen.warn("nobody works on the mount's line any more; please report it")
+            screen.warn("internal error: the mount I/O task has ended; restart the gateway and please report it")
         if (line := onlooker.line()) != said:
             said = line
             states.append(f"STATUS={line}")

@@ -1,4 +1,4 @@
-"""What is said while a mount is looked for, and when none was found: what was asked, what came, what that means."""
+"""What is printed while a mount is looked for, and when none was found: what was asked, what came, what that means."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def waiting(gateway: Gateway) -> str:
     spec = PROTOCOLS[gateway.mount.protocol]
     takes = spec.takes[gateway.mount.model is None]
     controller = gateway.controller
-    if controller is not None and controller.identification.met.is_set():
+    if controller is not None and controller.context.milestones.met.is_set():
         return (
             f"{gateway.title}: a mount is there, and programs are told where it points; which model it is may take "
             f"it {takes} s to say"

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import msgspec
 
-from gateway import __version__
 from gateway.app.gateway import Gateway
-from gateway.app.recording.entrance import HostClock, RecordedEntrance
+from gateway.app.recording.host_clock import HostClock
+from gateway.app.recording.recorded_entrance import RecordedEntrance
 from gateway.app.recording.recorder import LONGEST, Recorder
 from gateway.app.recording.turns import TurnLoop
+from gateway.core.about import VERSION
 
 
 def host_clock() -> Callable[[], float]:
@@ -26,7 +27,7 @@ def record(path: str, gateway: Gateway, longest: int = LONGEST) -> Recorder:
     """Record a gateway, before it is opened, in files of ``longest`` bytes. Raises UserError."""
     loop, clock = asyncio.get_running_loop(), gateway.clock
     config = {"mount": gateway.config, "surface": gateway.surfaces}
-    settings = {"began": clock(), "config": config, "past": gateway.past, "version": __version__}
+    settings = {"began": clock(), "config": config, "past": gateway.past, "version": VERSION}
     recorder = Recorder(
         Path(path), loop.time, msgspec.to_builtins(settings), longest, gateway.config.record_keep, gateway.warn, loop
     )

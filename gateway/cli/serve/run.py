@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
-from gateway.cli.help import EXIT_CODES, endpoints
+from gateway.cli.help import EXIT_CODES, Commands, endpoints
 from gateway.cli.serve.serving import serve_mounts, start_watchdog, with_loop
 from gateway.cli.serve.settings import add_settings, settings
 
@@ -22,13 +21,13 @@ Examples:
 """
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Put the command into the parser."""
     run = commands.add_parser(
         "run", help="connect programs to a mount, or to several",
         description="Connects programs to a mount. Prints a line that begins with \"ready\" for every place where they "
                     "can connect, and serves until Ctrl-C, which stops the mount first.",
-        epilog=lambda: f"{EXAMPLES}\n{endpoints()}\n\n{EXIT_CODES}",
+        late=lambda: f"{EXAMPLES}\n{endpoints()}\n\n{EXIT_CODES}",
     )  # fmt: skip
     add_settings(run)
     run.add_argument("--loop", choices=("fast", "asyncio"), default="fast", help="event loop: uvloop where it exists")

@@ -13,8 +13,9 @@ import os
 import shutil
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from gateway.cli.help import Commands
 from gateway.core.errors import UserError
 from gateway.system import journal, streams
 
@@ -84,7 +85,7 @@ Example:
 """
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Put the command into the parser."""
     service = commands.add_parser(
         "service", help="a systemd unit that starts the gateway with the computer",

@@ -1,7 +1,7 @@
-"""Serving until a signal comes: the event loop, the signals, and one gateway per mount from its ports to its mount.
+"""Serves until a signal comes: the event loop, the signals, and one gateway per mount.
 
-A mount that does not answer ends the program, with the reason. Where there are several, or with --wait, it is told of
-and waited for, and the others know nothing of it.
+If a mount does not answer, the program ends and says why. With several mounts, or with --wait, a warning is printed and
+the gateway keeps trying; the other mounts are unaffected.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ import sys
 import time
 from collections.abc import Callable, Coroutine, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 from gateway.app.config import Config, MountConfig, parse_endpoint
 from gateway.app.recording.turns import TurnLoop
+from gateway.cli.serve.console import open_console
+from gateway.cli.serve.finding import serve
 from gateway.cli.serve.live import Screen, find_terminal, look_on
-from gateway.cli.serve.meeting import SAID_AFTER, not_found, waiting, where_else
 from gateway.cli.serve.signals import before_suspension, until_signal
-from gateway.core.errors import Fault, UserError
+from gateway.core.errors import Fault
 from gateway.core.wire_log import SKY_READY, Sink
 from gateway.system.file_limits import make_room
 from gateway.system.systemd import notify
@@ -31,20 +32,11 @@ if TYPE_CHECKING:
     from gateway.app.recording.recorder import Recorder
     from gateway.app.watchdog import Watchdog
 
-#: How long a mount may take to say its first word (a hand control's worst), the first that makes sense where bytes
-#: come, and all that it is asked.
-FIRST_WORD, FIRST_SENSE, FIND_MOUNT = 4.0, 10.0, 20.0
 #: How long a stop may take before the process is suspended.
 SUSPEND = 4.0
-#: What every mount talks at that nobody has set to anything else, baud.
-USUAL = 9600
-#: With --wait, how long the ready lines wait for the mount to say what fits it.
-QUICK = 0.5
-#: How the reason begins of a line whose port cannot be opened.
-CANNOT_OPEN = "cannot open"
 
 
-def with_loop(fast: bool, serve: Callable[[], Coroutine[Any, Any, int]], recorded: bool = False) -> int:
+def with_loop(fast: bool, serve: Callable[[], Coroutine[object, object, int]], recorded: bool = False) -> int:
     """Run on uvloop where it is installed, else on asyncio's own; ``recorded``: on one that can be played again."""
     factory: Callable[[], asyncio.AbstractEventLoop] | None = TurnLoop if recorded else None
     if fast and not recorded:
@@ -86,6 +78,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     gateways: list[Gateway] = []
     recorders: list[Recorder] = []
     onlookers: list[asyncio.Task[None]] = []
+    console = None
     announcement = Announcement(screen.warn, lambda text: gateways[0].transcript.note("mount", text))
 
     def offers() -> list[Offer]:
@@ -134,17 +127,21 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
                 notify("READY=1")
 
         await _unless(
-            done, asyncio.gather(*(_serve(gateway, patient, start_sky, ready, screen.warn) for gateway in gateways))
+            done, asyncio.gather(*(serve(gateway, patient, start_sky, ready, screen.warn) for gateway in gateways))
         )
         gc.freeze()  # what was made so far lives on: looking through it for garbage would hold up a stop
         announcement.publish(offers())  # by now it is known which model fits the mount
+        if not done.is_set():
+            console = await open_console(config, gateways, screen)
         await done.wait()
     finally:
         notify("STOPPING=1")
         for task in onlookers:
             task.cancel()
         screen.clear()
-        moved = [gateway.controller is not None and gateway.controller.motions.busy for gateway in gateways]
+        if console is not None:
+            await console.close()
+        moved = [gateway.controller is not None and gateway.controller.reconciler.busy for gateway in gateways]
         await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
         if done.is_set():
             for gateway, busy in zip(gateways, moved, strict=True):
@@ -200,7 +197,7 @@ async def _stand_still(gateways: Sequence[Gateway], screen: Screen) -> None:
     moving = [
         (gateway.entrance, gateway.controller)
         for gateway in gateways
-        if gateway.controller is not None and gateway.controller.motions.busy
+        if gateway.controller is not None and gateway.controller.reconciler.busy
     ]
     try:
         async with asyncio.timeout(SUSPEND):
@@ -231,86 +228,12 @@ def _from_the_thread(work: Callable[[], object]) -> Callable[[], None]:
     return call
 
 
-async def _unless(done: asyncio.Event, work: asyncio.Future[Any]) -> None:
+async def _unless(done: asyncio.Event, work: asyncio.Future[list[None]]) -> None:
     """Wait for some work, or for the end of it all. Raises what the work raises."""
-    end = asyncio.ensure_future(done.wait())
-    await asyncio.wait(cast("list[asyncio.Future[Any]]", [end, work]), return_when=asyncio.FIRST_COMPLETED)
+    end: asyncio.Future[bool] = asyncio.ensure_future(done.wait())
+    await asyncio.wait((end, work), return_when=asyncio.FIRST_COMPLETED)
     for future in (end, work):
         future.cancel()
     await asyncio.gather(end, return_exceptions=True)
     with contextlib.suppress(asyncio.CancelledError):
         await work
-
-
-async def _serve(
-    gateway: Gateway,
-    patient: bool,
-    start_sky: Callable[[], None],
-    ready: Callable[[Gateway], None],
-    warn: Callable[[str], None],
-) -> None:
-    """Find one mount and say that it is ready. Raises UserError for one that is not there, unless there is patience."""
-    if not patient:
-        await _find(gateway, warn)
-    start_sky()
-    found = not patient or await gateway.found(QUICK)
-    ready(gateway)
-    if not found and not await _found(gateway, warn):
-        assert gateway.controller is not None
-        reason = gateway.controller.line.reason or "no answer"
-        at = f" at {gateway.config.baud} baud (mounts talk at {USUAL})" * (gateway.config.baud != USUAL)
-        warn(f"{gateway.title}: {reason}{at}; trying on")
-
-
-async def _found(gateway: Gateway, warn: Callable[[str], None]) -> bool:
-    """Wait for the mount -> whether it is there; False as soon as there is little hope."""
-    assert gateway.controller is not None
-    line, now = gateway.controller.line, asyncio.get_running_loop().time
-    began, said = now(), False
-    while now() < began + FIND_MOUNT:
-        if await gateway.found(0.1):
-            return True
-        hope = FIRST_SENSE if line.talk.heard_ever else FIRST_WORD
-        if line.reason.startswith(CANNOT_OPEN) or (line.answers == 0 and now() > began + hope):
-            break
-        if not said and now() > began + SAID_AFTER and not line.reason.startswith(CANNOT_OPEN):
-            said = True
-            warn(waiting(gateway))
-    return gateway.controller.identification.met.is_set()  # what tells where it points is a mount
-
-
-async def _find(gateway: Gateway, warn: Callable[[str], None]) -> None:
-    """Wait for the mount; raise UserError that says what is there instead."""
-    if await _found(gateway, warn):
-        return
-    assert gateway.controller is not None
-    line, words = gateway.controller.line, not_found(gateway)
-    if line.reason.startswith(CANNOT_OPEN):
-        raise UserError(f"{gateway.title}: {line.reason}; {_instead(gateway, line.reason)}")
-    await line.close()
-    from gateway.diagnostics.detect import who_answers
-
-    found = await who_answers(gateway.mount.where, gateway.config.baud)
-    if found is None and gateway.config.baud != USUAL and await who_answers(gateway.mount.where, USUAL):
-        raise UserError(
-            f"{gateway.title}: the mount answers at {USUAL} baud, and not at {gateway.config.baud}: leave --baud out"
-        )
-    if found and found != gateway.mount.protocol:
-        raise UserError(f"{gateway.title}: the mount speaks {found}; write {found}@{gateway.mount.where}")
-    raise UserError(words)
-
-
-def _instead(gateway: Gateway, reason: str) -> str:
-    """What to do about a mount's port that cannot be opened."""
-    if "in use" not in reason:
-        return where_else(gateway.mount.where)
-    from gateway.diagnostics.detect.ports import holder
-    from gateway.system.locks import read_pid
-
-    keeping = gateway.keeping
-    if keeping is not None and not keeping.held and (other := read_pid(keeping.lock_path)):
-        return (
-            f"another mount-gateway (process {other}) has this mount: programs connect to that one; where they "
-            "need another --surface, end it and start it with that one, too"
-        )
-    return f"{holder(gateway.mount.where) or 'it'} has to be ended first"

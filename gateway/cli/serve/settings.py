@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 
 from gateway.app.config import Config, Source, make_config, read_tables
+from gateway.app.config.declaring import OFF
 from gateway.app.config.describing import Key, keys
 from gateway.app.config.endpoints import parse_site
 from gateway.core.errors import UserError
@@ -85,9 +86,27 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         add_flag(group, key)
     for key in of_surface():
         add_flag(groups[SURFACE], key)
+    add_console(parser)
 
 
-def add_flag(group: Any, key: Key) -> None:
+def add_console(parser: Any) -> None:
+    """The flags of the console; what else there is to say of it stands in the file."""
+    group = parser.add_argument_group("the console, a page in the browser")
+    at = next(key for key in keys("console") if key.name == "at")
+    group.add_argument("--console", metavar=at.shown, help=at.help)
+    group.add_argument("--no-console", dest="console", action="store_const", const=OFF, help="no console")
+
+
+def put_console(arguments: argparse.Namespace, tables: dict[str, object], source: Source) -> None:
+    """What the flags say of the console."""
+    if arguments.console is not None:
+        there = tables.get("console") or [{}]
+        if isinstance(there, list) and isinstance(there[0], dict):
+            tables["console"] = [{**there[0], "at": arguments.console}]
+            source.flags[("console", 0, "at")] = "--no-console" if arguments.console == OFF else "--console"
+
+
+def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
     """The flag of a key. One that is true, false or one of some words may stand alone or have ``=WORD`` behind it."""
     words = f"{key.words} (default: yes)" if key.default is True else key.words
     if isinstance(key.default, bool) and key.choices:
@@ -121,7 +140,7 @@ class Once(argparse.Action):
         self,
         parser: argparse.ArgumentParser,
         namespace: argparse.Namespace,
-        values: Any,
+        values: object,
         option_string: str | None = None,
     ) -> None:
         if getattr(namespace, self.dest) is not None:
@@ -131,7 +150,7 @@ class Once(argparse.Action):
 
 def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
     """The file and the flags as one, and where every value comes from. Raises UserError."""
-    tables: dict[str, Any] = {}
+    tables: dict[str, object] = {}
     source = Source("command line")
     path = _file(arguments)
     if path is not None:
@@ -139,7 +158,7 @@ def settings(arguments: argparse.Namespace) -> tuple[Config, Source]:
     _put_flags(arguments, tables, source)
     config = make_config(tables, source)
     if path is HERE:
-        streams.warn(f"going by {HERE}, which is in this folder; --config FILE reads another one", journal.INFO)
+        streams.warn(f"using {HERE} from this folder; --config FILE reads another one", journal.INFO)
     return config, source
 
 
@@ -156,7 +175,7 @@ def _file(arguments: argparse.Namespace) -> Path | None:
     return given or (HERE if not arguments.mount and HERE.is_file() else None)
 
 
-def _put_flags(arguments: argparse.Namespace, tables: dict[str, Any], source: Source) -> None:
+def _put_flags(arguments: argparse.Namespace, tables: dict[str, object], source: Source) -> None:
     given = {
         key.name: _value(key, text)
         for key in keys("mount")
@@ -178,6 +197,7 @@ def _put_flags(arguments: argparse.Namespace, tables: dict[str, Any], source: So
         tables["surface"] = [{"at": surface} for surface in arguments.surface]
         source.flags |= {("surface", number): "--surface" for number in range(len(arguments.surface))}
     _put_surface_flags(arguments, tables, source)
+    put_console(arguments, tables, source)
     for key in keys(""):
         value = getattr(arguments, key.name)
         if value is not None:
@@ -185,7 +205,7 @@ def _put_flags(arguments: argparse.Namespace, tables: dict[str, Any], source: So
             source.flags[(key.name,)] = f"--{key.name}" if value else f"--no-{key.name}"
 
 
-def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, Any], source: Source) -> None:
+def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, object], source: Source) -> None:
     """What the flags say of the one surface that they can be meant for. Raises UserError where there are several."""
     given = {
         key.name: _value(key, text)
@@ -215,7 +235,7 @@ def _put_surface_flags(arguments: argparse.Namespace, tables: dict[str, Any], so
             source.flags[("surface", number, name)] = f"--{name}"
 
 
-def _on_network(surface: dict[str, Any]) -> bool:
+def _on_network(surface: dict[str, object]) -> bool:
     """Whether programs come to a surface from hosts."""
     return str(surface.get("at")).partition("@")[2].startswith(("tcp://", "rfc2217://"))
 

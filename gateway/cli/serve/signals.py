@@ -11,7 +11,6 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Coroutine
-from typing import Any
 
 #: A wrapper that passes a Ctrl-C on delivers it twice within this time, in seconds; a person does not.
 TWICE = 0.1
@@ -42,7 +41,7 @@ def until_signal() -> asyncio.Event:
     return done
 
 
-def before_suspension(prepare: Callable[[], Coroutine[Any, Any, None]]) -> None:
+def before_suspension(prepare: Callable[[], Coroutine[object, object, None]]) -> None:
     """Have something done on Ctrl-Z before the process is suspended; a second one suspends it at once."""
     if sys.platform == "win32" or signal.getsignal(signal.SIGTSTP) is signal.SIG_IGN:
         return

@@ -6,21 +6,23 @@ import argparse
 import asyncio
 import contextlib
 from math import inf
-from typing import Any, TextIO
+from typing import TextIO
 
 from gateway.app.config import parse_device, parse_site
 from gateway.app.config.places import right
+from gateway.cli.help import Commands
 from gateway.cli.serve.serving import with_loop
 from gateway.cli.serve.settings import of_flag
 from gateway.cli.serve.signals import until_signal
 from gateway.core.errors import UserError, about_file
+from gateway.protocols.mechanics.truth import Simulator
 from gateway.protocols.registry import PROTOCOLS
 from gateway.system import streams
 
 
-def add(commands: Any) -> None:
+def add(commands: Commands) -> None:
     """Put the command into the parser."""
-    sim = commands.add_parser("sim", help="a simulated mount for other programs", epilog=_epilog)
+    sim = commands.add_parser("sim", help="a simulated mount for other programs", late=_epilog)
     sim.add_argument("device", metavar="PROTOCOL[:MODEL[/VERSION]]", help="for example nexstar:cpc/4.21")
     sim.add_argument("--at", action="append", metavar="WHERE", help="tcp://HOST:PORT or pty:PATH; may be repeated")
     sim.add_argument("--latency", type=float, default=0.0, metavar="S", help="seconds to answer (a real one: 0.1-0.3)")
@@ -133,7 +135,7 @@ def _sim(arguments: argparse.Namespace) -> int:
 
 
 async def _serve(
-    simulator: Any, name: str, places: list[str], latency: float, baud: int | None, truth: str | None
+    simulator: Simulator, name: str, places: list[str], latency: float, baud: int | None, truth: str | None
 ) -> int:
     from gateway.app.simulated import serve_simulator
 
@@ -161,7 +163,7 @@ def _open(path: str) -> TextIO:
         raise UserError(f"cannot write {path}: {about_file(path, error)}") from None
 
 
-async def _tell_truth(simulator: Any, file: TextIO, done: asyncio.Event) -> None:
+async def _tell_truth(simulator: Simulator, file: TextIO, done: asyncio.Event) -> None:
     """Until a signal comes. Raises UserError when the file takes no more: half a truth would pass for a whole one."""
     from gateway.protocols.mechanics.truth import sample
 

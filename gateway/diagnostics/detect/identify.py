@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import statistics
 import time
-from typing import Any
+from typing import TypeVar
 
 from msgspec import Struct
 
@@ -13,10 +13,11 @@ from gateway.app.bindings import make_driver
 from gateway.app.config import Endpoint, MountConfig
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer
+from gateway.core.operations import Values
 from gateway.core.wire_log import Transcript
 from gateway.diagnostics.detect.capabilities import ways
 from gateway.diagnostics.detect.port_listener import PortListener
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.protocols.base.driver import Driver, Send
 from gateway.protocols.base.run_driver import carry_out
 
@@ -26,6 +27,8 @@ LONGEST = 20.0
 #: A telescope that has answered in 30 ms will not take the second and a half that a stranger is given.
 TIMES, AT_LEAST = 4.0, 0.6
 POSITIONS = 2
+
+_T = TypeVar("_T")
 
 
 class Mount(Struct, frozen=True):
@@ -53,16 +56,16 @@ class _Talk:
         self.driver, self.line = driver, line
         self.took: list[float] = []
 
-    async def perform(self, operation: op.Operation) -> Any:
+    async def perform(self, operation: op.Operation[_T]) -> _T:
         """The operation's answer. Raises Fault."""
         return await carry_out(self.driver.perform(operation), self._exchange, lambda later: None)
 
-    async def _exchange(self, ask: Send) -> dict[str, Any]:
+    async def _exchange(self, ask: Send) -> Values:
         if ask.patience is not None and self.took:
             ask = ask._replace(patience=min(ask.patience, max(AT_LEAST, TIMES * max(self.took))))
         answer = await self.line.exchange(ask)
         if self.driver.protocol.commands[ask.command].replies:
-            self.took.append(self.line.talk.took)
+            self.took.append(self.line.talk.times.took)
         return answer
 
 
@@ -99,7 +102,7 @@ async def identify(protocol: str, ear: PortListener, model: str | None = None, v
     )
 
 
-async def _maybe(talk: _Talk, operation: op.Operation) -> Any:
+async def _maybe(talk: _Talk, operation: op.Operation[_T]) -> _T | None:
     """An answer that the mount need not be able to give."""
     try:
         return await talk.perform(operation)

@@ -26,7 +26,7 @@ class Tunable(Transport, Protocol):
 
 
 class PortListener:
-    """Hears an open wire. It is a wire itself, which ``Line`` may open and close at will: the port stays open."""
+    """Hears an open wire. It is a wire itself, which ``MountLink`` may open and close at will: the port stays open."""
 
     def __init__(self, wire: Tunable) -> None:
         self.name, self._wire = wire.name, wire

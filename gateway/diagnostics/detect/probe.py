@@ -1,10 +1,10 @@
-"""The law of asking an unknown line who it is.
+"""The order in which an unknown serial line is asked what it is, so that no question can do harm.
 
-First silence: a command that another program left half finished must be dropped before two more bytes can complete it,
-and whoever talks by itself is no mount and is not spoken to. Then the questions of the protocols, by their rank: first
-what no mount of any protocol can take for an order. ``Kx`` is echoed by a hand control and ignored by an LX200; the
-single byte 0x06 is answered by a Meade, and no hand control takes it for a command. Nothing that begins with ``:`` goes
-out unless the user has named the protocol: ``:GR#`` holds an ``R``, which is a goto on a hand control.
+First silence: a command that another program left half finished must be dropped before more bytes can complete it, and
+a device that talks by itself is no mount. Then ``Kx``, which a hand control echoes as ``x#`` and an LX200 ignores. Then
+the single byte 0x06, which a Meade answers with one letter and no hand control takes for a command. Nothing that begins
+with ``:`` is sent unless the user has named the protocol, because a hand control would take parts of it for commands:
+``:GR#`` holds an ``R``, which is a goto.
 """
 
 from __future__ import annotations

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shlex
-from typing import Any
 
 from gateway.diagnostics.detect.scan_port import USUAL, Finding
 from gateway.protocols.registry import PROTOCOLS, other_surface
@@ -136,10 +135,10 @@ def toml(finding: Finding, network: bool = False) -> str:
     return "\n".join(rows) + "\n"
 
 
-def values(finding: Finding, network: bool = False) -> dict[str, Any]:
+def values(finding: Finding, network: bool = False) -> dict[str, object]:
     """One port, for programs: what is not known is null."""
     mount = finding.mount
-    known: dict[str, Any] = {
+    known: dict[str, object] = {
         "port": finding.place.url, "name": finding.place.name, "about": finding.place.about,
         "state": "mount" if mount else finding.state, "words": "" if mount else _nothing(finding),
         "baud": finding.baud, "seconds": round(finding.seconds, 2), "mount": None,

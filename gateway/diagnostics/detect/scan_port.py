@@ -1,5 +1,8 @@
-"""One port, from opening to closing: at 9600 first; at other rates only where 9600 was silent, or what came back was no
-text and may be an answer at another rate. All ports are looked at at the same time."""
+"""Examines one port, from opening to closing; all ports are examined at the same time.
+
+9600 baud comes first. Other rates are tried only where 9600 was silent, or where what came back may be an answer sent
+at another rate.
+"""
 
 from __future__ import annotations
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
+from typing import NamedTuple
 
 from gateway.core.errors import Fault, Refused
 from gateway.diagnostics.log.words import in_words, steady
@@ -32,8 +33,8 @@ class Heard(NamedTuple):
     """A command or a reply. ``command`` is the row that it is of, empty for what no table knows.
 
     It ``asks`` when it does nothing but ask, or is the answer to such a question; it ``fails`` when it says no, or is
-    nothing that anybody understands; ``values`` are those that stay the same as long as nothing happens. What is
-    ``pushed`` answers nothing.
+    nothing that anybody understands; ``values`` are those that stay the same as long as nothing happens, ``fields`` are
+    all of a reply by their names. What is ``pushed`` answers nothing.
     """
 
     data: bytes
@@ -41,7 +42,8 @@ class Heard(NamedTuple):
     command: str = ""
     asks: bool = False
     fails: bool = False
-    values: tuple[Any, ...] = ()
+    values: tuple[object, ...] = ()
+    fields: Mapping[str, object] = MappingProxyType({})
     pushed: bool = False
 
 
@@ -113,7 +115,7 @@ class Side:
             if taken is None and len(self._rest) <= LONGEST:
                 break
             if taken is None:
-                taken = Heard(b"", "fits nothing that was asked", fails=True), len(self._rest)
+                taken = Heard(b"", "is no answer to anything that was asked", fails=True), len(self._rest)
             heard, length = taken
             yield heard._replace(data=self._rest[:length])
             self._rest = self._rest[length:]
@@ -150,17 +152,18 @@ class Side:
                 return heard._replace(pushed=True), length
         return None
 
-    def _answer(self, ask: Send, data: bytes) -> tuple[dict[str, Any] | Fault, int] | None:
+    def _answer(self, ask: Send, data: bytes) -> tuple[dict[str, object] | Fault, int] | None:
         try:
             return self._dialogue.take(ask, data)
         except ValueError as error:
             return Refused(f"garbled: {error}"), len(data)
 
-    def _reply(self, ask: Send, outcome: dict[str, Any] | Fault, length: int) -> tuple[Heard, int]:
+    def _reply(self, ask: Send, outcome: dict[str, object] | Fault, length: int) -> tuple[Heard, int]:
         command = load(self.protocol).commands[ask.command]
         if isinstance(outcome, Fault):
             return Heard(b"", f"{command.name}: {outcome}", command.name, fails=True), length
         values = {key: value for key, value in outcome.items() if key != "length"}
         words = in_words(self.protocol, command.name, values) or "accepted"
         lasting = steady(self.protocol, command.name, values)
-        return Heard(b"", f"{command.name}: {words}", command.name, command.question, values=lasting), length
+        heard = Heard(b"", f"{command.name}: {words}", command.name, command.question, values=lasting, fields=values)
+        return heard, length

@@ -7,8 +7,6 @@ question after it is shown again. A program that comes anew for every question i
 
 from __future__ import annotations
 
-from typing import Any
-
 from msgspec import Struct
 
 from gateway.core.wire_log import show
@@ -34,7 +32,7 @@ class Told(Struct, frozen=True):
     host: str = ""
     asks: bool = False
     fails: bool = False
-    values: tuple[Any, ...] = ()
+    values: tuple[object, ...] = ()
     asked: bytes = b""
     pushed: bool = False
 
@@ -44,7 +42,7 @@ class _Run:
 
     def __init__(self, since: float) -> None:
         self.since, self.count = since, 0
-        self.values: tuple[Any, ...] | None = None
+        self.values: tuple[object, ...] | None = None
         self.last = ""
 
 

@@ -1,4 +1,4 @@
-"""The sink that prints: entries of the transcript become rows, and those that are wanted become lines of a stream."""
+"""The sink that prints: entries of the wire log become rows, and those that are wanted become lines of a stream."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from gateway.protocols.base.reply_rules import Replies
 from gateway.protocols.registry import guess
 from gateway.system import journal
 
-#: What a person need not see: bytes shown as commands, the hub's own decisions, a lost port that has a note besides.
+#: What a person need not see: bytes shown as commands, the controller's own decisions, a lost port that has a note
+#: besides.
 SILENT = ("raw", "r", "v")
 #: What arrows mean that are no bytes.
 EVENTS = {"+": "connected", "-": "gone", "^": "port opened", "v": "port lost"}

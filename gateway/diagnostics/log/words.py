@@ -48,7 +48,7 @@ def _word(protocol: str, command: str, field: str) -> Word:
     return fields.get(f"{command}.{field}") or fields.get(field) or Word()
 
 
-def in_words(protocol: str, command: str, values: Mapping[str, Any]) -> str:
+def in_words(protocol: str, command: str, values: Mapping[str, object]) -> str:
     """The fields of one command or reply; empty where it has none."""
     sentence = _table(protocol).commands.get(command)
     if sentence is not None and values:
@@ -59,12 +59,12 @@ def in_words(protocol: str, command: str, values: Mapping[str, Any]) -> str:
     return ", ".join(_told(protocol, name, value, _word(protocol, command, name)) for name, value in values.items())
 
 
-def steady(protocol: str, command: str, values: Mapping[str, Any]) -> tuple[Any, ...]:
+def steady(protocol: str, command: str, values: Mapping[str, object]) -> tuple[object, ...]:
     """Those values that stay the same as long as nothing happens: all but places and clocks."""
     return tuple(value for name, value in values.items() if not _word(protocol, command, name).runs)
 
 
-def _told(protocol: str, name: str, value: Any, word: Word) -> str:
+def _told(protocol: str, name: str, value: object, word: Word) -> str:
     label = name.replace("_", " ") if word.label is None else word.label
     words = word.words.get(_key(value), word.words.get("*"))
     if words is not None:
@@ -80,7 +80,7 @@ def _told(protocol: str, name: str, value: Any, word: Word) -> str:
     return f"{label} {text}".strip()
 
 
-def _key(value: Any) -> str:
+def _key(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 

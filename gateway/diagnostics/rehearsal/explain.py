@@ -10,15 +10,14 @@ from functools import cache
 
 from msgspec.structs import replace
 
-from gateway.app.bindings import speech
+from gateway.app.bindings import shows_itself, speech
 from gateway.app.config import Endpoint, parse_device
-from gateway.app.gateway import shows_itself
 from gateway.app.recording.format import unescape
 from gateway.astro.ephemeris import Sky
 from gateway.core.errors import UserError
 from gateway.core.operations import GetStatus
 from gateway.core.wire_log import show
-from gateway.diagnostics.command_tables import STANDS_FOR, outcome, taken
+from gateway.diagnostics.command_outcomes import STANDS_FOR, outcome, taken
 from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.log.words import in_words
 from gateway.diagnostics.rehearsal.play import Before, Play, Player, stage

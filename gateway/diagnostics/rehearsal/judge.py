@@ -13,7 +13,7 @@ from typing import NamedTuple
 from gateway.app.bindings import speech
 from gateway.core.errors import NoDevice, Unsupported
 from gateway.core.operations import Read, named
-from gateway.diagnostics.command_tables import outcome, remarks, sent, taken
+from gateway.diagnostics.command_outcomes import outcome, remarks, sent, taken
 from gateway.diagnostics.rehearsal.play import Play
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.surface import ACKNOWLEDGED, Surface

@@ -68,7 +68,7 @@ def _by_name(operation: Operation) -> str:
     return f"{name}: {', '.join(values)}" if values else name
 
 
-def _value(value: Any) -> str:
+def _value(value: object) -> str:
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, tuple):

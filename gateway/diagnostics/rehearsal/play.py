@@ -8,18 +8,28 @@ from __future__ import annotations
 
 import asyncio
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from gateway.app.config import Endpoint
 from gateway.app.simulated import DEFAULT_SITE
 from gateway.astro.ephemeris import Sky
-from gateway.core.errors import Fault
 from gateway.core.operations import Read, named
+from gateway.core.wire_log import Entry
 from gateway.diagnostics.rehearsal.meaning import meaning
 from gateway.diagnostics.rehearsal.samples import START
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.protocols.base.driver import Driver
-from gateway.protocols.base.surface import Defer, FireAndForget, Handling, Possible, ReuseLastReading, Session, Speed
+from gateway.protocols.base.session import Session
+from gateway.protocols.base.wants import (
+    Defer,
+    FireAndForget,
+    Handling,
+    Possible,
+    ReuseLastReading,
+    Speed,
+    Want,
+    relayed,
+)
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
@@ -97,7 +107,7 @@ def stage(face: Endpoint, mount: Endpoint, sky: Sky, *, aligned: bool = True, we
     """
     spec = PROTOCOLS[mount.protocol]
     model = mount.model or spec.default_model
-    config: dict[str, Any] = {"site": DEFAULT_SITE}
+    config: dict[str, object] = {"site": DEFAULT_SITE}
     if wedge:
         config["mode"] = "eq-north"
     return Stage(
@@ -170,12 +180,12 @@ class Player:
         """Until the mount has come to where it was sent, and the gateway has seen it there."""
         loop = asyncio.get_running_loop()
         end = loop.time() + ARRIVED
-        while (self.stage.sim.slewing or self.stage.controller.motions.busy) and loop.time() < end:
+        while (self.stage.sim.slewing or self.stage.controller.reconciler.busy) and loop.time() < end:
             await asyncio.sleep(_STEP)
 
     def _kept(self) -> str:
         """What this client and all of them together keep, as one comparable text."""
-        return "" if self._session is None else repr((self._session.kept, self.stage.shared))
+        return "" if self._session is None else repr((self._session.kept, self._session.shared))
 
     def _known(self) -> str:
         """The same of the driver and of who knows site and time."""
@@ -186,29 +196,19 @@ class Player:
         if self._session is None:
             self._session = session
             self._before = self._kept()
-        answer: Any = None
-        fault: Fault | None = None
-        while True:
-            try:
-                wanted = steps.send(answer) if fault is None else steps.throw(fault)
-            except StopIteration as end:
-                return end.value
-            answer, fault = None, None
-            self._ask(wanted)
-            try:
-                answer = yield wanted
-            except Fault as error:
-                fault = error
+        return relayed(steps, self._ask)
 
-    def _ask(self, wanted: Any) -> None:
+    def _ask(self, wanted: Want) -> bool:
+        """Note it; it is asked for all the same."""
         if isinstance(wanted, Speed):
             self._events.append(Event("baud", str(wanted.baud)))
         elif not isinstance(wanted, Defer | Possible):
             operation = wanted.operation if isinstance(wanted, FireAndForget | ReuseLastReading) else wanted
             self._events.append(Event("means", meaning(operation)))
+        return False
 
-    def _note(self, entry: Any) -> None:
-        """What the transcript takes down, as far as it belongs to a command."""
+    def _note(self, entry: Entry) -> None:
+        """What the wire log takes down, as far as it belongs to a command."""
         if entry.arrow == "!":
             self._events.append(Event("note", entry.note))
         elif entry.side == "mount" and entry.arrow == ">":

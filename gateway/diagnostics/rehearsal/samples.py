@@ -7,7 +7,6 @@ row has an example without being listed here.
 from __future__ import annotations
 
 from datetime import UTC, date, datetime
-from typing import Any
 
 from gateway.core.errors import MappingError
 from gateway.protocols.wireformat.command import Command
@@ -19,7 +18,7 @@ _NOW = datetime.fromtimestamp(START + 60.0, UTC)
 #: The Crab nebula.
 TARGET = (83.633, 22.0145)
 #: What belongs to a name, whichever command has it.
-_BY_NAME: dict[str, Any] = {
+_BY_NAME: dict[str, object] = {
     "ra": TARGET[0], "dec": TARGET[1], "az": 200.0, "alt": 50.0, "latitude": 44.5, "longitude": 11.0,
     "date": _NOW.date(), "time": _NOW.hour * 3600.0 + _NOW.minute * 60.0, "offset": -1.0, "hertz": 60.0, "limit": 20.0,
     "number": 42, "site": 2, "direction": "n", "ms": 500, "name": "HOM", "types": "GPDCO",
@@ -28,7 +27,7 @@ _BY_NAME: dict[str, Any] = {
     "on": 1, "echo": 120,
 }  # fmt: skip
 #: What one command needs.
-_BY_COMMAND: dict[tuple[str, str], Any] = {
+_BY_COMMAND: dict[tuple[str, str], object] = {
     ("H", "year"): _NOW.year % 100, ("I", "year"): _NOW.year % 100, ("rtc_set_year", "year"): _NOW.year,
     ("SE", "latitude"): 17.0, ("Se", "longitude"): 59.0, ("Lo", "catalog"): 1, ("Ls", "catalog"): 3,
     ("LS", "number"): 32349, ("move_pos", "device"): 18, ("move_neg", "device"): 18, ("RA", "rate"): 2.0,
@@ -46,7 +45,7 @@ def example(command: Command) -> bytes:
     return command.request.encode(values)
 
 
-def _value(command: Command, name: str, field: Codec) -> Any:
+def _value(command: Command, name: str, field: Codec) -> object:
     """Something that the field can carry and that can be read again."""
     wanted = (_BY_COMMAND.get((command.name, name)), _BY_NAME.get(name), *_ANYTHING)
     for value in (value for value in wanted if value is not None):

@@ -1,43 +1,43 @@
-"""A stage: a whole gateway in one process on virtual time, a client at one end, a simulated mount at the other.
+"""A whole gateway in one process on virtual time, with a client at one end and a simulated mount at the other.
 
-The parts are those of a real one, put together as ``assembly`` does; only ports, files and the watchdog are missing.
-``wire`` is what the mount itself heard, taken at its end of the line and not from the gateway's own records.
+The parts are those of a real gateway, put together as ``app/gateway.py`` does; only ports, files and the watchdog are
+missing. ``wire`` is what the mount itself received, taken at its end of the line and not from the gateway's records.
 """
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Self
 
 from msgspec.structs import replace
 
-from gateway.app.bindings import make_driver, make_surface
+from gateway.app.bindings import make_driver, make_surface, own_face, policy, shows_itself
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
-from gateway.app.gateway import own_face, policy, shows_itself
 from gateway.app.simulated import DEFAULT_SITE, make_simulator
 from gateway.astro.ephemeris import Sky
-from gateway.clients.acceptor import ConnectionAcceptor, SurfaceBinding
+from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Access
 from gateway.clients.equinox import J2000
+from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.wire_log import Entry, Transcript
 from gateway.mount.controller import MountController
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.mount.site.site_clock import SiteClock
+from gateway.protocols.base.driver import Driver
+from gateway.protocols.base.session import Shared
+from gateway.protocols.mechanics.truth import Simulator
 from gateway.protocols.registry import pairs
-from gateway.transport.wires import SimulatedTransport
+from gateway.transport.wires import Connection, SimulatedTransport
 
 #: Who speaks to whom where nobody says otherwise.
 PRESENTED, DRIVEN = pairs()[0]
 
 
-def _nobody() -> None:
-    """What has changed is kept by nobody."""
-
-
 class Stage:
-    """``sim`` is the simulated mount, ``hub`` the gateway's, ``client()`` a new connection. Needs a running loop.
+    """``sim`` is the simulated mount, ``controller`` the gateway's, ``client()`` a new connection. Needs a running
+    loop.
 
     ``start`` is Unix time; ``ramps`` False is a mount whose motors change their speed at once; ``on`` a stage that has
     ended, whose mount is used again; ``simulated`` are further settings of the simulator. The driver finds out which
@@ -73,7 +73,7 @@ class Stage:
         self.host: Callable[[], float] = lambda: self.clock() + host_ahead
         self.settings = MountConfig(at="-", **(config or {}))
         endpoint = Endpoint(driven, "sim", mount, version)
-        self.sim: Any = (
+        self.sim: Simulator = (
             on.sim
             if on
             else make_simulator(
@@ -85,7 +85,7 @@ class Stage:
         self.transcript.sinks.append(self.entries.append)
         known = endpoint if named else Endpoint(driven, "sim")
         driver, follow_ups, dialogue = make_driver(known, self.settings, loop.time)
-        self.driver: Any = driver
+        self.driver: Driver = driver
         driver.hurry = speed
         self.wire: list[bytes] = []
         line = MountLink(
@@ -100,17 +100,17 @@ class Stage:
         self.face: SurfaceBinding = make_surface(shown, SurfaceConfig(at="-"), self.settings.limits)
         self.face.surface.verbatim = presented == driven
         if self.face.counts_in == "j2000":
-            self.face = replace(self.face, equinox=J2000(self.controller.derived.sky, self.observatory.unix))
+            self.face = replace(self.face, equinox=J2000(self.controller.astrometry.sky, self.observatory.unix))
         if shows_itself(Endpoint(driven, "sim"), shown):
-            self.controller.identification.told = lambda: own_face(self.controller, self.face)
-        self.shared, changed = self.remember()
-        self.reception = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, changed, access=access)
+            self.controller.identification.told.connect(lambda _: own_face(self.controller, self.face))
+        self.shared = self.remember()
+        self.reception = ConnectionAcceptor(self.controller, self.face, self.shared, self.clock, access=access)
 
-    def remember(self) -> tuple[dict[str, Any], Callable[[], None]]:
-        """What all clients have in common, and what to call when it has changed: here nothing outlives the stage."""
-        return {"sites": {}}, _nobody
+    def remember(self) -> Shared:
+        """What all clients have in common: here nothing outlives the stage."""
+        return Shared()
 
-    def _listening(self, connect: Callable[..., Any]) -> Callable[..., Any]:
+    def _listening(self, connect: Connection) -> Connection:
         """The same way into the mount, where what it is sent is noted."""
 
         def connection(later: Callable[[float, bytes], None]) -> Callable[[bytes], bytes]:
@@ -125,7 +125,7 @@ class Stage:
 
         return connection
 
-    async def __aenter__(self) -> Any:
+    async def __aenter__(self) -> Self:
         self.controller.start()
         await self.controller.settled.wait()
         return self
@@ -144,7 +144,7 @@ class Stage:
 class Visitor:
     """One connection."""
 
-    def __init__(self, stage: Any, host: str) -> None:
+    def __init__(self, stage: Stage, host: str) -> None:
         self.heard = b""
         self._guest = stage.reception.arrive(host, host, self._hear)
 

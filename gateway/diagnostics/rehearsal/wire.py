@@ -14,7 +14,7 @@ from multiprocessing import get_context
 from typing import NamedTuple
 
 from gateway.app.config import Endpoint
-from gateway.diagnostics.command_tables import versions
+from gateway.diagnostics.command_outcomes import versions
 from gateway.diagnostics.rehearsal.explain import before, counted, sky, traits
 from gateway.diagnostics.rehearsal.judge import Case, differences, writes
 from gateway.diagnostics.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Before, Play, Player, stage

@@ -12,7 +12,8 @@ from gateway.app.recording.format import MOUNT, Event
 from gateway.core.errors import Fault
 from gateway.core.wire_log import Transcript
 from gateway.diagnostics.virtual_time import VirtualLoop
-from gateway.mount.link.queue import MountLink, Request
+from gateway.mount.link.line import MountLink
+from gateway.mount.link.queue import Request, RequestQueue
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.transport.wires import OnData, OnLost
@@ -38,7 +39,7 @@ class RecordedLoop(VirtualLoop):
 
     def call_at(  # type: ignore[override]  # the library's own signature needs a newer Python to be written down
         self, when: float, callback: Callable[..., object], *args: Any, context: Any = None
-    ) -> Any:
+    ) -> object:
         number = bisect_left(self._left, when - ROUNDED)
         deadline = when - self.time() >= DEADLINE and isinstance(getattr(callback, "__self__", None), asyncio.Timeout)
         late = deadline and number < len(self._left) and self._left[number] - when <= LATE
@@ -111,30 +112,38 @@ class RecordedWire:
         self._on_data = None
 
 
-class RecordedLine(MountLink):
-    """A line that sends what was sent then, when it was sent."""
+class RecordedQueue(RequestQueue):
+    """Lets go what was sent then, when it was sent."""
 
-    def __init__(self, wire: RecordedWire, dialogue: ReplyRules, transcript: Transcript) -> None:
-        super().__init__(wire, dialogue, transcript)
-        self._recorded = wire
+    def __init__(self, wire: RecordedWire, dialogue: ReplyRules) -> None:
+        super().__init__()
+        self._recorded, self._dialogue = wire, dialogue
 
     def allow(self, requests: int) -> None:
         """The moment of the next requests has come."""
         self._recorded.granted += requests
-        self._wake.set()
+        self.wake()
 
-    async def _next(self) -> Request | None:
+    async def next(self, typical: float, gap: Callable[[Send], float]) -> Request | None:
         if self._recorded.granted > self._recorded.written and self._recorded.script:
-            for item in self._waiting():  # of two that ask the same the one goes first that did then
-                if not item[2].future.done() and self._bytes(item[2].ask) == self._recorded.script[0]:
-                    self._queue.remove(item)
-                    return item[2]
-        self._wake.clear()
-        await self._wake.wait()
+            for request in self.in_turn():  # of two that ask the same the one goes first that did then
+                if not request.future.done() and self._bytes(request.ask) == self._recorded.script[0]:
+                    self.take(request)
+                    return request
+        await self.news()
         return None
 
     def _bytes(self, ask: Send) -> bytes:
         try:
-            return self.dialogue.encode(ask)
+            return self._dialogue.encode(ask)
         except Fault:
             return b""
+
+
+class RecordedLine(MountLink):
+    """A line that sends what was sent then, when it was sent."""
+
+    def __init__(self, wire: RecordedWire, dialogue: ReplyRules, transcript: Transcript) -> None:
+        recorded = RecordedQueue(wire, dialogue)
+        super().__init__(wire, dialogue, transcript, recorded)
+        self.allow = recorded.allow

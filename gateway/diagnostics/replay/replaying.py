@@ -2,7 +2,7 @@
 
 Every client must receive the bytes that it received then. A recording that tells at which turns of the event loop all
 came is played turn by turn (``retracing``). Of an older one, or one of another version, the order is guessed: the line
-sends its requests in the recorded order and at the recorded times, and the hub decides as it did.
+sends its requests in the recorded order and at the recorded times, and the controller decides as it did.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from typing import NamedTuple
 
 import msgspec
 
-from gateway import __version__
 from gateway.app.config import MountConfig, SurfaceConfig
 from gateway.app.gateway import Gateway
 from gateway.app.recording.format import MOUNT, WITHOUT_TURNS, Event, Recording
 from gateway.app.state.store import PreviousRun
 from gateway.core import operations as op
+from gateway.core.about import VERSION
 from gateway.core.errors import UserError
 from gateway.core.wire_log import SKY_READY, Entry, Transcript
 from gateway.diagnostics.replay.recorded_mount import ROUNDED, RecordedLine, RecordedLoop, RecordedWire
 from gateway.diagnostics.replay.retraced import RetracedLoop
 from gateway.diagnostics.replay.retracing import Difference, Retracing, surface_and_host
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.transport import ConnectionHandler
 from gateway.transport.wires import SimulatedTransport
@@ -73,7 +73,7 @@ def _guess(recording: Recording) -> str:
     if recording.format == WITHOUT_TURNS:
         return "the recording is of an older format, which does not tell the order in which commands took effect"
     recorded = recording.settings.get("version"), recording.settings.get("python")
-    here = __version__, "{}.{}".format(*sys.version_info)
+    here = VERSION, "{}.{}".format(*sys.version_info)
     if recorded != here:
         return "it was recorded by mount-gateway {} on Python {}, and this is {} on {}".format(*recorded, *here)
     return ""
@@ -128,7 +128,7 @@ async def _replay(recording: Recording, events: list[Event]) -> Outcome:
         if cause.side == MOUNT:
             _mount(cause, asked, gateway, wire)
         elif cause.arrow == "r":
-            gateway.controller.spawn(gateway.controller.refresh.renew(getattr(op, cause.data.decode())))
+            gateway.controller.spawn(gateway.controller.poller.renew(getattr(op, cause.data.decode())))
         else:
             clients.play(cause)
         await _rest()

@@ -64,7 +64,7 @@ class RetracedLoop(TurnLoop):
         self.turn = self._next.number - 1
         await self._ended
 
-    def begin_turn(self, timeout: float | None, wait: Wait) -> list[Any]:
+    def begin_turn(self, timeout: float | None, wait: Wait) -> list[object]:
         self.turn += 1
         turn = self._next
         if turn is None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import re
 from collections import deque
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from gateway.app.control.orders import stopped
 from gateway.app.gateway import Gateway
@@ -19,7 +19,7 @@ from gateway.app.recording.turns import BASE
 from gateway.core.errors import UserError
 from gateway.core.wire_log import SKY_READY
 from gateway.diagnostics.replay.retraced import TOLD, RetracedEntrance, RetracedLoop, RetracedWire, Turn, turns
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.transport import ConnectionHandler
 
 #: What the gateway is given to end after the last turn, seconds.
@@ -75,7 +75,7 @@ class Retracing:
         self._coming: deque[_Talk] = deque()
         self._touched: list[_Talk] = []
         self._left: list[_Talk] = []
-        self._tasks: list[asyncio.Task[Any]] = []
+        self._tasks: list[asyncio.Task[object]] = []
         self._host = float("nan")
         #: The recording goes on to where the gateway was told to end.
         self._closing = False

@@ -6,11 +6,11 @@ first answer that no sleeper gives ends this. What a sleeper does not hear costs
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from gateway.core.errors import Asleep
-from gateway.mount.link.queue import POSITION, STOP
-from gateway.protocols.base.driver import Driver, Send
+from gateway.mount.context import Context
+from gateway.mount.link.scheduling import POSITION, STOP
+from gateway.mount.motion.wanted import WantedState
+from gateway.protocols.base.driver import Send
 
 #: Seconds from one position that is tried to the next: no longer than where nobody asks a mount that is awake.
 TRY_AGAIN = 5.0
@@ -19,11 +19,11 @@ TRY_AGAIN = 5.0
 class HibernationGate:
     """Asks the driver whether its mount sleeps, and tells it when the mount is heard to be awake.
 
-    ``waking`` tells whether it is being woken: what is asked for after that is asked of a mount that is awake.
+    Where ``wanted`` says that it is being woken, what is asked for after that is asked of a mount that is awake.
     """
 
-    def __init__(self, driver: Driver, now: Callable[[], float], waking: Callable[[], bool]) -> None:
-        self._driver, self._now, self._waking = driver, now, waking
+    def __init__(self, context: Context, wanted: WantedState) -> None:
+        self._driver, self._now, self._wanted = context.driver, context.now, wanted
         self._next = 0.0
 
     def begun(self) -> None:
@@ -37,11 +37,11 @@ class HibernationGate:
     @property
     def deep(self) -> bool:
         """Whether nothing would come of a read now."""
-        return self._driver.asleep and self._now() < self._next and not self._waking()
+        return self._driver.asleep and self._now() < self._next and not self._wanted.waking
 
     def admit(self, ask: Send, rank: int) -> None:
         """Whether to ask this now. Raises Asleep."""
-        if not self._driver.asleep or rank == STOP or self._heard(ask) or self._waking():
+        if not self._driver.asleep or rank == STOP or self._heard(ask) or self._wanted.waking:
             return
         if self.deep or rank != POSITION:
             raise Asleep

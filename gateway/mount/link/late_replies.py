@@ -1,8 +1,8 @@
-"""Doubt: questions that were not answered in time, whose answers may still come.
+"""Late replies: requests that timed out and may still be answered.
 
 A serial line and a TCP stream keep the order of what passes, so an exchange that proves the line to be in step also
-ends every older question. Boxes in between that reorder exist all the same; for them a question stays in doubt until
-its answer would be later than any that was ever seen, and nothing is believed that could be its answer.
+ends every older request. Some boxes in between reorder all the same. For them a request stays open until its reply
+would be later than any that was ever seen, and nothing is accepted that could be its reply.
 """
 
 from __future__ import annotations

@@ -1,21 +1,24 @@
-"""Talk on an open wire: a request, its reply, and whether that reply can be its own.
+"""One exchange on an open line: a request, its reply, and whether that reply can be its own.
 
-A reply counts in its exact form, and only when nothing follows it: of two, one belongs to somebody else. A command that
-has no reply may be objected to all the same. After a disturbance the wire is drained, and proofs are exchanged until
-the line is in step again, or every later answer would belong to an earlier question.
+A reply counts only in its exact form and when nothing follows it: of two, one belongs to another request. A command
+without a reply may still be objected to. After a disturbance the line is drained, and proofs are exchanged until it is
+in step; otherwise every later reply would be taken for the answer to an earlier request.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from typing import Any
 
 from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
+from gateway.core.signals import Signal
 from gateway.core.wire_log import Transcript
+from gateway.mount.link.answer_times import AnswerTimes
 from gateway.mount.link.late_replies import LATEST, LateReplies
+from gateway.mount.link.queue import RequestQueue
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import ReplyRules
+from gateway.transport.wires import Transport
 
 #: Seconds of quiet that end a disturbance.
 QUIET = 0.15
@@ -28,46 +31,33 @@ GAP, UNRULY = 0.05, 300.0
 BABBLE = 3.0
 #: A reply that is an acknowledgement and no more counts when nothing has followed it for this long.
 SETTLE = 0.02
-#: A place is missed after so many times what answers take, and no sooner than these seconds, once so many have come.
-QUICK, SOON, KNOWN = 8.0, 1.2, 20
-#: Where an answer has come too late, and no later than these seconds, the next are waited for so much longer.
-LATER, LATEST_ANSWER = 1.5, 6.0
-#: The first answer tells how long answers take, up to so many seconds.
-FIRST_ANSWER = 1.0
 #: A long piece of work of the mount may take that many seconds before what waits behind it is refused.
 BUSY_AFTER = 1.0
 
+#: What was answered, and how many bytes of it.
+Taken = tuple[dict[str, Any] | Fault, int]
+
 
 class Transaction:
-    """Exchanges over ``write``, until the wire is ``lost``.
+    """Exchanges over a wire, until it is ``lost``.
 
-    ``meanwhile`` is called while the mount is at a long piece of work, with whether it counts as busy by now; it sends
-    what may be sent all the same and returns how many requests that were. ``pause`` waits after a command without a
-    reply; it returns False when a stop has cut that short.
+    Of what waits in the ``queue`` stops may go out while the mount is at a long piece of work, and one cuts the pause
+    short that some mounts need after a command.
     """
 
-    def __init__(
-        self,
-        write: Callable[[bytes], None],
-        meanwhile: Callable[[bool], int],
-        pause: Callable[[float, bool], Awaitable[bool]],
-        dialogue: ReplyRules,
-        transcript: Transcript,
-    ) -> None:
-        self._write, self._meanwhile, self._pause = write, meanwhile, pause
+    def __init__(self, wire: Transport, queue: RequestQueue, dialogue: ReplyRules, transcript: Transcript) -> None:
+        self.wire, self._queue = wire, queue
         self.dialogue, self.transcript = dialogue, transcript
         self.lost = False
+        self.wire_lost: Signal[None] = Signal()
         #: The line was lost in the middle of an exchange: perhaps with half a command on the other side.
         self.half = False
-        #: The last request; and what is to be done in the moment in which the wire is noticed to be lost.
         self.request = b""
-        self.on_lost: Callable[[], None] = lambda: None
-        #: At a long piece of work, and when the last one was over.
-        self.long, self.long_until = False, -1e9
+        #: At a long piece of work, for so long that whatever else comes is refused, and when the last one was over.
+        self.long, self.busy, self.long_until = False, False, -1e9
         #: When something was written last, seconds of the loop's clock; never yet is long ago.
         self.wrote = -1e9
-        #: How long an answer takes, and the last one took on the wire, in seconds; how many there were.
-        self.typical, self.took, self.answers = 0.02, 0.0, 0
+        self.times = AnswerTimes()
         self.doubt = LateReplies(dialogue.alike)
         self._now = asyncio.get_running_loop().time
         #: Whether any byte has ever come; the last question that was not answered as it should, and what came instead.
@@ -77,13 +67,18 @@ class Transaction:
         self._arrived = asyncio.Event()
         self._heard = self._stray = -1e9
         self._last: Send | None = None
-        self._proofs = 0
         self._stops = 0
-        #: When the last question was asked that has had no answer yet; how late one came, seconds, 0 where none has.
+        #: When the last question was asked that has had no answer yet.
         self._unanswered_since: float | None = None
-        self._late = 0.0
-        self._proving = False
-        self._settling = self._hurried = False
+        self._settling = self._hurried = self._cut_short = False
+
+    def opening(self) -> None:
+        """The wire is being opened."""
+        self.lost = False
+
+    def use(self, wire: Transport) -> None:
+        """Another wire takes the place of this one, before anything was said on it."""
+        self.wire = wire
 
     def hear(self, data: bytes) -> None:
         """Bytes have come."""
@@ -97,7 +92,7 @@ class Transaction:
         """The wire is gone, whoever noticed it first."""
         if not self.lost:
             self.transcript.put("mount", "v", note=reason)
-            self.on_lost()
+            self.wire_lost.emit(None)
         self.lost = True
         self._arrived.set()
 
@@ -112,7 +107,7 @@ class Transaction:
         self.transcript.put("mount", ">", request)
         self.request = request
         try:
-            self._write(request)
+            self.wire.write(request)
         except Exception as error:  # the port went away in the middle of it, whatever its driver calls that
             self.lose(str(error))
             return False
@@ -132,15 +127,15 @@ class Transaction:
         left = self._heard + GAP - self._now()
         return left if left > 1e-6 else 0.0
 
-    def timeout(self, ask: Send) -> float:
+    def timeout(self, ask: Send, proof: bool = False) -> float:
         """Seconds that the answer to a question may take on this line."""
-        longest = max(self.dialogue.timeout(ask), self._late and LATER * self._late)
-        if self.dialogue.kind(ask) != "position" or self.answers < KNOWN or self._proving:
-            return longest
-        return min(longest, max(SOON, QUICK * self.typical))  # it is asked again and again: a lost one is soon missed
+        place = not proof and self.dialogue.kind(ask) == "position"
+        return self.times.patience(self.dialogue.timeout(ask), place)
 
-    async def exchange(self, ask: Send, firm: bool = False) -> dict[str, Any] | Fault:
-        """One request and its reply, or the Fault that came instead. A ``firm`` pause after it is kept to its end."""
+    async def exchange(self, ask: Send, firm: bool = False, proof: bool = False) -> dict[str, Any] | Fault:
+        """One request and its reply, or the Fault that came instead. A ``firm`` pause after it is kept to its end; a
+        ``proof`` is waited for as long as the protocol says.
+        """
         try:
             request = self.dialogue.encode(ask)
         except Fault as fault:
@@ -151,7 +146,7 @@ class Transaction:
         self._last = ask
         began = self.wrote = self._now()
         self.long, self._stops, self._hurried = ask.long, 0, False
-        taken = await self._reply(ask, began, settle) if self.send(request) else None
+        taken = await self._reply(ask, began, settle, proof) if self.send(request) else None
         self.long, self.long_until = False, self._now() if ask.long else self.long_until
         if taken is None:
             return self._unanswered(ask, began)
@@ -165,20 +160,48 @@ class Transaction:
         if ask.raw and isinstance(outcome, dict):
             outcome = {**outcome, "raw": self._buffer[:length]}
         self._cut(length)
-        self.took = self._heard - began
-        self.answers += 1
-        if length and not ask.long:  # what is not answered takes no time
-            self.typical += 0.2 * (min(self._now() - began, 3.0 * self.typical + 0.01) - self.typical)
-            if self.answers == 1:
-                self.typical = max(self.typical, min(self._now() - began, FIRST_ANSWER))
+        self.times.answered(self._heard - began, self._now() - began, counts=bool(length) and not ask.long)
         pace = self.dialogue.pace(ask)
         if pace and await self._pause(pace, firm):
             outcome = self._objection(ask) or outcome
         return outcome
 
-    async def _reply(self, ask: Send, began: float, settle: float) -> tuple[dict[str, Any] | Fault, int] | None:
+    def _meanwhile(self, busy: bool) -> int:
+        """While the mount works: send the stops that need no answer; refuse all else once it is busy -> stops sent."""
+        self.busy = self.busy or busy
+        return self._queue.while_it_works(self.busy, self._send_unanswered)
+
+    def _send_unanswered(self, ask: Send) -> bool | None:
+        """Send a command that needs no answer -> whether the wire was there; None where it needs one."""
+        return self.send(self.dialogue.encode(ask)) if self.dialogue.take(ask, b"") is not None else None
+
+    async def _pause(self, seconds: float, firm: bool) -> bool:
+        """Give a scope time after a command without a reply. A stop cuts it short, unless ``firm``: then False."""
+        until = self._now() + seconds
+        while not self.lost and (left := until - self._now()) > 0:
+            if not firm and self._queue.stop_waits:
+                self._cut_short = True
+                return False
+            await self._queue.woken(left)
+        return True
+
+    def was_cut(self) -> bool:
+        """Whether half a command may have been left on the other side when the wire was lost: said once."""
+        said, self.half = self.half, False
+        return said
+
+    def work_is_over(self) -> None:
+        """Nothing is refused for it any more."""
+        self.busy = False
+
+    def cut_short(self) -> bool:
+        """Whether the pause before this was cut short for a stop: said once."""
+        said, self._cut_short = self._cut_short, False
+        return said
+
+    async def _reply(self, ask: Send, began: float, settle: float, proof: bool) -> Taken | None:
         """The reply and its length, once it is complete; None when it is not in time, or the wire was lost."""
-        deadline, busy_at = began + (ask.patience or self.timeout(ask)), began + BUSY_AFTER
+        deadline, busy_at = began + (ask.patience or self.timeout(ask, proof)), began + BUSY_AFTER
         while not self.lost:
             now = self._now()
             self._arrived.clear()
@@ -203,7 +226,7 @@ class Transaction:
 
     def _unanswered(self, ask: Send, began: float) -> Fault:
         """What it means that no reply came."""
-        self.took = self._now() - began
+        self.times.unanswered(self._now() - began)
         if self.lost:
             self.half = True
         elif ask.patience is not None and not ask.long and not self._buffer:
@@ -227,7 +250,7 @@ class Transaction:
         self._cut(taken[1])
         return taken[0]
 
-    def _take(self, ask: Send) -> tuple[dict[str, Any] | Fault, int] | None:
+    def _take(self, ask: Send) -> Taken | None:
         """The reply, when it is complete; one that cannot be read at all is garbled, never the end of the line."""
         try:
             return self.dialogue.take(ask, self._buffer)
@@ -245,24 +268,6 @@ class Transaction:
             self._stray = self._now()
             self._cut(len(self._buffer), f"dropped: {why}")
 
-    # --- in step again ----------------------------------------------------------------------------------------------
-
-    async def in_step(self) -> bool:
-        """Whether every proof is answered as it should be, and nothing follows."""
-        self._proofs += 1
-        for ask in self.dialogue.proof(self._proofs):
-            await asyncio.sleep(self.gap(ask))
-            self._proving = True
-            try:
-                outcome = await self.exchange(ask)
-            finally:
-                self._proving = False
-            if isinstance(outcome, Busy):
-                continue  # that is an answer, too
-            if isinstance(outcome, Fault) or not self.dialogue.proven(ask, outcome):
-                return False
-        return not await self.drain(QUIET)
-
     async def drain(self, quiet: float) -> bool:
         """Wait until the wire has been quiet for so long, and forget what came -> whether anything did."""
         give_up = self._now() + DRAIN
@@ -273,8 +278,7 @@ class Transaction:
                 break
         anything = bool(self._buffer)
         if anything and self._unanswered_since is not None:
-            took = self._heard - self._unanswered_since
-            self._late = took if took <= LATEST_ANSWER else self._late
+            self.times.came_late(self._heard - self._unanswered_since)
         self._unanswered_since = None
         self.drop("drained")
         return anything

@@ -1,10 +1,9 @@
-"""Belief: what the mount says counts when it is what was to be expected, or when it says so again.
+"""Reply verification: accept a reply that is plausible after the last one, otherwise ask again until several agree.
 
-A byte that was changed on the way can keep an answer's form. So an answer that is as the last one was is believed at
-once; any other is asked again until answers in a row agree: two where the mount can have moved that far, three where
-it cannot, or where something changed that seldom does; where answers to older questions may still come, one more than
-those. An answer that took unusually long is not counted. Whatever moved the mount, slew or sync, needs no telling: the
-second answer says the same.
+A byte that was changed on the way can leave a reply's form intact. So a reply like the last one is accepted at once.
+Any other is asked for again until replies in a row agree: two where the mount can have moved that far, three where it
+cannot or where the value seldom changes, and one more than the late replies that may still come. A reply that took
+unusually long is not counted.
 """
 
 from __future__ import annotations
@@ -18,7 +17,8 @@ from msgspec import Struct
 
 from gateway.astro.spherical import wrap180
 from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
-from gateway.mount.link.queue import AT_ONCE, STOP, MountLink
+from gateway.mount.link.line import MountLink
+from gateway.mount.link.scheduling import AT_ONCE, STOP
 from gateway.protocols.base.driver import Send
 
 #: Degrees that a position may differ from the last one and be believed at once.

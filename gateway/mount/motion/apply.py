@@ -1,4 +1,4 @@
-"""How orders change what is wanted: one small row a kind of order, pure functions over frozen values.
+"""How orders change what is wanted, and what comes next: one small row a kind of order, pure functions.
 
 The newest order counts: a rate replaces one that still waits, a halt takes back what would set its axis moving, a stop
 all that moves. A goto is one thing with two axes: a halt of either while it waits or is under way ends it as a whole,
@@ -16,6 +16,7 @@ from gateway.core.errors import Refused
 from gateway.core.motion_kinds import BEGUN_ANEW, ENDS, GOTOS, axis_moved, ends_focus, outlives_stop
 from gateway.mount.motion.patience import without_older_gotos
 from gateway.mount.motion.wanted import AGAIN, FIRST, IN_ORDER, RESUMED, Order, Press, Wanted
+from gateway.protocols.base.driver import Schedule
 
 #: Guide pulses that may wait for their turn; more than that is no guiding.
 PULSES = 8
@@ -58,6 +59,31 @@ def does_for(wanted: Wanted, operation: op.Operation) -> Order | None:
     )
 
 
+def planned(wanted: Wanted, later: Schedule, number: int, now: float) -> Wanted:
+    """With a follow-up of the driver's own as order ``number``; the same one planned again replaces the first."""
+    order = Order(
+        number,
+        later.operation,
+        rank=FIRST if later.urgent else IN_ORDER,
+        at=now + later.seconds,
+        follow_up=True,
+        urgent=later.urgent,
+        heard=later.heard,
+    )
+    others = tuple(
+        one
+        for one in wanted.pending
+        if not (one.follow_up and one.operation == order.operation and one.number != wanted.active)
+    )
+    return replace(wanted, pending=(*others, order))
+
+
+def too_late(wanted: Wanted, operation: op.Operation, stops: int | None) -> bool:
+    """Whether a stop has come since it was asked for; ``stops`` is how many there had been then."""
+    lasts = isinstance(operation, op.Halt) or outlives_stop(operation)
+    return stops is not None and stops != wanted.stops and not lasts
+
+
 def take_back(wanted: Wanted, operation: op.Operation) -> Wanted:
     """Without what a halt, the end of gotos or a newer rate ends before it has begun."""
     pending = tuple(order for order in wanted.pending if not _ends(operation, order, order.number == wanted.active))
@@ -95,6 +121,32 @@ def pulses(order: Order) -> int | None:
         case op.Halt(axis=axis) if order.follow_up:
             return axis
     return None
+
+
+# --- what comes next ---------------------------------------------------------------------------------------------
+
+
+def next_operation(wanted: Wanted, now: float) -> Order | None:
+    """The order that is due; None when there is none.
+
+    Ends come first, then what was interrupted for one, then everything else in the order in which it was asked for. A
+    guide pulse waits for the one before it on its axis.
+    """
+    due = [order for order in wanted.pending if due_at(wanted, order) <= now]
+    return min(due, key=lambda order: (order.rank, order.number), default=None)
+
+
+def next_moment(wanted: Wanted) -> float | None:
+    """The loop time at which the next order is due; None when nothing waits."""
+    return min((due_at(wanted, order) for order in wanted.pending), default=None)
+
+
+def due_at(wanted: Wanted, order: Order) -> float:
+    """The loop time from which on an order may be carried out."""
+    if order.follow_up or not wanted.pulses:
+        return order.at
+    axis = pulses(order)
+    return max((order.at, *(one.until for one in wanted.pulses if one.axis == axis)))
 
 
 # --- the rows -------------------------------------------------------------------------------------------------------

@@ -20,12 +20,11 @@ class Awaited:
     """By the numbers of orders."""
 
     def __init__(self) -> None:
-        self._loop = asyncio.get_running_loop()
         self._outcomes: dict[int, Outcome] = {}
 
     def expect(self, number: int) -> None:
         """This order was taken."""
-        self._outcomes[number] = self._new()
+        self._outcomes[number] = _new()
 
     def of(self, number: int) -> Outcome | None:
         """What whoever gave the order waits for; None where nobody can."""
@@ -51,28 +50,32 @@ class Awaited:
             else:
                 outcome.cancel()
 
-    def done(self) -> Outcome:
-        """The outcome of what needs nothing to be done."""
-        outcome = self._new()
-        outcome.set_result(None)
-        return outcome
 
-    def refused(self, fault: Exception) -> Outcome:
-        """The outcome of what is not taken."""
-        outcome = self._new()
-        outcome.set_exception(fault)
-        return outcome
+def _new() -> Outcome:
+    outcome: Outcome = asyncio.get_running_loop().create_future()
+    outcome.add_done_callback(heed)
+    return outcome
 
-    def too_late(self) -> Outcome:
-        """The outcome of what was over before it came."""
-        outcome = self._new()
-        outcome.cancel()
-        return outcome
 
-    def _new(self) -> Outcome:
-        outcome = self._loop.create_future()
-        outcome.add_done_callback(heed)
-        return outcome
+def done() -> Outcome:
+    """The outcome of what needs nothing to be done."""
+    outcome = _new()
+    outcome.set_result(None)
+    return outcome
+
+
+def refused(fault: Exception) -> Outcome:
+    """The outcome of what is not taken."""
+    outcome = _new()
+    outcome.set_exception(fault)
+    return outcome
+
+
+def over_before() -> Outcome:
+    """The outcome of what was over before it came."""
+    outcome = _new()
+    outcome.cancel()
+    return outcome
 
 
 async def ended(outcome: Outcome) -> Any:

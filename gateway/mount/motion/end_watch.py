@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+from gateway.core.signals import Signal
 from gateway.mount.motion.ends import TIMES, Ending, Sample, Step, next_step
 
 #: How many of the last positions are remembered.
@@ -17,12 +18,11 @@ AT_MOST = TIMES + 3
 
 
 class EndWatch:
-    """``send`` has the end of these axes sent once more; ``warn`` is told in words what must be known."""
+    """``again`` is emitted with the axes whose end is to be sent once more; ``warn`` is told what must be known."""
 
-    def __init__(
-        self, now: Callable[[], float], send: Callable[[frozenset[int]], object], warn: Callable[[str], None]
-    ) -> None:
-        self._now, self._send, self._warn = now, send, warn
+    def __init__(self, now: Callable[[], float], warn: Callable[[str], None]) -> None:
+        self._now, self._warn = now, warn
+        self.again: Signal[frozenset[int]] = Signal()
         self._samples: list[Sample] = []
         self.ending: Ending | None = None
 
@@ -59,8 +59,8 @@ class EndWatch:
             again = ending.again(self._now())
             self.ending = again if len(again.sent) < AT_MOST else None
             self._warn(
-                f"WARNING: the mount goes on moving though it was told {TIMES} times to stop: switch it off"
+                f"WARNING: the mount keeps moving although it was told {TIMES} times to stop: switch it off"
                 if step is Step.ALARM
                 else "the mount has not stopped: the stop is sent again"
             )
-            self._send(ending.axes)
+            self.again.emit(ending.axes)

@@ -7,13 +7,17 @@ refused.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from msgspec.structs import replace
 
 from gateway.core import operations as op
-from gateway.core.motion_kinds import ENDS
+from gateway.core.errors import NoAnswer
+from gateway.core.motion_kinds import BY_HAND, ENDS, MOVING
 from gateway.mount.motion.apply import pulses
 from gateway.mount.motion.wanted import (
     FIRST,
+    RESUMED,
     AxisMotion,
     ByHand,
     FocusMotion,
@@ -24,6 +28,13 @@ from gateway.mount.motion.wanted import (
     Theirs,
     Wanted,
 )
+
+
+class Done(NamedTuple):
+    """The mount has acknowledged an operation; ``before`` is what was wanted until then."""
+
+    operation: op.Operation
+    before: Wanted
 
 
 def over(wanted: Wanted, order: Order) -> Wanted:
@@ -55,6 +66,12 @@ def refused(wanted: Wanted, order: Order) -> Wanted:
         if other.unless != order.number or getattr(other.operation, "axis", 0) in wanted.by_hand
     )
     return replace(wanted, pending=pending)
+
+
+def may_have_begun(order: Order, error: BaseException) -> bool:
+    """Whether what failed may move the mount all the same: its acknowledgement was lost, or it was begun before."""
+    unheard = isinstance(order.operation, BY_HAND) and isinstance(error, NoAnswer) and error.sent
+    return unheard or (order.rank == RESUMED and isinstance(order.operation, MOVING))
 
 
 def taken(wanted: Wanted, order: Order, operation: op.Operation, now: float, speed: float) -> Wanted:

@@ -8,15 +8,19 @@ a bounded number of times, unless something else was set moving since: nobody kn
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+import contextlib
 from typing import Any
 
 from gateway.core.errors import Busy, Fault, NoAnswer
-from gateway.core.operations import Stop
+from gateway.core.motion_kinds import MOVING
+from gateway.core.operations import Halt, Stop
 from gateway.core.shared_work import heed
-from gateway.mount.link.queue import STOP
-from gateway.mount.motion.executor import Executor
-from gateway.protocols.base.driver import Driver
+from gateway.core.signals import Signal
+from gateway.mount.context import Context
+from gateway.mount.link.driver_runner import DriverRunner
+from gateway.mount.link.line import MountLink
+from gateway.mount.link.scheduling import STOP
+from gateway.mount.motion.wanted import WantedState
 
 #: How often a stop is sent again on a line that is up, when its answer was lost.
 TRIES = 3
@@ -25,21 +29,17 @@ AGAIN = (1.5, 2.0, 3.0, 5.0, 10.0, 10.0)
 
 
 class Stopping:
-    """``rests`` is called when the mount has acknowledged a stop, ``over`` when one has come to its end.
-
-    ``owed`` tells what the stop that is owed is to end; None where none is owed any more.
+    """``sent`` is emitted when the commands of a stop went out, ``at_rest`` when the mount has acknowledged them, and
+    ``over`` when a stop has come to its end, however it did.
     """
 
-    def __init__(
-        self,
-        driver: Driver,
-        executor: Executor,
-        rests: Callable[[], None],
-        over: Callable[[], None],
-        owed: Callable[[], object],
-    ) -> None:
-        self._driver, self._executor = driver, executor
-        self._rests, self._over, self._owed = rests, over, owed
+    def __init__(self, context: Context, link: MountLink, runner: DriverRunner, wanted: WantedState) -> None:
+        self._context, self._driver = context, context.driver
+        self._link, self._runner, self._wanted = link, runner, wanted
+        self.sent: Signal[None] = Signal()
+        self.at_rest: Signal[None] = Signal()
+        self.over: Signal[None] = Signal()
+        self._closed = False
         self._loop = asyncio.get_running_loop()
         self._task: asyncio.Task[None] | None = None
         #: How often the stop was sent again, and when it will be.
@@ -61,40 +61,49 @@ class Stopping:
     async def _send(self, given_up: asyncio.Task[Any] | None) -> None:
         if given_up is not None:
             await asyncio.wait({given_up})
-        executor = self._executor
         for attempt in range(TRIES):
             try:
-                await executor.drive(self._driver.perform(Stop()), STOP)
+                await self._runner.perform(Stop(), STOP)
                 break
             except Fault as fault:
-                executor.note(f"stop: {fault}")
-                if self._driver.asleep and not executor.down:  # it stands still, and hears of nothing
+                self._context.note(f"stop: {fault}")
+                if self._driver.asleep and self._link.state != "down":  # it stands still, and hears of nothing
                     break
-                if attempt == TRIES - 1 or executor.down:
-                    executor.stop_sent()  # it stays owed, while it is seen to move
+                if attempt == TRIES - 1 or self._link.state == "down":
+                    self.sent.emit(None)  # it stays owed, while it is seen to move
                     raise
-        executor.stop_sent()
-        self._rests()
-        executor.at_rest()
+        self.sent.emit(None)
+        self.at_rest.emit(None)
+
+    async def halt_again(self, axis: int) -> None:
+        """Send the end of one axis once more."""
+        with contextlib.suppress(Fault):  # it is sent again when the next position shows no difference
+            await self._runner.perform(Halt(axis), STOP)
 
     def _ended(self, task: asyncio.Task[None]) -> None:
         heed(task)
-        self._over()
+        self.over.emit(None)
         if task.cancelled() or not isinstance(task.exception(), NoAnswer | Busy):
             self._times = 0
         elif self._times < len(AGAIN):
-            self.close()
-            self._timer = self._loop.call_later(AGAIN[self._times], self._once_more, self._owed())
+            self._cancel()
+            self._timer = self._loop.call_later(AGAIN[self._times], self._once_more, self._to_be_ended())
         else:
             self._times = 0
-            self._executor.note(
+            self._context.note(
                 "WARNING: the mount has not acknowledged the stop, however often it was sent: it may "
                 "go on moving; stop it at its hand control, or switch it off"
             )
 
+    def _to_be_ended(self) -> object:
+        """The motion that a stop is owed for; None where none is, or something else is about to be set moving."""
+        wanted = self._wanted.value
+        coming = any(isinstance(order.operation, MOVING) for order in wanted.pending)
+        return None if self._closed or coming or not wanted.owed else wanted.motion
+
     def _once_more(self, motion: object) -> None:
         """On a line that was lost meanwhile it goes first when that is back."""
-        if self._owed() is motion is not None and not self.under_way and self._executor.served:
+        if self._to_be_ended() is motion is not None and not self.under_way and self._link.usable:
             self._times += 1
             self.send(None)
         elif not self.under_way:
@@ -102,5 +111,9 @@ class Stopping:
 
     def close(self) -> None:
         """Nothing is sent again."""
+        self._closed = True
+        self._cancel()
+
+    def _cancel(self) -> None:
         if self._timer is not None:
             self._timer.cancel()

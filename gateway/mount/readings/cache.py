@@ -6,12 +6,13 @@ polls.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterable
 from typing import Any
 
 from msgspec import Struct
 
 from gateway.core import operations as op
+from gateway.core.signals import Signal
 
 Kind = type[op.Operation]
 
@@ -39,49 +40,73 @@ class Seen(Struct):
 
 
 class ReadingsCache:
-    """Answers by kind of read. ``version`` grows whenever one changes."""
+    """Answers by kind of read. ``changed`` is emitted with the kind whose answer has come or was forgotten."""
 
     def __init__(self) -> None:
-        self.version = 0
-        self.seen: dict[Kind, Seen] = {}
-        self.asked: dict[Kind, float] = {}
-        #: Called with the kind whose answer has come or was forgotten.
-        self.changed: Callable[[Kind], None] = lambda kind: None
+        self._seen: dict[Kind, Seen] = {}
+        self._asked: dict[Kind, float] = {}
+        self.changed: Signal[Kind] = Signal()
 
     def put(self, kind: Kind, value: Any, now: float) -> None:
-        self.seen[kind] = Seen(value, now)
-        self.version += 1
-        self.changed(kind)
+        """The mount has told this, or what it has acknowledged says so."""
+        self._seen[kind] = Seen(value, now)
+        self.changed.emit(kind)
 
     def forget(self, *kinds: Kind) -> None:
+        """What was told of these is not true any more."""
         for kind in kinds:
-            self.seen.pop(kind, None)
-            self.changed(kind)
-        self.version += 1
+            self._seen.pop(kind, None)
+            self.changed.emit(kind)
 
     def clear(self) -> None:
-        self.forget(*self.seen)
+        """It may be another mount."""
+        self.forget(*self._seen)
+
+    def ask_soon(self, kind: Kind) -> None:
+        """Nothing was told anew, but it must be watched from now on."""
+        self.changed.emit(kind)
+
+    def has(self, kind: Kind) -> bool:
+        """Whether there is an answer, however old."""
+        return kind in self._seen
+
+    def touch(self, kinds: Iterable[Kind], now: float) -> None:
+        """Somebody asks for these."""
+        for kind in kinds:
+            self._asked[kind] = now
 
     def value(self, kind: Kind) -> Any:
         """The last answer, however old; None before the first."""
-        seen = self.seen.get(kind)
+        seen = self._seen.get(kind)
         return None if seen is None else seen.value
 
     def fresh(self, kind: Kind, now: float, patience: float, down: bool) -> Any:
         """The answer if it may still be told, else MISSING; on a slow or a lost line it lives longer."""
-        seen = self.seen.get(kind)
+        seen = self._seen.get(kind)
         if seen is None or now - seen.at > (LAST_POSITION if down else max(FRESH[kind], patience)):
             return MISSING
         return seen.value
 
     def until(self, kinds: list[Kind]) -> float:
         """The loop time until which the answers of these kinds may be told."""
-        return min(self.seen[kind].at + FRESH[kind] if kind in self.seen else 0.0 for kind in kinds)
+        return min(self._seen[kind].at + FRESH[kind] if kind in self._seen else 0.0 for kind in kinds)
 
     def age(self, kind: Kind, now: float) -> float:
-        seen = self.seen.get(kind)
+        """Seconds since the last answer."""
+        seen = self._seen.get(kind)
         return 1e9 if seen is None else now - seen.at
 
     def polled(self, kind: Kind, now: float) -> bool:
         """Whether somebody has asked for it lately."""
-        return now - self.asked.get(kind, -1e9) <= POLLING
+        return now - self._asked.get(kind, -1e9) <= POLLING
+
+
+class Version:
+    """``number`` grows whenever something that answers are made of changes: replies made of older ones are outdated."""
+
+    def __init__(self) -> None:
+        self.number = 0
+
+    def grow(self, _: object = None) -> None:
+        """A listener for whatever such answers are made of."""
+        self.number += 1

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import asyncio
 import math
-from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoDevice, Silence, Unsupported
-from gateway.mount.link.queue import READ
+from gateway.mount.context import Context
+from gateway.mount.fair_scheduler import FairScheduler
+from gateway.mount.link.driver_runner import DriverRunner
+from gateway.mount.link.scheduling import READ
 from gateway.mount.readings.cache import MISSING
-
-if TYPE_CHECKING:
-    from gateway.mount.controller import MountController
+from gateway.mount.site.site_clock import SiteClock
 
 #: Seconds that an answer serves everybody.
 LASTS = {"fixed": math.inf, "state": 1.0, "site": 1.0}
@@ -36,8 +36,8 @@ class _Heard(Struct, frozen=True):
 class OwnAnswers:
     """``tell`` gives what is at hand, ``read`` asks the mount; ``forget`` when it may be another mount."""
 
-    def __init__(self, controller: MountController) -> None:
-        self._controller = controller
+    def __init__(self, context: Context, runner: DriverRunner, fair: FairScheduler, site_clock: SiteClock) -> None:
+        self._context, self._runner, self._fair, self._site_clock = context, runner, fair, site_clock
         self._heard: dict[op.Own, _Heard] = {}
         self._asking: dict[op.Own, asyncio.Task[bytes]] = {}
 
@@ -67,9 +67,9 @@ class OwnAnswers:
         if heard is None:
             task = self._asking.get(operation)
             if task is None:
-                task = self._asking[operation] = self._controller.spawn(self._ask(operation))
+                task = self._asking[operation] = self._context.tasks.spawn(self._ask(operation))
                 task.add_done_callback(lambda done: self._asked(operation, done))
-            answer: bytes = await self._controller.turnstile.outcome(task)
+            answer: bytes = await self._fair.outcome(task)
             return answer
         if isinstance(heard.answer, Fault):
             raise type(heard.answer)(str(heard.answer))
@@ -82,10 +82,10 @@ class OwnAnswers:
             task.exception()  # whoever still waits gets it; nobody waiting is no error
 
     async def _ask(self, operation: op.Own) -> bytes:
-        await self._controller.identified.wait()
+        await self._context.milestones.known.wait()
         lasts = LASTS.get(operation.keep, 0.0)
         try:
-            answer: bytes = await self._controller.drive(self._controller.driver.perform(operation), READ)
+            answer: bytes = await self._runner.perform(operation, READ)
         except (NoDevice, Silence) as fault:
             # A mount that does not know a question will not know it in a second either, and silence takes long to hear.
             self._remember(operation, type(fault)(str(fault)), math.inf if isinstance(fault, Silence) else lasts)
@@ -96,17 +96,17 @@ class OwnAnswers:
     def _remember(self, operation: op.Own, answer: bytes | Fault, lasts: float) -> None:
         if lasts and operation in self._asking:
             self._heard.pop(operation, None)
-            self._heard[operation] = _Heard(answer, self._controller.now() + lasts)
+            self._heard[operation] = _Heard(answer, self._context.now() + lasts)
         if len(self._heard) > REMEMBERED:
             del self._heard[next(iter(self._heard))]
 
     def _fresh(self, operation: op.Own) -> _Heard | None:
         heard = self._heard.get(operation)
-        return heard if heard is not None and self._controller.now() < heard.until else None
+        return heard if heard is not None and self._context.now() < heard.until else None
 
     def _stands_against(self, operation: op.Own) -> bool:
         """Whether programs are told another site or clock here than the mount has."""
-        observatory = self._controller.observatory
+        site_clock = self._site_clock
         if operation.keep == "clock":
-            return observatory.kept_clock is not None
-        return operation.keep == "site" and observatory.set_site() is not None
+            return site_clock.kept_clock is not None
+        return operation.keep == "site" and site_clock.set_site() is not None

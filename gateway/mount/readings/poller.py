@@ -1,4 +1,4 @@
-"""Keeping the snapshot fresh: what clients poll is renewed before it grows old, and so is what the hub must watch.
+"""Keeps readings fresh: what clients poll is renewed before it grows old, and so is what the limits need.
 
 Every kind of read goes round by itself, so that none makes another late: while anything moves the position comes at
 least twice a second as far as the mount's line can. With nobody asking there is one heartbeat every few seconds.
@@ -7,14 +7,19 @@ least twice a second as far as the mount's line can. With nobody asking there is
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, NotAligned
-from gateway.mount.readings.cache import RENEW, Kind
-
-if TYPE_CHECKING:
-    from gateway.mount.controller import MountController
+from gateway.mount.context import Context
+from gateway.mount.link.hibernation import HibernationGate
+from gateway.mount.link.line import MountLink
+from gateway.mount.motion.end_watch import EndWatch
+from gateway.mount.motion.moving import Movement
+from gateway.mount.readings.cache import RENEW, Kind, ReadingsCache
+from gateway.mount.readings.reader import Reader
+from gateway.mount.safety.watch import LimitWatch
+from gateway.mount.site.settings import SiteAndClock
+from gateway.mount.site.site_clock import SiteClock
 
 HEARTBEAT = 5.0
 #: How old the mount's own clock and site may grow, each in its turn: a person may change them at its keys.
@@ -36,24 +41,33 @@ SOON = 0.001
 class Poller:
     """One task for every kind of read; an answer or a motion wakes those whom it concerns."""
 
-    def __init__(self, controller: MountController) -> None:
-        self._controller = controller
-        self._exchanges: dict[Kind, int] = {}
+    def __init__(
+        self,
+        context: Context,
+        link: MountLink,
+        gate: HibernationGate,
+        cache: ReadingsCache,
+        reader: Reader,
+        site_clock: SiteClock,
+        settings: SiteAndClock,
+        movement: Movement,
+        watch: LimitWatch,
+        ends: EndWatch,
+    ) -> None:
+        self._context, self._link, self._gate, self._cache, self._reader = context, link, gate, cache, reader
+        self._site_clock, self._settings = site_clock, settings
+        self._movement, self._watch, self._ends = movement, watch, ends
         self._axes_refused = -1e9
         self._news: dict[Kind, asyncio.Event] = {kind: asyncio.Event() for kind in RENEW}
-        controller.snapshot.changed = self._changed
+        cache.changed.connect(self._changed)
         self._reading_own: asyncio.Task[None] | None = None
         #: The mount's own site and clock are read in turn.
         self._own: tuple[Kind, Kind] = (op.GetSite, op.GetClock)
-        self._asked_own = controller.now()
-
-    def cost(self, kind: Kind, exchanges: int) -> None:
-        """So many exchanges an answer of this kind has taken; the next one is asked for so much earlier."""
-        self._exchanges[kind] = exchanges
+        self._asked_own = context.now()
 
     def start(self) -> None:
         for kind in RENEW:
-            self._controller.spawn(self._for_ever(kind))
+            self._context.tasks.spawn(self._for_ever(kind))
 
     def _changed(self, kind: Kind) -> None:
         """An answer has come or was forgotten, or a motion began: whoever waits must count anew."""
@@ -65,29 +79,27 @@ class Poller:
                 self._news[op.AxisPosition].set()
 
     async def _for_ever(self, kind: Kind) -> None:
-        controller = self._controller
-        await controller.identified.wait()
+        await self._context.milestones.known.wait()
         while True:
             try:
                 await self._keep_fresh(kind)
             except Exception as error:  # nothing may end this but the end of the gateway
-                controller.transcript.note("mount", f"internal error, please report it: {error!r}")
+                self._context.note(f"internal error, please report it: {error!r}")
                 await asyncio.sleep(ASK_AGAIN)
 
     async def _keep_fresh(self, kind: Kind) -> None:
-        controller = self._controller
         while True:
-            if controller.line.state != "up" or controller.slumber.deep:
+            if self._link.state != "up" or self._gate.deep:
                 await asyncio.sleep(0.2)
                 continue
-            pause = self._pause(kind, controller.now())
+            pause = self._pause(kind, self._context.now())
             if pause <= SOON:
                 await self.renew(kind)
-                pause = self._pause(kind, controller.now())
+                pause = self._pause(kind, self._context.now())
             if kind is op.Position:
-                await self._now_and_then(controller.now())
+                await self._now_and_then(self._context.now())
                 pause = min(
-                    self._pause(kind, controller.now()), HEARTBEAT - controller.snapshot.age(kind, controller.now())
+                    self._pause(kind, self._context.now()), HEARTBEAT - self._cache.age(kind, self._context.now())
                 )
             await self._rest(kind, max(0.005, pause))
 
@@ -102,61 +114,54 @@ class Poller:
 
     async def _now_and_then(self, now: float) -> None:
         """The heartbeat; the mount's own clock and site while nothing moves, whoever asks: limits go by them, too."""
-        controller = self._controller
-        if controller.snapshot.age(op.Position, now) >= HEARTBEAT:
+        if self._cache.age(op.Position, now) >= HEARTBEAT:
             await self.renew(op.Position)
-        clock = controller.observatory.mount_clock
+        clock = self._site_clock.mount_clock
         asked = self._asked_own if clock is None else max(self._asked_own, clock[1])
         if now - asked <= (OWN_AGE if self._wanted(op.Position, now) else OWN_AGE_ALONE) or self._watched:
             return
         if self._reading_own is None or self._reading_own.done():  # not here: the position must not wait for it
             self._asked_own, self._own = now, self._own[::-1]
-            known = (
-                controller.observatory.mount_clock if self._own[0] is op.GetClock else controller.observatory.mount_site
-            )
+            told = self._site_clock
+            known = told.mount_clock if self._own[0] is op.GetClock else told.mount_site
             if known is not None:
-                self._reading_own = controller.spawn(self.renew(self._own[0]))
+                self._reading_own = self._context.tasks.spawn(self.renew(self._own[0]))
 
     def _wanted(self, kind: Kind, now: float) -> bool:
-        """Whether somebody polls this, or the hub itself must watch it."""
+        """Whether somebody polls this, or the gateway itself must watch it."""
         if kind is op.Position and self._watched:
             return True
-        if (
-            kind is op.AxisPosition
-            and now - self._axes_refused > NOT_TOLD
-            and self._controller.guard.axes_every is not None
-        ):
+        if kind is op.AxisPosition and now - self._axes_refused > NOT_TOLD and self._watch.axes_every is not None:
             return True
-        return (kind is op.Slewing and self._controller.slewing) or self._controller.snapshot.polled(kind, now)
+        return (kind is op.Slewing and self._movement.slewing) or self._cache.polled(kind, now)
 
     @property
     def _watched(self) -> bool:
         """Whether the mount moves, by whomever: the line has better to do than to tell the time."""
-        return self._controller.moving or self._controller.guard.restless or self._controller.ends.pending
+        return self._movement.anything or self._watch.restless or self._ends.pending
 
     def _pause(self, kind: Kind, now: float) -> float:
         """Seconds until this kind must be asked again, so that its answer comes when the last one grows old."""
         if not self._wanted(kind, now):
             return IDLE
-        ahead = (self._exchanges.get(kind, 1) + WAITING) * self._controller.line.typical
+        ahead = (self._reader.exchanges(kind) + WAITING) * self._link.typical
         every = RENEW[kind]
-        if kind is op.AxisPosition and not self._controller.snapshot.polled(kind, now):
-            every = self._controller.guard.axes_every or every
-        return max(every - ahead, BREATH) - self._controller.snapshot.age(kind, now)
+        if kind is op.AxisPosition and not self._cache.polled(kind, now):
+            every = self._watch.axes_every or every
+        return max(every - ahead, BREATH) - self._cache.age(kind, now)
 
     async def renew(self, kind: Kind) -> None:
         """Ask the mount again. That it was decided to is recorded: a replay asks when this run did."""
-        controller = self._controller
-        controller.transcript.put("hub", "r", note=kind.__name__)
+        self._context.log.put("hub", "r", note=kind.__name__)
         if kind is op.GetSite or kind is op.GetClock:
-            await controller.settings.renew(kind)
+            await self._settings.renew(kind)
             return
         try:
-            await controller.anew(kind())
+            await self._reader.anew(kind())
         except Fault as fault:
             if not isinstance(fault, NoAnswer | NotAligned):
-                controller.transcript.note_once("mount", f"{kind.__name__}: {fault}")
+                self._context.note_once(f"{kind.__name__}: {fault}")
             if kind is op.AxisPosition:
-                self._axes_refused = controller.now()
-            if controller.snapshot.age(kind, controller.now()) > RENEW[kind]:
+                self._axes_refused = self._context.now()
+            if self._cache.age(kind, self._context.now()) > RENEW[kind]:
                 await asyncio.sleep(RENEW[kind])

@@ -7,60 +7,89 @@ from other reads.
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.shared_work import result_of
-from gateway.mount.link.queue import POSITION, READ
-from gateway.mount.motion.wanted import Slew
+from gateway.core.signals import Signal
+from gateway.mount.context import Context
+from gateway.mount.fair_scheduler import FairScheduler
+from gateway.mount.link.driver_runner import DriverRunner
+from gateway.mount.link.line import MountLink
+from gateway.mount.link.scheduling import POSITION, READ
+from gateway.mount.motion.moving import Movement
+from gateway.mount.motion.wanted import Slew, WantedState
 from gateway.mount.readings.arrival import missed
-from gateway.mount.readings.cache import FRESH, MISSING, Kind
-from gateway.mount.safety.rules.sync_sum import SyncSum
-from gateway.mount.site.settings import FIRST_ANSWER
-
-if TYPE_CHECKING:
-    from gateway.mount.controller import MountController
+from gateway.mount.readings.at_hand import AtHand
+from gateway.mount.readings.cache import MISSING, Kind, ReadingsCache
+from gateway.mount.readings.telling import read_in_time
+from gateway.mount.readings.told_position import ToldPosition
+from gateway.mount.site.astrometry import SiteAstrometry
 
 #: How soon it is noticed that the mount has begun to move, seconds.
 A_MOMENT = 0.2
-#: Seconds that whoever asks whether a goto is over waits, at most, until that is known.
-UNTIL_KNOWN = 2.0
+#: Seconds that whoever asks whether a goto is over waits, at most, until that is known; and for the mount's first word.
+UNTIL_KNOWN, FIRST_ANSWER = 2.0, 2.0
 
 
 class Reader:
-    """``read`` takes what is at hand, ``anew`` asks the mount in any case."""
+    """``read`` takes what is at hand, ``anew`` asks the mount in any case, ``tell`` waits as a program waits.
 
-    def __init__(self, controller: MountController) -> None:
-        self._controller = controller
+    Signals: what the mount has told of its position, its axes and its state; ``unseen`` when it did not tell where it
+    is; ``goto_over`` when it has told that a goto is over.
+    """
+
+    def __init__(
+        self,
+        context: Context,
+        link: MountLink,
+        runner: DriverRunner,
+        fair: FairScheduler,
+        cache: ReadingsCache,
+        at_hand: AtHand,
+        told: ToldPosition,
+        wanted: WantedState,
+        movement: Movement,
+        astrometry: SiteAstrometry,
+    ) -> None:
+        self._context, self._driver, self._now, self._milestones = (
+            context,
+            context.driver,
+            context.now,
+            context.milestones,
+        )
+        self._link, self._runner, self._fair = link, runner, fair
+        self._cache, self._at_hand, self._told = cache, at_hand, told
+        self._wanted, self._movement, self._astrometry = wanted, movement, astrometry
         self._sharing: dict[Kind, asyncio.Task[Any]] = {}
+        self._exchanges: dict[Kind, int] = {}
+        self.position: Signal[op.Equatorial] = Signal()
+        self.axes: Signal[op.Horizontal] = Signal()
+        self.status: Signal[op.Status] = Signal()
+        self.unseen: Signal[None] = Signal()
+        self.goto_over: Signal[None] = Signal()
 
     def close(self) -> None:
         """Nobody waits any more."""
         for task in self._sharing.values():
             task.cancel()
 
+    def exchanges(self, kind: Kind) -> int:
+        """How many the last answer of this kind has taken."""
+        return self._exchanges.get(kind, 1)
+
     def _there(self, operation: op.Operation) -> asyncio.Event:
         """What must have happened before the mount is asked this: where it points it tells before its name."""
-        identification = self._controller.identification
-        return identification.met if isinstance(operation, op.Position) else identification.known
+        return self._milestones.met if isinstance(operation, op.Position) else self._milestones.known
 
-    def at_hand(self, operation: op.Operation) -> Any:
-        """What the mount said last, when it is fresh enough; MISSING when it must be asked."""
-        kind = type(operation)
-        if kind not in FRESH:
-            known = self._controller.settings.peek(kind)
-            return MISSING if known is None else known
-        if kind is op.Slewing and self._controller.motions.goto_waits:
-            return True
-        now = self._controller.snapshot.asked[kind] = self._controller.now()
-        return self._controller.snapshot.fresh(
-            kind, now, 2.5 * self._controller.line.typical, self._controller.line.state != "up"
-        )
+    async def tell(self, operation: op.Operation) -> Any:
+        """The answer for a program, in time or the last one. Raises Fault where there is nothing to tell."""
+        return await read_in_time(operation, self._told, self.asked, self._movement)
 
     async def read(self, operation: op.Operation) -> Any:
-        """What the mount says, from the snapshot or by an exchange that everyone who asks shares. Raises Fault."""
-        value = self.at_hand(operation)
+        """What the mount says, at hand or by an exchange that everyone who asks shares. Raises Fault."""
+        value = self._at_hand.tell(operation)
         return await self.asked(operation) if value is MISSING else value
 
     async def asked(self, operation: op.Operation) -> Any:
@@ -68,15 +97,13 @@ class Reader:
 
         A goto goes on until it is known to be over: a slow mount is not waited for long to say so.
         """
-        first, slews = (
-            not self._there(operation).is_set(),
-            isinstance(operation, op.Slewing) and self._controller.slewing,
-        )
+        first = not self._there(operation).is_set()
+        slews = isinstance(operation, op.Slewing) and self._movement.slewing
         try:
             async with asyncio.timeout(FIRST_ANSWER if first else UNTIL_KNOWN if slews else None):
-                return await self._controller.turnstile.outcome(self.shared(operation))
+                return await self._fair.outcome(self.shared(operation))
         except TimeoutError:
-            if first or not self._controller.slewing:
+            if first or not self._movement.slewing:
                 raise NoAnswer from None
             return True
 
@@ -89,7 +116,7 @@ class Reader:
         kind = type(operation)
         task = self._sharing.get(kind)
         if task is None:
-            task = self._sharing[kind] = self._controller.loop.create_task(self._ask(operation))
+            task = self._sharing[kind] = asyncio.get_running_loop().create_task(self._ask(operation))
             task.add_done_callback(lambda done: self._unshare(kind, done))
         return task
 
@@ -101,43 +128,44 @@ class Reader:
     async def _ask(self, operation: op.Operation) -> Any:
         if not self._there(operation).is_set():
             await self._there(operation).wait()
-            if (met := self.at_hand(operation)) is not MISSING:
+            if (met := self._at_hand.tell(operation)) is not MISSING:
                 return met  # it was told where the mount was met
-        kind, gotos = type(operation), self._controller.motions.gotos
+        kind, gotos = type(operation), self._wanted.gotos
         source: Kind | None = None
-        if isinstance(operation, op.AxisPosition) and not self._controller.driver.way(op.AxisPosition):
-            equatorial = (await self.read(op.GetStatus())).equatorial  # the axes of a fork are azimuth and altitude
-            source = op.Position if equatorial else op.HorizontalPosition
-            seen = await self.read(source())
-            value: Any = (
-                self._controller.derived.axes(seen, wedge=not self._controller.driver.german) if equatorial else seen
-            )
-        elif isinstance(operation, op.HorizontalPosition) and self._controller.driver.position_reads > 1:
+        if isinstance(operation, op.AxisPosition) and not self._driver.way(op.AxisPosition):
+            source, value = await self._axes_from_the_sky()
+        elif isinstance(operation, op.HorizontalPosition) and self._driver.position_reads > 1:
             value = await self._while_it_rests(operation)
         else:
             value = await self._hear(operation)
         if isinstance(operation, op.Slewing):
-            if self._controller.slewing and not value:
+            if self._movement.slewing and not value:
                 await self._settled()
-            value = (
-                value or gotos != self._controller.motions.gotos
-            )  # a goto that has been begun meanwhile is under way
+            value = value or gotos != self._wanted.gotos  # a goto that has been begun meanwhile is under way
         if isinstance(operation, op.HorizontalPosition) and value is None:
-            source, value = op.Position, self._controller.derived.horizon(await self.read(op.Position()))
+            source, value = op.Position, self._astrometry.horizon(await self.read(op.Position()))
         if source is not None:
-            self._controller.telling.worked_out(kind, source)
+            self._told.worked_out(kind, source)
         self._fold(kind, value)
         return value
 
+    async def _axes_from_the_sky(self) -> tuple[Kind, Any]:
+        """Where the axes stand of a mount that does not tell -> what that follows from, and the readings."""
+        equatorial = (await self.read(op.GetStatus())).equatorial
+        if not equatorial:  # the axes of a fork are azimuth and altitude
+            return op.HorizontalPosition, await self.read(op.HorizontalPosition())
+        seen = await self.read(op.Position())
+        return op.Position, self._astrometry.axes(seen, wedge=not self._driver.german)
+
     def _fold(self, kind: Kind, value: Any) -> None:
         """What was said is known from now on, and the limits go by it."""
-        self._controller.snapshot.put(kind, value, self._controller.now())
-        if isinstance(value, op.Status) and not value.aligned:
-            self._controller.synced = SyncSum()
+        self._cache.put(kind, value, self._now())
+        if isinstance(value, op.Status):
+            self.status.emit(value)
         if kind is op.Position:
-            self._controller.guard.look(value)
+            self.position.emit(value)
         elif kind is op.AxisPosition:
-            self._controller.guard.look_at_altitude(value)
+            self.axes.emit(value)
 
     def told(self, operation: op.Operation, value: Any) -> None:
         """The mount has told this without having been asked for it here."""
@@ -147,31 +175,29 @@ class Reader:
         """What the mount itself answers; a place together with when it was asked for it and when it was there."""
         rank = POSITION if isinstance(operation, op.Position) else READ
         try:
-            value = await self._controller.drive(self._controller.driver.perform(operation), rank)
+            value = await self._runner.perform(operation, rank)
         except Fault:
             if isinstance(operation, op.Position):
-                self._controller.guard.unseen()
+                self.unseen.emit(None)
             raise
-        self._controller.refresh.cost(type(operation), self._controller.executor.exchanges)
+        self._exchanges[type(operation)] = self._runner.exchanges
         return self._taken(operation, value)
 
     def _taken(self, operation: op.Operation, value: Any) -> Any:
         """An answer that has just come, as the gateway goes by it."""
         if isinstance(operation, op.Position):
-            value = self._controller.derived.from_mount(value)
+            value = self._astrometry.from_mount(value)
         if isinstance(value, op.Equatorial | op.Horizontal):
-            half = self._controller.line.typical / 2.0
-            first, second = self._controller.driver.halves or (self._controller.now(), self._controller.now())
-            self._controller.telling.came(
-                type(operation), value, self._controller.executor.asked_at, (first - half, second - half)
-            )
+            half = self._link.typical / 2.0
+            first, second = self._driver.halves or (self._now(), self._now())
+            self._told.came(type(operation), value, self._runner.asked_at, (first - half, second - half))
         return value
 
     async def _while_it_rests(self, operation: op.Operation) -> Any:
         """The answer, or None once the mount moves: then the line has no room for two positions in halves."""
-        reading = self._controller.spawn(self._hear(operation))
+        reading = self._context.tasks.spawn(self._hear(operation))
         try:
-            while not self._controller.moving:
+            while not self._movement.anything:
                 if (await asyncio.wait({reading}, timeout=A_MOMENT))[0]:
                     return reading.result()
             return None
@@ -180,22 +206,21 @@ class Reader:
 
     async def _settled(self) -> None:
         """A goto has just ended: nobody is told so before the position is known where it ended."""
-        slew = self._controller.motions.wanted.motion
-        self._controller.guard.arrived()
-        self._controller.motions.arrived()
-        self._controller.snapshot.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
-        self._controller.telling.anew()
-        here = await self._controller.telling.read(op.Position())
-        if isinstance(slew, Slew) and isinstance(slew.operation, op.Goto) and not self._controller.motions.axes:
-            goal = self._controller.derived.from_mount(op.Equatorial(slew.operation.ra, slew.operation.dec))
+        slew = self._wanted.value.motion
+        self.goto_over.emit(None)
+        self._cache.forget(op.HorizontalPosition, op.AxisPosition, op.Position, op.PierSide)
+        self._told.anew()
+        here = await self.tell(op.Position())
+        if isinstance(slew, Slew) and isinstance(slew.operation, op.Goto) and not self._wanted.axes:
+            goal = self._astrometry.from_mount(op.Equatorial(slew.operation.ra, slew.operation.dec))
             if words := missed(goal, here):
-                self._controller.transcript.note("mount", words)
+                self._context.note(words)
 
     async def tube_side(self) -> str | None:
         """The side of the pier (E, W) that the tube of a German mount is on; None where nobody tells."""
-        if self._controller.driver.tube_side("E") is None:
+        if self._driver.tube_side("E") is None:
             return None
         try:
-            return self._controller.driver.tube_side(await self.read(op.PierSide()))
+            return self._driver.tube_side(await self.read(op.PierSide()))
         except Fault:
             return None

@@ -10,14 +10,14 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from math import cos, radians
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Fault, NoAnswer
-
-if TYPE_CHECKING:
-    from gateway.mount.controller import MountController
+from gateway.mount.context import Context
+from gateway.mount.motion.moving import Movement
+from gateway.mount.readings.reader import Reader
 
 #: Seconds that a mount has to come to rest after it acknowledged a stop: running on takes up to two.
 SIGHT = 8.0
@@ -41,19 +41,19 @@ class PositionSample(NamedTuple):
     turns: float
 
 
-async def come_to_rest(controller: MountController, seconds: float = SIGHT) -> None:
+async def come_to_rest(context: Context, reader: Reader, movement: Movement, seconds: float) -> None:
     """Look at the mount until it is seen to rest. Raises Fault that says what was seen, or could not be.
 
     One that hibernates said so itself, and is not asked.
     """
     looks: deque[PositionSample] = deque()
     rate, trouble = None, Fault("it has not told where it is")
-    apart = max(APART, controller.driver.resolution / CREEP)
+    apart = max(APART, context.driver.resolution / CREEP)
     try:
         async with asyncio.timeout(seconds):
             while True:
                 try:
-                    looks.append(await _look(controller))
+                    looks.append(await _look(context, reader))
                 except Asleep:
                     return
                 except NoAnswer as fault:
@@ -64,27 +64,27 @@ async def come_to_rest(controller: MountController, seconds: float = SIGHT) -> N
                 while len(looks) > 1 and looks[-1].at - looks[1].at >= apart:
                     looks.popleft()
                 if len(looks) > 1 and looks[-1].at - looks[0].at >= apart:
-                    rate = _unexplained(looks[0], looks[-1], 1.25 * controller.driver.resolution)
-                    if rate == 0.0 and not controller.moving:
+                    rate = _unexplained(looks[0], looks[-1], 1.25 * context.driver.resolution)
+                    if rate == 0.0 and not movement.anything:
                         return
                 await asyncio.sleep(BREATH)
     except TimeoutError:
         pass
-    if controller.moving:
+    if movement.anything:
         raise Fault("it was stopped, and a program has set it moving again; mount-gateway stop --hold keeps it at rest")
     if rate is None:
         raise Fault(f"the stop was sent, and nobody can see whether it rests: {trouble}")
     raise Fault(f"it acknowledged the stop and still moves after {seconds:.0f} s, {rate:.3f} degrees a second")
 
 
-async def _look(controller: MountController) -> PositionSample:
+async def _look(context: Context, reader: Reader) -> PositionSample:
     """Ask the mount anew. Raises Fault."""
-    status: op.Status = await controller.read(op.GetStatus())
-    seen: op.Equatorial = await controller.anew(op.Position())
-    at = controller.now()
-    if controller.driver.way(op.AxisPosition) or not status.equatorial:
-        kind = op.AxisPosition if controller.driver.way(op.AxisPosition) else op.HorizontalPosition
-        there: op.Horizontal = await controller.anew(kind())
+    status: op.Status = await reader.read(op.GetStatus())
+    seen: op.Equatorial = await reader.anew(op.Position())
+    at = context.now()
+    if context.driver.way(op.AxisPosition) or not status.equatorial:
+        kind = op.AxisPosition if context.driver.way(op.AxisPosition) else op.HorizontalPosition
+        there: op.Horizontal = await reader.anew(kind())
         axes = (there.az, there.alt)
     else:
         axes = (seen.ra, seen.dec)

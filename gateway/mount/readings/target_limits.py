@@ -6,56 +6,71 @@ cross. What is really done at a limit is decided elsewhere, by what the mount te
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from gateway.core import operations as op
-from gateway.mount.motion.wanted import Slew
+from gateway.mount.context import Context
+from gateway.mount.motion.moving import Movement
+from gateway.mount.motion.wanted import Slew, WantedState
+from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.reckoning import Inside
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.rules.meridian import past_meridian
-
-if TYPE_CHECKING:
-    from gateway.mount.controller import MountController
-
-
-def limits_of(controller: MountController) -> Limits:
-    """The operator's limits, narrowed by the programs whose motion is under way."""
-    limits, motion = controller.policy.limits, controller.motions.wanted.motion
-    for moving in [motion.operation] if isinstance(motion, Slew) else controller.motions.by_hand.values():
-        if isinstance(moving, op.Move | op.Goto):
-            limits = limits.narrowed(moving.lowest, moving.highest)
-    return limits
+from gateway.mount.safety.rules.sun import SunAvoidance
+from gateway.mount.site.astrometry import SiteAstrometry
 
 
-def over_the_horizon(limits: Limits) -> Inside:
-    """Of an azimuth and an altitude."""
-    return lambda _, altitude: limits.lowest <= altitude <= limits.highest
+class TargetLimits:
+    """``over_the_horizon`` and ``on_the_sky`` give the question, by what is known now."""
 
+    def __init__(
+        self,
+        context: Context,
+        cache: ReadingsCache,
+        wanted: WantedState,
+        movement: Movement,
+        astrometry: SiteAstrometry,
+        suns: SunAvoidance,
+    ) -> None:
+        self._context, self._cache, self._wanted, self._movement = context, cache, wanted, movement
+        self._astrometry, self._suns = astrometry, suns
 
-def on_the_sky(controller: MountController, limits: Limits) -> Inside:
-    """Of a right ascension and a declination of date: altitude, the Sun, the hour angle of a mount whose side is known.
+    def _limits(self) -> Limits:
+        """The operator's limits, narrowed by the programs whose motion is under way."""
+        limits, motion = self._context.policy.limits, self._wanted.value.motion
+        for moving in [motion.operation] if isinstance(motion, Slew) else self._wanted.by_hand.values():
+            if isinstance(moving, op.Move | op.Goto):
+                limits = limits.narrowed(moving.lowest, moving.highest)
+        return limits
 
-    While the site is unknown the Sun alone counts.
-    """
-    meridian = _meridian(controller, limits)
+    def over_the_horizon(self) -> Inside:
+        """Of an azimuth and an altitude."""
+        limits = self._limits()
+        return lambda _, altitude: limits.lowest <= altitude <= limits.highest
 
-    def inside(ra: float, dec: float) -> bool:
-        altitude = controller.derived.altitude(ra, dec)
-        if altitude is not None and not limits.lowest <= altitude <= limits.highest:
-            return False
-        if any(distance < controller.suns.limit for distance in controller.suns.distances(op.Equatorial(ra, dec))):
-            return False
-        return meridian(ra, dec)
+    def on_the_sky(self) -> Inside:
+        """Of a right ascension and a declination of date: altitude, Sun, hour angle of a mount whose side is known.
 
-    return inside
+        While the site is unknown the Sun alone counts.
+        """
+        limits, astrometry, suns = self._limits(), self._astrometry, self._suns
+        meridian = self._meridian(limits)
 
+        def inside(ra: float, dec: float) -> bool:
+            altitude = astrometry.altitude(ra, dec)
+            if altitude is not None and not limits.lowest <= altitude <= limits.highest:
+                return False
+            if any(distance < suns.limit for distance in suns.distances(op.Equatorial(ra, dec))):
+                return False
+            return meridian(ra, dec)
 
-def _meridian(controller: MountController, limits: Limits) -> Inside:
-    """A goto crosses the meridian on its way: the limit is that of a motion by hand."""
-    status, german, limit = controller.snapshot.value(op.GetStatus), controller.driver.german, limits.hour_angle
-    side = controller.driver.tube_side(controller.snapshot.value(op.PierSide) or "") if german else None
-    known = status is not None and status.equatorial and german is not None and (side or not german)
-    if limit is None or not known or controller.slewing or controller.sources.site() is None:
-        return lambda ra, dec: True
-    sidereal = controller.derived.sidereal_time()
-    return lambda ra, _: past_meridian(sidereal - ra, side) <= limit
+        return inside
+
+    def _meridian(self, limits: Limits) -> Inside:
+        """A goto crosses the meridian on its way: the limit is that of a motion by hand."""
+        driver, cache, limit = self._context.driver, self._cache, limits.hour_angle
+        status = cache.value(op.GetStatus)
+        side = driver.tube_side(cache.value(op.PierSide) or "") if driver.german else None
+        known = status is not None and status.equatorial and driver.german is not None and (side or not driver.german)
+        if limit is None or not known or self._movement.slewing or self._astrometry.observatory.site() is None:
+            return lambda ra, dec: True
+        sidereal = self._astrometry.sidereal_time()
+        return lambda ra, _: past_meridian(sidereal - ra, side) <= limit

@@ -7,32 +7,28 @@ all a stop, is not told after it: the mount is asked again.
 
 from __future__ import annotations
 
-import asyncio
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from msgspec import Struct
 
 from gateway.core import operations as op
-from gateway.core.errors import Asleep, Busy, Fault, NoAnswer, Unsupported
+from gateway.core.errors import Unsupported
 from gateway.core.motion_kinds import GOTOS
+from gateway.core.signals import Signal
+from gateway.mount.context import Context
 from gateway.mount.link.verification import FASTEST
-from gateway.mount.motion.wanted import Slew
-from gateway.mount.readings import target_limits
-from gateway.mount.readings.cache import LAST_POSITION, MISSING, Kind
+from gateway.mount.motion.moving import Movement
+from gateway.mount.motion.wanted import Slew, WantedState
+from gateway.mount.readings.at_hand import AtHand
+from gateway.mount.readings.cache import LAST_POSITION, MISSING, Kind, ReadingsCache
 from gateway.mount.readings.reckoning import EARLIER, SOONEST, Course, Inside, Pair, Reading, course, place
-
-if TYPE_CHECKING:
-    from gateway.mount.controller import MountController
+from gateway.mount.readings.target_limits import TargetLimits
+from gateway.mount.site.astrometry import SiteAstrometry
 
 #: The reads that tell where the mount points.
 PLACES: tuple[Kind, ...] = (op.Position, op.HorizontalPosition, op.AxisPosition)
 #: For so many seconds what was reckoned is told again.
 MOMENT = EARLIER
-#: How often the mount is asked again while orders come faster than it can tell what came of them.
-TRIES = 3
-#: Seconds that an answer is waited for where the last one may stand in for it: in motion, which makes it old, as long
-#: as a reply may take.
-WAITS, WAITS_MOVING = 2.5, 3.2
 #: How a mount stands that has never said so: nothing is promised that it might not do.
 UNKNOWN = op.Status(tracking=op.Tracking.OFF, aligned=False, equatorial=False)
 
@@ -45,11 +41,26 @@ class Taken(Struct, frozen=True):
     asked: float
 
 
-class Telling:
-    """``tell`` and ``read`` answer programs; ``came`` takes readings, ``ordered`` what the mount has acknowledged."""
+class ToldPosition:
+    """``tell`` answers programs; ``came`` takes readings, ``ordered`` what the mount has acknowledged.
 
-    def __init__(self, controller: MountController) -> None:
-        self._controller = controller
+    ``changed`` is emitted when what was told before is out of date.
+    """
+
+    def __init__(
+        self,
+        context: Context,
+        at_hand: AtHand,
+        cache: ReadingsCache,
+        wanted: WantedState,
+        movement: Movement,
+        astrometry: SiteAstrometry,
+        limits: TargetLimits,
+    ) -> None:
+        self._context, self._driver, self._now = context, context.driver, context.now
+        self._at_hand, self._cache, self._wanted, self._movement = at_hand, cache, wanted, movement
+        self._astrometry, self._limits = astrometry, limits
+        self.changed: Signal[None] = Signal()
         self._taken: dict[Kind, tuple[Taken | None, Taken]] = {}
         self._courses: dict[Kind, Course] = {}
         #: Places that the mount itself does not tell, and what they are worked out from.
@@ -75,19 +86,20 @@ class Telling:
         """The mount does not tell this; it follows from another read."""
         self._sources[kind] = source
 
-    def stirs(self) -> None:
+    def stirs(self, _: None = None) -> None:
         """Something that may set the mount moving goes to it: the next end is not the end of nothing."""
         self._stirred = True
 
-    def ordered(self, operation: op.Operation) -> None:
-        """The mount has acknowledged this; to be called before the hub goes by it."""
-        controller = self._controller
+    def ordered(self, operation: op.Operation, restless: bool) -> None:
+        """The mount has acknowledged this; to be called before anything goes by it. ``restless``: it is seen to move
+        though nobody here has told it to.
+        """
         if isinstance(operation, op.Stop | op.Halt | op.CancelGoto):
-            if not (controller.moving or self._stirred or controller.guard.restless):
+            if not (self._movement.anything or self._stirred or restless):
                 return
-            self._stirred = not isinstance(operation, op.Stop) and controller.moving
+            self._stirred = not isinstance(operation, op.Stop) and self._movement.anything
         elif isinstance(operation, op.Move | op.MoveAxis):
-            if controller.motions.by_hand.get(operation.axis) == operation:
+            if self._wanted.by_hand.get(operation.axis) == operation:
                 return  # it goes on
         elif not isinstance(operation, (*GOTOS, op.Sync)):
             return
@@ -95,20 +107,20 @@ class Telling:
 
     def anew(self) -> None:
         """From now on nothing is told that the mount was asked for before."""
-        self._since = self._controller.now()
-        self._controller.snapshot.version += 1
+        self._since = self._now()
         self._courses.clear()
         self._moment = -1e9
+        self.changed.emit(None)
 
     # --- what is told -----------------------------------------------------------------------------------------------
 
     def tell(self, operation: op.Operation) -> Any:
         """The answer of a read for a program, when it is at hand; MISSING when it must be waited for."""
-        controller, kind = self._controller, type(operation)
-        value = controller.at_hand(operation)
+        kind = type(operation)
+        value = self._at_hand.tell(operation)
         if kind not in PLACES:
             return value
-        source = self._source(kind)
+        source = self.source(kind)
         if source is not None:
             seen = self.tell(source())
             return MISSING if seen is MISSING else self._worked_out(kind, seen)
@@ -117,83 +129,46 @@ class Telling:
         _, last = self._taken[kind]
         if last.asked < self._since:
             return MISSING
-        return type(last.value)(*place(self._course(kind), self._now())) if controller.moving else last.value
+        return type(last.value)(*place(self._course(kind), self._told_at())) if self._movement.anything else last.value
 
-    async def read(self, operation: op.Operation) -> Any:
-        """The same, waiting for the mount where that is needed; in place of an answer that does not come the last one.
-
-        A state that nobody knows is told as it does no harm. Raises Fault where there is nothing to tell.
-        """
-        fault: Fault
-        try:
-            async with asyncio.timeout(WAITS_MOVING if self._controller.moving else WAITS):
-                answer = await self._read(operation)
-        except Asleep:
-            raise
-        except (NoAnswer, Busy) as said:
-            fault = said
-        except TimeoutError:
-            fault = NoAnswer()
-        else:
-            self.told_old = self.told_old and type(operation) not in PLACES
-            return answer
-        last = self._last(type(operation))
-        if last is MISSING:
-            raise fault
-        return last
-
-    def _last(self, kind: Kind) -> Any:
+    def last(self, kind: Kind) -> Any:
         """What was told last and may be told again although the mount has not answered; MISSING if there is nothing."""
-        controller = self._controller
         if kind is op.Slewing:
-            return controller.slewing or controller.motions.goto_waits
+            return self._movement.slewing or self._wanted.goto_waits
         if kind is op.GetStatus:
-            return controller.snapshot.value(kind) or UNKNOWN
-        source = self._source(kind) or (op.Position if kind is op.HorizontalPosition else None)
+            return self._cache.value(kind) or UNKNOWN
+        source = self.source(kind) or (op.Position if kind is op.HorizontalPosition else None)
         if kind not in self._taken and source is not None:
-            seen = self._last(source)
+            seen = self.last(source)
             return MISSING if seen is MISSING else self._worked_out(kind, seen)
         _, last = self._taken.get(kind, (None, None))
-        if last is None or last.asked < self._since or controller.now() - last.reading.complete > LAST_POSITION:
+        if last is None or last.asked < self._since or self._now() - last.reading.complete > LAST_POSITION:
             return MISSING
         if not self.told_old:
             self.told_old = True
-            controller.transcript.note(
-                "mount",
+            self._context.note(
                 f"the mount has not answered in time: programs are told its last position, "
-                f"up to {LAST_POSITION:.0f} s old",
+                f"up to {LAST_POSITION:.0f} s old"
             )
-        return type(last.value)(*place(self._course(kind), controller.now())) if controller.moving else last.value
+        return type(last.value)(*place(self._course(kind), self._now())) if self._movement.anything else last.value
 
-    async def _read(self, operation: op.Operation) -> Any:
-        """The mount's answer, at hand or waited for. Raises Fault."""
-        controller, kind = self._controller, type(operation)
-        value = self.tell(operation)
-        for _ in range(TRIES):
-            if value is MISSING and (source := self._source(kind)) is not None:
-                await self.read(source())
-                value = self.tell(operation)
-            if value is not MISSING:
-                return value
-            asked = await controller.asked(operation)
-            if kind not in PLACES:
-                return asked
-            value = self.tell(operation)
-        return asked if value is MISSING else value
+    def answered(self, kind: Kind) -> None:
+        """The mount has answered in time."""
+        self.told_old = self.told_old and kind not in PLACES
 
     def fresh_until(self, kinds: list[Kind]) -> float:
         """The loop time until which what was just told may be told again."""
         places = [kind for kind in kinds if kind in PLACES]
-        sources = [source for kind in places if (source := self._source(kind)) is not None]
-        until = self._controller.snapshot.until([*kinds, *sources])
-        return min(until, self._moment + MOMENT) if places and self._controller.moving else until
+        sources = [source for kind in places if (source := self.source(kind)) is not None]
+        until = self._cache.until([*kinds, *sources])
+        return min(until, self._moment + MOMENT) if places and self._movement.anything else until
 
-    def _now(self) -> float:
+    def _told_at(self) -> float:
         """The moment that is told; a new one makes what was told before out of date."""
-        now = self._controller.now()
+        now = self._now()
         if now - self._moment >= MOMENT:
             self._moment = now
-            self._controller.snapshot.version += 1
+            self.changed.emit(None)
         return self._moment
 
     # --- how the mount goes on --------------------------------------------------------------------------------------
@@ -206,8 +181,8 @@ class Telling:
             self._courses[kind] = course(
                 before.reading if before is not None and same else None,
                 last.reading,
-                fastest=FASTEST * self._controller.driver.hurry,
-                digit=self._controller.driver.resolution,
+                fastest=FASTEST * self._driver.hurry,
+                digit=self._driver.resolution,
                 goal=self._goal(kind),
                 polar=kind is not op.AxisPosition,
                 inside=self._inside(kind),
@@ -215,45 +190,44 @@ class Telling:
         return self._courses[kind]
 
     def _inside(self, kind: Kind) -> Inside | None:
-        limits = target_limits.limits_of(self._controller)
         if kind is op.Position:
-            return target_limits.on_the_sky(self._controller, limits)
-        return None if kind is op.AxisPosition and self._equatorial else target_limits.over_the_horizon(limits)
+            return self._limits.on_the_sky()
+        return None if kind is op.AxisPosition and self._equatorial else self._limits.over_the_horizon()
 
     def _goal(self, kind: Kind) -> Pair | None:
         """Where the goto that is under way leads, as this read tells it; None where nobody here knows."""
-        controller, motion = self._controller, self._controller.motions.wanted.motion
+        motion, astrometry = self._wanted.value.motion, self._astrometry
         if not isinstance(motion, Slew):
             return None
         goto = motion.operation
-        axes = goto if isinstance(goto, op.GotoAxes) else controller.driver.destination(goto)
+        axes = goto if isinstance(goto, op.GotoAxes) else self._driver.destination(goto)
         try:
             if isinstance(goto, op.Goto):
-                sky = controller.derived.from_mount(op.Equatorial(goto.ra, goto.dec))
+                sky = astrometry.from_mount(op.Equatorial(goto.ra, goto.dec))
             elif axes is None:
                 return None
             elif kind is op.AxisPosition or (kind is op.HorizontalPosition and not self._equatorial):
                 return axes.az, axes.alt
             elif self._equatorial:
-                sky = op.Equatorial(*_pair(controller.derived.from_axes(axes, wedge=not controller.driver.german)))
+                sky = op.Equatorial(*_pair(astrometry.from_axes(axes, wedge=not self._driver.german)))
             else:
-                sky = op.Equatorial(*_pair(controller.derived.equatorial(op.GotoHorizontal(axes.az, axes.alt))))
+                sky = op.Equatorial(*_pair(astrometry.equatorial(op.GotoHorizontal(axes.az, axes.alt))))
             if kind is op.AxisPosition and self._equatorial:
                 return None
-            return _pair(sky if kind is op.Position else controller.derived.horizon(sky))
+            return _pair(sky if kind is op.Position else astrometry.horizon(sky))
         except Unsupported:
             return None
 
     @property
     def _equatorial(self) -> bool:
-        status = self._controller.snapshot.value(op.GetStatus)
+        status = self._cache.value(op.GetStatus)
         return status is not None and bool(status.equatorial)
 
     # --- what the mount does not tell ---------------------------------------------------------------------------------
 
-    def _source(self, kind: Kind) -> Kind | None:
+    def source(self, kind: Kind) -> Kind | None:
         """The read that a place is worked out from; a mount that tells places in halves has no time to in motion."""
-        if kind is op.HorizontalPosition and self._controller.moving and self._controller.driver.position_reads > 1:
+        if kind is op.HorizontalPosition and self._movement.anything and self._driver.position_reads > 1:
             return op.Position
         return self._sources.get(kind)
 
@@ -261,11 +235,11 @@ class Telling:
         """A place by the site and the clock of this moment; MISSING where the site is unknown."""
         if isinstance(seen, op.Horizontal):
             return seen
-        derived = self._controller.derived
+        astrometry = self._astrometry
         try:
             if kind is op.HorizontalPosition:
-                return derived.horizon(seen)
-            return derived.axes(seen, wedge=not self._controller.driver.german)
+                return astrometry.horizon(seen)
+            return astrometry.axes(seen, wedge=not self._driver.german)
         except Unsupported:
             return MISSING
 

@@ -28,7 +28,8 @@ def allow(view: View) -> Verdict:
 def first_stretch(view: View, now: float, speed: float) -> Verdict:
     """A motion by hand begins, whichever way: it must be seen again before it can come to any limit.
 
-    ``speed`` is that of all axes together, degrees a second. Its first stretch has been checked (``admission.py``).
+    ``speed`` is that of all axes together, degrees a second. Its first stretch has been checked
+    (``admission/motions.py``).
     """
     here, limits, timing = view.seen.last, view.limits, view.timing
     if here is None or view.status is None or not view.status.aligned or speed <= RESTLESS:

@@ -23,7 +23,7 @@ def doubts(mount: MountInputs, sources: BestSources) -> str:
 def _contradictions(sources: BestSources) -> Iterator[str]:
     for place, _, words in sources.contradictions():
         if place is not None:
-            yield f"{words} (gotos that either forbids are refused)"
+            yield f"{words} (gotos that either of them would forbid are refused)"
 
 
 def _park(mount: MountInputs) -> Iterator[str]:

@@ -57,7 +57,7 @@ class Supervisor:
         self._ended.intersection_update(motions)
         self.look_after(self._wanted)
 
-    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
+    def _spawn(self, work: Coroutine[object, object, None]) -> None:
         task = self._loop.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
@@ -66,7 +66,7 @@ class Supervisor:
         try:
             await self._perform(operation)
         except Fault as fault:
-            self._note(f"it did not stop: {fault}")
+            self._note(f"the motion could not be stopped: {fault}")
 
 
 def supervised(wanted: Wanted) -> list[Supervised]:

@@ -5,41 +5,44 @@ It may track again, by its keys or because it was unparked: then it is switched 
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Coroutine
-from typing import Any, NamedTuple
+from collections.abc import Awaitable, Callable
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Unsupported
-from gateway.mount.safety.inputs import MountInputs
-
-#: How old the word of the mount may grow that it is not aligned, or does not track.
-STATUS_AGE = 5.0
-
-
-class Actions(NamedTuple):
-    """What the watch may do: stop the mount, switch its tracking off, ask it something, forget the syncs so far."""
-
-    stop: Callable[[], object]
-    tracking_off: Callable[[], Awaitable[object]]
-    status: Callable[[], Awaitable[op.Status]]
-    ask_status: Callable[[], object]
-    ask_side: Callable[[], object]
-    forget_syncs: Callable[[], object]
-    spawn: Callable[[Coroutine[Any, Any, None]], object]
+from gateway.core.signals import Signal
+from gateway.mount.context import Context
+from gateway.mount.readings.cache import ReadingsCache
+from gateway.mount.readings.reader import Reader
+from gateway.mount.safety.watch import STATUS_AGE, LimitWatch
 
 
 class TrackingAtLimit:
-    """``switch_off`` is called when nobody moves the mount and it comes nearer to a limit all the same."""
+    """Listens to ``watch``: whether nobody moves the mount and it comes nearer to a limit all the same.
 
-    def __init__(self, mount: MountInputs, actions: Actions) -> None:
-        self._mount, self._do = mount, actions
+    ``perform`` carries out an operation. ``must_stop`` is emitted where only a stop of all motion is left.
+    """
+
+    def __init__(
+        self,
+        context: Context,
+        cache: ReadingsCache,
+        reader: Reader,
+        watch: LimitWatch,
+        perform: Callable[[op.Operation], Awaitable[object]],
+    ) -> None:
+        self._context, self._cache, self._reader, self._perform = context, cache, reader, perform
         self._switching = self._helpless = self._resting = self._set_there = False
+        self.must_stop: Signal[None] = Signal()
+        watch.motion_began.connect(self.began)
+        watch.sky_changed.connect(self.under_another_sky)
+        watch.looked.connect(self.seen)
+        watch.carried_to_limit.connect(self.switch_off)
 
-    def began(self) -> None:
+    def began(self, _: None = None) -> None:
         """A motion has begun: what was found before is not true for ever."""
         self._helpless = self._resting = self._set_there = False
 
-    def under_another_sky(self) -> None:
+    def under_another_sky(self, _: None = None) -> None:
         """Its site or clock was set while it rested: a limit that it is beyond now it has not come to by itself."""
         self._set_there = True
 
@@ -50,29 +53,29 @@ class TrackingAtLimit:
 
     def switch_off(self, reason: str) -> None:
         """It has come to this limit."""
-        age = self._mount.readings.age(op.GetStatus, self._mount.now())
+        age = self._cache.age(op.GetStatus, self._context.now())
         if self._resting and age > STATUS_AGE:
-            self._do.ask_status()
+            self._reader.shared(op.GetStatus())
         elif not (self._switching or self._helpless or self._resting):
             self._switching = True
-            self._do.spawn(self._switch_off(reason))
+            self._context.tasks.spawn(self._switch_off(reason))
 
     async def _switch_off(self, reason: str) -> None:
-        say = self._mount.transcript
+        say = self._context
         try:
-            if (await self._do.status()).tracking is op.Tracking.OFF:
-                say.note("mount", f"WARNING: the mount is at {reason}; its tracking is off, nothing can be stopped")
+            if (await self._reader.read(op.GetStatus())).tracking is op.Tracking.OFF:
+                say.note(f"WARNING: tracking is off, but the mount is drifting past {reason}; there is nothing to stop")
                 self._resting = True
                 return
-            await self._do.tracking_off()
-            say.note("mount", f"tracking is off: it came to {reason}")
+            await self._perform(op.SetTracking(on=False))
+            say.note(f"tracking was switched off at {reason}")
         except Unsupported:
             self._helpless = True
-            say.note("mount", f"{'WARNING: the mount is' if self._set_there else 'stopped'} at {reason}")
-            say.note_once("mount", "the tracking of this mount cannot be switched off at a limit")
+            say.note(f"{'WARNING: the mount is' if self._set_there else 'stopped'} at {reason}")
+            say.note_once("the tracking of this mount cannot be switched off at a limit")
             if not self._set_there:
-                self._do.stop()
+                self.must_stop.emit(None)
         except Fault as fault:
-            say.note("mount", f"tracking goes on beyond {reason}: {fault}")
+            say.note(f"tracking could not be switched off at {reason} and goes on beyond it: {fault}")
         finally:
             self._switching = False

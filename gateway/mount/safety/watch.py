@@ -12,19 +12,23 @@ import asyncio
 from msgspec.structs import replace
 
 from gateway.core import operations as op
+from gateway.core.signals import Signal
+from gateway.mount.context import Context
 from gateway.mount.motion import seen as fold
 from gateway.mount.motion.end_watch import EndWatch
 from gateway.mount.motion.seen import NEVER, PositionSample, Seen
+from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.allow import allow, first_stretch
 from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.rules.aligned import UNWATCHED
 from gateway.mount.safety.rules.axis_altitude import AltitudeAxis
+from gateway.mount.safety.rules.meant_sky import MeantSky
 from gateway.mount.safety.rules.stalled import StallWatch
 from gateway.mount.safety.rules.sun import farthest
+from gateway.mount.safety.rules.sync_sum import SyncTotal
 from gateway.mount.safety.rules.unknown_position import blind
 from gateway.mount.safety.stop_deadline import StopDeadline
 from gateway.mount.safety.stop_timing import SHORTEST
-from gateway.mount.safety.tracking_at_limit import STATUS_AGE, Actions, TrackingAtLimit
 from gateway.mount.safety.view import RESTLESS, Verdict, View
 
 #: A position that changes so many times faster than the mount can move was told anew: an alignment, at its keys.
@@ -33,29 +37,34 @@ ANEW = 3.0
 CLOSELY = 3.0
 #: How long a mount may run on after it was told to end a motion: what it does meanwhile is not held against it.
 COASTING = 1.0
-#: A clock that is set by more than that means another sky, seconds.
-SET_ANEW = 30.0
-#: For so many seconds after that a mount at rest may tell of the old sky, of the new one, and of half of each.
-SETTLES = 3.0
-#: How old the pier side may grow.
+#: How old the word of the mount may grow that it is not aligned, or does not track; and that on its pier side.
+STATUS_AGE = 5.0
 SIDE_AGE = 5.0
 
 
 class LimitWatch:
-    """``look`` is called with every position, ``began`` with every motion that the mount has acknowledged."""
+    """``look`` is called with every position, ``began`` with every motion that the mount has acknowledged.
 
-    def __init__(self, mount: MountInputs, actions: Actions, ends: EndWatch, loop: asyncio.AbstractEventLoop) -> None:
-        self._mount, self._do, self._ends = mount, actions, ends
-        self._deadline, self._stalls = StopDeadline(loop, self._late), StallWatch()
+    ``must_stop`` is emitted in the call in which that is found, ``carried_to_limit`` (which one) when nobody moves the
+    mount and it comes to a limit all the same. The other signals: a motion has begun, another sky is meant from now on,
+    the mount was looked at and had said this of itself.
+    """
+
+    def __init__(self, context: Context, mount: MountInputs, reader: Reader, ends: EndWatch, synced: SyncTotal) -> None:
+        self._context, self._mount, self._reader, self._ends, self._synced = context, mount, reader, ends, synced
+        self.must_stop: Signal[None] = Signal()
+        self.carried_to_limit: Signal[str] = Signal()
+        self.motion_began: Signal[None] = Signal()
+        self.looked: Signal[op.Status | None] = Signal()
+        self._deadline, self._stalls = StopDeadline(asyncio.get_running_loop(), self._late), StallWatch()
         self.seen = Seen()
         self._limits = mount.limits()
         self._restless_until = self._coasts_until = self._stopped_at = NEVER
         #: Whether it was sent to a place at any altitude, and was seen to rest there.
         self._own_place = self._parked = False
         self._astray = False
-        self._tracking = TrackingAtLimit(mount, actions)
-        self._frame: tuple[op.Place | None, float] = None, 0.0
-        self._settles_until = NEVER
+        self._sky = MeantSky(mount)
+        self.sky_changed = self._sky.changed
         self.altitude_axis = AltitudeAxis(mount)
         #: When the last motion was ended.
         self.rests_since = NEVER
@@ -98,7 +107,7 @@ class LimitWatch:
             limits, self._own_place = limits.at_any_altitude(), True
         self._limits, self._coasts_until, self._astray = limits, NEVER, self.dips
         self._parked = False
-        self._tracking.began()
+        self.motion_began.emit(None)
         told = mount.speed(operation) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
         if isinstance(operation, op.Sync):
             self.seen = replace(self.seen, before=None, last=None, farthest=())
@@ -110,7 +119,7 @@ class LimitWatch:
             speed = sum(mount.speed(one) for one in {**moving.by_hand, operation.axis: operation}.values())
             self._heed(first_stretch(self._view(), mount.now(), speed))
 
-    def arrived(self) -> None:
+    def arrived(self, _: None = None) -> None:
         """A goto is over. One that was stopped on its way has not brought the tube upright."""
         moving = self._mount.moving()
         if not (moving.ending or moving.by_hand):
@@ -126,7 +135,7 @@ class LimitWatch:
         self.rests_since = self._mount.now()
         self._coasts_until = self._mount.now() + COASTING
 
-    def unseen(self) -> None:
+    def unseen(self, _: None = None) -> None:
         """The mount did not tell where it is."""
         mount, now = self._mount, self._mount.now()
         reason = blind(mount.moving(), mount.readings.age(op.Position, now), now - self._stopped_at)
@@ -145,7 +154,7 @@ class LimitWatch:
         self._look_at_axes(now, place)
         if not self.altitude_axis.tells:
             self.altitude_axis.forget()
-        if self._another_sky(now):
+        if self._sky.is_another(now, self.restless):
             last = None
             self.altitude_axis.forget()
         elif last is not None and last.altitude is None:  # the site may have become known since
@@ -174,7 +183,7 @@ class LimitWatch:
             return
         change = self.altitude_axis.read(axes, self.seen, now, self._mount.moving().anything or self.restless)
         if change is None:
-            self._do.ask_status()
+            self._reader.shared(op.GetStatus())
         elif change:
             tilt = self.altitude_axis.tilt
             self._mount.transcript.note(
@@ -183,21 +192,6 @@ class LimitWatch:
                 "site and clock tell; the altitude limits go by the axis",
             )
             self.seen = replace(self.seen, before=None, last=replace(last, altitude=last.altitude + change))
-
-    def _another_sky(self, now: float) -> bool:
-        """Whether site or clock were set since the last look: then positions before and after mean other altitudes.
-
-        The mount hears of them bit by bit: while nobody moves it, what changes meanwhile is no motion.
-        """
-        mount, (place, ahead) = self._mount, self._frame
-        known = mount.astrometry.observatory
-        self._frame = known.site(), known.unix() - now
-        changed = place is not None and (place != self._frame[0] or abs(ahead - self._frame[1]) > SET_ANEW)
-        if changed or mount.being_set():
-            self._settles_until = now + SETTLES
-        if changed and not mount.moving().anything:
-            self._tracking.under_another_sky()
-        return changed or (now < self._settles_until and not mount.moving().anything and not self.restless)
 
     def _measured(self, now: float, place: op.Equatorial, before: PositionSample | None = None) -> PositionSample:
         mount = self._mount
@@ -210,16 +204,16 @@ class LimitWatch:
     def _not_aligned(self) -> None:
         self._mount.transcript.note_once("mount", UNWATCHED)
         if self._status_age > STATUS_AGE:
-            self._do.ask_status()
+            self._reader.shared(op.GetStatus())
 
     def _notice(self, now: float, status: op.Status | None) -> None:
         """Whether somebody else moves the mount, it was aligned anew, or the tube is beyond the pole or the zenith."""
         mount, moving, last = self._mount, self._mount.moving(), self.seen.last
-        self._tracking.seen(status)
+        self.looked.emit(status)
         if self.seen.across > RESTLESS and not moving.anything:
             self._restless_until = now + CLOSELY
         if self.seen.across > ANEW * mount.fastest:
-            self._do.forget_syncs()
+            self._synced.forget()
             self.altitude_axis.forget()
         if status is not None and last is not None and last.lifting is not None:
             self.seen = fold.lifted(self.seen, status.equatorial, mount.speed(last.lifting))
@@ -229,7 +223,7 @@ class LimitWatch:
     def _left_park(self, status: op.Status | None) -> bool:
         """Whether it tracks again where the owner has parked it: from then on the limits hold there, too."""
         if status is None or not (self._parked or self._status_age <= STATUS_AGE):
-            self._do.ask_status()
+            self._reader.shared(op.GetStatus())
             return False
         tracks = status.tracking is not op.Tracking.OFF
         self._parked = self._parked or not tracks
@@ -260,7 +254,7 @@ class LimitWatch:
         """The side of the pier by the last word on it, which is asked for anew when it grows old."""
         mount = self._mount
         if mount.readings.age(op.PierSide, mount.now()) > SIDE_AGE:
-            self._do.ask_side()
+            self._context.tasks.spawn(self._reader.tube_side())
         return mount.driver.tube_side(mount.readings.value(op.PierSide) or "")
 
     def _look_at_axes(self, now: float, place: op.Equatorial) -> None:
@@ -277,7 +271,7 @@ class LimitWatch:
         stalled = self._stalls.look(here, ordered, mount.timing.exchange * mount.timing.reads)
         if stalled is not None:
             self._stop(
-                f"stopped: axis {stalled} was told to move, and its position shows nothing of it; look at the "
+                f"stopped: axis {stalled} was told to move, but its position does not change; check the "
                 "mount (a stalled motor, a cable?)"
             )
 
@@ -292,15 +286,15 @@ class LimitWatch:
     def _late(self, limit: str) -> None:
         """By its last known speed the mount is about to reach a limit, and it has not been seen since."""
         if self._mount.moving().anything or self.restless:
-            self._act(f"{limit}, reckoned by its speed")
+            self._act(f"{limit}, estimated from its speed")
 
     def _act(self, reason: str) -> None:
         """Stop what moves; where nobody moves the mount, it is tracking, and that goes off."""
         if self._mount.moving().anything or self.restless:
             self._stop(f"stopped at {reason}")
         else:
-            self._tracking.switch_off(reason)
+            self.carried_to_limit.emit(reason)
 
     def _stop(self, words: str) -> None:
         self._mount.transcript.note("mount", words)
-        self._do.stop()
+        self.must_stop.emit(None)

@@ -31,6 +31,10 @@ class SiteAstrometry:
     def __init__(self, sky: Sky, observatory: SiteAndTime, equinox: str) -> None:
         self.sky, self.observatory, self.equinox = sky, observatory, equinox
 
+    def means(self, equinox: str) -> None:
+        """The mount has told its version: this is what its coordinates mean."""
+        self.equinox = equinox
+
     def place(self) -> op.Place:
         """The site in force. Raises Unsupported."""
         place = self.observatory.site()

@@ -32,7 +32,7 @@ def planet(astrometry: SiteAstrometry, wanted: op.PlanetPlace) -> op.Equatorial:
     """From the Earth's centre: parallax (0.5' for Venus at its nearest) is less than what the series are good to."""
     seen = astrometry.sky.planet(wanted.name, astrometry.observatory.unix())
     if seen is None:
-        raise Unsupported("The planets are not worked out yet.")
+        raise Unsupported("The positions of the planets are not available yet.")
     return op.Equatorial(*seen)
 
 

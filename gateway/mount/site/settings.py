@@ -1,7 +1,7 @@
 """Site and clock: told from what is known, taken from clients at once, owed to the mount until it has been told.
 
 Telling an aligned hand control its site or time may cost the alignment, so by default only an unaligned one is told;
-what is not sent is kept here and said once in the log. ``sync_settings.py`` does the telling.
+what is not sent is kept here and said once in the log. ``settings_sync.py`` does the telling.
 """
 
 from __future__ import annotations
@@ -10,31 +10,37 @@ import asyncio
 import contextlib
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
-
-from msgspec.structs import replace
+from typing import Any
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, NoAnswer, NoDevice, Unsupported
-from gateway.mount.link.queue import READ, SETTING
+from gateway.mount.context import Context
+from gateway.mount.link.driver_runner import DriverRunner
+from gateway.mount.link.line import MountLink
+from gateway.mount.link.scheduling import READ, SETTING
+from gateway.mount.readings.reader import FIRST_ANSWER
+from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.settings_sync import SyncSettings
+from gateway.mount.site.site_clock import SiteClock
 
-if TYPE_CHECKING:
-    from gateway.mount.controller import MountController
-
-#: How long a half of a site waits for the other one, and a client for the mount's first word.
+#: How long a half of a site waits for the other one.
 HALF_SITE = 2.0
-FIRST_ANSWER = 2.0
-#: How long one look at the mount's GPS unit serves everybody, with a fix and without.
-GPS_FIX, GPS_SEARCH = 300.0, 30.0
 
 
 class SiteAndClock:
     """Performs the operations that read and set site and clock."""
 
-    def __init__(self, controller: MountController) -> None:
-        self._controller, self._observatory = controller, controller.observatory
-        self.sync = SyncSettings(controller)
+    def __init__(
+        self,
+        context: Context,
+        link: MountLink,
+        runner: DriverRunner,
+        site_clock: SiteClock,
+        told: SiteAstrometry,
+        sync: SyncSettings,
+    ) -> None:
+        self._context, self._link, self._runner, self._site_clock = context, link, runner, site_clock
+        self._told, self.sync = told, sync
         self.handlers: dict[type[op.Operation], Callable[[Any], Any]] = {
             op.GetSite: self._get_site,
             op.GetClock: self._get_clock,
@@ -47,60 +53,42 @@ class SiteAndClock:
             op.Backlash: self.sync.now_or_later,
             op.PeriodicError: self._periodic_error,
         }
-        self._gps: tuple[op.Gps, float] | None = None
         self._looking = asyncio.Lock()
-
-    def peek(self, kind: type[op.Operation]) -> op.Place | op.Moment | op.Gps | None:
-        """The answer when it is known without asking."""
-        if kind is op.GetSite:
-            return self._observatory.site()
-        if kind is op.GetGps:
-            return self._seen_gps()
-        return self._observatory.clock() if kind is op.GetClock else None
 
     async def _first_answers(self) -> None:
         try:
             async with asyncio.timeout(FIRST_ANSWER):
-                await self._controller.settled.wait()
+                await self._context.milestones.settled.wait()
         except TimeoutError:
             raise NoAnswer from None
 
     async def _get_site(self, _: op.GetSite) -> op.Place:
-        if self._observatory.site() is None:
+        if self._site_clock.site() is None:
             await self._first_answers()
-        return self._controller.told.place()
+        return self._told.place()
 
     async def _get_clock(self, _: op.GetClock) -> op.Moment:
-        if self._observatory.clock() is None:
+        if self._site_clock.clock() is None:
             await self._first_answers()
-        moment = self._observatory.clock()
+        moment = self._site_clock.clock()
         if moment is None:
-            self._controller.transcript.note_once("mount", "the mount tells no time: this computer's clock stands in")
-            moment = op.Moment(self._observatory.unix(), 0.0)
+            self._context.note_once("the mount does not tell the time: this computer's clock is used")
+            moment = op.Moment(self._site_clock.unix(), 0.0)
         return moment
 
     async def _sidereal_time(self, _: op.SiderealTime) -> float:
         await self._get_site(op.GetSite())
         await self._get_clock(op.GetClock())
-        return self._controller.told.sidereal_time()
-
-    def _seen_gps(self) -> op.Gps | None:
-        """What the GPS unit told lately, its time running on."""
-        if self._gps is None:
-            return None
-        seen, at = self._gps
-        age = self._controller.now() - at
-        return replace(seen, unix=seen.unix + age) if age < (GPS_FIX if seen.linked else GPS_SEARCH) else None
+        return self._told.sidereal_time()
 
     async def _get_gps(self, operation: op.GetGps) -> op.Gps:
         await self._first_answers()
         async with self._looking:
-            seen = self._seen_gps()
+            seen = self._site_clock.gps()
             if seen is None:
-                told: op.Gps = await self._controller.drive(self._controller.driver.perform(operation), READ)
-                seen, _ = self._gps = told, self._controller.now()
-                self._observatory.gps_says(told)
-                self._controller.snapshot.version += 1
+                told: op.Gps = await self._runner.perform(operation, READ)
+                self._site_clock.gps_says(told)
+                return told
         return seen
 
     # --- setting ----------------------------------------------------------------------------------------------------
@@ -108,41 +96,37 @@ class SiteAndClock:
     async def _set_site(self, operation: op.SetSite) -> None:
         """Take a half or the whole; the mount is told once both halves are there, or after a moment."""
         if operation.others is not None and await self._has_its_own(operation, operation.others):
-            self._observatory.forget_sites()
-            self._controller.snapshot.version += 1
+            self._site_clock.forget_sites()
             return
-        whole = self._observatory.set_site_half(operation)
-        self._controller.snapshot.version += 1
+        whole = self._site_clock.set_site_half(operation)
         if whole is not None:
             self._owe_site()
         else:
-            self._controller.loop.call_later(HALF_SITE, self._owe_site)
+            asyncio.get_running_loop().call_later(HALF_SITE, self._owe_site)
 
     async def _has_its_own(self, own: op.SetSite, others: Sequence[op.SetSite]) -> bool:
         """Whether the mount still has the site of before programs selected others, or nobody knows that one."""
         if own.latitude is None or own.longitude is None:
             return True
-        if self._controller.line.state == "up" and not self._controller.driver.asleep:
+        if self._link.state == "up" and not self._context.driver.asleep:
             await self.renew(op.GetSite)
-        if self._observatory.mount_site is None or self.sync.owes(own):
+        if self._site_clock.mount_site is None or self.sync.owes(own):
             return False
-        return self._observatory.same_site(own) or not self._observatory.has_one_of(others)
+        return self._site_clock.same_site(own) or not self._site_clock.has_one_of(others)
 
     def _owe_site(self) -> None:
-        whole = self._observatory.take_site()
-        if whole is not None and not self._controller.closed:
-            self._observatory.keep_site(whole)
+        whole = self._site_clock.take_site()
+        if whole is not None and not self._context.closed:
+            self._site_clock.keep_site(whole)
             self.sync.owe(whole)
-            self._controller.snapshot.version += 1
 
     async def _set_clock(self, operation: op.SetClock) -> None:
         """The client is believed at once. Raises Invalid for a year that the mount's clock has not."""
-        years = self._controller.driver.years
+        years = self._context.driver.years
         year = datetime.fromtimestamp(operation.unix + operation.offset * 3600.0, UTC).year
         if year not in years:
             raise Invalid(f"The clock of this mount takes the years {years[0]} to {years[-1]}, not {year}.")
-        self._observatory.keep_clock(operation)
-        self._controller.snapshot.version += 1
+        self._site_clock.keep_clock(operation)
         self.sync.owe(operation)
 
     async def _clock_from_gps(self, operation: op.ClockFromGps) -> None:
@@ -153,27 +137,26 @@ class SiteAndClock:
             mount_too = False
         if mount_too:
             with contextlib.suppress(Unsupported):  # a hand control that takes no time: what its GPS says is kept here
-                await self._controller.drive(self._controller.driver.perform(operation), SETTING)
+                await self._runner.perform(operation, SETTING)
                 await self.renew(op.GetClock)
                 return
         seen = await self._get_gps(op.GetGps())
         if not seen.linked or seen.unix is None:
             raise NoDevice("The GPS is not linked.")
-        present = self._observatory.clock()
-        self._observatory.keep_clock(
+        present = self._site_clock.clock()
+        self._site_clock.keep_clock(
             op.SetClock(seen.unix, present.offset, present.dst) if present else op.SetClock(seen.unix, 0.0)
         )
-        self._controller.transcript.note_once("mount", "the clock that was set by the GPS is kept in the gateway")
+        self._context.note_once("the clock that was set by the GPS is kept in the gateway")
 
     async def _periodic_error(self, operation: op.PeriodicError) -> None:
         """On or off is a setting; a toggle is pressed once, heard or not. Raises Fault."""
         if operation.on is None:
-            await self._controller.drive(self._controller.driver.perform(operation), SETTING)
+            await self._runner.perform(operation, SETTING)
         else:
             await self.sync.now_or_later(operation)
 
     async def renew(self, kind: type[op.GetSite | op.GetClock]) -> None:
         """Read the mount's site or clock again; what somebody has set there is in force here as well."""
-        controller = self._controller
         with contextlib.suppress(Fault):
-            self.sync.heard(await controller.drive(controller.driver.perform(kind()), READ))
+            self.sync.heard(await self._runner.perform(kind(), READ))

@@ -9,11 +9,16 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from typing import TYPE_CHECKING
 
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, NoAnswer, Unsupported
-from gateway.mount.link.queue import READ, SETTING
+from gateway.mount.context import Context
+from gateway.mount.link.driver_runner import DriverRunner
+from gateway.mount.link.line import MountLink
+from gateway.mount.link.scheduling import READ, SETTING
+from gateway.mount.motion.moving import Movement
+from gateway.mount.readings.cache import ReadingsCache
+from gateway.mount.readings.reader import Reader
 from gateway.mount.site.owed import (
     BUSY,
     LOOK,
@@ -30,9 +35,7 @@ from gateway.mount.site.owed import (
     site_is_ours,
     without,
 )
-
-if TYPE_CHECKING:
-    from gateway.mount.controller import MountController
+from gateway.mount.site.site_clock import SiteClock
 
 #: In words, for the log.
 _NAMES: dict[type[op.Operation], str] = {
@@ -51,8 +54,19 @@ REMEMBERED = 8
 class SyncSettings:
     """``owe`` takes what is to be told; ``doubt`` when the line comes up, ``resume`` when the mount is known again."""
 
-    def __init__(self, controller: MountController) -> None:
-        self._controller, self._observatory = controller, controller.observatory
+    def __init__(
+        self,
+        context: Context,
+        link: MountLink,
+        runner: DriverRunner,
+        cache: ReadingsCache,
+        reader: Reader,
+        movement: Movement,
+        site_clock: SiteClock,
+    ) -> None:
+        self._context, self._driver, self._now = context, context.driver, context.now
+        self._link, self._runner, self._cache, self._reader = link, runner, cache, reader
+        self._movement, self._site_clock = movement, site_clock
         self._owed: Owed = {}
         #: What was sent since the mount told last what it has, by kind; and what is being sent.
         self._sent: dict[Kind, tuple[Setting, ...]] = {}
@@ -80,9 +94,9 @@ class SyncSettings:
 
     def owe(self, operation: op.Operation, left: int = TRIES, due: float = 0.0) -> None:
         """Have the mount told, the newest of a kind only."""
-        self._owed = owing(self._owed, Setting(operation, self._controller.now(), left, due))
-        if self._controller.line.state in ("down", "opening"):
-            self._note(operation, "the mount does not hear now and is told when it does")
+        self._owed = owing(self._owed, Setting(operation, self._now(), left, due))
+        if self._link.state in ("down", "opening"):
+            self._note(operation, "the mount cannot listen now and is told when it can")
         self._begin()
 
     async def now_or_later(self, operation: op.Operation) -> None:
@@ -90,10 +104,10 @@ class SyncSettings:
         self._owed = {kind: one for kind, one in self._owed.items() if kind != kind_of(operation)}
         sent = self._hears()
         try:
-            await self._controller.drive(self._controller.driver.perform(operation), SETTING)
+            await self._runner.perform(operation, SETTING)
         except (Busy, NoAnswer) as fault:
             tried = sent and isinstance(fault, NoAnswer)
-            self.owe(operation, TRIES - 1 if tried else TRIES, self._controller.now() + BUSY)
+            self.owe(operation, TRIES - 1 if tried else TRIES, self._now() + BUSY)
             raise
 
     def doubt(self) -> None:
@@ -102,7 +116,7 @@ class SyncSettings:
 
     def resume(self) -> None:
         """The mount has said who it is, and where and when."""
-        identity: op.Identity | None = self._controller.snapshot.value(op.GetIdentity)
+        identity: op.Identity | None = self._cache.value(op.GetIdentity)
         now = (identity.product, identity.model) if identity is not None else None
         if self._mount is not None and now is not None and now != self._mount:
             for setting in self._owed.values():
@@ -113,21 +127,18 @@ class SyncSettings:
 
     def heard(self, value: op.Place | op.Moment) -> bool:
         """Take what the mount tells of its site or clock -> whether somebody has changed it there: then that counts."""
-        told, clock = self._observatory, isinstance(value, op.Moment)
+        told, clock = self._site_clock, isinstance(value, op.Moment)
         kind = kind_of(op.SetClock(0.0, 0.0) if clock else op.SetSite())
         owed, sent = self._owed.get(kind), self._sent.get(kind, ())
         if isinstance(value, op.Moment):
-            ours = clock_is_ours(sent, told.running(told.mount_clock), value, self._controller.now())
+            ours = clock_is_ours(sent, told.running(told.mount_clock), value, self._now())
             changed = told.mount_says_clock(value, ours)
         else:
             changed = told.mount_says_site(value, site_is_ours(sent, told.mount_site, value))
         if kind != self._telling:
             self._sent.pop(kind, None)
         if changed:
-            self._controller.snapshot.version += 1
-            self._controller.transcript.note(
-                "mount", f"the {'clock' if clock else 'site'} was changed at the mount; it is in force here, too"
-            )
+            self._context.note(f"the {'clock' if clock else 'site'} was changed at the mount; it is in force here, too")
             if owed is not None:
                 self._owed = without(self._owed, owed)
         return changed
@@ -137,20 +148,20 @@ class SyncSettings:
     def _begin(self) -> None:
         self._news.set()
         if self._owed and (self._task is None or self._task.done()):
-            self._task = self._controller.spawn(self._run())
+            self._task = self._context.tasks.spawn(self._run())
 
     def _hears(self) -> bool:
-        return self._ready and self._controller.line.state == "up" and not self._controller.driver.asleep
+        return self._ready and self._link.state == "up" and not self._driver.asleep
 
     def _disturbs(self, setting: Setting, now: float) -> bool:
         """A date that nobody waits for any more is not told while something moves: a classic is blind afterwards."""
-        return isinstance(setting.value, op.SetClock) and now - setting.since > LOOK and self._controller.moving
+        return isinstance(setting.value, op.SetClock) and now - setting.since > LOOK and self._movement.anything
 
     async def _run(self) -> None:
         """Tell what is owed until nothing is, or the line is down: then ``resume`` begins anew."""
-        while self._ready and self._controller.line.state not in ("down", "opening"):
+        while self._ready and self._link.state not in ("down", "opening"):
             self._news.clear()
-            now = self._controller.now()
+            now = self._now()
             step = next_setting(self._owed, now)
             if step is None:
                 return
@@ -164,7 +175,7 @@ class SyncSettings:
 
     async def _tell(self, setting: Setting) -> None:
         """Send one, and see what became of it."""
-        controller, value = self._controller, setting.value
+        value = setting.value
         place = isinstance(value, op.SetSite | op.SetClock)
         tried = False
         try:
@@ -178,14 +189,14 @@ class SyncSettings:
             tried = True
             self._telling = kind_of(value)
             self._sent[self._telling] = (*self._sent.get(self._telling, ())[-REMEMBERED:], setting)
-            await controller.drive(controller.driver.perform(setting.running(controller.now())), SETTING)
+            await self._runner.perform(setting.running(self._now()), SETTING)
         except Busy:
-            self._owed = later(self._owed, setting, controller.now() + BUSY)
+            self._owed = later(self._owed, setting, self._now() + BUSY)
         except NoAnswer as fault:
             if not tried:
-                self._owed = later(self._owed, setting, controller.now() + BUSY)
+                self._owed = later(self._owed, setting, self._now() + BUSY)
             elif setting.left > 1:
-                self._owed = in_vain(self._owed, setting, controller.now())
+                self._owed = in_vain(self._owed, setting, self._now())
             else:
                 self._give_up(setting, str(fault))
         except Unsupported as fault:
@@ -199,29 +210,26 @@ class SyncSettings:
 
     async def may_be_told(self) -> bool:
         """Whether policy and alignment allow that site and clock of the mount are set. Raises Fault."""
-        controller = self._controller
-        if controller.policy.site_time == "never":
+        if self._context.policy.site_time == "never":
             return False
-        status = await controller.read(op.GetStatus())
+        status = await self._reader.read(op.GetStatus())
         return (
             not status.aligned
-            or controller.driver.takes_site_aligned
-            or (controller.policy.site_time == "always" and not controller.driver.loses_alignment)
+            or self._driver.takes_site_aligned
+            or (self._context.policy.site_time == "always" and not self._driver.loses_alignment)
         )
 
     async def _to_be_told(self, setting: Setting) -> bool:
         """Whether policy and alignment allow it; else it is kept in the gateway, and the log says so. Raises Fault."""
-        controller, told, value = self._controller, self._observatory, setting.value
+        told, value = self._site_clock, setting.value
         what = _NAMES[type(value)]
-        if controller.policy.site_time == "never":
-            controller.transcript.note_once(
-                "mount", f"the {what} that was set is kept in the gateway (site-time = never)"
-            )
+        if self._context.policy.site_time == "never":
+            self._context.note_once(f"the {what} that was set is kept in the gateway (site-time = never)")
             return False
-        status = await controller.read(op.GetStatus())
-        if not status.aligned or controller.driver.takes_site_aligned:
+        status = await self._reader.read(op.GetStatus())
+        if not status.aligned or self._driver.takes_site_aligned:
             return True
-        running = setting.running(controller.now())
+        running = setting.running(self._now())
         if isinstance(running, op.SetSite):
             same = told.same_site(running)
         else:
@@ -230,21 +238,18 @@ class SyncSettings:
             return False
         if await self.may_be_told():
             return True
-        controller.transcript.note_once(
-            "mount", f"the mount is aligned: the {what} that was set is kept in the gateway"
-        )
+        self._context.note_once(f"the mount is aligned: the {what} that was set is kept in the gateway")
         return False
 
     async def _is_there(self, setting: Setting) -> bool:
         """Ask the mount what it has -> whether that is what was set, or somebody else's value. Raises Fault."""
-        controller = self._controller
-        running = setting.running(controller.now())
+        running = setting.running(self._now())
         kind: op.Operation = op.GetClock() if isinstance(running, op.SetClock) else op.GetSite()
-        changed = self.heard(await controller.drive(controller.driver.perform(kind), READ))
+        changed = self.heard(await self._runner.perform(kind, READ))
         same = (
-            self._observatory.same_clock(running, CLOCK_SAME)
+            self._site_clock.same_clock(running, CLOCK_SAME)
             if isinstance(running, op.SetClock)
-            else isinstance(running, op.SetSite) and self._observatory.same_site(running)
+            else isinstance(running, op.SetSite) and self._site_clock.same_site(running)
         )
         if same and not changed:
             self._over(setting)
@@ -252,16 +257,15 @@ class SyncSettings:
 
     async def _done(self, setting: Setting) -> None:
         """It was heard: from now on that is the mount's own; its clock is looked at, for it counts whole seconds."""
-        controller, running = self._controller, setting.running(self._controller.now())
+        running = setting.running(self._now())
         if isinstance(running, op.SetSite):
             assert running.latitude is not None and running.longitude is not None
-            self._observatory.mount_says_site(op.Place(running.latitude, running.longitude), ours=True)
+            self._site_clock.mount_says_site(op.Place(running.latitude, running.longitude), ours=True)
         elif isinstance(running, op.SetClock):
-            self._observatory.mount_says_clock(op.Moment(running.unix, running.offset, running.dst), ours=True)
-            controller.snapshot.version += 1  # it is in force while it is looked at
+            self._site_clock.mount_says_clock(op.Moment(running.unix, running.offset, running.dst), ours=True)
             with contextlib.suppress(Fault):  # it is read again when somebody asks
-                told: op.Moment = await controller.drive(controller.driver.perform(op.GetClock()), READ)
-                self._observatory.mount_says_clock(told, ours=True)
+                told: op.Moment = await self._runner.perform(op.GetClock(), READ)
+                self._site_clock.mount_says_clock(told, ours=True)
         self._over(setting)
 
     def _over(self, setting: Setting) -> None:
@@ -270,14 +274,13 @@ class SyncSettings:
         self._owed = without(self._owed, setting)
         self._sent.pop(kind_of(setting.value), None)
         if newest:
-            self._observatory.forget(setting.value)
-        self._controller.snapshot.version += 1
+            self._site_clock.forget(setting.value)
 
     def _keep(self, setting: Setting, fault: Fault) -> None:
         """This mount has no place for it: the gateway has."""
         self._owed = without(self._owed, setting)
         if isinstance(setting.value, op.SetSite | op.SetClock):
-            self._controller.transcript.note("mount", f"{_NAMES[type(setting.value)]} kept in the gateway: {fault}")
+            self._context.note(f"{_NAMES[type(setting.value)]} kept in the gateway: {fault}")
         else:
             self._note(setting.value, str(fault))
 
@@ -285,12 +288,11 @@ class SyncSettings:
         """It is told no more: from now on reads tell what the mount has."""
         newest = self._owed.get(kind_of(setting.value)) is setting
         self._owed = without(self._owed, setting)
-        if newest and self._observatory.has_own(setting.value):
-            self._observatory.forget(setting.value)
+        if newest and self._site_clock.has_own(setting.value):
+            self._site_clock.forget(setting.value)
             self._note(setting.value, f"it is not in force: {why} The mount's own is told again")
         else:
             self._note(setting.value, f"the mount was not told: {why}")
-        self._controller.snapshot.version += 1
 
     def _note(self, operation: op.Operation, text: str) -> None:
-        self._controller.transcript.note("mount", f"the {_NAMES[type(operation)]} that was set: {text}")
+        self._context.note(f"the {_NAMES[type(operation)]} that was set: {text}")

@@ -8,16 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from msgspec.structs import replace
+
 from gateway.astro.spherical import wrap180
-from gateway.core.operations import Gps, Moment, Operation, Place, SetClock, SetSite
+from gateway.core.operations import GetClock, GetGps, GetSite, Gps, Moment, Operation, Place, SetClock, SetSite
+from gateway.core.signals import Signal
 
 #: Sites this near are one, degrees; and clocks, seconds: a mount that tells another one was set by somebody.
 SITE_EQUAL = 1.0 / 60.0
 CLOCK_EQUAL = 30.0
+#: How long one look at the mount's GPS unit serves everybody, with a fix and without.
+GPS_FIX, GPS_SEARCH = 300.0, 30.0
 
 
 class SiteClock:
-    """``now`` never goes back; ``host`` is the host's own clock, Unix seconds."""
+    """``now`` never goes back; ``host`` is the host's own clock, Unix seconds.
+
+    ``changed`` is emitted when another site or clock may be in force than before.
+    """
 
     def __init__(self, now: Callable[[], float], host: Callable[[], float], site: Place | None) -> None:
         self._now, self._host = now, host
@@ -29,6 +37,8 @@ class SiteClock:
         self.kept_clock: tuple[Moment, float] | None = None
         self.gps_site: Place | None = None
         self.gps_clock: tuple[Moment, float] | None = None
+        self._gps: tuple[Gps, float] | None = None
+        self.changed: Signal[None] = Signal()
 
     # --- what is told ---------------------------------------------------------------------------------------------
 
@@ -76,6 +86,7 @@ class SiteClock:
         changed = not ours and before is not None and not _same_place(before, place)
         if changed:
             self.kept_site = None
+        self.changed.emit(None)
         return changed
 
     def mount_says_clock(self, moment: Moment, ours: bool = False) -> bool:
@@ -85,13 +96,24 @@ class SiteClock:
         changed = not ours and before is not None and abs(before.unix - moment.unix) > CLOCK_EQUAL
         if changed:
             self.kept_clock = None
+        self.changed.emit(None)
         return changed
 
     def gps_says(self, seen: Gps) -> None:
-        """A receiver without a fix says nothing."""
+        """What the mount's GPS unit tells; a receiver without a fix says nothing."""
+        self._gps = seen, self._now()
         if seen.linked:
             self.gps_site = seen.place or self.gps_site
             self.gps_clock = (Moment(seen.unix, 0.0), self._now()) if seen.unix else self.gps_clock
+        self.changed.emit(None)
+
+    def gps(self) -> Gps | None:
+        """What the GPS unit told lately, its time running on; None when it must be asked."""
+        if self._gps is None:
+            return None
+        seen, at = self._gps
+        age = self._now() - at
+        return replace(seen, unix=seen.unix + age) if age < (GPS_FIX if seen.linked else GPS_SEARCH) else None
 
     def set_site_half(self, operation: SetSite) -> SetSite | None:
         """Take one or both halves of a site -> the whole site once both halves were set."""
@@ -100,6 +122,7 @@ class SiteClock:
             latitude=operation.latitude if operation.latitude is not None else held.latitude,
             longitude=operation.longitude if operation.longitude is not None else held.longitude,
         )
+        self.changed.emit(None)
         return self.half if None not in (self.half.latitude, self.half.longitude) else None
 
     def take_site(self) -> SetSite | None:
@@ -113,6 +136,7 @@ class SiteClock:
         ):
             return None
         self.half = None
+        self.changed.emit(None)
         return SetSite(latitude=place.latitude, longitude=place.longitude)
 
     def same_site(self, operation: SetSite) -> bool:
@@ -131,10 +155,20 @@ class SiteClock:
         """Serve this site from now on, whatever the mount thinks."""
         assert operation.latitude is not None and operation.longitude is not None
         self.kept_site = Place(operation.latitude, wrap180(operation.longitude))
+        self.changed.emit(None)
 
     def keep_clock(self, operation: SetClock) -> None:
         """Serve this clock from now on."""
         self.kept_clock = (Moment(operation.unix, operation.offset, operation.dst), self._now())
+        self.changed.emit(None)
+
+    def known(self, kind: type[Operation]) -> Place | Moment | Gps | None:
+        """The answer to GetSite, GetClock or GetGps, when it is known without asking."""
+        if kind is GetSite:
+            return self.site()
+        if kind is GetGps:
+            return self.gps()
+        return self.clock() if kind is GetClock else None
 
     def has_own(self, operation: Operation) -> bool:
         """Whether the mount has told a site or clock of its own, which can be served instead of this one."""
@@ -154,6 +188,7 @@ class SiteClock:
     def forget_sites(self) -> None:
         """Nothing that programs have set is in force any more."""
         self.kept_site = self.half = None
+        self.changed.emit(None)
 
     def forget(self, operation: Operation) -> None:
         """What was kept of this for programs is no longer needed: the mount's own counts."""
@@ -161,6 +196,7 @@ class SiteClock:
             self.kept_clock = None
         elif isinstance(operation, SetSite):
             self.kept_site = None
+        self.changed.emit(None)
 
 
 def _same_place(one: Place, other: Place) -> bool:

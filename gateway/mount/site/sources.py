@@ -2,7 +2,7 @@
 
 The mount's own count first: its coordinates are reckoned with them. Then its GPS receiver, the configuration (site) or
 this computer's clock (time), and a program's word only where nothing else is known: any program may be set up wrongly,
-and the limits belong to the owner of the telescope. What programs are told is another matter (``observatory.py``).
+and the limits belong to the owner of the telescope. What programs are told is another matter (``site_clock.py``).
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Contradiction(NamedTuple):
 
 
 class BestSources:
-    """Site and time by the best source there is; what ``Derived`` and the rules ask."""
+    """Site and time by the best source there is; what ``SiteAstrometry`` and the rules ask."""
 
     def __init__(self, observatory: SiteClock) -> None:
         self._observatory = observatory

@@ -1,21 +1,32 @@
 """Driver: operations in, commands out, without I/O.
 
 A driver is a generator machine: ``perform(operation)`` yields what it wants done and is sent the outcome. It may
-yield four things only: ``Ask`` (send this command, give me its fields), ``Pause`` (give the line to others for a
-while), ``Later`` (do this operation after some seconds) and ``Remark`` (say this in the log). Rows of ``driver.toml``
-with ``send`` are carried out here; those with ``call`` are functions of the protocol's own package.
+yield four things only: ``Send`` (send this command, give me its fields), ``Wait`` (give the line to others for a
+while), ``Schedule`` (do this operation after some seconds) and ``Remark`` (say this in the log). Rows of
+``driver.toml`` with ``send`` are carried out here; those with ``call`` are functions of the protocol's own package.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gateway.core.errors import Fault, Unsupported
-from gateway.core.operations import GotoAxes, Identity, Operation, Own, Rate, Read, Stop, Verbatim
+from gateway.core.operations import GotoAxes, Identity, Operation, Own, Rate, Read, Stop, Values, Verbatim
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
-from gateway.protocols.wireformat.rows import Version, Way
+from gateway.protocols.wireformat.rows import Model, Version, Way
+
+if TYPE_CHECKING:
+    from typing_extensions import TypeVar
+
+    ResultT = TypeVar("ResultT", default=Any)
+else:
+    from typing import TypeVar  # which has no defaults before Python 3.13; they are for type checkers alone
+
+    ResultT = TypeVar("ResultT")
+
+_T = TypeVar("_T")
 
 
 class Send(NamedTuple):
@@ -31,7 +42,7 @@ class Send(NamedTuple):
     """
 
     command: str
-    values: Mapping[str, Any] = {}
+    values: Mapping[str, object] = {}
     patience: float | None = None
     long: bool = False
     prompt: bool = False
@@ -66,8 +77,13 @@ class Remark(NamedTuple):
 
 
 Step = Send | Wait | Schedule | Remark
-Steps = Generator[Step, Any, Any]
-Handler = Callable[[Any, Any], Steps]
+#: What a driver does, step by step, and what comes of it.
+Steps = Generator[Step, Any, ResultT]
+#: A function of a protocol's driver, (state, operation) -> steps: each for its own kind of operation.
+Handler = Callable[..., Steps]
+FollowUps = dict[type[Operation], Handler]
+#: What must outlive the gateway.
+Remembered = dict[str, Any]
 
 
 class Driver:
@@ -157,11 +173,11 @@ class Driver:
         """The side of the pier (E, W) that the tube really is on, by the answer to PierSide; None if there is none."""
         return None
 
-    def memory(self, moving: bool) -> dict[str, Any]:
+    def memory(self, moving: bool) -> Remembered:
         """What must outlive the gateway; while the mount moves, also what it takes to stop it."""
         return {}
 
-    def recall(self, memory: Mapping[str, Any], moving: bool) -> None:
+    def recall(self, memory: Remembered, moving: bool) -> None:
         """Take up what an earlier run has remembered; nonsense is ignored."""
 
     def line_was_lost(self) -> None:
@@ -179,7 +195,7 @@ class Driver:
         """
         return (yield from self.handlers["contact"](self, None)) if "contact" in self.handlers else None
 
-    def presented(self) -> dict[str, Any]:
+    def presented(self) -> Model:
         """The model's constants that a surface of this protocol presents when it is to be the mount itself."""
         return {}
 
@@ -193,8 +209,11 @@ class Driver:
             raise Unsupported
         return (yield Send(operation.command, dict(operation.fields), raw=True))["raw"]
 
-    def perform(self, operation: Operation) -> Steps:
+    def perform(self, operation: Operation[_T]) -> Steps[_T]:
         """Carry out one operation; the generator's value is the operation's answer. Raises Fault."""
+        return self._perform(operation)
+
+    def _perform(self, operation: Operation) -> Steps:
         if isinstance(operation, Verbatim):
             if not self.knows(operation.command):
                 raise Unsupported
@@ -208,7 +227,7 @@ class Driver:
         if way.call:
             return (yield from self.handlers[way.call](self, operation))
         given = {name: getattr(operation, name) for name in operation.__struct_fields__}
-        fields: dict[str, Any] = {}
+        fields: Values = {}
         for name in way.send:
             fields |= yield Send(name, given)
         if isinstance(operation, Read) and operation.answers is not None:

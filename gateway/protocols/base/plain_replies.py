@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from gateway.core import errors
 from gateway.core.errors import Fault
+from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
 from gateway.protocols.wireformat.command_set import CommandSet
 
@@ -16,7 +15,7 @@ class PlainReplies:
     def __init__(self, commands: CommandSet) -> None:
         self._commands = commands.commands
 
-    def take(self, ask: Send, buffer: bytes) -> tuple[dict[str, Any] | Fault, int] | None:
+    def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
         """The reply at the start of the buffer and its length; None while it is incomplete. Raises ValueError."""
         for reply, picture in self._commands[ask.command].replies:
             if (found := picture.matcher.match(buffer)) is not None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from typing import Any
 
 import msgspec
 
@@ -29,7 +28,7 @@ def needs(kind: type[Operation]) -> tuple[tuple[str, bool], ...]:
     return tuple((field.name, field.required) for field in msgspec.structs.fields(kind))
 
 
-def fields_of(answer: Any, names: Mapping[str, Any]) -> Mapping[str, Any]:
+def fields_of(answer: object, names: Mapping[str, object]) -> Mapping[str, object]:
     """An answer as the fields a reply wants: a mapping, a struct, or one bare value for one field."""
     if isinstance(answer, Mapping):
         return answer

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, Protocol
+from typing import Protocol
 
 from gateway.core.errors import Fault
+from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
 from gateway.protocols.wireformat.command_set import CommandSet
 
@@ -24,7 +25,7 @@ def kind(commands: CommandSet, ask: Send) -> str | None:
 class Replies(Protocol):
     """How replies are taken apart: the reply at the start of the bytes, or the fault that it is, and its length."""
 
-    def take(self, ask: Send, buffer: bytes) -> tuple[dict[str, Any] | Fault, int] | None: ...
+    def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None: ...
 
 
 class ReplyRules(Replies, Protocol):
@@ -44,4 +45,4 @@ class ReplyRules(Replies, Protocol):
     def as_written(self, command: str, reply: bytes) -> bytes: ...
     def encode(self, ask: Send) -> bytes: ...
     def proof(self, number: int) -> Iterator[Send]: ...
-    def proven(self, ask: Send, values: dict[str, Any]) -> bool: ...
+    def proven(self, ask: Send, values: Values) -> bool: ...

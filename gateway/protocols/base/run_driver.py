@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping
-from typing import Any
+from typing import TypeVar
 
 from gateway.core.errors import Fault
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps, Wait
 
+_T = TypeVar("_T")
+
 
 async def carry_out(
-    steps: Steps,
-    exchange: Callable[[Send], Awaitable[Mapping[str, Any]]],
+    steps: Steps[_T],
+    exchange: Callable[[Send], Awaitable[Mapping[str, object]]],
     plan: Callable[[Schedule], object],
     remark: Callable[[str], object] = lambda text: None,
-) -> Any:
+) -> _T:
     """Run a driver's generator to its end -> its value. A Fault of an exchange is thrown into it. Raises Fault."""
-    answer: Mapping[str, Any] | None = None
+    answer: Mapping[str, object] | None = None
     fault: Fault | None = None
     try:
         while True:
@@ -35,6 +37,7 @@ async def carry_out(
             else:
                 plan(step)
     except StopIteration as end:
-        return end.value
+        value: _T = end.value
+        return value
     finally:
         steps.close()

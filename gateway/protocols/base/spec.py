@@ -8,18 +8,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from msgspec import Struct
 
 from gateway.protocols.wireformat.command_set import CommandSet, load
-from gateway.protocols.wireformat.rows import Version, parse_version
+from gateway.protocols.wireformat.rows import Model, Version, parse_version
 
 if TYPE_CHECKING:
-    from gateway.protocols.base.driver import Driver
+    from gateway.protocols.base.driver import Driver, FollowUps
     from gateway.protocols.base.frames import Framing
     from gateway.protocols.base.reply_rules import ReplyRules
+    from gateway.protocols.base.session import AltitudeLimits, ClientSettings
     from gateway.protocols.base.surface import Surface
+    from gateway.protocols.mechanics.truth import Simulator
 
 
 class SurfaceSettings(Struct, frozen=True):
@@ -29,7 +31,7 @@ class SurfaceSettings(Struct, frozen=True):
     version: str | None
     precision: str | None
     sync_text: str | None
-    limits: Any
+    limits: AltitudeLimits
 
 
 class MadeSurface(Struct, frozen=True):
@@ -40,9 +42,9 @@ class MadeSurface(Struct, frozen=True):
     """
 
     surface: Surface
-    model: dict[str, Any]
-    settings: dict[str, Any]
-    fit: Callable[[bool, bool | None, bool], dict[str, Any]] | None = None
+    model: Model
+    settings: ClientSettings
+    fit: Callable[[bool, bool | None, bool], Model] | None = None
 
 
 class DriverSettings(Struct, frozen=True):
@@ -63,7 +65,7 @@ class MadeDriver(NamedTuple):
     """A driver, what it does later by itself, and how its line exchanges commands."""
 
     driver: Driver
-    follow_ups: dict[type[Any], Callable[[Any, Any], Any]]
+    follow_ups: FollowUps
     reply_rules: ReplyRules
 
 
@@ -81,6 +83,16 @@ class Question(Struct, frozen=True):
     judge: Callable[[bytes, float], str | None]
     named: bool = False
     late: bool = False
+
+
+class NightRows(Struct, frozen=True):
+    """Commands that the report of a night looks at: those whose replies tell where the tube points, and the site, and
+    those that send it somewhere. ``east`` is 1 where longitudes count east, else -1."""
+
+    places: frozenset[str] = frozenset()
+    site: frozenset[str] = frozenset()
+    gotos: frozenset[str] = frozenset()
+    east: int = 1
 
 
 def _written(text: str) -> str:
@@ -122,10 +134,10 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     make_surface: Callable[[SurfaceSettings], MadeSurface] | None = None
     make_driver: Callable[[DriverSettings, Callable[[], float]], MadeDriver] | None = None
     #: Model, version; then ``clock``, ``site``, ``aligned``, ``speed`` and its own settings by name.
-    make_simulator: Callable[..., Any] | None = None
+    make_simulator: Callable[..., Simulator] | None = None
     #: Switches of the simulated mount that no other has, with their help texts; what rehearsals switch on.
     simulator_switches: Mapping[str, str] = {}
-    rehearsed_with: Callable[[bool], dict[str, Any]] = lambda wedge: {}
+    rehearsed_with: Callable[[bool], dict[str, object]] = lambda wedge: {}
 
     # --- versions ---
     #: The version whose commands a mount of a version has. Raises ValueError.
@@ -133,7 +145,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: A version as it is written. Raises ValueError for what is none, UserError for one that there never was.
     check_version: Callable[[str], str] = _written
     #: The versions of a row of models.toml.
-    made_with: Callable[[Mapping[str, Any]], list[str]] = lambda row: list(row.get("versions", ()))
+    made_with: Callable[[Model], list[str]] = lambda row: list(row.get("versions", ()))
     #: Words in the place of a model that name a version: (word, version or None) -> version.
     version_words: Mapping[str, Callable[[str | None], str]] = {}
     #: The version that programs are told where nobody names one.
@@ -150,6 +162,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: What ``detect`` says that a mount does (coordinates, tracking, sync, arrows, site, clock): command -> words, of
     #: which the first counts whose command this mount has.
     capabilities: Mapping[str, Mapping[str, str]] = {}
+    night: NightRows = NightRows()
     #: Where the cable belongs; which mount may hear none of the questions that are asked of any port, at ``{port}``.
     cable: str = ""
     deaf: str = ""

@@ -2,7 +2,7 @@
 
 ``handle`` runs one command as a generator: it yields operations and is sent their answers, and its value is the reply.
 The rows of ``surface.toml`` say what is done; those with ``call`` are functions of the protocol's own package. A
-``Start`` is an operation whose outcome the client is never told: it is not waited for.
+``FireAndForget`` is an operation whose outcome the client is never told: it is not waited for.
 """
 
 from __future__ import annotations
@@ -10,99 +10,25 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing, suppress
 from functools import cached_property
-from typing import Any, NamedTuple
 
 from gateway.core import operations
 from gateway.core.errors import Disturbed, Fault, Invalid, NoTarget, Silence, Unsupported
 from gateway.core.motion_kinds import begins_motion, may_begin_motion
-from gateway.core.operations import Operation, Own, Stop, Verbatim
+from gateway.core.operations import Operation, Own, Stop, Values, Verbatim
 from gateway.protocols.base.ends import Ending, Ends
 from gateway.protocols.base.frames import Suspect, Unterminated
-from gateway.protocols.base.read_only import Sealed
 from gateway.protocols.base.replies import fields_of, needs, refusal
+from gateway.protocols.base.session import Session
 from gateway.protocols.base.subscription import Subscription
+from gateway.protocols.base.wants import FireAndForget, Handling, Want, relayed
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
-from gateway.protocols.wireformat.rows import SurfaceRow
-
-
-class FireAndForget(NamedTuple):
-    """Perform an operation without waiting for it: its command has no reply."""
-
-    operation: Operation
-
-
-class Possible(NamedTuple):
-    """Go on unless it is known already that nothing can come of this operation: it may not be asked for, or the mount
-    does not hear. Raises Fault then, so that no is said before a yes that would be no more than a guess.
-    """
-
-    operation: Operation
-
-
-class ReuseLastReading(NamedTuple):
-    """What this client was told by a read a moment ago, so that two halves are of one instant; else asked anew."""
-
-    operation: Operation
-
-
-class Defer(NamedTuple):
-    """Call a handler of this surface again after some seconds."""
-
-    seconds: float
-    special: str
-
-
-class Speed(NamedTuple):
-    """Go on at another baud rate once this command was answered, where there is a serial port."""
-
-    baud: int
-
+from gateway.protocols.wireformat.rows import Model, SurfaceRow
 
 #: What some protocols answer whatever was done.
 ACKNOWLEDGED = b"#"
-Want = Operation | FireAndForget | Possible | ReuseLastReading | Defer | Speed
-Handling = Generator[Want, Any, Any]
-Special = Callable[["Session", Command, dict[str, Any]], Any]
-
-
-class Session:
-    """What belongs to one client: its target, formats, rates, limits. ``kept`` is copied when a client comes back."""
-
-    __slots__ = ("changed", "clock", "kept", "last", "model", "refused", "settings", "shared")
-
-    def __init__(
-        self,
-        model: Mapping[str, Any],
-        settings: Mapping[str, Any],
-        clock: Callable[[], float],
-        shared: Any,
-        changed: Callable[[], None] = lambda: None,
-    ) -> None:
-        self.model, self.settings, self.clock = model, settings, clock
-        #: What all clients of a mount have in common, a mapping that may be sealed, and what to call when the lasting
-        #: part of it has changed.
-        self.shared, self.changed = shared, changed
-        #: The frame before this one.
-        self.last = b""
-        #: What the command just handled asked for in vain, where its protocol has no form to say so; empty: nothing.
-        self.refused = ""
-        self.kept: dict[str, Any] = {"precision": settings.get("precision", "high")}
-
-    def set_for_all(self, name: str, value: Any) -> None:
-        """Set what all clients have in common and what outlives the gateway."""
-        self.shared[name] = value
-        self.changed()
-
-    def check_may_set(self) -> None:
-        """For what is set later than it is answered. Raises ReadOnly for a client that only looks."""
-        if isinstance(self.shared, Sealed):
-            self.shared.refuse()
-
-    def known(self, name: str) -> Any:
-        """A kept value, else the presented model's constant, else None."""
-        value = self.kept.get(name)
-        return self.model.get(name) if value is None else value
+#: What a row's ``call`` names: a function ``(session, command, values)`` -> the reply's values, or steps to them.
+Special = Callable[..., object]
 
 
 class Surface:
@@ -116,17 +42,19 @@ class Surface:
     ) -> None:
         #: ``unanswered`` gives the reply to a frame that nothing here answers, and to a fault that has no form.
         self.protocol, self.handlers, self.unanswered = protocol, handlers, unanswered
+        #: What belongs to one client of this protocol.
+        self.session: type[Session] = Session
         #: The mount speaks the same protocol: what means nothing here is passed on as it is, where it ``passes``.
         self.verbatim = False
-        self.passes: Callable[[str, Mapping[str, Any]], bool] = lambda name, values: True
+        self.passes: Callable[[str, Values], bool] = lambda name, values: True
         #: Whether this client was told something that the mount's own answer would contradict.
-        self.stands_against: Callable[[Session, str, Mapping[str, Any]], bool] = lambda session, name, values: False
+        self.stands_against: Callable[..., bool] = lambda session, name, values: False
         #: A reply as the mount itself would write it, where it is the mount that is presented.
         self.as_written: Callable[[str, bytes], bytes] = lambda name, reply: reply
         #: What a client is told without asking, from the beginning of its connection on.
         self.subscriptions: Callable[[Session], Sequence[Subscription]] = lambda session: ()
         #: Why what is presented does not know a frame, which is then passed over whatever it says; empty: it knows it.
-        self.lacks: Callable[[Mapping[str, Any], bytes], str] = lambda model, frame: ""
+        self.lacks: Callable[[Model, bytes], str] = lambda model, frame: ""
 
     @cached_property
     def ends(self) -> Ends:
@@ -148,7 +76,7 @@ class Surface:
         if isinstance(frame, Unterminated):
             return self._refuse(session, frame)
         steps = self._handle(session, frame)
-        return _without_motion(steps) if isinstance(frame, Suspect) else steps
+        return relayed(steps, _without_motion) if isinstance(frame, Suspect) else steps
 
     def _handle(self, session: Session, frame: bytes) -> Handling:
         if self.lacks(session.model, frame):
@@ -211,17 +139,22 @@ class Surface:
                 with closing(steps):  # whatever it would ask of the mount is not asked
                     next(steps, None)
 
+    def call(self, name: str, session: Session, command: Command | None, values: Values) -> Handling:
+        """Carry out a special -> the reply's values."""
+        outcome = self.handlers[name](session, command, values)
+        return (yield from outcome) if isinstance(outcome, Generator) else outcome
+
     def _keep(self, command: Command) -> str | None:
         """For how long the mount's own answer to a command serves; None where the gateway answers."""
         row = self.protocol.own.get(command.name)
         return None if row is None else row.keep
 
-    def _own(self, session: Session, command: Command, keep: str, values: dict[str, Any]) -> Handling:
+    def _own(self, session: Session, command: Command, keep: str, values: Values) -> Handling:
         """The mount's own answer -> the reply. Raises Fault, Unsupported where the gateway answers after all."""
         if self.stands_against(session, command.name, values):
             raise Unsupported
         if keep == "library":
-            answer = yield from self.handlers["own_library"](session, command, values)
+            answer = yield from self.call("own_library", session, command, values)
         elif keep == "order":
             answer = yield Verbatim(command.name, tuple(values.items()))
         else:
@@ -231,7 +164,7 @@ class Surface:
                 answer = b""
         return self.reply(session, command, answer)
 
-    def _pass_on(self, session: Session, command: Command, row: SurfaceRow | None, values: dict[str, Any]) -> Handling:
+    def _pass_on(self, session: Session, command: Command, row: SurfaceRow | None, values: Values) -> Handling:
         """To a mount of the same protocol; one that lacks it leaves it to this surface."""
         try:
             return (yield Verbatim(command.name, tuple(values.items())))
@@ -258,10 +191,11 @@ class Surface:
             return f"{found[0].help}: not done. {Disturbed.words}"
         return f"{found[0].help}: {row.why or 'not done here'}" if row.outcome == "refused" else ""
 
-    def _act(self, session: Session, command: Command, row: SurfaceRow, values: dict[str, Any]) -> Handling:
+    def _act(self, session: Session, command: Command, row: SurfaceRow, values: Values) -> Handling:
         """Carry out a row's verb -> the reply's values."""
         if row.keep is not None:
-            session.kept.update({name: values[name] for name in row.keep})
+            for name in row.keep:
+                setattr(session.kept, name, values[name])
             return None
         if row.tell is not None:
             return {name: session.known(name) for name in row.tell}
@@ -279,43 +213,33 @@ class Surface:
             outcome = yield from outcome
         return outcome
 
-    def _operation(self, session: Session, row: SurfaceRow, values: dict[str, Any]) -> Operation:
+    def _operation(self, session: Session, row: SurfaceRow, values: Values) -> Operation:
         """The operation that a row asks, with its fields from the command or the row, else from what was set before."""
         kind = operations.named(row.ask or "")
         assert kind is not None
-        fields: dict[str, Any] = {}
+        fields: Values = {}
         for field, required in needs(kind):
-            value = values.get(field, row.given.get(field, session.kept.get(field)))
+            value = values.get(field, row.given.get(field, getattr(session.kept, field, None)))
             if value is None and required:
                 raise NoTarget
             if value is not None:
                 fields[field] = value
         return kind(**fields)
 
-    def reply(self, session: Session, command: Command, answer: Any) -> bytes:
+    def reply(self, session: Session, command: Command, answer: object) -> bytes:
         """The first reply form that is no refusal and suits the client's format, filled in."""
         if isinstance(answer, bytes):
             return answer
         for reply, picture in command.replies:
-            if reply.fault is None and reply.when in (None, session.kept["precision"], session.model.get("name")):
+            if reply.fault is None and reply.when in (None, session.kept.precision, session.model.get("name")):
                 return self.as_written(command.name, picture.encode(fields_of(answer, picture.fields)))
         return b""
 
 
-def _without_motion(steps: Handling) -> Handling:
-    """Carry out a command, but for what sets something moving."""
-    answer: Any = None
-    fault: Fault | None = None
-    while True:
-        try:
-            wanted = steps.send(answer) if fault is None else steps.throw(fault)
-        except StopIteration as end:
-            return end.value
-        answer, fault = None, None
-        if begins_motion(getattr(wanted, "operation", wanted)):
-            fault = None if isinstance(wanted, FireAndForget) else Disturbed()
-            continue
-        try:
-            answer = yield wanted
-        except Fault as error:
-            fault = error
+def _without_motion(wanted: Want) -> bool:
+    """Whether something is not done because it would set something moving. Raises Disturbed where that can be said."""
+    if not begins_motion(getattr(wanted, "operation", wanted)):
+        return False
+    if isinstance(wanted, FireAndForget):
+        return True
+    raise Disturbed

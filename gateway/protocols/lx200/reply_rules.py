@@ -10,9 +10,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from functools import cache
-from typing import Any
 
 from gateway.core.errors import Busy, Fault, Garbled, Refused
+from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import kind
 from gateway.protocols.lx200.handwriting import Handwriting
@@ -114,7 +114,7 @@ class Lx200ReplyRules:
         except ValueError as error:
             raise Refused(str(error)) from None
 
-    def take(self, ask: Send, buffer: bytes) -> tuple[dict[str, Any] | Fault, int] | None:
+    def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
         """The reply at the start of the buffer and its length; None while it is incomplete.
 
         The fields come with ``length``: only by that is low precision told from high. Raises ValueError for a field
@@ -150,11 +150,11 @@ class Lx200ReplyRules:
         yield Send("GR")
         yield Send("GD")
 
-    def proven(self, ask: Send, values: dict[str, Any]) -> bool:
+    def proven(self, ask: Send, values: Values) -> bool:
         return "ra" in values or "dec" in values
 
 
-def _fault(name: str, values: dict[str, Any]) -> Fault:
+def _fault(name: str, values: Values) -> Fault:
     """The fault that a reply variant stands for, with the mount's own words where it sent some."""
     from gateway.core import errors
 

@@ -4,10 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gateway.core.wire_log import show
-from gateway.protocols.base.spec import DriverSettings, MadeDriver, MadeSurface, ProtocolSpec, Question, SurfaceSettings
+from gateway.protocols.base.spec import (
+    DriverSettings,
+    MadeDriver,
+    MadeSurface,
+    NightRows,
+    ProtocolSpec,
+    Question,
+    SurfaceSettings,
+)
 from gateway.protocols.wireformat.command_set import load
 
 if TYPE_CHECKING:
@@ -38,18 +46,20 @@ def _reply_rules() -> ReplyRules:
 
 
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:
+    from gateway.protocols.base.session import ClientSettings
     from gateway.protocols.base.surface import Surface
+    from gateway.protocols.lx200.session import LxSession
     from gateway.protocols.lx200.surface import HANDLERS
     from gateway.protocols.lx200.surface.own import stands_against
 
     protocol = load(NAME)
     name = settings.model or DEFAULT_MODEL
     surface = Surface(protocol, HANDLERS)
-    surface.stands_against = stands_against
+    surface.stands_against, surface.session = stands_against, LxSession
     return MadeSurface(
         surface,
         {**protocol.models[name], "name": name},
-        {"precision": settings.precision or "high", "limits": settings.limits, "sync_text": settings.sync_text},
+        ClientSettings(settings.limits, settings.precision or "high", settings.sync_text),
     )
 
 
@@ -61,7 +71,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     return MadeDriver(driver, dict(FOLLOW_UPS), _reply_rules())
 
 
-def _make_simulator(model: str | None, version: str | None, **settings: Any) -> SimulatedLx200:
+def _make_simulator(model: str | None, version: str | None, **settings: object) -> SimulatedLx200:
     from gateway.protocols.lx200.simulator.server import SimulatedLx200
 
     return SimulatedLx200(model or DEFAULT_MODEL, **settings)
@@ -125,6 +135,7 @@ SPEC = ProtocolSpec(
         "site": {"Gt": ":Gt# :Gg#"},
         "clock": {"GL": ":GL# :GC# :GG#"},
     },
+    night=NightRows(frozenset({"GR", "GD"}), frozenset({"Gt", "Gg"}), frozenset({"MS", "MA"}), east=-1),
     cable="into the port marked RS-232 on the panel, or into the Autostar's own",
     deaf="an old classic LX200 may be deaf to what is asked here: mount-gateway detect lx200@{port}",
     parks_itself=True,

@@ -1,4 +1,4 @@
-"""Where the two motors of a simulated mount are, by formula: the orders are given in ``kinematics.py``.
+"""Where the two motors of a simulated mount are, by formula: the orders are given in ``mount.py``.
 
 A motor's place is what it was told (rest, a rate, a goto, following the sky) less what it still runs on or lags behind
 (``motors.Ramp``). An order is first noted, with place and speed of that moment; at the next look the ramps begin that

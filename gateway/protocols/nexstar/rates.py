@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cache
-from typing import Any
 
 from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.rows import Model
 
 #: Degrees a second.
 SIDEREAL = 15.041067 / 3600.0
 
 
 @cache
-def rate_tables() -> dict[str, dict[str, Any]]:
+def rate_tables() -> dict[str, Model]:
     """The tables by their names, read once."""
-    tables: dict[str, dict[str, Any]] = load("nexstar").extra("rates.toml")
+    tables: dict[str, Model] = load("nexstar").extra("rates.toml")
     return tables
 
 
-def key_speed(rates: Mapping[str, Any], key: int) -> float:
+def key_speed(rates: Model, key: int) -> float:
     """Degrees a second at a key."""
     sidereal, degrees = rates["sidereal"], rates["degrees"]
     if key <= len(sidereal):

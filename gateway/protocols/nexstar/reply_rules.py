@@ -2,15 +2,15 @@
 
 A reply is as long as its picture; ``#`` is a legal data byte. A pass-through command whose device did not answer comes
 back with one extra byte before the ``#`` (NexStar protocol, Pass-through Commands with No Response). What can be told
-from one reply alone is told here; whether it is likely, the hub judges.
+from one reply alone is told here; whether it is likely, the controller judges.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 from gateway.core.errors import Fault, Garbled, NoDevice, Refused
+from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import kind
 from gateway.protocols.wireformat.command_set import CommandSet, load
@@ -74,7 +74,7 @@ class NexStarReplyRules:
         except ValueError as error:
             raise Refused(str(error)) from None
 
-    def take(self, ask: Send, buffer: bytes) -> tuple[dict[str, Any] | Fault, int] | None:
+    def take(self, ask: Send, buffer: bytes) -> tuple[Values | Fault, int] | None:
         """The reply at the start of the buffer and its length; None while it is incomplete.
 
         Raises ValueError for a field that cannot be read.
@@ -98,6 +98,6 @@ class NexStarReplyRules:
         for step in (2 * number, 2 * number + 1):
             yield Send("K", {"echo": ECHOES[step % len(ECHOES)]})
 
-    def proven(self, ask: Send, values: dict[str, Any]) -> bool:
+    def proven(self, ask: Send, values: Values) -> bool:
         """Whether a proof came back as it should."""
         return bool(values.get("echo") == ask.values["echo"])

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from gateway.core.errors import UserError
-from gateway.protocols.base.spec import DriverSettings, MadeDriver, MadeSurface, ProtocolSpec, Question, SurfaceSettings
+from gateway.protocols.base.spec import (
+    DriverSettings,
+    MadeDriver,
+    MadeSurface,
+    NightRows,
+    ProtocolSpec,
+    Question,
+    SurfaceSettings,
+)
 from gateway.protocols.nexstar import versions
 from gateway.protocols.nexstar.versions import STARSENSE, is_starsense, numbered
 from gateway.protocols.wireformat.command_set import load
-from gateway.protocols.wireformat.rows import Version, parse_version, show_version
+from gateway.protocols.wireformat.rows import Model, Version, parse_version, show_version
 
 if TYPE_CHECKING:
     from gateway.protocols.base.frames import Framing
@@ -58,7 +66,9 @@ def _reply_rules() -> ReplyRules:
 
 
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:
+    from gateway.protocols.base.session import ClientSettings
     from gateway.protocols.base.surface import Surface
+    from gateway.protocols.nexstar.session import NexStarSession
     from gateway.protocols.nexstar.surface import HANDLERS, fitting, lacks, presented
     from gateway.protocols.nexstar.surface.devices import no_response, passes
     from gateway.protocols.nexstar.surface.own import stands_against
@@ -66,8 +76,9 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     version = settings.version
     surface = Surface(load(NAME), HANDLERS, no_response)
     surface.passes, surface.lacks, surface.stands_against = passes, lacks, stands_against
+    surface.session = NexStarSession
     fit = None if settings.model else lambda polar, german, gps: fitting(polar, german, gps, version)
-    return MadeSurface(surface, presented(settings.model, version), {"precision": "high"}, fit)
+    return MadeSurface(surface, presented(settings.model, version), ClientSettings(settings.limits), fit)
 
 
 def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
@@ -87,7 +98,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     return MadeDriver(driver, dict(FOLLOW_UPS), _reply_rules())
 
 
-def _make_simulator(model: str | None, version: str | None, **settings: Any) -> SimulatedHandControl:
+def _make_simulator(model: str | None, version: str | None, **settings: object) -> SimulatedHandControl:
     from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
 
     return SimulatedHandControl(model or DEFAULT_MODEL, version, **settings)
@@ -120,7 +131,7 @@ def _starsense(version: str | None) -> str:
     return STARSENSE if version is None else f"{STARSENSE}-{version}"
 
 
-def _made_with(row: Mapping[str, Any]) -> list[str]:
+def _made_with(row: Model) -> list[str]:
     return versions.made_with(row)
 
 
@@ -172,6 +183,7 @@ SPEC = ProtocolSpec(
         "site": {"w": "w"},
         "clock": {"i": "i", "h": "h"},
     },
+    night=NightRows(frozenset({"E", "e"}), frozenset({"w"}), frozenset({"R", "r", "B", "b"})),
     cable="the cable belongs into the base of the hand control, not into the port marked PC on the mount",
     j2000_by="Celestron's own driver",
     unknown_model=_unknown_model,

@@ -7,12 +7,9 @@ Get Version), a StarSense as 4.21, for programs that drive one ask it neither ``
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from msgspec import Struct
 
-from gateway.protocols.wireformat.rows import Version, parse_version, show_version
+from gateway.protocols.wireformat.rows import Model, Version, parse_version, show_version
 
 STARSENSE = "starsense"
 STARSENSE_OLDEST, STARSENSE_NEWEST, STARSENSE_END = (1, 18), (1, 20), (2, 0)
@@ -69,7 +66,7 @@ def counts_as(shown: Version, *, starsense: bool = False) -> Version:
     return GT_NEW if shown >= GT_SECOND else GT_OLD
 
 
-def made_with(row: Mapping[str, Any]) -> list[str]:
+def made_with(row: Model) -> list[str]:
     """The versions of a row of ``models.toml``, oldest first, then the StarSense that may take their place."""
     versions = list(row.get("versions", ()))
     return [*versions, Number(STARSENSE_NEWEST, STARSENSE_COUNTS_AS, True).written] if row.get(STARSENSE) else versions

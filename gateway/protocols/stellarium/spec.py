@@ -25,12 +25,14 @@ def _framing(now: Callable[[], float]) -> Framing:
 
 
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:
+    from gateway.protocols.base.session import ClientSettings
     from gateway.protocols.base.surface import Surface
-    from gateway.protocols.stellarium.surface import HANDLERS, subscriptions
+    from gateway.protocols.stellarium.session import StellariumSession
+    from gateway.protocols.stellarium.surface import goto, subscriptions
 
-    surface = Surface(load(NAME), HANDLERS)
-    surface.subscriptions = subscriptions
-    return MadeSurface(surface, {"name": NAME}, {})
+    surface = Surface(load(NAME), {"goto": goto})
+    surface.session, surface.subscriptions = StellariumSession, subscriptions
+    return MadeSurface(surface, {"name": NAME}, ClientSettings(settings.limits))
 
 
 SPEC = ProtocolSpec(

@@ -13,17 +13,19 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import msgspec
 import tomli
 
-import gateway
 from gateway.core import operations
+from gateway.core.about import PACKAGE
 from gateway.core.errors import MappingError
 from gateway.protocols.wireformat.command import Command
-from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, CommandRow, OwnRow, SurfaceRow, Way
+from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, CommandRow, Model, OwnRow, SurfaceRow, Way
 from gateway.protocols.wireformat.template import FrameTemplate
+
+_T = TypeVar("_T")
 
 
 class CommandSet:
@@ -43,12 +45,12 @@ class CommandSet:
         self._surface: dict[str, SurfaceRow] | None = None
         self._own: dict[str, OwnRow] | None = None
         self._driver: dict[str, list[Way]] | None = None
-        self._models: dict[str, dict[str, Any]] | None = None
+        self._models: dict[str, Model] | None = None
 
     def _where(self, file: str) -> str:
         return f"mappings/{self.name}/{file}"
 
-    def _read(self, file: str, form: Any) -> dict[str, Any]:
+    def _read(self, file: str, form: type[_T]) -> dict[str, _T]:
         """One TOML file, row by row, so that an error can name its row; nothing where there is none."""
         path = self.folder / file
         if file != "commands.toml" and self.folder.is_dir() and not path.exists():
@@ -131,10 +133,10 @@ class CommandSet:
             raise MappingError(where, key, f"outcome {way.outcome!r} is none of {', '.join(OUTCOMES)}")
 
     @property
-    def models(self) -> dict[str, dict[str, Any]]:
+    def models(self) -> dict[str, Model]:
         """Model name -> what differs."""
         if self._models is None:
-            self._models = self._read("models.toml", dict[str, Any])
+            self._models = self._read("models.toml", Model)
         return self._models
 
     def traits(self, model: str, wedge: bool = False) -> frozenset[str]:
@@ -148,12 +150,12 @@ class CommandSet:
         moves = {"german": "equatorial", "fork": "equatorial" if wedge else "alt-az"}.get(build, "")
         return frozenset((model, build, moves, *facts.get("has", ()), *flags))
 
-    def extra(self, file: str) -> dict[str, dict[str, Any]]:
+    def extra(self, file: str) -> dict[str, Model]:
         """A further table of this protocol, such as ``rates.toml``."""
-        return self._read(file, dict[str, Any])
+        return self._read(file, Model)
 
     def find(self, frame: bytes) -> tuple[Command, FrameTemplate] | None:
-        """The command whose picture fits the whole frame, longest literal beginning first."""
+        """The command whose template fits the whole frame, longest literal beginning first."""
         for length in range(min(len(frame), 8), 0, -1):
             for command, picture in self._by_literal.get(frame[:length], ()):
                 if picture.matcher.fullmatch(frame):
@@ -183,9 +185,8 @@ class CommandSet:
 
 def mappings_folder() -> Path:
     """Where ``mappings/`` lies: inside the installed package, or beside it in a checkout."""
-    here = Path(gateway.__file__).resolve().parent
-    inside = here / "mappings"
-    return inside if inside.is_dir() else here.parent / "mappings"
+    inside = PACKAGE / "mappings"
+    return inside if inside.is_dir() else PACKAGE.parent / "mappings"
 
 
 @lru_cache

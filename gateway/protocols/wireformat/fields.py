@@ -19,7 +19,7 @@ class Codec(NamedTuple):
     """One field form. ``pattern`` says which bytes may belong to it, ``width`` is set when it is fixed."""
 
     encode: Callable[[Any], bytes]
-    decode: Callable[[bytes], Any]
+    decode: Callable[[bytes], object]
     pattern: bytes
     width: int | None = None
 

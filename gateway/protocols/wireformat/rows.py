@@ -9,6 +9,8 @@ import msgspec
 from gateway.protocols.wireformat.template import Source
 
 Version = tuple[int, ...]
+#: What differs between models, as a row of ``models.toml`` says it.
+Model = dict[str, Any]
 
 #: How long what a mount answers itself serves everybody, and what stands against it.
 KEEPS = {
@@ -78,7 +80,7 @@ class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     acts: bool = False
     answer: str | None = None
     urgent: str | None = None
-    urgent_at: dict[str, Any] = {}
+    urgent_at: dict[str, object] = {}
     takes_back: list[str] = []
     long: float | None = None
     while_seeking: bool = False
@@ -102,9 +104,9 @@ class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ask: str | None = None
     keep: list[str] | None = None
     tell: list[str] | None = None
-    say: dict[str, Any] | None = None
+    say: dict[str, object] | None = None
     call: str | None = None
-    given: dict[str, Any] = {}
+    given: dict[str, object] = {}
     asks: list[str] = []
     outcome: str | None = None
     without: str | None = None

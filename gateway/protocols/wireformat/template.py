@@ -1,6 +1,6 @@
-"""Pictures: frames made of fields, as the manuals draw them.
+"""Frame templates: frames made of fields, as the manuals draw them.
 
-A picture is a string (``":Sr{ra:HH:MM:SS}#"``) or a list of bytes, characters and fields
+A template is a string (``":Sr{ra:HH:MM:SS}#"``) or a list of bytes, characters and fields
 (``["P", 2, 17, 36, "{rate:u8}", 0, 0, 0]``). It turns named values into bytes and bytes into named values,
 and knows nothing of what they mean. Regular expressions are made when first needed: start-up has no time for them.
 """
@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any
 
+from gateway.core.operations import Values
 from gateway.protocols.wireformat.fields import Codec, codec
 
 Source = str | list[str | int]
@@ -67,27 +67,27 @@ class FrameTemplate:
             self._matcher = re.compile(pattern, re.DOTALL)
         return self._matcher
 
-    def encode(self, values: Mapping[str, Any]) -> bytes:
+    def encode(self, values: Mapping[str, object]) -> bytes:
         """Values -> bytes. Raises KeyError for a missing field, ValueError for one that does not fit."""
         return b"".join([part if isinstance(part, bytes) else part[1].encode(values[part[0]]) for part in self.parts])
 
-    def decode(self, frame: bytes) -> dict[str, Any]:
+    def decode(self, frame: bytes) -> Values:
         """Bytes -> values. Raises ValueError when the frame is of another form or a field is out of range."""
         found = self.matcher.fullmatch(frame)
         if found is None:
             raise ValueError(f"{frame!r} is not {self.source!r}")
         return self._values(found)
 
-    def take(self, buffer: bytes) -> tuple[dict[str, Any], int] | None:
+    def take(self, buffer: bytes) -> tuple[Values, int] | None:
         """Decode a frame at the start of a buffer -> (values, length), or None when none is complete there."""
         found = self.matcher.match(buffer)
         if found is None:
             return None
         return self._values(found), found.end()
 
-    def _values(self, found: re.Match[bytes]) -> dict[str, Any]:
+    def _values(self, found: re.Match[bytes]) -> Values:
         """What the fields of a frame say, one group each."""
         return {name: field.decode(raw) for (name, field), raw in zip(self.fields.items(), found.groups(), strict=True)}
 
     def __repr__(self) -> str:
-        return f"Picture({self.source!r})"
+        return f"FrameTemplate({self.source!r})"

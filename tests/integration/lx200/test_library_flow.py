@@ -45,7 +45,7 @@ def through(program: Any, **settings: Any) -> None:
 
     async def whole() -> None:
         async with Bridge("cpc", **settings) as bridge:
-            bridge.controller.derived.sky.load()
+            bridge.controller.astrometry.sky.load()
             await program(bridge, bridge.client())
 
     run(whole())
@@ -56,7 +56,7 @@ def test_messier_42_is_found(model: str) -> None:
     async def program(bridge: Bridge, client: Visitor) -> None:
         assert await client.ask(b":LM42#:MS#") == b"0"
         await arrived(client)
-        wanted = bridge.controller.derived.sky.to_of_date(*M42, bridge.clock())
+        wanted = bridge.controller.astrometry.sky.to_of_date(*M42, bridge.clock())
         assert separation(*pointing(bridge), *wanted) < ARCMINUTE
         assert separation(*pointing(bridge), *M42) > 10 * ARCMINUTE  # J2000 is elsewhere
 
@@ -65,7 +65,7 @@ def test_messier_42_is_found(model: str) -> None:
 
 def test_a_client_that_counts_in_j2000_gets_catalogue_places() -> None:
     async def program(bridge: Bridge, client: Visitor) -> None:
-        sky = bridge.controller.derived.sky
+        sky = bridge.controller.astrometry.sky
         bridge.reception.face = replace(bridge.reception.face, equinox=J2000(sky, bridge.observatory.unix))
         client = bridge.client("10.0.0.9")
         assert await client.ask(b":LM42#:Gr#") == b"05:35:16#"
@@ -79,7 +79,7 @@ def test_a_client_that_counts_in_j2000_gets_catalogue_places() -> None:
 
 def test_browsing_shows_what_is_up_from_west_to_east() -> None:
     async def program(bridge: Bridge, client: Visitor) -> None:
-        sky, site = bridge.controller.derived.sky, (45.0, 10.0)
+        sky, site = bridge.controller.astrometry.sky, (45.0, 10.0)
         assert await client.ask(b":Sf+06.0#:So30#", until=b"11") == b"11"
         client.tell(b":LF#")
         names, hours = [], []
@@ -136,7 +136,7 @@ def test_an_object_below_the_horizon_is_refused() -> None:
 
 def test_a_place_on_the_moon_is_followed() -> None:
     async def program(bridge: Bridge, client: Visitor) -> None:
-        sky = bridge.controller.derived.sky
+        sky = bridge.controller.astrometry.sky
         assert await client.ask(b":SE-43*18#:Se-011*13#", until=b"11") == b"11"  # Tycho
         for _ in range(2):
             assert await client.ask(b":MS#") == b"0"
@@ -158,7 +158,7 @@ def test_a_sync_to_a_place_on_the_moon() -> None:
         await arrived(client)
         assert await client.ask(b":SE+20*00#") == b"1"
         assert await client.ask(b":CL#", 5) == b""
-        wanted = bridge.controller.derived.sky.on_moon(bridge.clock(), 45.0, 10.0, 20.0, 0.0)
+        wanted = bridge.controller.astrometry.sky.on_moon(bridge.clock(), 45.0, 10.0, 20.0, 0.0)
         assert separation(*pointing(bridge), *wanted) < 0.3 * ARCMINUTE
         client.tell(b":Sr05:00:00#:Sd+20*00:00#:CL#")  # no place on the Moon: nothing to sync to
         await asyncio.sleep(5)
@@ -186,7 +186,7 @@ def test_jupiter_is_found() -> None:
     async def program(bridge: Bridge, client: Visitor) -> None:
         assert await client.ask(b":Ls0#:LS905#:MS#", until=b"10") == b"10"
         await arrived(client)
-        place = bridge.controller.derived.sky.planet("Jupiter", bridge.clock())
+        place = bridge.controller.astrometry.sky.planet("Jupiter", bridge.clock())
         assert place is not None
         assert separation(*pointing(bridge), *place) < ARCMINUTE
 
@@ -195,7 +195,7 @@ def test_jupiter_is_found() -> None:
 
 def test_a_planet_that_has_no_place_yet_is_refused_in_words() -> None:
     talk = Talk()  # its sky has not loaded astropy
-    assert talk.send(b":Ls0#:LS904#:MS#") == b"11The planets are not worked out yet.#"
+    assert talk.send(b":Ls0#:LS904#:MS#") == b"11The positions of the planets are not available yet.#"
 
 
 # --- what is missing ----------------------------------------------------------------------------------------------

@@ -30,7 +30,7 @@ def test_a_stop_goes_out_while_the_gps_is_asked_and_nothing_else_does() -> None:
             other.tell(b":Q#")
             await asyncio.sleep(0.001)
             assert bridge.sent()[before:] == [b":Q#"]
-            assert not bridge.controller.motions.owed
+            assert not bridge.controller.wanted.owed
             other.tell(b":Mn#")
             await asyncio.sleep(10.0)
             assert await other.ask(b":GR#", 5.0) == b""
@@ -245,7 +245,7 @@ def test_north_is_north_and_motors_keep_their_sense_on_a_polar_fork(driven: str,
             if driven == "nexstar":
                 bridge.sim.aligned = True
                 bridge.sim.track(2 if latitude > 0 else 3)
-                bridge.controller.snapshot.forget(op.GetStatus)
+                bridge.controller.cache.forget(op.GetStatus)
                 await bridge.controller.perform(op.GetStatus())
 
             async def moved(operation: op.Operation, axis: int) -> tuple[float, float]:

@@ -73,17 +73,17 @@ def test_a_stop_inside_ends_a_motion_at_once() -> None:
             client = bridge.client()
             await client.ask(b":RM#:Me#")
             await asyncio.sleep(2)
-            assert bridge.controller.motions.axes
+            assert bridge.controller.wanted.axes
             stops = bridge.controller.stops
             client.tell(b":Sr07:00:00:Q#")
             assert bridge.controller.stops == stops + 1, "in the very call that brought the bytes"
             await asyncio.sleep(1)
-            assert not bridge.controller.motions.axes
+            assert not bridge.controller.wanted.axes
             await client.ask(b":RM#:Me#")
             await asyncio.sleep(2)
             client.tell(b":SMfoo:Qe#")
             await asyncio.sleep(1)
-            assert not bridge.controller.motions.axes
+            assert not bridge.controller.wanted.axes
 
     run(program())
 
@@ -116,10 +116,10 @@ def test_answers_from_memory_keep_the_run_going() -> None:
                 await asyncio.sleep(0.05)
             client.tell(b":Mn#")
             await asyncio.sleep(1)
-            assert not bridge.controller.motions.axes
+            assert not bridge.controller.wanted.axes
             client.tell(b":Mn#")
             await asyncio.sleep(1)
-            assert bridge.controller.motions.axes == {2}
+            assert bridge.controller.wanted.axes == {2}
 
     run(program())
 

@@ -96,7 +96,7 @@ def test_an_arrow_whose_release_came_with_a_goto_that_is_refused_is_released(mou
             await asyncio.sleep(2.0)
             client.tell(b":Sr08:00:00#:Sd-80*00:00#:MS#:Qw#")
             assert await rests(bridge)
-            assert not bridge.controller.motions.axes
+            assert not bridge.controller.wanted.axes
 
     run(program())
 
@@ -217,7 +217,7 @@ def test_an_arrow_that_is_released_soon_after_a_goto_was_interrupted_leaves_noth
             await asyncio.sleep(0.5)
             client.tell(b":Qe#")
             assert await rests(bridge)
-            assert not bridge.controller.motions.axes
+            assert not bridge.controller.wanted.axes
             await asyncio.sleep(2.0)
             assert bridge.sim.tracking
 
@@ -233,7 +233,7 @@ def test_an_arrow_that_the_dead_man_ended_takes_no_halt_away(mount: str, driven:
             await asyncio.sleep(1.0)
             first.close()
             await asyncio.sleep(6.0)
-            assert not bridge.controller.motions.axes
+            assert not bridge.controller.wanted.axes
             second = bridge.client()
             await second.ask(GOTO, until=b"0")
             await asyncio.sleep(3.0)

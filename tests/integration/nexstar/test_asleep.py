@@ -89,7 +89,7 @@ def test_it_wakes_whatever_was_asked_of_it_in_its_sleep(presented: str) -> None:
                 ):
                     client.tell(command)
             await asyncio.sleep(6 * SILENCE)
-            assert not bridge.sim.asleep and not bridge.controller.motions.owed
+            assert not bridge.sim.asleep and not bridge.controller.wanted.owed
             assert await client.ask(b":GR#" if presented == "lx200" else b"e", 2.0)
             assert (
                 bridge.sim.mode == ALTAZ
@@ -252,7 +252,7 @@ def test_a_starsense_can_be_woken_after_its_line_was_lost(from_the_start: bool) 
                 await bridge.controller.settled.wait()
                 await asleep(bridge, client, "lx200")
                 bridge.controller.line.talk.lose("unplugged")
-                bridge.controller.line._wake.set()
+                bridge.controller.line.queue.wake()
             await asyncio.sleep(30.0)
             client.tell(b":hW#")
             await asyncio.sleep(5 * SILENCE)

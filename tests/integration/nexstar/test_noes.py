@@ -274,7 +274,7 @@ def test_a_motion_is_begun_again_after_the_line_is_back() -> None:
             await asyncio.sleep(20.0)
             assert await client.ask(b"P\x02\x11\x24\x05\0\0\0") == b"#"
             await asyncio.sleep(1.0)
-            assert bridge.controller.motions.axes == {2}
+            assert bridge.controller.wanted.axes == {2}
             await bridge.controller.perform(Move(Direction.NORTH, Rate(name="guide")))
 
     run(program())

@@ -148,7 +148,7 @@ def test_a_reading_older_than_an_order_is_not_told_after_it(mount: str, presente
             before = await told(other, presented)
             await set_out(client, presented, by_hand)
             await asyncio.sleep(0.3)
-            while not (bridge.controller.slewing or bridge.controller.motions.axes):
+            while not (bridge.controller.slewing or bridge.controller.wanted.axes):
                 await asyncio.sleep(0.01)
             where = bridge.sim.truth()
             seen = await told(other, presented)
@@ -181,16 +181,16 @@ def test_nobody_is_told_of_a_place_beyond_a_limit_that_was_not_seen_there(mount:
     async def program() -> None:
         async with bridge_to(mount, "lx200", config={"lowest": 20.0, "sun": 0.0}) as bridge:
             controller, client = bridge.controller, bridge.client()
-            for deaf in ("look", "began"):  # nobody stops it there
-                setattr(controller.guard, deaf, lambda _: None)
+            controller.reader.position.disconnect(controller.watch.look)  # nobody stops it there
+            controller.watch.began = lambda _: None  # type: ignore[method-assign]
             client.tell(b":RS#:Ms#")
             lowest = 90.0
             for _ in range(1000):
                 seen = await told(client, "lx200")
-                lowest = min(lowest, controller.derived.altitude(*seen) or 0.0)
-                said = controller.snapshot.value(op.Position)
-                if said is not None and (controller.derived.altitude(said.ra, said.dec) or 0.0) >= 20.0:
-                    assert (controller.derived.altitude(*seen) or 0.0) >= 19.98
+                lowest = min(lowest, controller.astrometry.altitude(*seen) or 0.0)
+                said = controller.cache.value(op.Position)
+                if said is not None and (controller.astrometry.altitude(said.ra, said.dec) or 0.0) >= 20.0:
+                    assert (controller.astrometry.altitude(*seen) or 0.0) >= 19.98
                 await asyncio.sleep(0.02)
             assert lowest < 15.0
 
@@ -201,15 +201,14 @@ def test_rules_go_by_what_the_mount_has_said() -> None:
     async def program() -> None:
         async with bridge_to("cge", "nexstar") as bridge:
             controller, looks = bridge.controller, []
-            look = controller.guard.look
-            controller.guard.look = lambda seen: (looks.append(seen), look(seen))  # type: ignore[method-assign, assignment]
+            controller.reader.position.connect(looks.append)
             client = bridge.client()
             await set_out(client, "nexstar", True)
             await asyncio.sleep(2.5)
             reckoned = 0
             for _ in range(30):
                 await client.ask(b"e", until=b"#")
-                said = controller.snapshot.value(op.Position)
+                said = controller.cache.value(op.Position)
                 assert await controller.read(op.Position()) is said
                 reckoned += controller.peek(op.Position()) not in (MISSING, said)
                 await asyncio.sleep(0.07)

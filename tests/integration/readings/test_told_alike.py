@@ -221,9 +221,9 @@ def test_what_is_forgotten_is_told_to_nobody(forget: str) -> None:
             assert client.heard, "it is told again"
             client.heard = b""
             if forget == "forget":
-                bridge.controller.snapshot.forget(op.Position)
+                bridge.controller.cache.forget(op.Position)
             else:
-                bridge.controller.telling.anew()
+                bridge.controller.told_position.anew()
             client.tell(b":GR#")
             assert client.heard == b"", "the mount is asked"
 

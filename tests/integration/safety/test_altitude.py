@@ -69,7 +69,7 @@ def test_a_limit_that_is_reached_before_the_rate_could_be_measured(lowest: float
 def test_what_a_mount_does_while_it_coasts_is_not_held_against_it() -> None:
     async def program() -> None:
         async with Bridge("6-8se", config={"lowest": 44.0}) as bridge:
-            guard = bridge.controller.guard
+            guard = bridge.controller.watch
             here = await bridge.controller.perform(op.Position())
             await asyncio.sleep(4)  # nobody polls any more: the looks are this test's own
             guard.look(here)
@@ -106,13 +106,7 @@ def test_two_looks_a_second_while_it_moves_on_a_slow_line_with_a_busy_program() 
         async with Bridge(mount, driven=driven, latency=0.2 if driven == "nexstar" else 0.15) as bridge:
             client = bridge.client()
             looks: list[float] = []
-            look = bridge.controller.guard.look
-
-            def noted(seen: op.Equatorial) -> None:
-                looks.append(bridge.controller.now())
-                look(seen)
-
-            bridge.controller.guard.look = noted  # type: ignore[method-assign]
+            bridge.controller.reader.position.connect(lambda _: looks.append(bridge.controller.now()))
             client.tell(b":RC#:Mw#")
             for _ in range(80):
                 client.tell(b":GR#:GD#:GZ#:GA#:D#:GW#")
@@ -172,7 +166,7 @@ def test_tracking_below_the_limit_is_switched_off() -> None:
 
     celestron = run(program("6-8se", "nexstar"))
     assert b"T\x00" in celestron.sent()
-    assert any(note.startswith("tracking is off: it came to the altitude limit") for note in notes(celestron))
+    assert any(note.startswith("tracking was switched off at the altitude limit") for note in notes(celestron))
     assert celestron.sim.feed(b"t") == b"\x00#"
     meade = run(program("autostar", "lx200"))
     assert b":AL#" in meade.sent()
@@ -183,14 +177,14 @@ def test_a_mount_whose_tracking_cannot_be_switched_off_is_said_so_once() -> None
     async def program() -> None:
         async with Bridge("lx200", driven="lx200", config={"lowest": 40.0}) as bridge:
             client = bridge.client()
-            altitudes = bridge.controller.derived.altitude
+            altitudes = bridge.controller.astrometry.altitude
             sinking = [42.0]
 
             def lower(ra: float, dec: float) -> float | None:
                 sinking[0] -= 0.002
                 return sinking[0] if altitudes(ra, dec) is not None else None
 
-            bridge.controller.derived.altitude = lower  # type: ignore[method-assign]
+            bridge.controller.astrometry.altitude = lower  # type: ignore[method-assign]
             for _ in range(8000):
                 await asyncio.sleep(0.25)
                 client.tell(b":GR#")

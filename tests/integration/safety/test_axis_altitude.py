@@ -109,7 +109,7 @@ def test_a_clock_that_contradicts_this_computers_does_not_matter_where_the_axis_
 
     async def program() -> None:
         async with Bridge("cpc", config={"lowest": 10.0}, host_ahead=3600.0) as bridge:
-            seen = bridge.controller.derived.equatorial(op.GotoHorizontal(240.0, 14.0))
+            seen = bridge.controller.astrometry.equatorial(op.GotoHorizontal(240.0, 14.0))
             await bridge.controller.perform(op.Goto(seen.ra, seen.dec))
             await asyncio.sleep(40.0)
             assert truth_of(bridge.sim).altitude == pytest.approx(14.0, abs=0.5)

@@ -153,7 +153,7 @@ def test_no_sync_while_the_mount_moves(moves: bytes) -> None:
             client.tell(moves)
             await asyncio.sleep(1.0)
             assert await client.ask(b":CM#") == b"#"
-            assert any("sync when it rests" in note for note in notes(bridge))
+            assert any("sync when it has stopped" in note for note in notes(bridge))
             client.tell(b":Q#")
             await asyncio.sleep(3.0)
             assert not any(sent.startswith(b"s") for sent in bridge.sent())

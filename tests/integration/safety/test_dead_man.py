@@ -17,8 +17,8 @@ async def moves_for(bridge: Any, seconds: float) -> float:
     """For how long the motion by hand goes on, seconds; at most so many."""
     began = bridge.controller.now()
     await asyncio.sleep(1)
-    assert bridge.controller.motions.axes
-    while bridge.controller.motions.axes and bridge.controller.now() - began < seconds:
+    assert bridge.controller.wanted.axes
+    while bridge.controller.wanted.axes and bridge.controller.now() - began < seconds:
         await asyncio.sleep(0.1)
     return float(bridge.controller.now() - began)
 
@@ -31,7 +31,7 @@ def test_silence_on_an_open_connection(config: dict[str, Any], after: float) -> 
             assert after - 1 <= await moves_for(bridge, 60) <= after + 2
             assert b"P\x02\x10\x24\x00\x00\x00\x00" in bridge.sent()
             said = [entry.note for entry in bridge.entries if entry.arrow == "!"]
-            assert said == [f"{HOST} has fallen silent: its motion is stopped"]
+            assert said == [f"{HOST} has sent nothing for {after:g} s: its motion is stopped"]
             await asyncio.sleep(3)
             assert bridge.sim.tracking
 
@@ -56,7 +56,7 @@ def test_a_closed_connection_that_does_not_come_back(config: dict[str, Any], aft
             client.tell(b":RC#:Mw#")
             client.close()
             assert after - 0.5 <= await moves_for(bridge, 60) <= after + 2
-            assert any(entry.note == f"{HOST} is gone: its motion is stopped" for entry in bridge.entries)
+            assert any(entry.note == f"{HOST} has disconnected: its motion is stopped" for entry in bridge.entries)
 
     run(program())
 
@@ -70,7 +70,7 @@ def test_a_program_that_opens_a_connection_per_command_keeps_its_motion() -> Non
                 await asyncio.sleep(0.3)
                 client.close()
                 await asyncio.sleep(3.5)
-                assert bridge.controller.motions.axes == {1}, turn
+                assert bridge.controller.wanted.axes == {1}, turn
             assert 1.0 <= await moves_for(bridge, 60) <= 4.0
 
     run(program())
@@ -88,7 +88,7 @@ def test_only_the_bytes_of_who_began_it_count_while_that_is_there(who: str) -> N
             for _ in range(240):  # what is answered from what is remembered is life all the same
                 (first if who == "the same connection" else second).tell(b":GR#")
                 await asyncio.sleep(0.25)
-            assert bool(bridge.controller.motions.axes) is (who == "the same connection")
+            assert bool(bridge.controller.wanted.axes) is (who == "the same connection")
 
     run(program())
 
@@ -105,8 +105,8 @@ def test_who_was_there_before_does_not_hold_the_arrow_of_one_that_is_gone() -> N
             for _ in range(14):
                 other.tell(b":GR#")
                 await asyncio.sleep(0.5)
-            assert not bridge.controller.motions.axes
-            assert any(entry.note == f"{HOST} is gone: its motion is stopped" for entry in bridge.entries)
+            assert not bridge.controller.wanted.axes
+            assert any(entry.note == f"{HOST} has disconnected: its motion is stopped" for entry in bridge.entries)
 
     run(program())
 
@@ -116,7 +116,7 @@ def test_slow_rates_are_somebodys_tracking() -> None:
         async with Bridge("cge", presented="nexstar", surface="cge") as bridge:
             bridge.client(HOST).tell(asked)
             await asyncio.sleep(90)
-            return set(bridge.controller.motions.axes)
+            return set(bridge.controller.wanted.axes)
 
     assert run(program(b"P\x03\x10\x06\x00\xf0\x00\x00")) == {1}  # 60" a second
     assert run(program(b"P\x03\x10\x06\x01\x00\x00\x00")) == set()  # 64" a second

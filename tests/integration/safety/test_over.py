@@ -58,7 +58,7 @@ def test_a_goto_from_over_the_zenith_does_not_pass_it_where_a_limit_is_below() -
             bridge.sim.mechanics.goto_axis(bridge.clock(), 2, 130.0)
             await asyncio.sleep(60.0)
             assert altitude(bridge) == pytest.approx(50.0, abs=0.5)
-            bridge.controller.policy = replace(bridge.controller.policy, limits=Limits(highest=75.0))
+            bridge.controller.context.policy = replace(bridge.controller.policy, limits=Limits(highest=75.0))
             await bridge.controller.perform(op.GotoHorizontal(0.0, 40.0))
             _, high = await extremes(bridge, 30.0)
             assert high <= 75.0
@@ -77,9 +77,9 @@ def test_a_fork_may_turn_half_round_either_way(azimuth: float, turns: list[float
     async def program() -> None:
         async with Bridge("6-8se") as bridge:
             here = await bridge.controller.read(op.Position())
-            there = bridge.controller.derived.horizon(here).az + azimuth, 40.0
+            there = bridge.controller.astrometry.horizon(here).az + azimuth, 40.0
             found = slew_paths.possible(
-                bridge.controller.derived, False, False, here, op.Equatorial(0.0, 0.0), there, {False}
+                bridge.controller.astrometry, False, False, here, op.Equatorial(0.0, 0.0), there, {False}
             )
             assert [turn[0] for _, turn in found] == pytest.approx(turns)
 

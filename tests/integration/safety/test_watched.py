@@ -27,12 +27,12 @@ def test_an_arrow_that_is_said_again_does_not_make_the_next_look_a_first_one() -
             await ready(bridge, client, b":GR#")
             client.tell(b":RS#:Ms#")
             await asyncio.sleep(1.0)
-            while bridge.controller.snapshot.age(op.Position, bridge.controller.now()) < 0.2:
+            while bridge.controller.cache.age(op.Position, bridge.controller.now()) < 0.2:
                 await asyncio.sleep(0.01)
-            bridge.controller.guard.began(bridge.controller.motions.by_hand[2])
+            bridge.controller.watch.began(bridge.controller.wanted.by_hand[2])
             ra, dec = bridge.sim.mechanics.truth(bridge.clock())
             await asyncio.sleep(0.02)
-            bridge.controller.guard.look(op.Equatorial(ra, dec - 20.0))
+            bridge.controller.watch.look(op.Equatorial(ra, dec - 20.0))
             assert any("stopped at the altitude limit" in note for note in notes(bridge))
 
     run(program())
@@ -109,7 +109,7 @@ def test_a_goto_that_is_stopped_on_its_way_does_not_bring_the_tube_back_over_the
             await polled(bridge, client, b":GR#", 8.0)
             client.tell(b":Qn#")
             await asyncio.sleep(2.0)
-            assert not bridge.controller.guard.upright
+            assert not bridge.controller.watch.upright
             await bridge.controller.perform(op.Goto((sidereal - 60.0) % 360.0, -20.0))
             await asyncio.sleep(0.9)
             while bridge.controller.reader._sharing:
@@ -122,10 +122,10 @@ def test_a_goto_that_is_stopped_on_its_way_does_not_bring_the_tube_back_over_the
                 op.Slewing()
             )  # the end of the goto is seen while the stop is on its way
             await asyncio.sleep(2.0)
-            assert not bridge.controller.guard.upright
+            assert not bridge.controller.watch.upright
             await bridge.controller.perform(op.Goto((sidereal - 60.0) % 360.0, 0.0))
             await ready(bridge, client, b":GR#")
-            assert bridge.controller.guard.upright
+            assert bridge.controller.watch.upright
 
     run(program())
 
@@ -194,11 +194,13 @@ def test_of_two_axes_the_one_that_is_ended_last_must_not_lead_beyond_it_alone(he
         async with Bridge("cge", config={"lowest": 20.0}, latency=0.2) as bridge:
             await bridge.controller.perform(op.MoveAxis(1, 1, op.Rate(key=9)))
             await bridge.controller.perform(op.MoveAxis(2, 1, op.Rate(key=9)))
-            look = bridge.controller.guard.look
-            bridge.controller.guard.look = lambda seen: None  # only what is told here is looked at
-            bridge.controller.guard.seen = Seen()
+            look = bridge.controller.watch.look
+            bridge.controller.reader.position.disconnect(look)  # only what is told here is looked at
+            bridge.controller.watch.seen = Seen()
             for step in range(3):
-                seen = bridge.controller.derived.equatorial(op.GotoHorizontal(200.0 + 3.0 * step, height - 0.05 * step))
+                seen = bridge.controller.astrometry.equatorial(
+                    op.GotoHorizontal(200.0 + 3.0 * step, height - 0.05 * step)
+                )
                 look(op.Equatorial(seen.ra, seen.dec))
                 await asyncio.sleep(0.5)
             assert any("stopped at the altitude limit" in note for note in notes(bridge)) is stopped
@@ -221,7 +223,9 @@ def test_a_motion_that_was_begun_twice_and_refused_the_second_time_is_stopped() 
             client.tell(b":Me#")
             while b":Me#" not in bridge.sent():
                 await asyncio.sleep(0.001)
-            bridge.controller.policy = replace(bridge.controller.policy, limits=Limits(highest=altitude(bridge) + 0.1))
+            bridge.controller.context.policy = replace(
+                bridge.controller.policy, limits=Limits(highest=altitude(bridge) + 0.1)
+            )
             client.tell(b":Qn#")
             await asyncio.sleep(0.3)
             assert any("Object Above" in note for note in notes(bridge))
@@ -247,7 +251,7 @@ def test_when_one_axis_is_ended_the_other_one_may_lead_beyond_a_limit_alone(driv
             lows = []
             for _ in range(8):
                 lows.append((await extremes(bridge, 0.05))[0])
-            bridge.controller.policy = replace(bridge.controller.policy, limits=Limits(lowest=lows[-1] - 0.4))
+            bridge.controller.context.policy = replace(bridge.controller.policy, limits=Limits(lowest=lows[-1] - 0.4))
             client.tell(b":Qn#")
             low, _ = await extremes(bridge, 3.0)
             assert low >= lows[-1] - 0.4
@@ -266,7 +270,7 @@ def test_a_motion_that_follows_a_stop_at_once_is_watched_from_the_first_position
             client = bridge.client()
             await bridge.controller.perform(op.GotoHorizontal(16.0, height))
             await ready(bridge, client, b"e")
-            bridge.controller.guard._restless_until = bridge.controller.now() + 3.0
+            bridge.controller.watch._restless_until = bridge.controller.now() + 3.0
             client.tell(UP)
             high = 0.0
             for _ in range(20):
@@ -287,12 +291,10 @@ def test_an_arrow_right_after_a_stop_begins_where_the_mount_came_to_rest(late: f
             client = bridge.client()
             sidereal = bridge.sim.mechanics.sky.sidereal(bridge.clock())
             await bridge.controller.perform(op.Goto((sidereal - 1.0) % 360.0, -40.0))
-            while (
-                altitude(bridge) > 30.0 or bridge.controller.snapshot.age(op.Position, bridge.controller.now()) < late
-            ):
+            while altitude(bridge) > 30.0 or bridge.controller.cache.age(op.Position, bridge.controller.now()) < late:
                 await asyncio.sleep(0.01)
             await bridge.controller.stop()
-            bridge.controller.policy = replace(bridge.controller.policy, limits=Limits(lowest=lowest))
+            bridge.controller.context.policy = replace(bridge.controller.policy, limits=Limits(lowest=lowest))
             client.tell(b":RS#:Ms#")
             low, _ = await extremes(bridge, 3.0)
             assert low >= lowest

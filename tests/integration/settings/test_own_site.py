@@ -180,9 +180,9 @@ def test_0_to_4_are_sites_on_every_model(model: str, from_one: bool) -> None:
     for number in b"30412":
         talk.send(b":W%c#" % number)
         talk.send(b":St+4%c*30#:Sg01%c*15#" % (number, number))
-    shared = talk.session.shared["sites"]
-    assert sorted(shared) == ["0", "1", "2", "3"]
-    assert [round(shared[index]["latitude"], 1) for index in "0123"] == (
+    sites = talk.session.shared.sites
+    assert sorted(sites) == [0, 1, 2, 3]
+    assert [round(sites[index].latitude or 0.0, 1) for index in range(4)] == (
         [41.5, 42.5, 43.5, 44.5] if from_one else [40.5, 41.5, 42.5, 44.5]
     )
 
@@ -191,7 +191,7 @@ def test_0_to_4_are_sites_on_every_model(model: str, from_one: bool) -> None:
 def test_what_is_no_site_selects_none(impossible: bytes) -> None:
     talk = Talk(model="lx200gps")
     talk.send(b":W2#" + impossible + b":St+40*00#")
-    assert talk.session.shared["sites"]["1"]["latitude"] == 40.0
+    assert talk.session.shared.sites[1].latitude == 40.0
     assert len(talk.mount.of(op.SetSite)) == 1
 
 

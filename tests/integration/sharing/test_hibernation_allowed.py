@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 
+from gateway.app.bindings import access
 from gateway.app.config import MountConfig, Source, SurfaceConfig, make_config
-from gateway.app.gateway import Gateway, access
+from gateway.app.gateway import Gateway
 from gateway.clients.access import Access, Rights
 from gateway.core import operations as op
 from gateway.core.wire_log import Entry

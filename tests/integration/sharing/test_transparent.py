@@ -11,11 +11,12 @@ from typing import Any
 
 import pytest
 
+from gateway.app.bindings import shows_itself
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
-from gateway.app.gateway import Gateway, shows_itself
+from gateway.app.gateway import Gateway
 from gateway.app.simulated import make_simulator
 from gateway.clients.access import Access
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.transport.wires import SimulatedTransport
 from tests.support.in_process_gateway import Bridge
 from tests.support.transparent import ALLOWED, MOUNTS, asked_of, differences
@@ -179,7 +180,7 @@ def test_another_mount_behind_the_same_cable_is_asked_anew() -> None:
         assert await client.ask(MOTORS) == b"\5\n#"
         assert await client.ask(b"m") == b"\5#"
         bridge.sim.motors, bridge.sim.row = (6, 16), {**bridge.sim.row, "id": 20}
-        bridge.controller.line.state = "down"
+        bridge.controller.line._state = "down"
         bridge.controller.line._up()
         await asyncio.sleep(5.0)
         assert await client.ask(MOTORS) == b"\6\x10#"

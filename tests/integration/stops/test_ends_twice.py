@@ -173,6 +173,6 @@ def test_a_release_that_a_telescope_cannot_hear_becomes_a_stop() -> None:
             await asyncio.sleep(0.5)
             assert bridge.sim.busy
             assert not bridge.sim.arrows
-            assert not bridge.controller.motions.axes
+            assert not bridge.controller.wanted.axes
 
     run(program())

@@ -44,7 +44,7 @@ def test_a_stop_of_the_mount_does_not_take_back_the_end_of_the_focuser(mount: st
             client.tell(packet)
             await asyncio.sleep(2.0)
             assert not moves(bridge)
-            assert bridge.controller.motions.wanted.focus is None
+            assert bridge.controller.wanted.value.focus is None
 
     run(program())
 
@@ -67,8 +67,8 @@ def test_the_end_of_the_focuser_is_sent_until_it_is_acknowledged(how: str, times
             assert len(lost) == times
             assert bridge.sent().count(HALT) == times + 1
             assert not moves(bridge)
-            assert bridge.controller.motions.wanted.focus is None
-            assert not bridge.controller.motions.wanted.pending
+            assert bridge.controller.wanted.value.focus is None
+            assert not bridge.controller.wanted.value.pending
 
     run(program())
 
@@ -81,7 +81,7 @@ def test_the_end_of_an_older_motion_does_not_end_a_newer_one() -> None:
             await asyncio.sleep(1.0)
             lost = swallow(bridge, lambda data: data == HALT)
             client.tell(b":FQ#")
-            while not bridge.controller.motions.wanted.pending or not lost:
+            while not bridge.controller.wanted.value.pending or not lost:
                 await asyncio.sleep(0.1)
             client.tell(b":F-#")
             await asyncio.sleep(8.0)

@@ -78,7 +78,7 @@ def test_tracking_comes_back_when_a_goto_comes_to_grief_that_has_ended_an_arrow(
             await polled(bridge, 15)
             assert lost
             assert bridge.sim.tracking
-            assert not bridge.controller.motions.axes
+            assert not bridge.controller.wanted.axes
             assert not bridge.driver.tracking_suspended
 
     run(program())
@@ -92,7 +92,7 @@ def test_a_goto_that_is_refused_before_it_touches_anything_leaves_the_arrow_alon
             await asyncio.sleep(2.0)
             await client.ask(b":Sr08:00:00#:Sd-80*00:00#:MS#", until=b"#")
             await asyncio.sleep(1.0)
-            assert bridge.controller.motions.axes == {1}
+            assert bridge.controller.wanted.axes == {1}
             assert abs(truth_of(bridge.sim).rate1) > 0.1
 
     run(program())

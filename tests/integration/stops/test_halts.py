@@ -83,7 +83,7 @@ def test_what_was_halted_last_rests_and_what_was_begun_last_moves(presented: str
             await asyncio.sleep(4.0)
             for client in clients:  # somebody is there all the time
                 client.tell(b":GR#" if presented == "lx200" else b"e")
-            assert bridge.controller.motions.axes == {axis for axis, turns in turning.items() if turns}, sequence
+            assert bridge.controller.wanted.axes == {axis for axis, turns in turning.items() if turns}, sequence
             before = _axes(bridge)
             await asyncio.sleep(1.0)
             turned = [abs(wrap180(now - then)) for now, then in zip(_axes(bridge), before, strict=True)]
@@ -150,7 +150,7 @@ def test_a_flood_of_halts_on_one_axis_lets_the_other_be_moved() -> None:
             await asyncio.sleep(3.0)
             other.tell(b":RM#:Mn#")
             await asyncio.sleep(2.0)
-            assert bridge.controller.motions.axes == {2}
+            assert bridge.controller.wanted.axes == {2}
             asked = bridge.clock()
             other.tell(b":Qn#")
             await asyncio.sleep(1.0)

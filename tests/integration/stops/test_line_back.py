@@ -30,7 +30,7 @@ async def cut(bridge: Any, seconds: float) -> list[bytes]:
 
     wire.open = no_port
     bridge.controller.line.talk.lose("unplugged")
-    bridge.controller.line._wake.set()
+    bridge.controller.line.queue.wake()
     await asyncio.sleep(seconds)
     before = len(bridge.sent())
     wire.open = opening
@@ -55,8 +55,10 @@ def test_what_moved_when_the_line_was_lost_is_over_when_it_is_back(mount: str, m
             assert first[0] in STOPS
             await asyncio.sleep(2.0)
             assert not truth_of(bridge.sim).moving
-            assert not bridge.controller.motions.owed and not bridge.controller.moving
-            assert [entry for entry in bridge.entries if "the line was lost while the mount moved" in entry.note]
+            assert not bridge.controller.wanted.owed and not bridge.controller.moving
+            assert [
+                entry for entry in bridge.entries if "the connection to the mount was lost while it moved" in entry.note
+            ]
 
     run(program())
 
@@ -72,7 +74,7 @@ def test_a_stop_that_was_asked_for_while_the_line_was_lost_goes_first(mount: str
             first = await cut(bridge, 4.0)
             assert first[0] in STOPS
             await asyncio.sleep(3.0)
-            assert not bridge.controller.motions.owed
+            assert not bridge.controller.wanted.owed
 
     run(program())
 

@@ -68,7 +68,7 @@ def test_a_release_that_was_lost_is_sent_again_and_the_other_axis_goes_on(mount:
                 client.tell(b":GR#")
                 await asyncio.sleep(0.5)
             assert missed
-            assert bridge.controller.motions.axes == {2}
+            assert bridge.controller.wanted.axes == {2}
             assert set(bridge.sim.arrows) == {2}
 
     run(program())
@@ -119,7 +119,9 @@ def test_a_mount_that_hears_no_stop_at_all_is_told_of() -> None:
             deafen(bridge, (b":Q",), 1000)
             client.tell(b":Q#")
             assert await seconds_to_rest(bridge, 25.0) == 25.0
-            warned = [entry.note for entry in bridge.entries if entry.note.startswith("WARNING: the mount goes on")]
+            warned = [
+                entry.note for entry in bridge.entries if entry.note.startswith("WARNING: the mount keeps moving")
+            ]
             assert 1 <= len(warned) <= 2
             await seconds_to_rest(bridge, 90.0)
             assert not bridge.controller.ends.pending, "it is not fought for without end"

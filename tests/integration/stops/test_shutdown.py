@@ -212,7 +212,8 @@ class Served:
             await opening(gateway)
 
         monkeypatch.setattr(Gateway, "open", open_it)
-        monkeypatch.setattr(Gateway, "_wire", lambda _: SimulatedTransport("sim", self.sim.connection, 0.005))
+        wire = SimulatedTransport("sim", self.sim.connection, 0.005)
+        monkeypatch.setattr("gateway.app.gateway.make_wire", lambda *_: wire)
 
     def run(self, fast: bool, then: Callable[[], object]) -> int:
         """Begin a goto, and a moment later do something to the loop or the process."""
@@ -316,6 +317,7 @@ class Moving:
     def begin(self) -> None:
         self.gateway = Running(
             "run",
+            "--no-console",
             "--mount",
             self.endpoint,
             "--surface",
@@ -373,7 +375,8 @@ def test_stop_with_and_without_a_gateway(
     assert moving.tracking()
     moving.move()
     moving.gateway.end(signal.SIGKILL)
-    assert moving.gateway.said == f"mount-gateway: {moving.endpoint}: the last run ended in motion: it is stopped first"
+    told = "the last run ended while the mount was moving: the mount is stopped first"
+    assert moving.gateway.said == f"mount-gateway: {moving.endpoint}: {told}"
     assert moving.moves()
     assert stop() == (0, f"{moving.endpoint}: stopped")
     assert moving.rests()

@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway.mount.link.queue import STOP
+from gateway.mount.link.scheduling import STOP
 from gateway.protocols.base.driver import Send
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
@@ -55,7 +55,7 @@ def test_a_halt_goes_before_what_is_prepared_on_the_other_axis_which_is_done_aft
                 sent = bridge.sent()[before:]
                 assert sent[0] == NORTH_STOPS, (moment, sent)
                 if b"Me" in other:
-                    assert bridge.controller.motions.axes == {1}
+                    assert bridge.controller.wanted.axes == {1}
                     assert any(request.startswith(EAST_MOVES) for request in bridge.sent())
 
     run(program())

@@ -33,7 +33,7 @@ def test_a_stop_that_was_not_heard_three_times_is_sent_again(mount: str, rate: b
             deafen(bridge, ENDS, times)
             client.tell(b":Q#")
             await asyncio.sleep(12.0 * times / 3 + 5.0)
-            assert not bridge.controller.motions.owed
+            assert not bridge.controller.wanted.owed
             assert abs(truth_of(bridge.sim).rate2) < 0.01
 
     run(program())
@@ -53,6 +53,6 @@ def test_somebody_is_told_after_seven_times_and_it_is_left_alone() -> None:
             assert [entry.note for entry in bridge.entries if "however often it was sent" in entry.note]
             await asyncio.sleep(120.0)
             assert len(missed) == sent
-            assert bridge.controller.motions.owed, "and goes out with the next one, or when the line is back"
+            assert bridge.controller.wanted.owed, "and goes out with the next one, or when the line is back"
 
     run(program())

@@ -6,16 +6,19 @@ import asyncio
 
 import pytest
 
+from gateway.app.bindings import make_wire
 from gateway.app.config import MountConfig
 from gateway.app.gateway import Gateway
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 
 
 @pytest.mark.parametrize(("at", "hurry"), [("nexstar@sim", 10.0), ("nexstar@/dev/ttyUSB9", 1.0)])
 def test_speed_is_that_of_a_simulated_mount(at: str, hurry: float) -> None:
     async def program() -> None:
         gateway = Gateway(MountConfig(at=at, speed=10.0), [])
-        gateway.prepare(lambda rules, transcript: MountLink(gateway._wire(), rules, transcript))
+        gateway.prepare(
+            lambda rules, transcript: MountLink(make_wire(gateway.mount, gateway.config, None), rules, transcript)
+        )
         assert gateway.controller is not None
         assert gateway.controller.driver.hurry == hurry
 

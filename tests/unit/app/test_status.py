@@ -152,7 +152,7 @@ def test_programs_are_counted_as_they_come_and_go() -> None:
 def test_a_position_that_no_mount_should_tell_is_survived() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
-            bridge.controller.snapshot.put(Position, Equatorial(0.0, 95.0), bridge.controller.now())
+            bridge.controller.cache.put(Position, Equatorial(0.0, 95.0), bridge.controller.now())
             onlooker = Onlooker([gateway(bridge)])
             assert "beyond 90 degrees" in onlooker.line()
             assert onlooker.line(12) == "an altitude,"

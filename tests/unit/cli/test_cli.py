@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from gateway.cli import main
-from gateway.cli.serve import serving
+from gateway.cli.serve import finding
 from gateway.diagnostics.detect import scan_port
 from gateway.diagnostics.detect.probe import Patience
 from tests.support.process import GATEWAY, PATIENCE, Running, ask
@@ -185,7 +185,7 @@ class Stranger:
 @pytest.fixture
 def _hasty(monkeypatch: pytest.MonkeyPatch) -> None:
     """A stranger is given a tenth of the time; how long it should be is the business of the tests of ``detect``."""
-    monkeypatch.setattr(serving, "FIRST_WORD", 0.3)
+    monkeypatch.setattr(finding, "FIRST_WORD", 0.3)
     monkeypatch.setattr(scan_port, "AT_9600", Patience(quiet=0.1, restless=0.3, first=0.1, answer=0.4))
 
 

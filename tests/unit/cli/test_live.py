@@ -109,7 +109,7 @@ def test_the_watchdog_is_fed_only_while_the_line_has_its_worker(
             tasks[0].cancel()
 
     run(program())
-    assert capsys.readouterr().err.count("nobody works on the mount's line") == 1
+    assert capsys.readouterr().err.count("the mount I/O task has ended") == 1
 
 
 def test_nothing_is_done_where_nobody_looks(monkeypatch: pytest.MonkeyPatch) -> None:

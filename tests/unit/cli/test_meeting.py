@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from gateway.app.config import parse_endpoint
-from gateway.cli.serve import serving
+from gateway.cli.serve import finding
 from gateway.cli.serve.meeting import not_found, waiting
 from gateway.core.errors import UserError
 from tests.support.in_process_gateway import Bridge
@@ -36,7 +36,7 @@ async def met(bridge: Bridge, at: str, answer: bytes | None) -> tuple[bool, list
     said: list[str] = []
     gateway = gateway_of(bridge, at)
     bridge.controller.start()
-    found = await serving._found(gateway, said.append)
+    found = await finding._found(gateway, said.append)
     words = not_found(gateway)
     await bridge.controller.close()
     return found, said, words
@@ -106,7 +106,7 @@ def test_what_cannot_be_opened_is_told_at_once(monkeypatch: pytest.MonkeyPatch) 
         monkeypatch.setattr(bridge.controller.line.wire, "open", broken)
         bridge.controller.start()
         with pytest.raises(UserError, match="no such port; mount-gateway detect shows which ports there are"):
-            await serving._find(gateway_of(bridge, "lx200@/dev/ttyUSB0"), print)
+            await finding._find(gateway_of(bridge, "lx200@/dev/ttyUSB0"), print)
         assert asyncio.get_running_loop().time() < 1001.0
         await bridge.controller.close()
 

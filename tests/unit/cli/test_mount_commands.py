@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -64,7 +65,9 @@ def test_a_night_at_the_shell(say: Say, tmp_path: Path, started: list[Running]) 
     assert out.splitlines()[0] == "6-8se (nexstar@sim)"
     assert "  mount     Celestron NexStar, 6-8se, version 4.21" in out
     assert "  wanted    no motion" in out
-    assert say("move", "north", "--rate", "9", "--seconds", "0.5", *which) == (0, "it was moved north for 0.5 s", "")
+    code, out, err = say("move", "north", "--rate", "9", "--seconds", "0.5", *which)
+    assert (code, err) == (0, "")
+    assert re.fullmatch(r"it was moved north for (0\.[5-9]|1\.\d) s", out)  # a machine under load is late
     assert say("goto", "10:00:00", "-05:30:00", *which) == (0, "it goes to 10:00:00 -05°30'00\"", "")
     [state] = json.loads(say("status", "--json", "--mount", "sim", *which)[1])
     assert state["look"]["slewing"]

@@ -12,7 +12,7 @@ import pytest
 from gateway.cli import main
 from tests.support.process import PATIENCE, Running, ask
 
-WAITING = "west: nexstar@/dev/does-not-exist: cannot open /dev/does-not-exist: no such port; trying on"
+WAITING = "west: nexstar@/dev/does-not-exist: cannot open /dev/does-not-exist: no such port; the gateway keeps trying"
 
 
 def table(name: str, at: str, surface: str) -> str:

@@ -130,7 +130,7 @@ def test_the_file_of_this_folder_is_read(here: Path, capsys: pytest.CaptureFixtu
     assert main(["config"]) == 0
     told = capsys.readouterr()
     assert 'at = "nexstar:cpc@sim"  # gateway.toml:2' in told.out
-    assert told.err.startswith("mount-gateway: going by gateway.toml, which is in this folder; --config FILE")
+    assert told.err.startswith("mount-gateway: using gateway.toml from this folder; --config FILE")
     assert main(["config", "--lowest", "7"]) == 0
     assert "lowest = 7.0  # --lowest" in capsys.readouterr().out
 

@@ -26,7 +26,7 @@ def test_what_was_sent_before_a_stop_begins_no_motion_after_it(who: str) -> None
             first, *rest = shares(ARROWS)
             bully.tell(first)
             await asyncio.sleep(2.0)
-            assert bridge.controller.motions.axes == {1}
+            assert bridge.controller.wanted.axes == {1}
             other.tell(b":Q#") if who == "another program" else bridge.controller.begin_stop()
             for share in rest:
                 await asyncio.sleep(0.05)
@@ -51,7 +51,7 @@ def test_whoever_has_caught_up_moves_the_mount_again() -> None:
             assert not bridge.controller.moving
             bully.tell(b":Me#")
             await asyncio.sleep(1.0)
-            assert bridge.controller.motions.axes == {1}
+            assert bridge.controller.wanted.axes == {1}
 
     run(program())
 
@@ -66,6 +66,6 @@ def test_a_long_piece_is_forgotten_when_its_time_is_over() -> None:
             await asyncio.sleep(30.0)
             client.tell(b":RM#:Me#")
             await asyncio.sleep(1.0)
-            assert bridge.controller.motions.axes == {1}
+            assert bridge.controller.wanted.axes == {1}
 
     run(program())

@@ -72,7 +72,7 @@ def test_who_comes_when_no_file_is_left_is_turned_away_with_one_line_and_later_l
             with contextlib.suppress(ConnectionResetError):
                 assert await reader.read() == b""
             writer.close()
-        [line] = [note for note in notes if "turned away" in note]
+        [line] = [note for note in notes if "refused on surface" in note]
         assert "files open at a time" in line
         assert "ulimit -n" in line
         assert await ask(here, b":GVP#") == b"Autostar#"
@@ -101,11 +101,20 @@ def test_an_arrow_begins_though_no_file_can_be_opened(tmp_path: Path, monkeypatc
             for _ in range(3):
                 client.tell(b":RM#:Mn#")
                 await asyncio.sleep(2.0)
-                assert bridge.controller.motions.axes == {2}
+                assert bridge.controller.wanted.axes == {2}
                 client.tell(b":Qn#")
                 await asyncio.sleep(8.0)
-                assert bridge.controller.motions.axes == set()
-            assert len([words for words in bridge.warned if "not marked" in words or "written" in words]) == 1
+                assert bridge.controller.wanted.axes == set()
+            assert (
+                len(
+                    [
+                        words
+                        for words in bridge.warned
+                        if "motion marker" in words or "written" in words or "state file" in words
+                    ]
+                )
+                == 1
+            )
             assert not any("internal error" in entry.note for entry in bridge.entries)
 
     run(program())
@@ -121,10 +130,10 @@ def test_a_defect_is_not_lost_because_nobody_waits_for_what_came_of_it(monkeypat
             async def defect(operation: Any) -> Any:
                 raise ValueError("broken")
 
-            monkeypatch.setattr(bridge.controller.checks, "admit", defect)
+            monkeypatch.setattr(bridge.controller.safety.admission, "admit", defect)
             client.tell(b":Mn#")
             await asyncio.sleep(3.0)
             assert any("internal error" in entry.note and "broken" in entry.note for entry in bridge.entries)
-            assert bridge.controller.motions.axes == set()
+            assert bridge.controller.wanted.axes == set()
 
     run(program())

@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 
 from gateway.app.gateway import Gateway
-from gateway.clients.outstanding import BEGUN
+from gateway.clients.commands.outstanding import BEGUN
+from gateway.protocols.base.session import Shared
 from gateway.transport import intake as pace
 from gateway.transport.intake import BREATH, SHARE
 from tests.support.in_process_gateway import Bridge, Visitor
@@ -68,7 +69,7 @@ def test_a_stop_goes_before_everything_that_a_flood_has_asked_for() -> None:
             await asyncio.sleep(1.3)
             before, began = len(bridge.entries), asyncio.get_running_loop().time()
             bridge.controller.begin_stop()
-            await bridge.controller.motions.stop()
+            await bridge.controller.reconciler.stop()
             assert asyncio.get_running_loop().time() - began < 8 * SLOW
             first = next(entry for entry in bridge.entries[before:] if entry.side == "mount" and entry.arrow == ">")
             assert first.data in (b"M", bytes((80, 2, 16, 36, 0, 0, 0, 0))), "after the exchange on the wire"
@@ -81,7 +82,7 @@ def test_a_stop_goes_before_what_outlives_it() -> None:
         for _ in range(5):
             await asyncio.sleep(0.7)
             began = asyncio.get_running_loop().time()
-            await bridge.controller.motions.stop()
+            await bridge.controller.reconciler.stop()
             assert asyncio.get_running_loop().time() - began < 8 * SLOW
 
     flooded(b":AL#:AP#" * 20, stopped, presented="lx200", surface="autostar")
@@ -95,8 +96,8 @@ def test_a_hundred_stops_at_once_are_one() -> None:
         names = [getattr(task.get_coro(), "__qualname__", "") for task in asyncio.all_tasks()]
         assert names.count("Stopping._send") == 1
         await asyncio.sleep(3)
-        assert not bridge.controller.motions.owed
-        assert not bridge.controller.motions.axes
+        assert not bridge.controller.wanted.owed
+        assert not bridge.controller.wanted.axes
 
     flooded(b":GVP#", stopped, presented="lx200", surface="autostar")
 
@@ -142,7 +143,7 @@ def test_another_ones_goto_is_begun() -> None:
 def test_what_is_under_way_for_one_client_is_bounded() -> None:
     async def bounded(bridge: Bridge, other: Visitor) -> None:
         assert len(asyncio.all_tasks()) < 2 * BEGUN + 30
-        assert len(bridge.controller.line._queue) < BEGUN + 10
+        assert len(bridge.controller.line.queue) < BEGUN + 10
 
     flooded(COSTLY * 4, bounded)
 
@@ -151,7 +152,7 @@ def test_a_rate_that_is_let_go_ends_at_once_however_many_came_before() -> None:
     async def ended(bridge: Bridge, other: Visitor) -> None:
         other.tell(bytes((80, 2, 17, 36, 9, 0, 0, 0)) * 300 + bytes((80, 2, 17, 36, 0, 0, 0, 0)))
         await asyncio.sleep(2.0)
-        assert 2 not in bridge.controller.motions.axes
+        assert 2 not in bridge.controller.wanted.axes
         assert bridge.sent().count(bytes((80, 2, 17, 36, 9, 0, 0, 0))) <= 1, "a newer one takes the place of the older"
 
     flooded(b"e", ended)
@@ -203,7 +204,7 @@ class _SecondFace:
         from gateway.mount.safety.limits import Limits
 
         face = make_surface(Endpoint("nexstar", "-", "6-8se"), SurfaceConfig(at="-"), Limits())
-        self.reception = ConnectionAcceptor(bridge.controller, face, {"sites": {}}, bridge.clock, lambda: None)
+        self.reception = ConnectionAcceptor(bridge.controller, face, Shared(), bridge.clock)
 
     async def __aenter__(self) -> Visitor:
         return Visitor(self, "10.0.0.2")

@@ -34,7 +34,7 @@ def test_what_is_read_long_after_it_was_sent_begins_nothing_and_holds_nothing() 
         async with Bridge("cge") as bridge:
             bully = bridge.client("10.0.0.1")
             await flood(bully, ARROWS, 0.9)
-            assert bridge.controller.motions.axes == {1}, "for a second it is as good as new"
+            assert bridge.controller.wanted.axes == {1}, "for a second it is as good as new"
             await flood(bully, ARROWS, 7.0)
             for _ in range(10):
                 await flood(bully, ARROWS, 1.0)
@@ -57,7 +57,7 @@ def test_what_is_left_behind_ends_motions_and_is_answered() -> None:
             await asyncio.sleep(1.0)
             assert gone.heard.startswith(b"111Stopped.#")
             assert gone.heard.endswith(b"#")
-            assert bridge.controller.motions.axes == {2}
+            assert bridge.controller.wanted.axes == {2}
             gone.tell((b":Q#" + b":GR#" * SHARE)[:SHARE])
             await asyncio.sleep(2.0)
             assert not bridge.controller.moving
@@ -75,7 +75,7 @@ def test_whoever_has_caught_up_moves_the_mount_and_holds_its_arrow() -> None:
                 await asyncio.sleep(0.1)
             client.tell(b":RM#:Me#")
             await asyncio.sleep(20.0)
-            assert bridge.controller.motions.axes == {1}
+            assert bridge.controller.wanted.axes == {1}
             client.tell(b":Q#")
 
     run(program())

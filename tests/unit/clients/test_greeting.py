@@ -268,7 +268,7 @@ def test_what_follows_a_stop_in_one_write_is_begun_over_a_network_as_on_a_line()
         async with Bridge() as bridge:
             Caller(bridge.reception).tell(b"#:RS#:Q#:Me#")
             await asyncio.sleep(1.0)
-            assert bridge.controller.motions.axes == {1}
+            assert bridge.controller.wanted.axes == {1}
 
     run(program())
 

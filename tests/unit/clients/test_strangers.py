@@ -18,7 +18,7 @@ from gateway.app.recording.recorder import Recorder
 from gateway.app.simulated import make_simulator
 from gateway.core.wire_log import Transcript
 from gateway.diagnostics.replay.replaying import replay
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.transport.wires import SimulatedTransport
 from tests.support.callers import Caller
 from tests.support.greetings import GREETINGS, TELNET
@@ -96,13 +96,13 @@ def test_strangers_of_the_same_host_are_no_sign_of_life(gone: bool, seconds: int
             mover = Caller(bridge.reception)
             mover.tell(b":RS#:Me#")
             await asyncio.sleep(1.0)
-            assert bridge.controller.motions.axes == {1}
+            assert bridge.controller.wanted.axes == {1}
             if gone:
                 mover.close()
             for number in range(seconds // 2):
                 Caller(bridge.reception, number=50001 + number).tell(GREETINGS["a visit"])
                 await asyncio.sleep(2.0)
-            assert bridge.controller.motions.axes == set()
+            assert bridge.controller.wanted.axes == set()
 
     run(program())
 
@@ -113,13 +113,13 @@ def test_what_a_stranger_has_sent_behind_its_greeting_is_not_heard_either() -> N
     async def program() -> None:
         async with Bridge() as bridge:
             stranger = Caller(bridge.reception)
-            while bridge.controller.turnstile.open():
+            while bridge.controller.fair_scheduler.open():
                 pass
             for piece in (b"POST / HTTP/1.1\r\n", b"Host: scope\r\n\r\n", b"#:RS#:Me#"):
                 stranger.tell(piece)
             assert not stranger.gone
             await asyncio.sleep(2.0)
-            assert stranger.gone and bridge.controller.motions.axes == set()
+            assert stranger.gone and bridge.controller.wanted.axes == set()
 
     run(program())
 

@@ -94,7 +94,7 @@ def test_values_and_replies_are_told_as_people_write_them() -> None:
 
 
 def test_every_outcome_is_explained() -> None:
-    from gateway.diagnostics.command_tables import STANDS_FOR
+    from gateway.diagnostics.command_outcomes import STANDS_FOR
 
     assert tuple(STANDS_FOR) == OUTCOMES
     assert "(no is said in the protocol's form for it; where it has none, the log says so)" in explain(

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from gateway.app.config import parse_endpoint
-from gateway.app.mount_claim import MountClaim, address
+from gateway.app.state.mount_claim import MountClaim, address
 from gateway.core.errors import UserError
 from gateway.system import runtime_folders as runtime
 from gateway.system.locks import Claim, PidLock, Taken, read_pid

@@ -74,7 +74,7 @@ def test_what_follows_a_flood_of_halts_is_heard(last: bytes) -> None:
         writer.write(b":Qn#" * (SKIM // 2) + last + b":GVP#")
         async with asyncio.timeout(10):
             assert await reader.readuntil(b"#") == b"Autostar#"
-            while gateway.controller.motions.axes != {2}:
+            while gateway.controller.wanted.axes != {2}:
                 await asyncio.sleep(0.01)
         writer.close()
 

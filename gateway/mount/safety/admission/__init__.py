@@ -1,1 +1,1 @@
-"""Before a motion: is it allowed, and in which form can this mount carry it out?"""
+"""Decides before a motion whether it is allowed, and in which form this mount can carry it out."""

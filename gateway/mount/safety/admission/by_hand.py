@@ -76,7 +76,7 @@ class HandAdmission:
                 if now > limits.hour_angle and then > now:
                     raise PastMeridian
         except Fault as fault:
-            raise type(fault)(f"{fault} Tracking stays off, for it leads farther there.") from None
+            raise type(fault)(f"{fault} Tracking stays off, because it would lead further beyond the limit.") from None
 
     async def _check(
         self, limits: Limits, start: Start, by_hand: dict[int, op.Move | op.MoveAxis], turns: dict[int, float]

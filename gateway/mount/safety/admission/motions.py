@@ -1,19 +1,20 @@
 """Before a motion: is it allowed, and in which form can this mount carry it out?
 
 Nothing moves a mount that is held (``held.py``). Checked are the target of every goto, park and home, the ways that
-lead to it (``slew_paths.py``), what is moved by hand, guided or to track again (``hand_admission.py``), and how far a
-sync moves the sky. What happens afterwards is watched (``watch.py``).
+lead to it (``slew_paths.py``), what is moved by hand, guided or to track again (``admission/by_hand.py``), and how far
+a sync moves the sky. What happens afterwards is watched (``watch.py``).
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+import contextlib
 
 from gateway.astro.axes import Pair
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, NearSun, NotAligned, Refused, TooHigh, Unsupported
+from gateway.core.motion_kinds import GOTOS
 from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.by_hand import HandAdmission
 from gateway.mount.safety.admission.contradictions import check_contradictions
@@ -25,12 +26,14 @@ from gateway.mount.safety.rules.aligned import needs_alignment
 from gateway.mount.safety.rules.held import Hold
 from gateway.mount.safety.rules.meridian import check_hour_angle, check_shaft
 from gateway.mount.safety.rules.park import CHOOSE, check_own_park
-from gateway.mount.safety.rules.sync_sum import SyncSum, check_sum, check_sync
+from gateway.mount.safety.rules.sync_sum import SyncTotal, check_sum, check_sync
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.sources import BestSources
 
 #: Seconds that a sync waits for the end of a goto, and between two looks at it.
 NEARLY, PAUSE = 2.5, 0.2
+#: Seconds that a goto waits, at most, for the site and the clock of a mount that was found just now: limits go by them.
+TELLS_ITS_SITE = 4.0
 
 
 class Admission:
@@ -42,15 +45,23 @@ class Admission:
         ask: Questions,
         watch: LimitWatch,
         sources: BestSources,
-        synced: Callable[[], SyncSum],
+        synced: SyncTotal,
         hold: Hold,
+        settled: asyncio.Event,
     ) -> None:
         self._mount, self._ask, self._watch = mount, ask, watch
-        self._sources, self._synced, self._hold = sources, synced, hold
+        self._sources, self._synced, self._hold, self._settled = sources, synced, hold, settled
         self._by_hand = HandAdmission(mount, ask, watch)
 
     async def admit(self, operation: op.Operation) -> op.Operation:
         """An operation that the limits allow, in the form that this mount can carry out. Raises Fault."""
+        if isinstance(operation, GOTOS):
+            with contextlib.suppress(TimeoutError):  # where and when the mount is, it tells right after who it is
+                async with asyncio.timeout(TELLS_ITS_SITE):
+                    await self._settled.wait()
+        return await self._admit(operation)
+
+    async def _admit(self, operation: op.Operation) -> op.Operation:
         self._hold.admit(operation)
         self._watch.dips = False
         await self._check_aligned(operation)
@@ -70,7 +81,7 @@ class Admission:
             return await self._admit_horizontal(operation)
         elif isinstance(operation, op.GotoAxes):
             if not self._mount.driver.way(op.AxisPosition) and (await self._status()).equatorial:
-                return await self.admit(self._mount.astrometry.from_axes(operation, not self._mount.driver.german))
+                return await self._admit(self._mount.astrometry.from_axes(operation, not self._mount.driver.german))
             await self._check_axes(operation, self._mount.limits())
         elif isinstance(operation, op.Goto):
             return await self._admit_goto(operation)
@@ -105,13 +116,13 @@ class Admission:
         mount, limits = self._mount, self._mount.limits()
         await self._goto_ends()
         if mount.moving().anything:
-            raise Refused("The mount moves: nothing is centred, sync when it rests.")
+            raise Refused("The mount is moving, so nothing is centred: sync when it has stopped.")
         status = await self._status()
         if status.aligned:
             here: op.Equatorial = await self._ask.read(op.Position())
             wanted = op.Equatorial(operation.ra, operation.dec)
             check_sync(limits, here, wanted)
-            check_sum(limits.sync, self._synced(), here, wanted, status.equatorial)
+            check_sum(limits.sync, self._synced.value, here, wanted, status.equatorial)
         return mount.astrometry.to_mount(operation)
 
     async def _goto_ends(self) -> None:
@@ -143,8 +154,8 @@ class Admission:
         mount.limits().narrowed(operation.lowest, operation.highest).check_altitude(operation.alt)
         fork = not (await self._status()).equatorial
         if fork and mount.driver.way(op.GotoAxes) and not mount.driver.displaced:
-            return await self.admit(op.GotoAxes(operation.az, operation.alt, operation.fastest))
-        return await self.admit(mount.astrometry.equatorial(operation))
+            return await self._admit(op.GotoAxes(operation.az, operation.alt, operation.fastest))
+        return await self._admit(mount.astrometry.equatorial(operation))
 
     async def _check_own_place(self, operation: op.Park | op.Home) -> None:
         """Where park or home leads to. What the owner has chosen may lie at any altitude, but not near the Sun."""

@@ -102,7 +102,7 @@ def missing(
                 one.heard, one.last = False, now
         left = [one.closed for one in there if one.closed is not None]
         if len(left) == len(there) and now - max(motion.since, *left) >= closed:
-            found.append(Missing(motion, "is gone"))
+            found.append(Missing(motion, "has disconnected"))
         elif now - max(motion.since, *(one.last for one in there)) >= silence:
-            found.append(Missing(motion, "has fallen silent"))
+            found.append(Missing(motion, f"has sent nothing for {silence:g} s"))
     return found

@@ -35,6 +35,25 @@ class SyncSum(Struct, frozen=True, omit_defaults=True):
         return SyncSum(self.east + wrap180(wanted.ra - present.ra) * middle, self.north + wanted.dec - present.dec)
 
 
+class SyncTotal:
+    """``value`` is the sum of all syncs since the alignment of the mount."""
+
+    def __init__(self) -> None:
+        self.value = SyncSum()
+
+    def recall(self, value: SyncSum) -> None:
+        """An earlier run has kept it."""
+        self.value = value
+
+    def add(self, present: Equatorial, wanted: Equatorial, equatorial: bool) -> None:
+        """The mount has taken a sync."""
+        self.value = self.value.added(present, wanted, equatorial)
+
+    def forget(self) -> None:
+        """It was aligned anew, or is not aligned."""
+        self.value = SyncSum()
+
+
 def check_sync(limits: Limits, present: Equatorial, wanted: Equatorial) -> None:
     """Raises SyncTooFar for a sync that would move the sky by more than the limit."""
     distance = separation(present.ra, present.dec, wanted.ra, wanted.dec)

@@ -5,12 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
+from gateway.protocols.base.driver import FollowUps, Handler
 from gateway.protocols.lx200.driver import drive, ends, home, identify, library, motion, pier, place, pointing, put_back
 
-HANDLERS: dict[str, Callable[[Any, Any], Any]] = {
+HANDLERS: dict[str, Handler] = {
     function.__name__: function
     for function in (
         identify.contact,
@@ -55,8 +53,4 @@ HANDLERS: dict[str, Callable[[Any, Any], Any]] = {
         place.clock_from_gps,
     )
 }
-FOLLOW_UPS: dict[type[Any], Callable[[Any, Any], Any]] = {
-    home.SeekOn: home.seek_on,
-    ends.EndAgain: ends.end_again,
-    put_back.PutBack: put_back.put_back,
-}
+FOLLOW_UPS: FollowUps = {home.SeekOn: home.seek_on, ends.EndAgain: ends.end_again, put_back.PutBack: put_back.put_back}

@@ -48,7 +48,7 @@ def position(mount: Lx200Driver, _: Position) -> Steps:
 def horizontal_position(mount: Lx200Driver, _: HorizontalPosition) -> Steps:
     """:GZ and :GA -> Horizontal; None where the telescope does not answer that, or the line is too busy for both.
 
-    The hub derives it then. One silence may be an answer that was lost.
+    The controller derives it then. One silence may be an answer that was lost.
     """
     if mount.mute.intersection(("GZ", "GA")):
         return None

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
 
 from msgspec import Struct
 
 from gateway.core.errors import Busy, Fault, Refused, Unsupported
-from gateway.core.operations import Identity, Operation, Own, Place, Pulse, PulseAxis, Rate, Tracking, TrackRate
-from gateway.protocols.base.driver import Driver, Handler, Send, Steps, Wait
+from gateway.core.operations import Identity, Operation, Own, Place, Pulse, PulseAxis, Rate, Tracking, TrackRate, Values
+from gateway.protocols.base.driver import Driver, Handler, Remembered, Send, Steps, Wait
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Abilities, nearest
 from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.rows import Model
 
 BUSY_RETRIES, BUSY_WAIT = 6, 0.4
 #: Why there is no guide pulse.
@@ -128,7 +128,7 @@ class Lx200Driver(Driver):
         return name in self.more or super().knows(name)
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Model:
         """The row of models.toml; unknown telescopes are driven as an Autostar."""
         return self.protocol.models[self.model or "autostar"]
 
@@ -158,7 +158,7 @@ class Lx200Driver(Driver):
             return Refused(SLEWING)
         return None
 
-    def presented(self) -> dict[str, Any]:
+    def presented(self) -> Model:
         """The row of its model, and what it does not answer: commands that it has not, and a name it cannot tell."""
         lacking = {name for name, command in self.protocol.commands.items() if command.replies and not self.knows(name)}
         return {
@@ -185,7 +185,7 @@ class Lx200Driver(Driver):
         values = {**dict(operation.fields), "low": self.low}
         return (yield Send(operation.command, values, OWN_PATIENCE, raw=True))["raw"]
 
-    def memory(self, moving: bool) -> dict[str, Any]:
+    def memory(self, moving: bool) -> Remembered:
         """A telescope keeps its home itself, and stops by a command that all of them have.
 
         How it stands is remembered while its tracking is off: some do not tell it then.
@@ -193,7 +193,7 @@ class Lx200Driver(Driver):
         stands = {"stands": self.home_letter} if self.land and self.equatorial else {}
         return {**stands, **({"parked": True} if self.parked else {}), **({"driven": True} if self.driven else {})}
 
-    def recall(self, memory: Mapping[str, Any], moving: bool) -> None:
+    def recall(self, memory: Remembered, moving: bool) -> None:
         self.parked, self.driven = memory.get("parked") is True, memory.get("driven") is True
         if memory.get("stands") in ("P", "G"):
             self.home_letter = memory["stands"]
@@ -229,7 +229,7 @@ def rate_command(rate: Rate) -> str:
     return _NAMES[rate.name] if rate.name is not None else _KEYS[rate.key or 1]
 
 
-def ask(mount: Lx200Driver, command: str, **values: Any) -> Steps:
+def ask(mount: Lx200Driver, command: str, **values: object) -> Steps:
     """Send a command; a busy telescope (NAK) is waited for, a few times, except with what moves it by hand.
 
     Raises Unsupported for what it lacks, and Refused for what would turn a motor of one that sleeps.
@@ -242,7 +242,7 @@ def ask_once(mount: Lx200Driver, command: str) -> Steps:
     return (yield from _ask(mount, command, {}, once=True))
 
 
-def _ask(mount: Lx200Driver, command: str, values: Mapping[str, Any], once: bool) -> Steps:
+def _ask(mount: Lx200Driver, command: str, values: Values, once: bool) -> Steps:
     if not mount.knows(command):
         raise Unsupported(f"This model knows no {command if command == 'ACK' else f':{command}#'}.")
     row = mount.protocol.commands[command]

@@ -5,14 +5,11 @@ Standard forms come from ``commands.toml``; what real telescopes do otherwise is
 
 from __future__ import annotations
 
-from typing import Any
-
 from gateway.astro.axes import Build
 from gateway.astro.spherical import hour_angle_to_horizon, wrap180
+from gateway.core.operations import Values
 from gateway.protocols.lx200.nmea import rmc
-from gateway.protocols.lx200.simulator.telescope import Telescope
-
-Values = dict[str, Any]
+from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
 
 BARS = 16
 _MENU = {"0": "ALTAZ", "1": "POLAR", "2": "LAND"}
@@ -22,7 +19,7 @@ _HELP = ("LX200 help", "Use the arrow keys to move.", "MODE shows the next menu.
 _POWER_ON_HERTZ = {"lx200gps": 60.0}
 
 
-def form(sim: Telescope, name: str, **values: Any) -> bytes:
+def form(sim: Telescope, name: str, **values: object) -> bytes:
     """The reply of a command in the format that is set, with the degree byte of real hardware."""
     wanted = "high" if sim.high else "low"
     for reply, picture in sim.protocol.commands[name].replies:
@@ -120,7 +117,7 @@ def nothing(sim: Telescope, name: str, values: Values) -> None:
 
 
 _SILENT = ("ED", "EK", "ES", "EQ", "GH", "SH")
-HANDLERS: dict[str, Any] = {
+HANDLERS: dict[str, Handler] = {
     "GR": equatorial, "GD": equatorial, "GZ": horizon, "GA": horizon, "Gr": target, "Gd": target, "D": bars,
     "ACK": letter, "GW": status, "GVP": text, "GVN": text, "GVD": text, "GVT": text, "GVF": text, "GT": hertz,
     "G0": menu, "G1": menu, "G2": menu, "h?": home, "gps": gps, "??": help_text, "?+": help_text,

@@ -6,13 +6,12 @@ number only and answer ``:LI#`` and ``:Lf#`` with the manual's static texts. Wha
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from gateway.astro.ephemeris import Sky
+from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator.motion import altitude
-from gateway.protocols.lx200.simulator.telescope import Telescope
-
-Values = dict[str, Any]
+from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
 
 
 class Thing(NamedTuple):
@@ -94,7 +93,7 @@ def moon(sim: Telescope, name: str, values: Values) -> bytes:
     return b"1"
 
 
-HANDLERS: dict[str, Any] = {
+HANDLERS: dict[str, Handler] = {
     "LM": choose, "LC": choose, "LS": star, "LF": step, "LN": step, "LB": step, "Lo": catalogue, "Ls": catalogue,
     "LI": describe, "Lf": describe, "SE": moon, "Se": moon,
 }  # fmt: skip

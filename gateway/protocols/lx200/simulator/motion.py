@@ -6,13 +6,11 @@ North raises declination or altitude, west turns the first axis with the stars. 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from gateway.astro.axes import Build, Pair
 from gateway.astro.spherical import SIDEREAL_RATE, horizon_to_hour_angle, hour_angle_to_horizon, wrap180, wrap360
-from gateway.protocols.lx200.simulator.telescope import Telescope
-
-Values = dict[str, Any]
+from gateway.core.operations import Values
+from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
 
 #: :RG and :RC in multiples of the sidereal rate, :RM in degrees a second; :RS is the fastest.
 GUIDE, CENTER, FIND = 1.0, 16.0, 2.0
@@ -181,7 +179,7 @@ def pulse(sim: Telescope, name: str, values: Values) -> None:
     sim.mechanics.pulse(sim.now, axis, sense * _guide_speed(sim), values["ms"] / 1000.0)
 
 
-HANDLERS: dict[str, Any] = {
+HANDLERS: dict[str, Handler] = {
     "Sr": set_target, "Sd": set_target, "Sa": set_target, "Sz": set_target, "MS": slew, "MA": slew_horizontal,
     "CM": sync, "CL": sync, "RG": rate, "RC": rate, "RM": rate, "RS": rate, "R": key_rate, "RA": free_rate,
     "RE": free_rate, "Rg": free_rate, "Sw": max_rate, "Mn": arrow, "Ms": arrow, "Me": arrow, "Mw": arrow,

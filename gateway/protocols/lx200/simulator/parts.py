@@ -5,12 +5,9 @@ None of it can be asked for over the line; ``parts`` shows it to whoever watches
 
 from __future__ import annotations
 
-from typing import Any
-
+from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator.answers import form
-from gateway.protocols.lx200.simulator.telescope import Telescope
-
-Values = dict[str, Any]
+from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
 
 _SLOWEST, _FASTEST = 1, 4
 _SWITCHES = {"f": "fan", "r": "derotator", "g": "gps"}
@@ -58,7 +55,7 @@ def temperature(sim: Telescope, name: str, _: Values) -> bytes:
     return form(sim, name, value=12.5)
 
 
-HANDLERS: dict[str, Any] = {
+HANDLERS: dict[str, Handler] = {
     **dict.fromkeys(("F+", "F-", "FQ"), focus), **dict.fromkeys(("FF", "FS", "F"), focus_speed),
     **dict.fromkeys(("f+", "f-", "r+", "r-", "g+", "g-"), switch), "$BA": backlash, "$BZ": backlash,
     **dict.fromkeys(("$Q", "$QA+", "$QA-", "$QZ+", "$QZ-"), correct), **dict.fromkeys(("B+", "B-", "B", "BD"), reticle),

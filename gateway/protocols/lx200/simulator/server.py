@@ -27,10 +27,9 @@ from gateway.protocols.lx200.framing import Framer
 from gateway.protocols.lx200.simulator import answers, library, motion, parts, settings, tracking
 from gateway.protocols.lx200.simulator.forms import well_formed
 from gateway.protocols.lx200.simulator.line import ClassicFramer
-from gateway.protocols.lx200.simulator.telescope import Telescope
+from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
 from gateway.protocols.wireformat.command import Command
 
-Handler = Callable[[Telescope, str, dict[str, Any]], bytes | None]
 #: Answers that come after a while: seconds, bytes.
 Later = Callable[[float, bytes], None]
 

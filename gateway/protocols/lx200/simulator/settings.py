@@ -5,14 +5,12 @@ from __future__ import annotations
 import calendar
 import re
 from datetime import UTC, date, datetime
-from typing import Any
 
 from gateway.astro.spherical import wrap180
+from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator.answers import form
-from gateway.protocols.lx200.simulator.telescope import Telescope
+from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
 from gateway.protocols.lx200.simulator.tracking import ALIGNING
-
-Values = dict[str, Any]
 
 #: Seconds: a classic calculates its planets after a new date; an LX200GPS looks for satellites.
 PLANETS, GPS_FIX = 5.0, 60.0
@@ -238,7 +236,7 @@ def yes(sim: Telescope, name: str, values: Values) -> bytes:
     return b"1"
 
 
-HANDLERS: dict[str, Any] = {
+HANDLERS: dict[str, Handler] = {
     "GL": time, "Ga": time, "GC": day, "GG": offset, "GS": sidereal, "SL": set_time, "SC": set_date, "SG": set_offset,
     "hI": stamp, "gT": gps_time, "Gt": latitude, "Gg": longitude, "St": set_latitude, "Sg": set_longitude, "W": select,
     "Go": limit, "Gh": limit, "So": set_limit, "Sh": set_limit, "Sq": step_quality, "U": toggle_format,

@@ -13,9 +13,11 @@ from typing import Any
 from gateway.astro.axes import Build, Pair, Sky
 from gateway.astro.spherical import SIDEREAL_RATE, fold_declination, wrap180
 from gateway.core.errors import UserError
+from gateway.core.operations import Values
 from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
 from gateway.protocols.mechanics.mount import Mechanics
 from gateway.protocols.wireformat.command_set import load
+from gateway.protocols.wireformat.rows import Model
 
 #: Beyond the manual, yet known to these; other forms beyond it are known to none.
 BEYOND = {
@@ -53,7 +55,7 @@ class Telescope:
         if model not in self.protocol.models:
             raise UserError(f"no LX200 model is called {model!r}; there are {', '.join(self.protocol.models)}")
         self.model: str = model
-        self.row: dict[str, Any] = self.protocol.models[model]
+        self.row: Model = self.protocol.models[model]
         self.classic: bool = model in ("lx200", "lx200-16")
         self.clock: Callable[[], float] = clock
         self.now: float = clock()
@@ -161,3 +163,7 @@ class Telescope:
         """Whether a slew is under way."""
         self.come_to_now()
         return self.mechanics.slewing(self.now)
+
+
+#: Answers a command: (telescope, its name, its values) -> the reply, or None.
+Handler = Callable[[Telescope, str, Values], bytes | None]

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from gateway.astro.axes import Build, Pair
 from gateway.astro.spherical import SIDEREAL_RATE
+from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator.motion import release, slew_axes, take_up
-from gateway.protocols.lx200.simulator.telescope import Telescope
+from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
 from gateway.protocols.mechanics.axis_motor import LUNAR_RATE, SOLAR_RATE
-
-Values = dict[str, Any]
 
 #: Seconds that an LX200GPS takes to align itself.
 ALIGNING = 120.0
@@ -128,7 +125,7 @@ def restart(sim: Telescope, name: str, _: Values) -> bytes:
     return b"X"
 
 
-HANDLERS: dict[str, Any] = {
+HANDLERS: dict[str, Handler] = {
     "TQ": drive, "TS": drive, "TL": drive, "TM": drive, "ST": set_drive, "T": set_drive, "T+": step_drive,
     "T-": step_drive, "AA": align, "AP": align, "AL": align, "Aa": auto_align, "hP": park, "hS": seek_home,
     "hF": seek_home, "hN": sleep, "hW": wake, "I": restart,

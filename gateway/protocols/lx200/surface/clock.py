@@ -9,13 +9,25 @@ from __future__ import annotations
 
 import calendar
 import contextlib
+from copy import copy
 from datetime import UTC, date, datetime, timedelta
-from typing import Any
 
 from gateway.core.errors import Fault, Invalid, NoDevice, ReadOnly, Unsupported
-from gateway.core.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Moment, Place, SetClock, SiderealTime
-from gateway.protocols.base.surface import Defer, Handling, Session
+from gateway.core.operations import (
+    ClockFromGps,
+    GetClock,
+    GetGps,
+    GetSite,
+    Gps,
+    Moment,
+    Place,
+    SetClock,
+    SiderealTime,
+    Values,
+)
+from gateway.protocols.base.wants import Defer, Handling
 from gateway.protocols.lx200.nmea import rmc
+from gateway.protocols.lx200.session import Draft, LxSession
 from gateway.protocols.wireformat.command import Command
 
 #: One pause after the last piece, then what is there is taken.
@@ -32,130 +44,137 @@ def printable(offset: float) -> float:
     return round(offset * 2) / 2 if abs(offset * 2 - round(offset * 2)) < 1e-6 else (offset * 2 // 1) / 2
 
 
-def _local(session: Session) -> Handling:
+def _local(session: LxSession) -> Handling:
     """The client's local time now, as a naive datetime, with the offset it will be told."""
     yield from _commit_if_allowed(session)
     moment: Moment = yield GetClock()
-    offset = printable(session.kept.get("offset", moment.offset))
+    offset = printable(moment.offset if session.kept.offset is None else session.kept.offset)
     # Half a second is what a whole-second reply is off by on average; none is invented here: cut, as clocks do.
     return datetime.fromtimestamp(moment.unix, UTC).replace(tzinfo=None) + timedelta(hours=offset)
 
 
-def tell_time(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def tell_time(session: LxSession, command: Command, values: Values) -> Handling:
     """:GL in 24 hours, :Ga in 12."""
     local: datetime = yield from _local(session)
     return {"time": local.hour * 3600 + local.minute * 60 + local.second}
 
 
-def tell_date(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def tell_date(session: LxSession, command: Command, values: Values) -> Handling:
     """:GC"""
     local: datetime = yield from _local(session)
     return {"date": local.date()}
 
 
-def tell_offset(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def tell_offset(session: LxSession, command: Command, values: Values) -> Handling:
     """:GG"""
     yield from _commit_if_allowed(session)
-    offset = session.kept.get("offset")
+    offset = session.kept.offset
     if offset is None:
         moment: Moment = yield GetClock()
         offset = moment.offset
     return {"offset": -printable(offset)}
 
 
-def _commit_if_allowed(session: Session) -> Handling:
+def _commit_if_allowed(session: LxSession) -> Handling:
     """Before the clock is told: whoever may not set it is told it as it is."""
     with contextlib.suppress(ReadOnly):
         yield from commit(session)
 
 
-def _draft(session: Session) -> dict[str, Any]:
-    draft: dict[str, Any] = session.kept.setdefault("draft", {})
-    return draft
+def _draft(session: LxSession) -> Draft:
+    """The one that this client shares with the next connection of the same program."""
+    if session.kept.draft is None:
+        session.kept.draft = Draft()
+    return session.kept.draft
 
 
-def set_piece(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_piece(session: LxSession, command: Command, values: Values) -> Handling:
     """:SL :SC :SG - one of three; the third one, or a pause, hands them on."""
     if "fault" in values:
         raise values["fault"]
     session.check_may_set()
     draft = _draft(session)
-    draft["touched"] = session.clock()
+    draft.touched = session.clock()
     if command.name == "SG":
         _keep_local_time(session, draft, -values["offset"])
-        session.kept["offset"] = draft["offset"] = -values["offset"]
+        session.kept.offset = draft.offset = -values["offset"]
+    elif command.name == "SL":
+        draft.time = values["time"], session.clock()
+        draft.carried -= {"time"}
     else:
-        piece = "time" if command.name == "SL" else "date"
-        draft[piece] = (values["time"], session.clock()) if piece == "time" else values["date"]
-        if piece == "date":
-            session.kept["dated"] = values["date"], session.clock()
-        draft["carried"] = [name for name in draft.get("carried", ()) if name != piece]
-    if {"time", "date", "offset"} <= draft.keys() and not draft.get("carried"):
+        draft.day = values["date"]
+        session.kept.dated = values["date"], session.clock()
+        draft.carried -= {"day"}
+    if draft.complete:
         yield from commit(session)
     else:
         yield Defer(QUIET, "commit_quiet")
     return _said(session) if command.name == "SC" else None
 
 
-def _said(session: Session) -> dict[str, str]:
+def _said(session: LxSession) -> dict[str, str]:
     """What :SC answers: as the mount itself does where that is presented, else in the columns that one needs."""
     if session.model.get("own"):
         return {"text": session.model["date_text"], "blank": " " * session.model["date_blanks"]}
     return {"text": _TEXT, "blank": " " * 32}
 
 
-def _keep_local_time(session: Session, draft: dict[str, Any], offset: float) -> None:
+def _keep_local_time(session: LxSession, draft: Draft, offset: float) -> None:
     """A new offset for a local time that was handed on a moment ago: the time goes on, UTC is another one.
 
     ``carried`` is what comes of that and not of this client's next pieces, which may follow yet.
     """
-    day, seconds, at, with_offset = session.kept.get("local", (date.min, 0.0, -1e9, offset))
-    if "time" not in draft and offset != with_offset and session.clock() - at <= BELONGS:
-        draft["carried"] = ["time"] if "date" in draft else ["time", "date"]
-        draft["time"] = (seconds, at)
-        draft.setdefault("date", day)
+    if session.kept.local is None or draft.time is not None:
+        return
+    day, seconds, at, with_offset = session.kept.local
+    if offset != with_offset and session.clock() - at <= BELONGS:
+        draft.carried = frozenset({"time"} if draft.day is not None else {"time", "day"})
+        draft.time = (seconds, at)
+        draft.day = draft.day or day
 
 
-def commit_quiet(session: Session, command: Command | None, values: dict[str, Any]) -> Handling:
+def commit_quiet(session: LxSession, command: Command | None, values: Values) -> Handling:
     """After the pause: hand on what is there, unless another piece has come meanwhile."""
-    if session.clock() - _draft(session).get("touched", 0.0) >= QUIET - 0.1:
+    if session.clock() - _draft(session).touched >= QUIET - 0.1:
         yield from commit(session)
 
 
-def commit(session: Session) -> Handling:
+def commit(session: LxSession) -> Handling:
     """Hand the drafted time and date on as one instant."""
     draft = _draft(session)
-    pieces = dict(draft)
+    pieces = copy(draft)
     draft.clear()
-    if "time" not in pieces and "date" not in pieces:
+    if pieces.time is None and pieces.day is None:
         return
     try:
         present: Moment = yield GetClock()
     except Fault:
         present = Moment(session.clock(), 0.0)
     # A draft goes on with the next connection, and the pause of the one before may hand it on: it carries its offset.
-    offset = pieces.get("offset", session.kept.get("offset", present.offset))
+    offset = next((told for told in (pieces.offset, session.kept.offset) if told is not None), present.offset)
     now = datetime.fromtimestamp(present.unix + offset * 3600.0, UTC)
-    day = pieces.get("date", now.date())
-    if "time" in pieces:
-        day = pieces.get("date") or _dated(session) or day
-        seconds, at = pieces["time"]
+    day = pieces.day or now.date()
+    if pieces.time is not None:
+        day = pieces.day or _dated(session) or day
+        seconds, at = pieces.time
         elapsed = session.clock() - at
     else:
         seconds, elapsed = now.hour * 3600 + now.minute * 60 + now.second + now.microsecond / 1e6, 0.0
-    if "time" in pieces or "local" in session.kept:
-        session.kept["local"] = day, seconds, session.clock() - elapsed, offset
-    local = "stamped" in pieces or not session.model.get("utc_date")
+    if pieces.time is not None or session.kept.local is not None:
+        session.kept.local = day, seconds, session.clock() - elapsed, offset
+    local = pieces.stamped or not session.model.get("utc_date")
     yield SetClock(_instant(session, day, seconds, offset, local) + elapsed, offset)
 
 
-def _dated(session: Session) -> date | None:
+def _dated(session: LxSession) -> date | None:
     """The date that this client set a moment ago: a zone that came since has not made it another day."""
-    day, at = session.kept.get("dated", (None, -1e9))
+    if session.kept.dated is None:
+        return None
+    day, at = session.kept.dated
     return day if session.clock() - at <= BELONGS else None
 
 
-def _instant(session: Session, day: date, seconds: float, offset: float, is_local: bool) -> float:
+def _instant(session: LxSession, day: date, seconds: float, offset: float, is_local: bool) -> float:
     """Unix seconds of a local time. ``is_local``: the date can be no other than the local one.
 
     An LX200GPS is told the UTC date by the manual and the local one by some programs: the reading nearer the host's
@@ -170,7 +189,7 @@ def _instant(session: Session, day: date, seconds: float, offset: float, is_loca
     return nearer if abs(nearer - session.clock()) <= HOST_KNOWS else universal
 
 
-def set_stamp(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_stamp(session: LxSession, command: Command, values: Values) -> Handling:
     """:hIyyMMddHHmmss - date and local time at once."""
     session.check_may_set()
     try:
@@ -178,37 +197,37 @@ def set_stamp(session: Session, command: Command, values: dict[str, Any]) -> Han
     except ValueError:
         raise Invalid("The stamp is yyMMddHHmmss.") from None
     draft = _draft(session)
-    draft["date"], draft["stamped"] = local.date(), True
-    draft["time"] = (local.hour * 3600 + local.minute * 60 + local.second, session.clock())
+    draft.day, draft.stamped = local.date(), True
+    draft.time = (local.hour * 3600 + local.minute * 60 + local.second, session.clock())
     yield from commit(session)
 
 
-def tell_sidereal(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def tell_sidereal(session: LxSession, command: Command, values: Values) -> Handling:
     """:GS - apparent, from the mount's clock and site."""
     yield from _commit_if_allowed(session)
     sidereal: float = yield SiderealTime()
     return {"sidereal": sidereal % 360.0}
 
 
-def set_sidereal(session: Session, command: Command, values: dict[str, Any]) -> None:
+def set_sidereal(session: LxSession, command: Command, values: Values) -> None:
     """:SS - a mount has no sidereal clock of its own: it follows from clock and site. Raises Unsupported."""
     raise Unsupported("The sidereal time follows from the mount's clock and site: :SL, :SC, :SG and :Sg set those.")
 
 
-def toggle_hours(session: Session, command: Command, values: dict[str, Any]) -> None:
+def toggle_hours(session: LxSession, command: Command, values: Values) -> None:
     """:H"""
-    session.kept["twelve"] = not session.kept.get("twelve", False)
+    session.kept.twelve = not session.kept.twelve
 
 
-def tell_hours(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
+def tell_hours(session: LxSession, command: Command, values: Values) -> dict[str, str]:
     """:Gc"""
-    return {"hours": "12" if session.kept.get("twelve") else "24"}
+    return {"hours": "12" if session.kept.twelve else "24"}
 
 
 # --- the GPS of an LX200GPS: the mount's own unit; without one, or without a fix, nothing says that there is one ---
 
 
-def gps_sentence(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def gps_sentence(session: LxSession, command: Command, values: Values) -> Handling:
     """:gps - one RMC sentence; without a fix one that says so (V), with the site and the clock in force."""
     try:
         seen: Gps = yield GetGps()
@@ -219,6 +238,6 @@ def gps_sentence(session: Session, command: Command, values: dict[str, Any]) -> 
     return {"text": rmc(place.latitude, place.longitude, seen.unix or moment.unix, seen.linked)}
 
 
-def gps_clock(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def gps_clock(session: LxSession, command: Command, values: Values) -> Handling:
     """:gT - 1 when the mount's clock was set from its GPS unit, 0 when there is none or it has no fix."""
     yield ClockFromGps()

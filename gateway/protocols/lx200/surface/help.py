@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from gateway import __version__
+from gateway.core.about import VERSION
 from gateway.core.errors import Fault
-from gateway.core.operations import GetIdentity, GetStatus, Identity, Status
-from gateway.protocols.base.surface import Handling, Session
+from gateway.core.operations import GetIdentity, GetStatus, Identity, Status, Values
+from gateway.protocols.base.wants import Handling
+from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
 _STEPS = {"??": None, "?+": 1, "?-": -1}
@@ -28,19 +27,18 @@ _USAGE = (
 )
 
 
-def help_line(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def help_line(session: LxSession, command: Command, values: Values) -> Handling:
     """:?? :?+ :?- - an empty line before the first and after the last; models without help say nothing."""
     if not session.model["help"]:
         return b""
     kept = session.kept
     step = _STEPS[command.name]
-    if step is None or "help" not in kept:
-        kept["help"] = yield from _text()
-        kept["help line"] = 0
+    if step is None or not kept.help:
+        kept.help = yield from _text()
+        kept.help_line = 0
     else:
-        kept["help line"] = max(-1, min(len(kept["help"]), kept["help line"] + step))
-    line = kept["help line"]
-    return {"text": kept["help"][line] if 0 <= line < len(kept["help"]) else ""}
+        kept.help_line = max(-1, min(len(kept.help), kept.help_line + step))
+    return {"text": kept.help[kept.help_line] if 0 <= kept.help_line < len(kept.help) else ""}
 
 
 def _text() -> Handling:
@@ -56,4 +54,4 @@ def _text() -> Handling:
             f"Mount: {identity.product} {identity.model}, version {identity.version}",
             f"It is {'aligned' if status.aligned else 'NOT aligned'}, {build}, tracking {status.tracking.value}",
         )
-    return (f"mount-gateway {__version__}: this is no Meade", *mount, *_USAGE)
+    return (f"mount-gateway {VERSION}: this is no Meade", *mount, *_USAGE)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from gateway.core.errors import Invalid
-from gateway.core.operations import Direction, Move, Pulse, Rate, SetGuideRate
-from gateway.protocols.base.surface import FireAndForget, Handling, Session
+from gateway.core.operations import Direction, Move, Pulse, Rate, SetGuideRate, Values
+from gateway.protocols.base.wants import FireAndForget, Handling
+from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
 _NAMES = {"RG": "guide", "RC": "center", "RM": "find", "RS": "max"}
@@ -14,44 +13,48 @@ _SIDEREAL = 15.041067
 LONGEST_PULSE = 60_000
 
 
-def move(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def move(session: LxSession, command: Command, values: Values) -> Handling:
     """:Mn :Ms :Me :Mw - at this client's rate."""
     direction = Direction(command.name[1])
     kept = session.kept
-    own = kept.get("rate_ra" if direction.axis == 1 else "rate_dec")
-    rate = Rate(degrees=min(own, kept.get("fastest", own))) if own else kept.get("rate", Rate(name="center"))
-    if rate.name == "max" and "fastest" in kept:
-        rate = Rate(name="max", degrees=kept["fastest"])
-    yield FireAndForget(Move(direction, rate, lowest=kept.get("lowest"), highest=kept.get("highest")))
+    own = kept.rate_ra if direction.axis == 1 else kept.rate_dec
+    rate = kept.rate or Rate(name="center")
+    if own:
+        rate = Rate(degrees=own if kept.fastest is None else min(own, kept.fastest))
+    elif rate.name == "max" and kept.fastest is not None:
+        rate = Rate(name="max", degrees=kept.fastest)
+    yield FireAndForget(Move(direction, rate, lowest=kept.lowest, highest=kept.highest))
 
 
-def choose_rate(session: Session, command: Command, values: dict[str, Any]) -> None:
+def choose_rate(session: LxSession, command: Command, values: Values) -> None:
     """:RG :RC :RM :RS, and :R<n> with the key's own number (0 is the slowest)."""
     if "fault" in values:
         raise values["fault"]
     name = _NAMES.get(command.name)
-    session.kept["rate"] = Rate(name=name) if name else Rate(key=max(1, values["key"]))
-    session.kept.pop("rate_ra", None)
-    session.kept.pop("rate_dec", None)
+    session.kept.rate = Rate(name=name) if name else Rate(key=max(1, values["key"]))
+    session.kept.rate_ra = session.kept.rate_dec = None
 
 
-def axis_rate(session: Session, command: Command, values: dict[str, Any]) -> None:
+def axis_rate(session: LxSession, command: Command, values: Values) -> None:
     """:RA :RE - degrees a second for the arrows of one axis, until another rate is chosen."""
     if "fault" in values:
         raise values["fault"]
-    session.kept["rate_ra" if command.name == "RA" else "rate_dec"] = values["rate"] or None
+    if command.name == "RA":
+        session.kept.rate_ra = values["rate"] or None
+    else:
+        session.kept.rate_dec = values["rate"] or None
 
 
-def max_rate(session: Session, command: Command, values: dict[str, Any]) -> None:
+def max_rate(session: LxSession, command: Command, values: Values) -> None:
     """:Sw - the fastest rate for this client; some programs use it as their rate slider, so it is chosen, too."""
     low, high = session.model["max_rates"]
     if "fault" in values or not low <= values["rate"] <= max(high, 8):
         raise Invalid(f"The slew rate is {low} to {high} degrees a second.")
-    session.kept["fastest"] = float(values["rate"])
-    session.kept["rate"] = Rate(name="max")
+    session.kept.fastest = float(values["rate"])
+    session.kept.rate = Rate(name="max")
 
 
-def guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def guide_rate(session: LxSession, command: Command, values: Values) -> Handling:
     """:Rg - arcseconds a second, at most sidereal."""
     if "fault" in values:
         raise values["fault"]
@@ -60,7 +63,7 @@ def guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Ha
         yield FireAndForget(SetGuideRate(axis, fraction))
 
 
-def pulse(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def pulse(session: LxSession, command: Command, values: Values) -> Handling:
     """:Mg - a timed guide pulse in milliseconds."""
     if "fault" in values:
         raise values["fault"]

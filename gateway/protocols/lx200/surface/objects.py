@@ -8,15 +8,14 @@ manual's static replies, but LC, LM and LS work, as in their later firmware.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from gateway.astro.catalog import Entry, Wanted, deepsky, describe, search, stars
 from gateway.astro.spherical import separation
 from gateway.core.errors import Invalid, Unsupported
-from gateway.core.operations import Equatorial, MoonPlace, OfCatalog, PlanetPlace, Position, Zenith
-from gateway.protocols.base.surface import Handling, Session
+from gateway.core.operations import Equatorial, MoonPlace, OfCatalog, PlanetPlace, Position, Values, Zenith
+from gateway.protocols.base.wants import Handling
+from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.lx200.surface import selected
-from gateway.protocols.lx200.surface.search import LIMITS
 from gateway.protocols.wireformat.command import Command
 
 #: :Lo - catalogues that are to be had; Arp and Abell (4 and 5) are not.
@@ -29,10 +28,10 @@ _NOT_FOUND = "Catalog not found"
 _YEAR = 365.25 * 86400.0
 
 
-def choose_catalog(session: Session, command: Command, values: dict[str, Any]) -> None:
+def choose_catalog(session: LxSession, command: Command, values: Values) -> None:
     """:Lo - on models that do not search the reply is always 1."""
     catalog = None if "fault" in values else _DEEP_SKY.get(values["catalog"])
-    session.kept["deep sky"] = catalog
+    session.kept.deep_sky = catalog
     if catalog is None:
         selected.fail(session, _NOT_FOUND)
     if session.model["libraries"]:
@@ -41,18 +40,18 @@ def choose_catalog(session: Session, command: Command, values: dict[str, Any]) -
         _check(session, lambda: deepsky.look_up(catalog, 1))
 
 
-def choose_stars(session: Session, command: Command, values: dict[str, Any]) -> None:
+def choose_stars(session: LxSession, command: Command, values: Values) -> None:
     """:Ls - planets and Hipparcos; SAO, GCVS, HR and HD are not to be had."""
     catalog = None if "fault" in values else values["catalog"]
-    session.kept["stars"] = catalog if catalog in (_STAR, _HIPPARCOS) else None
-    if session.kept["stars"] is None:
+    session.kept.stars = catalog if catalog in (_STAR, _HIPPARCOS) else None
+    if session.kept.stars is None:
         selected.fail(session, _NOT_FOUND)
         raise Invalid(_NOT_FOUND)
     if catalog == _HIPPARCOS:
         _check(session, lambda: stars.hipparcos(1, 2000.0))
 
 
-def _check(session: Session, look_up: Callable[[], object]) -> None:
+def _check(session: LxSession, look_up: Callable[[], object]) -> None:
     """Raises Invalid where the catalogue is not installed; then nothing is selected either."""
     try:
         look_up()
@@ -61,15 +60,17 @@ def _check(session: Session, look_up: Callable[[], object]) -> None:
         raise Invalid(_NOT_FOUND) from None
 
 
-def select_object(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def select_object(session: LxSession, command: Command, values: Values) -> Handling:
     """:LM a Messier object, :LC one of the catalogue that :Lo chose."""
-    catalog = "M" if command.name == "LM" else session.kept.get("deep sky", "NGC")
+    catalog = "M" if command.name == "LM" else session.kept.deep_sky
     yield from _select(session, catalog, values, deepsky.look_up)
 
 
-def select_star(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def select_star(session: LxSession, command: Command, values: Values) -> Handling:
     """:LS - of the catalogue that :Ls chose, else STAR on models that have it and Hipparcos on the others."""
-    catalog = session.kept.get("stars", _STAR if session.model["libraries"] else _HIPPARCOS)
+    catalog = session.kept.stars
+    if catalog == "model":
+        catalog = _STAR if session.model["libraries"] else _HIPPARCOS
     number = values.get("number")
     if catalog is None or number is None:
         selected.fail(session, _NOT_FOUND if catalog is None else "No star selected")
@@ -85,7 +86,7 @@ def select_star(session: Session, command: Command, values: dict[str, Any]) -> H
 
 
 def _select(
-    session: Session, catalog: str | None, values: dict[str, Any], look_up: Callable[[str, int], Entry | None]
+    session: LxSession, catalog: str | None, values: Values, look_up: Callable[[str, int], Entry | None]
 ) -> Handling:
     """The object of that number becomes the target; what is not there leaves none."""
     number = values.get("number")
@@ -101,14 +102,14 @@ def _select(
         yield from selected.select(session, entry)
 
 
-def browse(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def browse(session: LxSession, command: Command, values: Values) -> Handling:
     """:LF the first within the limits, beginning in the west; :LN and :LB the ones after and before the object."""
     if not session.model["libraries"]:
         return
     try:
         candidates = deepsky.matching(_wanted(session))
         visible, meridian = yield from _sky(session)
-        entry: Entry | None = session.kept.get("entry")
+        entry = session.kept.entry
         if entry is None or command.name == "LF":
             found = search.first(candidates, visible, meridian)
         else:
@@ -121,7 +122,7 @@ def browse(session: Session, command: Command, values: dict[str, Any]) -> Handli
         selected.fail(session, str(missing))
 
 
-def identify(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def identify(session: LxSession, command: Command, values: Values) -> Handling:
     """:Lf - how many objects within the limits are in the field, and the one nearest to its centre."""
     if not session.model["libraries"]:
         return {"text": session.model["find_text"]}
@@ -130,7 +131,7 @@ def identify(session: Session, command: Command, values: dict[str, Any]) -> Hand
         visible, _ = yield from _sky(session)
         seen: Equatorial = yield Position()
         centre: Equatorial = yield OfCatalog(seen.ra, seen.dec)
-        radius = session.kept.get(*LIMITS["F"]) / 120.0
+        radius = session.kept.search.field / 120.0
         found = [c for c in search.in_field(candidates, centre.ra, centre.dec, radius) if visible(*c[1:])]
         nearest = f" {describe(deepsky.by_row(found[0][0]))}" if found else ""
         return {"text": f"{len(found)} - Objects found{nearest}"}
@@ -138,23 +139,23 @@ def identify(session: Session, command: Command, values: dict[str, Any]) -> Hand
         return {"text": str(missing)}
 
 
-def object_text(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
+def object_text(session: LxSession, command: Command, values: Values) -> dict[str, str]:
     """:LI"""
     if not session.model["libraries"]:
         return {"text": session.model["object_text"]}
-    return {"text": session.kept.get("object", "No object selected")}
+    return {"text": session.kept.object or "No object selected"}
 
 
-def _wanted(session: Session) -> Wanted:
+def _wanted(session: LxSession) -> Wanted:
     """This client's limits."""
-    limits = {name: session.kept.get(name, default) for name, default in LIMITS.values()}
-    kinds = "".join(letter for letter in limits["types"] if letter.isupper())
-    return Wanted(limits["brighter"], limits["fainter"], limits["larger"], limits["smaller"], kinds, limits["quality"])
+    limits = session.kept.search
+    kinds = "".join(letter for letter in limits.types if letter.isupper())
+    return Wanted(limits.brighter, limits.fainter, limits.larger, limits.smaller, kinds, limits.quality)
 
 
-def _sky(session: Session) -> Handling:
+def _sky(session: LxSession) -> Handling:
     """-> (what may be gone to now, the right ascension in the south); everything may, where the site is unknown."""
-    limits = session.settings["limits"].narrowed(session.kept.get("lowest"), session.kept.get("highest"))
+    limits = session.limits
     try:
         zenith: Equatorial = yield Zenith()
     except Unsupported:

@@ -6,12 +6,10 @@ for it; so two programs that look things up do not go to each other's objects.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from gateway.core.errors import Fault
-from gateway.core.operations import Choose, Chosen, Own, Verbatim
-from gateway.protocols.base.surface import Handling, Session
+from gateway.core.operations import Choose, Chosen, Own, Values, Verbatim
+from gateway.protocols.base.wants import Handling
+from gateway.protocols.lx200.session import Draft, LxSession
 from gateway.protocols.lx200.surface import selected
 from gateway.protocols.wireformat.command import Command
 
@@ -20,30 +18,31 @@ _CATALOGUE = {"LC": "Lo", "LS": "Ls", "LF": "Lo", "LN": "Lo", "LB": "Lo"}
 _CATALOGUES = ("Lo", "Ls")
 
 
-def stands_against(session: Session, name: str, values: Mapping[str, Any]) -> bool:
+def stands_against(session: LxSession, name: str, values: Values) -> bool:
     """Whether this client was told something that the mount's own answer would contradict."""
-    if name == "GG":
-        return bool("offset" in session.kept or session.kept.get("draft"))
-    return name == "GT" and "hertz" in session.shared
+    kept = session.kept
+    return name == "GG" and (kept.offset is not None or kept.draft not in (None, Draft()))
 
 
-def own_library(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def own_library(session: LxSession, command: Command, values: Values) -> Handling:
     """:Lo :Ls :LC :LM :LS :LF :LN :LB :LI of the telescope itself."""
     kept = session.kept
     if command.name == "LI":
-        return f"{kept['object']}#".encode("latin-1") if "object" in kept else (yield Own("LI", (), "moment"))
+        return (yield Own("LI", (), "moment")) if kept.object is None else f"{kept.object}#".encode("latin-1")
     if command.name in _CATALOGUES:
+        others = {name: fields for name, fields in kept.own_catalogs.items() if name != command.name}
         try:
             answer = yield Verbatim(command.name, tuple(values.items()))
         except Fault:
-            kept.pop(command.name, None)
+            kept.own_catalogs = others
             raise
-        kept[command.name] = tuple(values.items())
+        kept.own_catalogs = {**others, command.name: tuple(values.items())}
         return answer
     catalogue = _CATALOGUE.get(command.name, "")
-    first = ((catalogue, kept[catalogue]),) if catalogue in kept else ()
-    chosen: Chosen = yield Choose(command.name, tuple(values.items()), first, kept.get("ra", 0.0), kept.get("dec", 0.0))
+    chosen_by = kept.own_catalogs.get(catalogue)
+    first = () if chosen_by is None else ((catalogue, chosen_by),)
+    chosen: Chosen = yield Choose(command.name, tuple(values.items()), first, kept.ra or 0.0, kept.dec or 0.0)
     if chosen.place is not None:
         selected.drop(session)
-        kept.update(ra=chosen.place.ra, dec=chosen.place.dec, object=chosen.text)
+        kept.ra, kept.dec, kept.object = chosen.place.ra, chosen.place.dec, chosen.text
     return chosen.reply

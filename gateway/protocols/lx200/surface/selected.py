@@ -6,39 +6,34 @@ coordinates ends the selection, and a selection that fails leaves no target, so 
 
 from __future__ import annotations
 
-from typing import Any
-
 from gateway.astro.catalog import Entry, describe
-from gateway.core.errors import Fault, NoTarget
-from gateway.core.operations import Equatorial, OfDate, Read
-from gateway.protocols.base.surface import Handling, Session
-
-_TARGET = ("ra", "dec")
-_OBJECT = ("entry", "moving", "object")
+from gateway.core.errors import Fault
+from gateway.core.operations import Equatorial, MoonPlace, OfDate, PlanetPlace
+from gateway.protocols.base.wants import Handling
+from gateway.protocols.lx200.session import LxSession
 
 
-def drop(session: Session) -> None:
+def drop(session: LxSession) -> None:
     """The target is no object any more."""
-    for name in _OBJECT:
-        session.kept.pop(name, None)
+    session.kept.entry = session.kept.moving = session.kept.object = None
 
 
-def fail(session: Session, words: str) -> None:
+def fail(session: LxSession, words: str) -> None:
     """Nothing is selected, and these words say why, to :LI and to the next :MS."""
     drop(session)
-    for name in _TARGET:
-        session.kept.pop(name, None)
-    session.kept["object"] = words
+    session.kept.ra = session.kept.dec = None
+    session.kept.object = words
 
 
-def select(session: Session, entry: Entry) -> Handling:
+def select(session: LxSession, entry: Entry) -> Handling:
     """A catalogue's object becomes the target."""
     place: Equatorial = yield OfDate(entry.ra, entry.dec)
     drop(session)
-    session.kept.update(ra=place.ra, dec=place.dec, entry=entry, object=describe(entry))
+    kept = session.kept
+    kept.ra, kept.dec, kept.entry, kept.object = place.ra, place.dec, entry, describe(entry)
 
 
-def follow(session: Session, moving: Read, words: str) -> Handling:
+def follow(session: LxSession, moving: MoonPlace | PlanetPlace, words: str) -> Handling:
     """Something that moves becomes the target. Raises Fault while it has no place: then nothing is selected."""
     try:
         place: Equatorial = yield moving
@@ -46,15 +41,14 @@ def follow(session: Session, moving: Read, words: str) -> Handling:
         fail(session, str(fault))
         raise
     drop(session)
-    session.kept.update(ra=place.ra, dec=place.dec, moving=moving, object=words)
+    kept = session.kept
+    kept.ra, kept.dec, kept.moving, kept.object = place.ra, place.dec, moving, words
 
 
-def target(session: Session) -> Handling:
+def target(session: LxSession) -> Handling:
     """-> Equatorial: where the target is now. Raises NoTarget, and what its place raises."""
-    kept: dict[str, Any] = session.kept
-    if "moving" in kept:
-        place: Equatorial = yield kept["moving"]
-        kept.update(ra=place.ra, dec=place.dec)
-    if "ra" not in kept or "dec" not in kept:
-        raise NoTarget(kept.get("object"))
-    return Equatorial(kept["ra"], kept["dec"])
+    kept = session.kept
+    if kept.moving is not None:
+        place: Equatorial = yield kept.moving
+        kept.ra, kept.dec = place.ra, place.dec
+    return kept.target

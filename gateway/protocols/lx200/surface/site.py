@@ -6,12 +6,15 @@ only where the mount was told the other one; what was entered at the hand contro
 
 from __future__ import annotations
 
+import dataclasses
 from contextlib import suppress
-from typing import Any
+
+from msgspec.structs import replace
 
 from gateway.core.errors import Fault, Invalid
-from gateway.core.operations import GetSite, Place, SetSite
-from gateway.protocols.base.surface import Handling, Session
+from gateway.core.operations import GetSite, Place, SetSite, Values
+from gateway.protocols.base.wants import Handling
+from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
 #: The letters of the four sites in the commands of their names, and the highest number that ``:W`` takes.
@@ -19,74 +22,69 @@ _NAMED = "MNOP"
 _SITES_AT_MOST = 4
 
 
-def tell_latitude(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def tell_latitude(session: LxSession, command: Command, values: Values) -> Handling:
     """:Gt"""
     return {"latitude": (yield from _told(session, "latitude"))}
 
 
-def tell_longitude(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def tell_longitude(session: LxSession, command: Command, values: Values) -> Handling:
     """:Gg"""
     return {"longitude": -(yield from _told(session, "longitude"))}
 
 
-def _told(session: Session, half: str) -> Handling:
+def _told(session: LxSession, half: str) -> Handling:
     """-> half of the site in force; where nobody knows the other half, the one that was set. Raises Fault."""
     try:
         place: Place = yield GetSite()
     except Fault:
-        stored = session.shared["sites"].get(str(_selected(session)), {})
-        if half not in stored:
+        stored = getattr(session.shared.stored(_selected(session)), half)
+        if stored is None:
             raise
-        return stored[half]
+        return stored
     return getattr(place, half)
 
 
-def set_latitude(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_latitude(session: LxSession, command: Command, values: Values) -> Handling:
     """:St"""
     if "fault" in values:
         raise values["fault"]
     yield from _set(session, SetSite(latitude=values["latitude"]))
 
 
-def set_longitude(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_longitude(session: LxSession, command: Command, values: Values) -> Handling:
     """:Sg"""
     if "fault" in values:
         raise values["fault"]
     yield from _set(session, SetSite(longitude=-values["longitude"]))
 
 
-def _selected(session: Session) -> int:
+def _selected(session: LxSession) -> int:
     """The site that this client sets: the one it selected, else the one selected last, from 0."""
-    index: int = session.kept.get("site", session.shared.get("site", 0))
-    return index
+    return (session.shared.site or 0) if session.kept.site is None else session.kept.site
 
 
-def _set(session: Session, operation: SetSite) -> Handling:
+def _set(session: LxSession, operation: SetSite) -> Handling:
     """Set one half, and remember it under the site that is selected."""
     session.check_may_set()
     index = _selected(session)
     yield from _enter(session, index)
-    stored = session.shared["sites"].setdefault(str(index), {})
-    for name in ("latitude", "longitude"):
-        value = getattr(operation, name)
-        if value is not None:
-            stored[name] = value
-    session.changed()
+    halves = {name: value for name in ("latitude", "longitude") if (value := getattr(operation, name)) is not None}
+    session.set_for_all(session.shared.with_site(index, replace(session.shared.stored(index), **halves)))
     yield operation
 
 
-def _enter(session: Session, index: int) -> Handling:
+def _enter(session: LxSession, index: int) -> Handling:
     """This site is in force for all from now on, and for who selects none, as at power-on; what site 1 is, is kept."""
-    if session.shared.get("site", 0) == 0 and index != 0:
+    if not session.shared.site and index != 0:
         with suppress(Fault):
             place: Place = yield GetSite()
-            own = session.shared["sites"].setdefault("0", {})
-            own.update(latitude=place.latitude, longitude=place.longitude)
-    if session.shared.get("site") != index:
-        session.set_for_all("site", index)
+            own = replace(session.shared.stored(0), latitude=place.latitude, longitude=place.longitude)
+            session.set_for_all(session.shared.with_site(0, own))
+    if session.shared.site != index:
+        session.set_for_all(dataclasses.replace(session.shared, site=index))
 
 
-def select(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def select(session: LxSession, command: Command, values: Values) -> Handling:
     """:W - by this model's count, from 0 or from 1; the number that the count does not have is the nearest site."""
     if "fault" in values:
         raise values["fault"]
@@ -94,9 +92,9 @@ def select(session: Session, command: Command, values: dict[str, Any]) -> Handli
         return
     session.check_may_set()
     index = max(0, min(len(_NAMED) - 1, values["site"] - session.model["first_site"]))
-    before = session.shared.get("site", 0)
+    before = session.shared.site or 0
     yield from _enter(session, index)
-    session.kept["site"] = index
+    session.kept.site = index
     stored = _place(session, index)
     if index == 0:
         if before != 0:
@@ -106,55 +104,56 @@ def select(session: Session, command: Command, values: dict[str, Any]) -> Handli
         yield stored
 
 
-def _place(session: Session, index: int) -> SetSite:
+def _place(session: LxSession, index: int) -> SetSite:
     """What is stored of a site; None for what is not."""
-    stored = session.shared["sites"].get(str(index), {})
-    return SetSite(stored.get("latitude"), stored.get("longitude"))
+    stored = session.shared.stored(index)
+    return SetSite(stored.latitude, stored.longitude)
 
 
-def tell_name(session: Session, command: Command, values: dict[str, Any]) -> dict[str, str]:
+def tell_name(session: LxSession, command: Command, values: Values) -> dict[str, str]:
     """:GM :GN :GO :GP - four names that can be told apart, also before anybody has named a site."""
     index, longest = _NAMED.index(command.name[1]), session.model["names"]
     unnamed = f"SITE {index + 1}" if longest > len("ST1") else f"ST{index + 1}"
-    stored = session.shared["sites"].get(str(index), {})
-    return {"name": stored.get("name", unnamed)[:longest]}
+    return {"name": (session.shared.stored(index).name or unnamed)[:longest]}
 
 
-def set_name(session: Session, command: Command, values: dict[str, Any]) -> None:
+def set_name(session: LxSession, command: Command, values: Values) -> None:
     """:SM :SN :SO :SP - 3 letters on the classic, 15 elsewhere."""
     name = values.get("name", "").strip()
     if not name or len(name) > session.model["names"] or not (name.isascii() and name.isprintable()):
         raise Invalid(f"A site name has 1 to {session.model['names']} printable characters.")
-    session.shared["sites"].setdefault(str(_NAMED.index(command.name[1])), {})["name"] = name
-    session.changed()
+    index = _NAMED.index(command.name[1])
+    session.set_for_all(session.shared.with_site(index, replace(session.shared.stored(index), name=name)))
 
 
-def set_lowest(session: Session, command: Command, values: dict[str, Any]) -> None:
+def set_lowest(session: LxSession, command: Command, values: Values) -> None:
     """:So - as real programs use it (against the manual's words): the lowest altitude; over 90 it is in arcminutes."""
-    _narrow(session, "lowest", _degrees(values))
+    lowest = _degrees(values)
+    _check(session, lowest, session.kept.highest)
+    session.kept.lowest = lowest
 
 
-def set_highest(session: Session, command: Command, values: dict[str, Any]) -> None:
+def set_highest(session: LxSession, command: Command, values: Values) -> None:
     """:Sh - the highest altitude."""
-    _narrow(session, "highest", _degrees(values))
+    highest = _degrees(values)
+    _check(session, session.kept.lowest, highest)
+    session.kept.highest = highest
 
 
-def _narrow(session: Session, which: str, altitude: float) -> None:
-    """Raises Invalid for a limit that leaves no altitude at all: nothing could be moved any more."""
-    wanted = {name: session.kept.get(name) for name in ("lowest", "highest")} | {which: altitude}
-    limits = session.settings["limits"].narrowed(wanted["lowest"], wanted["highest"])
+def _check(session: LxSession, lowest: float | None, highest: float | None) -> None:
+    """Raises Invalid for limits that leave no altitude at all: nothing could be moved any more."""
+    limits = session.settings.limits.narrowed(lowest, highest)
     if limits.lowest >= limits.highest:
         raise Invalid(f"Nothing is left between {limits.lowest:g} and {limits.highest:g} degrees.")
-    session.kept[which] = altitude
 
 
-def _degrees(values: dict[str, Any]) -> float:
+def _degrees(values: Values) -> float:
     if "fault" in values:
         raise values["fault"]
     return float(values["limit"])
 
 
-def tell_limit(session: Session, command: Command, values: dict[str, Any]) -> dict[str, float]:
+def tell_limit(session: LxSession, command: Command, values: Values) -> dict[str, float]:
     """:Go the lowest, :Gh the highest altitude in force for this client."""
-    limits = session.settings["limits"].narrowed(session.kept.get("lowest"), session.kept.get("highest"))
+    limits = session.limits
     return {"limit": limits.lowest if command.name == "Go" else limits.highest}

@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from gateway.core.errors import Fault, NoTarget, Silence, Unsupported
-from gateway.core.operations import Equatorial, Goto, GotoHorizontal, HorizontalPosition, Own, Position, Slewing, Sync
-from gateway.protocols.base.surface import Handling, ReuseLastReading, Session
+from gateway.core.operations import (
+    Equatorial,
+    Goto,
+    GotoHorizontal,
+    HorizontalPosition,
+    Own,
+    Position,
+    Slewing,
+    Sync,
+    Values,
+)
+from gateway.protocols.base.wants import Handling, ReuseLastReading
+from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.lx200.surface import selected
 from gateway.protocols.wireformat.command import Command
 
 
-def set_target(session: Session, _: Command, values: dict[str, Any]) -> None:
+def set_target(session: LxSession, _: Command, values: Values) -> None:
     """:Sr :Sd - programs go on to :MS# even after a 0, so a refused half must not leave a stale target."""
     selected.drop(session)
     _set(session, values, "ra", "dec")
 
 
-def set_horizontal_target(session: Session, _: Command, values: dict[str, Any]) -> None:
+def set_horizontal_target(session: LxSession, _: Command, values: Values) -> None:
     """:Sa :Sz - an altitude beyond the limits is out of the slew range. Raises BelowHorizon, TooHigh, Invalid."""
     if "alt" in values:
-        limits = session.settings["limits"].narrowed(session.kept.get("lowest"), session.kept.get("highest"))
+        limits = session.limits
         try:
             limits.check_altitude(values["alt"])
         except Fault as fault:
@@ -28,70 +37,63 @@ def set_horizontal_target(session: Session, _: Command, values: dict[str, Any]) 
     _set(session, values, "alt", "az")
 
 
-def _set(session: Session, values: dict[str, Any], *pair: str) -> None:
+def _set(session: LxSession, values: Values, *pair: str) -> None:
+    fault: Fault | None = None
     if "fault" in values:
-        for name in pair:
-            session.kept.pop(name, None)
-        raise values["fault"]
-    session.kept.update(values)
+        values, fault = dict.fromkeys(pair), values["fault"]
+    for name, value in values.items():
+        setattr(session.kept, name, value)
+    if fault is not None:
+        raise fault
 
 
-def tell_target(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+def tell_target(session: LxSession, _: Command, values: Values) -> Handling:
     """:Gr :Gd - zero before any was set, as a Meade says after power-on; what moves, where it is now."""
-    if "moving" in session.kept:
+    if session.kept.moving is not None:
         yield from selected.target(session)
-    return {name: session.kept.get(name, 0.0) for name in ("ra", "dec")}
+    return {"ra": session.kept.ra or 0.0, "dec": session.kept.dec or 0.0}
 
 
-def right_ascension(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+def right_ascension(session: LxSession, _: Command, values: Values) -> Handling:
     """:GR"""
     return (yield Position())
 
 
-def declination(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+def declination(session: LxSession, _: Command, values: Values) -> Handling:
     """:GD - of the same instant as the :GR before it."""
     return (yield ReuseLastReading(Position()) if session.last == b":GR#" else Position())
 
 
-def azimuth(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+def azimuth(session: LxSession, _: Command, values: Values) -> Handling:
     """:GZ"""
     return (yield HorizontalPosition())
 
 
-def altitude(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+def altitude(session: LxSession, _: Command, values: Values) -> Handling:
     """:GA - of the same instant as the :GZ before it."""
     return (yield ReuseLastReading(HorizontalPosition()) if session.last == b":GZ#" else HorizontalPosition())
 
 
-def goto(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+def goto(session: LxSession, _: Command, values: Values) -> Handling:
     """:MS - to the target, or a refusal with words."""
     kept = session.kept
     place: Equatorial = yield from selected.target(session)
-    yield Goto(
-        place.ra,
-        place.dec,
-        lowest=kept.get("lowest"),
-        highest=kept.get("highest"),
-        track=not kept.get("land", False),
-        fastest=kept.get("fastest"),
-    )
+    yield Goto(place.ra, place.dec, lowest=kept.lowest, highest=kept.highest, track=not kept.land, fastest=kept.fastest)
 
 
-def goto_horizontal(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+def goto_horizontal(session: LxSession, _: Command, values: Values) -> Handling:
     """:MA - to the azimuth and altitude of :Sz and :Sa."""
     kept = session.kept
-    if "az" not in kept or "alt" not in kept:
+    if kept.az is None or kept.alt is None:
         raise NoTarget
-    yield GotoHorizontal(
-        kept["az"], kept["alt"], lowest=kept.get("lowest"), highest=kept.get("highest"), fastest=kept.get("fastest")
-    )
+    yield GotoHorizontal(kept.az, kept.alt, lowest=kept.lowest, highest=kept.highest, fastest=kept.fastest)
 
 
-def sync(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+def sync(session: LxSession, _: Command, values: Values) -> Handling:
     """:CM - a bare # is what programs read as failure; they want a text at once otherwise."""
     place: Equatorial = yield from selected.target(session)
     yield Sync(place.ra, place.dec)
-    return {"text": session.settings.get("sync_text") or session.model["sync_text"]}
+    return {"text": session.settings.sync_text or session.model["sync_text"]}
 
 
 def _own_idle() -> Handling:
@@ -103,7 +105,7 @@ def _own_idle() -> Handling:
     return b"" if said.strip(b" #") else said
 
 
-def distance_bars(session: Session, _: Command, values: dict[str, Any]) -> Handling:
+def distance_bars(session: LxSession, _: Command, values: Values) -> Handling:
     """:D - one bar while a goto is under way, nothing when it is over."""
     slewing = yield Slewing()
     if not slewing and session.model.get("own"):

@@ -7,11 +7,12 @@ tracks, whoever has set it; one that cannot run is refused.
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
 from gateway.core.errors import Fault, Invalid, NotAligned
-from gateway.core.operations import DriveRate, GetStatus, SetTracking, Status, Tracking, TrackRate
-from gateway.protocols.base.surface import FireAndForget, Handling, Session
+from gateway.core.operations import DriveRate, GetStatus, SetTracking, Status, Tracking, TrackRate, Values
+from gateway.protocols.base.wants import FireAndForget, Handling
+from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
 SIDEREAL_HERTZ = 60.16427
@@ -21,26 +22,26 @@ _NAMED = {"TQ": "sidereal", "TS": "solar", "TL": "lunar"}
 _MENU = ("ALTAZ", "POLAR", "LAND")
 
 
-def alignment(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def alignment(session: LxSession, command: Command, values: Values) -> Handling:
     """ACK - L only to a client that asked for land mode: widely used programs fail on it."""
     return {"mode": (yield from _letter(session))}
 
 
-def _letter(session: Session) -> Handling:
+def _letter(session: LxSession) -> Handling:
     status: Status = yield GetStatus()
-    if session.kept.get("land") and status.tracking is Tracking.OFF:
+    if session.kept.land and status.tracking is Tracking.OFF:
         return "L"
     return "P" if status.equatorial else "A"
 
 
-def menu(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def menu(session: LxSession, command: Command, values: Values) -> Handling:
     """:G0 :G1 :G2 - the alignment menu, the present mode marked."""
     index = int(command.name[1])
     letter = yield from _letter(session)
     return {"text": f"{'>' if _MENU[index].startswith(letter) else ' '}{_MENU[index]:<15}"}
 
 
-def status(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def status(session: LxSession, command: Command, values: Values) -> Handling:
     """:GW - how it is built, whether it tracks, whether it is aligned."""
     seen: Status = yield GetStatus()
     return {
@@ -50,31 +51,31 @@ def status(session: Session, command: Command, values: dict[str, Any]) -> Handli
     }
 
 
-def align(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def align(session: LxSession, command: Command, values: Values) -> Handling:
     """:Aa - a hand control cannot be aligned from outside: 1 when it is aligned already, else 0."""
     seen: Status = yield GetStatus()
     if not seen.aligned:
         raise NotAligned
 
 
-def land(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def land(session: LxSession, command: Command, values: Values) -> Handling:
     """:AL - tracking off. What comes next is told what became of it."""
-    session.kept["land"] = True
+    session.kept.land = True
     yield SetTracking(on=False)
 
 
-def track(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def track(session: LxSession, command: Command, values: Values) -> Handling:
     """:AA :AP - tracking on, in the mount's own mode: its alignment must survive."""
-    session.kept["land"] = False
+    session.kept.land = False
     yield FireAndForget(SetTracking(on=True))
 
 
-def named_rate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def named_rate(session: LxSession, command: Command, values: Values) -> Handling:
     """:TQ :TS :TL"""
     yield TrackRate(name=_NAMED[command.name])
 
 
-def tell_hertz(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def tell_hertz(session: LxSession, command: Command, values: Values) -> Handling:
     """:GT - also while it does not track, never 0: whether it does is in :GW."""
     try:
         factor: float = yield DriveRate()
@@ -84,7 +85,7 @@ def tell_hertz(session: Session, command: Command, values: dict[str, Any]) -> Ha
     return {"hertz": _SIDEREAL_TOLD if _SIDEREAL[0] <= hertz <= _SIDEREAL[1] else min(_MOST, hertz)}
 
 
-def set_hertz(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_hertz(session: LxSession, command: Command, values: Values) -> Handling:
     """:ST :T<ddd.ddd> - from now on at this rate; 60.1 to 60.2 is sidereal exactly."""
     if "fault" in values:
         raise values["fault"]
@@ -94,14 +95,14 @@ def set_hertz(session: Session, command: Command, values: dict[str, Any]) -> Han
     yield from _drive_at(session, hertz)
 
 
-def custom(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def custom(session: LxSession, command: Command, values: Values) -> Handling:
     """:TM :T+ :T- - the manual rate, a tenth of a hertz more or less."""
     step = {"TM": 0.0, "T+": 0.1, "T-": -0.1}[command.name]
-    hertz = round(session.shared.get("manual hertz", 60.1) + step, 3)
+    hertz = round((session.shared.manual_hertz or 60.1) + step, 3)
     yield from _drive_at(session, max(0.1, min(99.9, hertz)))
 
 
-def _drive_at(session: Session, hertz: float) -> Handling:
+def _drive_at(session: LxSession, hertz: float) -> Handling:
     sidereal = _SIDEREAL[0] <= round(hertz, 3) <= _SIDEREAL[1]
     yield TrackRate(name="sidereal") if sidereal else TrackRate(factor=hertz / SIDEREAL_HERTZ)
-    session.shared["manual hertz"] = hertz  # not one that was refused
+    session.set_for_all(replace(session.shared, manual_hertz=hertz), lasting=False)  # not one that was refused

@@ -5,12 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
+from gateway.protocols.base.driver import FollowUps, Handler
 from gateway.protocols.nexstar.driver import goto, identify, motion, place, position, sleep, tracking
 
-HANDLERS: dict[str, Callable[[Any, Any], Any]] = {
+HANDLERS: dict[str, Handler] = {
     function.__name__: function
     for function in (
         identify.identity,
@@ -52,7 +50,7 @@ HANDLERS: dict[str, Callable[[Any, Any], Any]] = {
         place.clock_from_gps,
     )
 }
-FOLLOW_UPS: dict[type[Any], Callable[[Any, Any], Any]] = {
+FOLLOW_UPS: FollowUps = {
     goto.Arrived: goto.arrived,
     sleep.Awake: sleep.awake,
     tracking.VerifyTracking: tracking.verify,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from gateway.core.errors import Silence, Unsupported
 from gateway.core.operations import Identity, Own
@@ -11,7 +10,7 @@ from gateway.protocols.base.driver import Driver, Handler, Send, Steps
 from gateway.protocols.nexstar.rates import key_speed, rate_tables
 from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT, numbered
 from gateway.protocols.wireformat.command_set import load
-from gateway.protocols.wireformat.rows import Version, parse_version
+from gateway.protocols.wireformat.rows import Model, Version, parse_version
 
 #: What is shown of a hand control that has not told its version yet.
 FIRST_SHOWN: Version = (4, 21)
@@ -19,7 +18,7 @@ FIRST_SHOWN: Version = (4, 21)
 VARIANT_PATIENCE = 1.5
 #: The first version that counts in coordinates of date.
 JNOW_FROM = (4, 14)
-UNKNOWN: dict[str, Any] = {"mount": "fork", "rates": "se", "has": [], "motors": "0.0", "versions": []}
+UNKNOWN: Model = {"mount": "fork", "rates": "se", "has": [], "motors": "0.0", "versions": []}
 
 
 class HandControl(Driver):
@@ -44,7 +43,7 @@ class HandControl(Driver):
         self.focuser = False
         self.found: set[str] = set()
 
-    def presented(self) -> dict[str, Any]:
+    def presented(self) -> Model:
         """The row of its model, with what it has told of itself; ``counts_as`` is the version that it behaves as."""
         shown = self.shown or FIRST_SHOWN
         return {
@@ -84,7 +83,7 @@ class HandControl(Driver):
         yield Send("K", {"echo": 0x78})
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Model:
         """The row of models.toml; an unknown mount is an alt-az fork without extras."""
         return self.protocol.models.get(self.model or "", UNKNOWN)
 
@@ -122,7 +121,7 @@ class HandControl(Driver):
         return parse_version(low_high[0]) <= self.version <= parse_version(low_high[1])
 
     @property
-    def rates(self) -> dict[str, Any]:
+    def rates(self) -> Model:
         """The fixed-rate table of the mount's family."""
         return rate_tables()[self.facts["rates"]]
 

@@ -25,7 +25,7 @@ def axis_readings(mount: NexStar) -> Send:
 
 
 def horizontal_position(mount: NexStar, _: HorizontalPosition) -> Steps:
-    """A fork's own azimuth and altitude; None where the axes are equatorial (the hub derives it then)."""
+    """A fork's own azimuth and altitude; None where the axes are equatorial (the controller derives it then)."""
     mode = native_mode(mount)
     if mount.german or (mode is not None and mode.equatorial) or mount.displaced:
         return None

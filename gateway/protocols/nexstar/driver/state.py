@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, cast
+from typing import cast
 
 from msgspec import Struct, ValidationError, convert, to_builtins
 
@@ -22,7 +22,7 @@ from gateway.core.operations import (
     Tracking,
     TrackRate,
 )
-from gateway.protocols.base.driver import Handler
+from gateway.protocols.base.driver import Handler, Remembered
 from gateway.protocols.nexstar.driver.hand_control import HandControl
 from gateway.protocols.nexstar.rates import SIDEREAL, rate_tables
 from gateway.protocols.wireformat.rows import Version
@@ -159,15 +159,15 @@ class NexStar(HandControl):
         """Nothing takes the place of tracking any more, by a goto or a stop; the drive rate is still to be told."""
         self.drive = "told" if self.drive == "replaced" else self.drive
 
-    def memory(self, moving: bool) -> dict[str, Any]:
+    def memory(self, moving: bool) -> Remembered:
         """Home and park; in motion also how to talk to this hand control, and the tracking to come back to."""
         lasting = Memory(home=self.home, parked=self.parked)
         if moving:
             lasting.model, lasting.version = self.model, self.version
             lasting.tracking = self.suspended or self.tracking
-        return cast(dict[str, Any], to_builtins(lasting))
+        return cast(Remembered, to_builtins(lasting))
 
-    def recall(self, memory: Mapping[str, Any], moving: bool) -> None:
+    def recall(self, memory: Remembered, moving: bool) -> None:
         """The rate of the drive is not among it: it ends with the gateway, as with a hand control's power."""
         try:
             held = convert(memory, Memory)

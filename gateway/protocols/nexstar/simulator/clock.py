@@ -11,7 +11,8 @@ import math
 from datetime import UTC, datetime, timedelta
 
 from gateway.astro.axes import Sky
-from gateway.protocols.nexstar.simulator.mount import GPS, RTC, Handler, SimulatedMount, Values
+from gateway.core.operations import Values
+from gateway.protocols.nexstar.simulator.mount import GPS, RTC, Handler, SimulatedMount
 
 WEST_MOST, EAST_MOST = -12, 14  # hours: the zones in use
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from gateway.astro.axes import Build
 from gateway.astro.spherical import wrap180
-from gateway.protocols.nexstar.simulator.mount import ALTAZ, EQ_NORTH, EQ_SOUTH, OFF, Handler, SimulatedMount, Values
+from gateway.core.operations import Values
+from gateway.protocols.nexstar.simulator.mount import ALTAZ, EQ_NORTH, EQ_SOUTH, OFF, Handler, SimulatedMount
 from gateway.protocols.nexstar.versions import NEXSTAR_VARIANT, STARSENSE_VARIANT
 from gateway.protocols.wireformat.rows import Version
 

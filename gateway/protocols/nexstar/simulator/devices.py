@@ -8,8 +8,9 @@ a hand rate.
 from __future__ import annotations
 
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
+from gateway.core.operations import Values
 from gateway.protocols.mechanics.axis_motor import LUNAR_RATE, SOLAR_RATE
-from gateway.protocols.nexstar.simulator.mount import ALT, AZM, FOCUSER, GPS, RTC, Handler, SimulatedMount, Values
+from gateway.protocols.nexstar.simulator.mount import ALT, AZM, FOCUSER, GPS, RTC, Handler, SimulatedMount
 from gateway.protocols.wireformat.rows import Version
 
 #: Variable rates that are none: sidereal, solar and lunar tracking of the motor.

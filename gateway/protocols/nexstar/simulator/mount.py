@@ -12,18 +12,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 from gateway.astro.axes import Build, Pair, Sky
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180, wrap360
 from gateway.core.errors import UserError
+from gateway.core.operations import Values
 from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
 from gateway.protocols.mechanics.mount import Mechanics
 from gateway.protocols.nexstar.versions import STARSENSE, numbered
 from gateway.protocols.wireformat.command_set import load
-from gateway.protocols.wireformat.rows import Version, parse_version
+from gateway.protocols.wireformat.rows import Model, Version, parse_version
 
-Values = dict[str, Any]
 #: Carries out one command: the values of its reply, or None for what a device does not have.
 Handler = Callable[["SimulatedMount", Values], Values | None]
 OFF, ALTAZ, EQ_NORTH, EQ_SOUTH = range(4)
@@ -84,7 +83,7 @@ class SimulatedMount:
         protocol = load("nexstar")
         if model not in protocol.models:
             raise UserError(f"no NexStar model is called {model!r}; there are {', '.join(protocol.models)}")
-        self.row: dict[str, Any] = protocol.models[model]
+        self.row: Model = protocol.models[model]
         self._know_version(version, starsense)
         self.model, self.commands = model, protocol
         self.clock: Callable[[], float] = clock

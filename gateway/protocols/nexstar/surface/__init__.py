@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cache
-from typing import Any
 
 from gateway.protocols.base.surface import Special
 from gateway.protocols.nexstar.surface import devices, identity, motion, place, pointing
 from gateway.protocols.nexstar.versions import STARSENSE_VARIANT, numbered
 from gateway.protocols.wireformat.command_set import load
-from gateway.protocols.wireformat.rows import Version, show_version
+from gateway.protocols.wireformat.rows import Model, Version, show_version
 
 #: row word -> function; the same word may stand in several modules, so it is written ``module.function``.
 HANDLERS: dict[str, Special] = {
@@ -27,7 +25,7 @@ VERSION, FORK, WEDGE, GERMAN = "4.21", "6-8se", "cpc", "cge"
 ALWAYS = "v"
 
 
-def presented(model: str | None, version: str | None) -> dict[str, Any]:
+def presented(model: str | None, version: str | None) -> Model:
     """The model's constants as a hand control of that version tells them."""
     name = model or FORK
     number = numbered(version or VERSION)
@@ -40,7 +38,7 @@ def presented(model: str | None, version: str | None) -> dict[str, Any]:
     }
 
 
-def fitting(equatorial: bool, german: bool | None, gps: bool, version: str | None) -> dict[str, Any]:
+def fitting(equatorial: bool, german: bool | None, gps: bool, version: str | None) -> Model:
     """What is presented over a mount when nobody says otherwise; it has a GPS unit only if the mount has one."""
     model = presented((GERMAN if german else WEDGE) if equatorial else FORK, version)
     return {**model, "has": [part for part in model["has"] if part != "gps"] + ["gps"] * gps}
@@ -53,7 +51,7 @@ def _opcodes(version: Version) -> frozenset[int]:
     return frozenset(command.request.literal[0] for command in known)
 
 
-def lacks(model: Mapping[str, Any], frame: bytes) -> str:
+def lacks(model: Model, frame: bytes) -> str:
     """Why the presented hand control passes over a request as a whole; empty where it knows it."""
     if frame[0] in _opcodes(model["counts_as"]):
         return ""

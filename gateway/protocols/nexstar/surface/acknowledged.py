@@ -7,7 +7,7 @@ be a yes. What ends a motion is always acknowledged, for it is owed to the mount
 from __future__ import annotations
 
 from gateway.core.operations import Operation
-from gateway.protocols.base.surface import FireAndForget, Handling, Possible
+from gateway.protocols.base.wants import FireAndForget, Handling, Possible
 
 
 def begin(operation: Operation) -> Handling:

@@ -6,13 +6,24 @@ were asked for, one more, ``#`` (NexStar protocol, Pass-through Commands with No
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from datetime import UTC, datetime
-from typing import Any
 
 from gateway.core.errors import Asleep, Fault, Invalid, NoAnswer, NoDevice, Unsupported
-from gateway.core.operations import Focus, GetClock, GetGps, GetSite, Gps, Home, HomeState, Moment, Place, SetClock
-from gateway.protocols.base.surface import FireAndForget, Handling, Possible, Session
+from gateway.core.operations import (
+    Focus,
+    GetClock,
+    GetGps,
+    GetSite,
+    Gps,
+    Home,
+    HomeState,
+    Moment,
+    Place,
+    SetClock,
+    Values,
+)
+from gateway.protocols.base.wants import FireAndForget, Handling, Possible
+from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.nexstar.surface.acknowledged import begin
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.rows import parse_version
@@ -34,7 +45,7 @@ FOCUS_SPEEDS = (1, 1, 2, 2, 3, 3, 4, 4, 4)
 FOUND, SEARCHING = 1, 2
 
 
-def motor(values: dict[str, Any]) -> int:
+def motor(values: Values) -> int:
     """The axis (1, 2) of the motor that a command speaks to. Raises NoDevice."""
     axis = MOTORS.get(values["device"])
     if axis is None:
@@ -42,12 +53,12 @@ def motor(values: dict[str, Any]) -> int:
     return axis
 
 
-def passes(name: str, values: Mapping[str, Any]) -> bool:
+def passes(name: str, values: Values) -> bool:
     """Whether a command that means nothing here may go to a NexStar mount as it is: none moves it past the limits."""
     return name not in NEVER_PASSED and (name not in MOVERS or values["device"] == FOCUSER)
 
 
-def version(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
+def version(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
     """AUX 0xFE - what is asked for beyond two bytes is the build number."""
     device = values["device"]
     if device in MOTORS:
@@ -60,12 +71,12 @@ def version(session: Session, command: Command, values: dict[str, Any]) -> dict[
     raise NoDevice
 
 
-def _require(session: Session, part: str) -> None:
+def _require(session: NexStarSession, part: str) -> None:
     if part not in session.model["has"]:
         raise NoDevice
 
 
-def _receiver(session: Session) -> Handling:
+def _receiver(session: NexStarSession) -> Handling:
     """What the mount's own receiver tells; one presented over a mount without any has no fix, but site and clock."""
     _require(session, "gps")
     try:
@@ -76,25 +87,25 @@ def _receiver(session: Session) -> Handling:
         return Gps(False, place, moment.unix)
 
 
-def gps_flag(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def gps_flag(session: NexStarSession, command: Command, values: Values) -> Handling:
     """Linked, and time valid."""
     linked = int((yield from _receiver(session)).linked)
     return {"linked": linked, "valid": linked}
 
 
-def gps_place(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def gps_place(session: NexStarSession, command: Command, values: Values) -> Handling:
     """Latitude and longitude; before the first fix those of the site."""
     place = (yield from _receiver(session)).place or (yield GetSite())
     return {"latitude": place.latitude, "longitude": place.longitude}
 
 
-def gps_time(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def gps_time(session: NexStarSession, command: Command, values: Values) -> Handling:
     """Date, year and time by the satellites; before the first fix by the mount's clock."""
     seen = yield from _receiver(session)
     return _calendar(seen.unix if seen.linked else (yield GetClock()).unix)
 
 
-def universal_time(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def universal_time(session: NexStarSession, command: Command, values: Values) -> Handling:
     """Date, year and time of the clock: always UT."""
     _require(session, "rtc")
     return _calendar((yield GetClock()).unix)
@@ -112,7 +123,7 @@ def _calendar(unix: float) -> dict[str, int]:
     }
 
 
-def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_clock(session: NexStarSession, command: Command, values: Values) -> Handling:
     """Set date, year, time of the clock: each changes its own part of UT. Raises Invalid for an impossible one."""
     _require(session, "rtc")
     if not command.known_to(None, session.model["counts_as"]):
@@ -128,7 +139,7 @@ def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Han
     yield SetClock(now.timestamp(), moment.offset, moment.dst)
 
 
-def seek_switch(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def seek_switch(session: NexStarSession, command: Command, values: Values) -> Handling:
     """AUX 0x0B - the search goes for both axes; the motor that is asked second finds it under way."""
     motor(values)
     yield Possible(Home())
@@ -136,13 +147,13 @@ def seek_switch(session: Session, command: Command, values: dict[str, Any]) -> H
         yield Home()
 
 
-def switch_found(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def switch_found(session: NexStarSession, command: Command, values: Values) -> Handling:
     """AUX 0x12 - 255 when it was found, 0 before and when it was not."""
     motor(values)
     return {"done": 255 if (yield HomeState()) == FOUND else 0}
 
 
-def move_focuser(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def move_focuser(session: NexStarSession, command: Command, values: Values) -> Handling:
     """AUX 0x24, 0x25 of the focuser, whose positions count outwards; 0 stops it. Raises NoDevice, Invalid."""
     rate = values["rate"]
     if values["device"] != FOCUSER:
@@ -155,7 +166,7 @@ def move_focuser(session: Session, command: Command, values: dict[str, Any]) -> 
         yield from begin(Focus(-1 if command.name == "move_pos" else 1, FOCUS_SPEEDS[rate - 1]))
 
 
-def absent(session: Session, command: Command, values: dict[str, Any]) -> None:
+def absent(session: NexStarSession, command: Command, values: Values) -> None:
     """A device or a function that no mount behind this gateway has."""
     raise NoDevice
 

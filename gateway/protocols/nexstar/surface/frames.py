@@ -19,15 +19,16 @@ from gateway.core.operations import (
     HorizontalPosition,
 )
 from gateway.core.operations import Status as MountStatus
-from gateway.protocols.base.surface import Handling, Session
+from gateway.protocols.base.wants import Handling
+from gateway.protocols.nexstar.session import NexStarSession
 
 
-def german(session: Session) -> bool:
+def german(session: NexStarSession) -> bool:
     """Whether the presented mount is equatorial by its build."""
     return bool(session.model["mount"] == "german")
 
 
-def readings(session: Session) -> Handling:
+def readings(session: NexStarSession) -> Handling:
     """-> Horizontal: what the two axes read on what is presented."""
     status: MountStatus = yield GetStatus()
     if not _turned(session, status):
@@ -36,7 +37,7 @@ def readings(session: Session) -> Handling:
     return Horizontal(wrap360(seen.az - (yield from _zero())), seen.alt)
 
 
-def to_mount(session: Session, first: float, second: float) -> Handling:
+def to_mount(session: NexStarSession, first: float, second: float) -> Handling:
     """-> the goto that turns both axes to these readings of what is presented."""
     status: MountStatus = yield GetStatus()
     if not _turned(session, status):
@@ -47,12 +48,12 @@ def to_mount(session: Session, first: float, second: float) -> Handling:
     return GotoAxes(wrap360(first + (yield from _zero())), second)
 
 
-def _by_axes(session: Session, status: MountStatus) -> bool:
+def _by_axes(session: NexStarSession, status: MountStatus) -> bool:
     """Whether this hand control counts by its motors; where it is the mount's own, as that does."""
     return status.equatorial if session.model.get("own") else german(session) or status.wedge
 
 
-def _turned(session: Session, status: MountStatus) -> bool:
+def _turned(session: NexStarSession, status: MountStatus) -> bool:
     """Whether a fork on its wedge is presented as a German mount."""
     return not session.model.get("own") and german(session) and status.wedge
 

@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from gateway.protocols.base.surface import Session
+from gateway.core.operations import Values
+from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.wireformat.command import Command
 
 
-def version(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
+def version(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
     """V"""
     major, minor = session.model["version"]
     return {"major": major, "minor": minor}
 
 
-def variant(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
+def variant(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
     """v - answered whatever the version: one program waits five seconds for it, twice."""
     return {"variant": session.model["variant"]}
 
 
-def model(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
+def model(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
     """m"""
     return {"model": session.model["id"]}
 
 
-def echo(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
+def echo(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
     """K"""
     return values

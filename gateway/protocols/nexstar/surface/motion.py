@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
 from gateway.core.errors import Asleep, Busy, Fault, Invalid, NoAnswer, Unsupported
 from gateway.core.operations import (
@@ -20,10 +20,12 @@ from gateway.core.operations import (
     Status,
     Tracking,
     TrackRate,
+    Values,
     Wake,
 )
-from gateway.protocols.base.surface import FireAndForget, Handling, Session
+from gateway.protocols.base.wants import FireAndForget, Handling
 from gateway.protocols.nexstar.rates import key_speed, rate_tables
+from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.nexstar.surface.acknowledged import begin
 from gateway.protocols.nexstar.surface.devices import motor
 from gateway.protocols.nexstar.versions import STARSENSE_LONG_MODE, STARSENSE_VARIANT
@@ -44,7 +46,7 @@ def _axis_and_sense(command: Command) -> tuple[int, int]:
     return (1 if axis == "azm" else 2), (1 if sense == "pos" else -1)
 
 
-def fixed(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def fixed(session: NexStarSession, command: Command, values: Values) -> Handling:
     """AUX 0x24, 0x25 - a hand-control key 1-9; 0 stops the axis. Raises Invalid for a key that there is not."""
     axis, sense = _axis_and_sense(command)
     if values["rate"] == 0:
@@ -55,18 +57,18 @@ def fixed(session: Session, command: Command, values: dict[str, Any]) -> Handlin
         raise Invalid
 
 
-def _key(session: Session, key: int) -> Rate:
+def _key(session: NexStarSession, key: int) -> Rate:
     """A key, and what the presented mount does at it, for a mount that has no such keys."""
     return Rate(key=key, degrees=key_speed(rate_tables()[session.model["rates"]], key))
 
 
-def variable(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def variable(session: NexStarSession, command: Command, values: Values) -> Handling:
     """AUX 0x06, 0x07 - quarter arcseconds a second; the three highest codes are tracking rates."""
     axis, sense = _axis_and_sense(command)
     yield from _rate(axis, sense, values["rate"] / 14400.0, _TRACKING.get(values["rate"]))
 
 
-def fine(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def fine(session: NexStarSession, command: Command, values: Values) -> Handling:
     """The same in 1/1024 arcseconds a second."""
     axis = motor(values)
     yield from _rate(axis, 1 if command.name.endswith("pos") else -1, values["rate"] / 1024.0 / 3600.0, None)
@@ -81,7 +83,7 @@ def _rate(axis: int, sense: int, degrees: float, tracking: str | None) -> Handli
         yield from begin(MoveAxis(axis, sense, Rate(degrees=degrees)))
 
 
-def _modes(session: Session) -> dict[int, Tracking]:
+def _modes(session: NexStarSession) -> dict[int, Tracking]:
     """The tracking modes as the presented version counts them."""
     first_last, version = session.model.get("shifted"), session.model["counts_as"]
     if first_last and parse_version(first_last[0]) <= version <= parse_version(first_last[1]):
@@ -89,7 +91,7 @@ def _modes(session: Session) -> dict[int, Tracking]:
     return _MODES
 
 
-def mode(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def mode(session: NexStarSession, command: Command, values: Values) -> Handling:
     """t - binary. What is: a mount that cannot stop tracking goes on after T 0. A StarSense 1.20 says more."""
     status: Status = yield GetStatus()
     told = next((code for code, known in _modes(session).items() if known is status.tracking), 1)
@@ -98,7 +100,7 @@ def mode(session: Session, command: Command, values: dict[str, Any]) -> Handling
     return {"mode": told}
 
 
-def set_mode(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_mode(session: NexStarSession, command: Command, values: Values) -> Handling:
     """T - a mode above 3 does nothing; what cannot be done shows in ``t`` and in the log. Raises NoAnswer."""
     wanted = _modes(session).get(values["mode"])
     if wanted is None:
@@ -114,7 +116,7 @@ def set_mode(session: Session, command: Command, values: dict[str, Any]) -> Hand
         return
 
 
-def pulse(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def pulse(session: NexStarSession, command: Command, values: Values) -> Handling:
     """AUX 0x26 - percent of sidereal for hundredths of a second; the percentage is the mount's own guide rate.
 
     Raises Invalid for more than 100 percent.
@@ -124,40 +126,41 @@ def pulse(session: Session, command: Command, values: dict[str, Any]) -> Handlin
         raise Invalid
     if values["rate"] and ms:
         yield from begin(PulseAxis(axis, 1 if values["rate"] > 0 else -1, ms, abs(values["rate"]) / 100))
-        session.shared[f"pulse ends {axis}"] = session.clock() + ms / 1000.0
+        ends = {**session.shared.pulse_ends, axis: session.clock() + ms / 1000.0}
+        session.set_for_all(replace(session.shared, pulse_ends=ends), lasting=False)
 
 
-def pulse_active(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
+def pulse_active(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
     """AUX 0x27 - of the motor's last pulse, whichever client asked for it."""
-    return {"active": int(session.clock() < session.shared.get(f"pulse ends {motor(values)}", 0.0))}
+    return {"active": int(session.clock() < session.shared.pulse_ends.get(motor(values), 0.0))}
 
 
-def set_guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_guide_rate(session: NexStarSession, command: Command, values: Values) -> Handling:
     """AUX 0x46 - a mount that lacks it says so by the no-response form."""
     axis = motor(values)
     yield from _set(session, f"guide rate {axis}", values["rate"], SetGuideRate(axis, values["rate"] / 256.0))
 
 
-def _set(session: Session, name: str, value: int, operation: SetGuideRate | Backlash) -> Handling:
+def _set(session: NexStarSession, name: str, value: int, operation: SetGuideRate | Backlash) -> Handling:
     """Tell the mount, and remember what it was told or will be told once it hears. Raises Fault."""
     try:
         yield operation
     except (Busy, NoAnswer):
-        session.set_for_all(name, value)
+        session.set_for_all(session.shared.with_motor(name, value))
         raise
-    session.set_for_all(name, value)
+    session.set_for_all(session.shared.with_motor(name, value))
 
 
-def guide_rate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def guide_rate(session: NexStarSession, command: Command, values: Values) -> Handling:
     """AUX 0x47 - what the mount says; else what was set, half sidereal at first."""
     axis = motor(values)
     try:
         return {"rate": min(255, round((yield GuideRate(axis)) * 256))}
     except Unsupported:
-        return {"rate": session.shared.get(f"guide rate {axis}", 128)}
+        return {"rate": session.shared.motors.get(f"guide rate {axis}", 128)}
 
 
-def set_backlash(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_backlash(session: NexStarSession, command: Command, values: Values) -> Handling:
     """AUX 0x10, 0x11 - up to 99; a mount that lacks it says so by the no-response form; a Meade has one for both."""
     axis = motor(values)
     if values["value"] > _FULL_BACKLASH:
@@ -170,31 +173,31 @@ def set_backlash(session: Session, command: Command, values: dict[str, Any]) -> 
     )
 
 
-def backlash(session: Session, command: Command, values: dict[str, Any]) -> dict[str, int]:
+def backlash(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
     """AUX 0x40, 0x41 - what was set."""
-    return {"value": session.shared.get(_backlash_name(command, motor(values)), 0)}
+    return {"value": session.shared.motors.get(_backlash_name(command, motor(values)), 0)}
 
 
 def _backlash_name(command: Command, axis: int) -> str:
     return f"backlash {axis} {command.name[-3:]}"
 
 
-def periodic_error(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def periodic_error(session: NexStarSession, command: Command, values: Values) -> Handling:
     """AUX 0x0D - a mount that lacks it says so by the no-response form. Raises Invalid for neither on nor off."""
     if values["on"] not in _OFF_OR_ON:
         raise Invalid
     yield PeriodicError(motor(values), bool(values["on"]))
 
 
-def hibernate(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def hibernate(session: NexStarSession, command: Command, values: Values) -> Handling:
     """x"""
     yield from begin(Sleep())
 
 
-def wake(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def wake(session: NexStarSession, command: Command, values: Values) -> Handling:
     """y"""
     yield from begin(Wake())
 
 
-def unsync(session: Session, command: Command, values: dict[str, Any]) -> None:
+def unsync(session: NexStarSession, command: Command, values: Values) -> None:
     """u - acknowledged: no mount here keeps a list of syncs."""

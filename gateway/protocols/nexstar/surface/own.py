@@ -6,18 +6,16 @@ mount's bus answer for themselves.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
-from gateway.protocols.base.surface import Session
+from gateway.core.operations import Values
+from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.nexstar.surface.devices import MOTORS
 
 #: Told by the gateway of the motors, which it moves, and by every other device itself.
 _AXES = frozenset({"axis_position", "axis_done"})
 
 
-def stands_against(session: Session, name: str, values: Mapping[str, Any]) -> bool:
+def stands_against(session: NexStarSession, name: str, values: Values) -> bool:
     """Whether the mount's own answer would contradict what this gateway has told or does."""
     if name in _AXES:
         return values["device"] in MOTORS
-    return name == "pulse_active" and f"pulse ends {MOTORS.get(values['device'])}" in session.shared
+    return name == "pulse_active" and MOTORS.get(values["device"]) in session.shared.pulse_ends

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import calendar
+from dataclasses import replace
 from datetime import UTC, datetime
-from typing import Any
 
 from gateway.core.errors import Fault
-from gateway.core.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite
-from gateway.protocols.base.surface import Handling, Possible, Session
+from gateway.core.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite, Values
+from gateway.protocols.base.wants import Handling, Possible
+from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.wireformat.command import Command
 
 
-def site(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def site(session: NexStarSession, command: Command, values: Values) -> Handling:
     """w"""
     place: Place = yield GetSite()
     return {"latitude": place.latitude, "longitude": place.longitude}
 
 
-def set_site(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_site(session: NexStarSession, command: Command, values: Values) -> Handling:
     """W - an impossible place does nothing."""
     if "fault" in values:
         return
@@ -30,7 +31,7 @@ def set_site(session: Session, command: Command, values: dict[str, Any]) -> Hand
         return
 
 
-def clock(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def clock(session: NexStarSession, command: Command, values: Values) -> Handling:
     """h, i - local time that matches the zone that is told. What was set is told again as it was set.
 
     What the mount itself tells of daylight saving counts, where it tells it.
@@ -38,7 +39,7 @@ def clock(session: Session, command: Command, values: dict[str, Any]) -> Handlin
     moment: Moment = yield GetClock()
     quarters = command.name == "i"
     offset, dst = moment.offset, moment.dst or 0
-    held = session.shared.get("zone")
+    held = session.shared.zone
     as_set = held is not None and held[0] + held[1] == offset and moment.dst in (None, held[1])
     if held is not None and as_set and (quarters or held[0] == int(held[0])):
         zone, dst = held
@@ -58,7 +59,7 @@ def clock(session: Session, command: Command, values: dict[str, Any]) -> Handlin
     }
 
 
-def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def set_clock(session: NexStarSession, command: Command, values: Values) -> Handling:
     """H, I - an impossible time does nothing."""
     zone = values["quarters"] / 4.0 if "quarters" in values else float(values["zone"])
     dst = values["dst"]
@@ -79,4 +80,4 @@ def set_clock(session: Session, command: Command, values: dict[str, Any]) -> Han
         yield wanted
     except Fault:
         return
-    session.set_for_all("zone", (zone, dst))
+    session.set_for_all(replace(session.shared, zone=(zone, dst)))

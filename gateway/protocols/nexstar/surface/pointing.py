@@ -6,38 +6,37 @@ equatorial hand control the azimuth and altitude commands read and move the moto
 
 from __future__ import annotations
 
-from typing import Any
-
 from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core.errors import Asleep, Fault, NoAnswer, Unsupported
-from gateway.core.operations import CancelGoto, GetStatus, Goto, PierSide, SiderealTime, Slewing, Sync
-from gateway.protocols.base.surface import FireAndForget, Handling, Session
+from gateway.core.operations import CancelGoto, GetStatus, Goto, PierSide, SiderealTime, Slewing, Sync, Values
+from gateway.protocols.base.wants import FireAndForget, Handling
+from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.nexstar.surface.acknowledged import begin
 from gateway.protocols.nexstar.surface.devices import motor
 from gateway.protocols.nexstar.surface.frames import german, readings, to_mount
 from gateway.protocols.wireformat.command import Command
 
 
-def axes(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def axes(session: NexStarSession, command: Command, values: Values) -> Handling:
     """Z z"""
     return (yield from readings(session))
 
 
-def goto(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def goto(session: NexStarSession, command: Command, values: Values) -> Handling:
     """R r - acknowledged at once; a malformed one does nothing."""
     if "fault" not in values:
-        session.kept.pop("axis goto", None)
+        session.kept.axis_goto = {}
         yield from begin(Goto(*fold_declination(values["ra"], values["dec"])))
 
 
-def goto_axes(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def goto_axes(session: NexStarSession, command: Command, values: Values) -> Handling:
     """B b"""
     if "fault" not in values:
-        session.kept.pop("axis goto", None)
+        session.kept.axis_goto = {}
         yield from begin((yield from to_mount(session, values["az"], values["alt"])))
 
 
-def sync(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def sync(session: NexStarSession, command: Command, values: Values) -> Handling:
     """S s - what cannot be done shows in the log alone."""
     if "fault" not in values:
         try:
@@ -50,23 +49,23 @@ def sync(session: Session, command: Command, values: dict[str, Any]) -> Handling
             return
 
 
-def slewing(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def slewing(session: NexStarSession, command: Command, values: Values) -> Handling:
     """L - gotos only, ASCII."""
     return {"slewing": "1" if (yield Slewing()) else "0"}
 
 
-def cancel(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def cancel(session: NexStarSession, command: Command, values: Values) -> Handling:
     """M - gotos only: motion at a rate goes on until rate 0."""
     yield FireAndForget(CancelGoto())
 
 
-def aligned(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def aligned(session: NexStarSession, command: Command, values: Values) -> Handling:
     """J - binary."""
     status = yield GetStatus()
     return {"aligned": int(status.aligned)}
 
 
-def pier_side(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def pier_side(session: NexStarSession, command: Command, values: Values) -> Handling:
     """p - always E over a fork, and over a mount that has no way to tell it: a Meade never changes sides."""
     if not german(session):
         return {"side": "E"}
@@ -76,7 +75,7 @@ def pier_side(session: Session, command: Command, values: dict[str, Any]) -> Han
         return {"side": "E"}
 
 
-def sidereal(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def sidereal(session: NexStarSession, command: Command, values: Values) -> Handling:
     """l"""
     return {"sidereal": (yield SiderealTime())}
 
@@ -84,24 +83,24 @@ def sidereal(session: Session, command: Command, values: dict[str, Any]) -> Hand
 # --- single axes, for programs that speak to the motors ----------------------------------------------------------
 
 
-def axis_position(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def axis_position(session: NexStarSession, command: Command, values: Values) -> Handling:
     """AUX 0x01"""
     number = motor(values)
     seen = yield from readings(session)
     return {"position": seen.az if number == 1 else seen.alt}
 
 
-def axis_goto(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def axis_goto(session: NexStarSession, command: Command, values: Values) -> Handling:
     """AUX 0x02, 0x17 - while the other axis is under way to where it was sent, it goes on; else it stays."""
     number = motor(values)
     seen = yield from readings(session)
-    sent: dict[int, float] = session.kept.get("axis goto", {}) if (yield Slewing()) else {}
+    sent = session.kept.axis_goto if (yield Slewing()) else {}
     wanted = {1: seen.az, 2: seen.alt, **sent, number: values["position"]}
     yield from begin((yield from to_mount(session, wanted[1], wrap180(wanted[2]))))
-    session.kept["axis goto"] = {**sent, number: values["position"]}
+    session.kept.axis_goto = {**sent, number: values["position"]}
 
 
-def axis_done(session: Session, command: Command, values: dict[str, Any]) -> Handling:
+def axis_done(session: NexStarSession, command: Command, values: Values) -> Handling:
     """AUX 0x13 - 255 when the goto is over."""
     motor(values)
     return {"done": 0 if (yield Slewing()) else 255}

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
+from gateway.app.bindings import manners
 from gateway.app.config import SurfaceConfig
 from gateway.app.config.describing import named
 from gateway.app.config.programs import programs, recognisable, settled, wanted_by
-from gateway.app.gateway import manners
 from gateway.clients.equinox import J2000
 from gateway.core.wire_log import Entry
 from tests.support.fake_mount import Mount, Talk
@@ -100,8 +100,8 @@ def test_stellarium_mobile_is_told_j2000_and_nobody_else_is() -> None:
         of_date, j2000 = await other.ask(b":GR#"), await mobile.ask(b"#:GR#")
         assert of_date == b"12:34:56#"
         assert j2000 == b"12:33:40#"  # 26.2 years of 3.07 + 1.34 sin(ra) tan(dec) = 2.87 s back
-        assert [entry.note for entry in entries if "treated" in entry.note] == [
-            "this is Stellarium Mobile PLUS, and treated so"
+        assert [entry.note for entry in entries if "applying its profile" in entry.note] == [
+            "recognised client Stellarium Mobile PLUS: applying its profile"
         ]
         assert await mobile.ask(b"#:Sr05:34:32#") == b"1"
         assert await mobile.ask(b"#:Sd+22:00:52#") == b"1"
@@ -159,7 +159,7 @@ def test_only_the_right_program_is_recognised(path: Path) -> None:
         for line in read(path).lines:
             if line.mark == ">":
                 await visit.ask(line.data)
-        notes = [entry.note for entry in entries if "treated so" in entry.note]
+        notes = [entry.note for entry in entries if "applying its profile" in entry.note]
         expected = {"lx200-stellarium": 1, "lx200-stellarium-mobile": 1}
         assert len(notes) == expected.get(path.stem, 0)
 

@@ -91,11 +91,12 @@ def test_the_example_has_every_key(tmp_path: Path) -> None:
     tables = tomli.loads(text)
     assert set(tables["mount"]) == {key.name for key in keys("mount")}
     assert set(tables["surface"][0]) == {key.name for key in keys("surface")}
-    assert set(tables) == {"mount", "surface"} | {key.name for key in keys("")}
+    assert set(tables["console"]) == {key.name for key in keys("console")}
+    assert set(tables) == {"mount", "surface", "console"} | {key.name for key in keys("")}
 
 
 def test_every_key_is_described() -> None:
-    for name in ("", "mount", "surface"):
+    for name in ("", "mount", "surface", "console"):
         for key in keys(name):
             assert key.words
             assert key.right

@@ -128,7 +128,7 @@ def test_at_the_end_it_says_how_the_mount_was_left() -> None:
             client = bridge.client()
             await client.ask(b":RS#:Mn#:GVP#")
             await asyncio.sleep(2)
-            moved = bridge.controller.motions.busy
+            moved = bridge.controller.reconciler.busy
             await bridge.controller.close()
             told = last_words(bridge.controller, moved)
             assert told is not None
@@ -144,7 +144,7 @@ def test_at_the_end_it_says_how_the_mount_was_left() -> None:
 def test_a_stop_that_was_not_heard_is_no_good_end() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
-            bridge.controller.motions.owe_stop()
+            bridge.controller.reconciler.owe_stop()
             told = last_words(bridge.controller, True)
             assert told is not None
             assert told.warns
@@ -162,6 +162,7 @@ def test_a_run_says_it_on_stdout(tmp_path: Path, started: list[Running]) -> None
     command = [
         *GATEWAY,
         "run",
+        "--no-console",
         "--mount",
         f"nexstar:cge@{tmp_path}/mount",
         "--surface",
@@ -198,6 +199,7 @@ def test_a_baud_rate_that_the_mount_does_not_talk_at_is_said(tmp_path: Path, sta
     command = [
         *GATEWAY,
         "run",
+        "--no-console",
         "--mount",
         f"nexstar@{tmp_path}/mount",
         "--baud",

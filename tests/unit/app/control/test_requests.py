@@ -174,7 +174,7 @@ def test_taken_back_before_it_came_it_is_not_begun() -> None:
         async with Bridge() as bridge:
             owner = Owner(bridge)
             await owner.wish(commands.End("g"))
-            assert (await owner.wish(commands.Goto("g", CRAB))).startswith("failed It was taken back.")
+            assert (await owner.wish(commands.Goto("g", CRAB))).startswith("failed It was cancelled.")
             await asyncio.sleep(2)
             assert not moves(bridge)
 

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from gateway.app.state import file as state
 from gateway.app.state import store
-from gateway.app.state.file import FORMAT, NamedSite, SavedState, from_shared, read_kept, to_shared
+from gateway.app.state.file import FORMAT, SavedState, from_shared, read_kept, to_shared
+from gateway.protocols.base.session import MountSettings, NamedSite
 from gateway.system import files
 from gateway.system.files import write_whole
 from tests.support.in_process_gateway import Bridge
@@ -102,16 +103,16 @@ def test_every_mount_has_a_name_that_any_disk_takes() -> None:
 # --- whatever stands in its place -------------------------------------------------------------------------------
 
 
-def _begin(directory: Path) -> tuple[list[str], dict[str, Any]]:
+def _begin(directory: Path) -> tuple[list[str], MountSettings]:
     """What a gateway that begins on this directory warns of, and what its clients begin with."""
 
-    async def program() -> tuple[list[str], dict[str, Any]]:
+    async def program() -> tuple[list[str], MountSettings]:
         async with Bridge(state=directory) as bridge:
             assert await bridge.client().ask(b":GM#") != b""
             assert bridge.keeping is not None
-            return bridge.warned, bridge.keeping.shared
+            return bridge.warned, bridge.keeping.shared.settings
 
-    result: tuple[list[str], dict[str, Any]] = run(program())
+    result: tuple[list[str], MountSettings] = run(program())
     return result
 
 
@@ -145,7 +146,7 @@ def test_a_file_that_cannot_be_read_is_moved_aside(tmp_path: Path, content: byte
     warned, shared = _begin(tmp_path)
     assert len(warned) == 1
     assert f"{path.name}.bad" in warned[0]
-    assert shared == {"sites": {}}
+    assert shared == MountSettings()
     assert (tmp_path / f"{path.name}.bad").read_bytes() == content
     assert _begin(tmp_path)[0] == [], "said once"
 
@@ -161,7 +162,7 @@ def test_a_file_cut_anywhere_is_read_or_refused_never_worse(tmp_path: Path) -> N
 def test_what_a_later_program_adds_is_no_reason_to_refuse(tmp_path: Path) -> None:
     (tmp_path / "nexstar@bridge.json").write_bytes(WHOLE.replace(b"{", b'{"new": [1],', 1))
     warned, shared = _begin(tmp_path)
-    assert (warned, shared["site"], shared["zone"]) == ([], 3, (-8.0, 1))
+    assert (warned, shared.site, shared.zone) == ([], 3, (-8.0, 1))
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b'{"mount": 3}', b'{"mount": "", "baud": 1, "memory": {"version": 7}}'])
@@ -224,10 +225,7 @@ def test_a_disk_that_was_full_is_tried_again(tmp_path: Path, monkeypatch: pytest
             await client.ask(b":SNthree#")
 
     run(program())
-    assert to_shared(read_kept(tmp_path / "nexstar@bridge.json"))["sites"] == {
-        "0": {"name": "two"},
-        "1": {"name": "three"},
-    }
+    assert to_shared(read_kept(tmp_path / "nexstar@bridge.json")).sites == {0: NamedSite("two"), 1: NamedSite("three")}
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="the proof forks")
@@ -284,7 +282,7 @@ def test_a_slow_disk_keeps_no_client_waiting(tmp_path: Path) -> None:
             client, began = bridge.client(), bridge.controller.now()
             assert await client.ask(b":SMA#:GM#", until=b"A#") == b"1A#"
             client.tell(b":RM#:Mn#")
-            while not bridge.controller.motions.axes:
+            while not bridge.controller.wanted.axes:
                 await asyncio.sleep(0.001)
             assert bridge.controller.now() - began < 0.4, "two or three exchanges, and 20 ms for the mark"
 

@@ -60,7 +60,7 @@ def test_the_mark_is_there_before_the_motion_and_gone_after_it(tmp_path: Path, m
                 assert _mark(tmp_path), "it stays as long as the motion"
                 client.tell(b":Q#")
             await asyncio.sleep(60)
-            assert not bridge.controller.motions.busy
+            assert not bridge.controller.reconciler.busy
             assert _mark(tmp_path) is None
 
     run(program())

@@ -9,6 +9,7 @@ import pytest
 
 from gateway.app.state.store import selected_site
 from gateway.core.operations import Place
+from gateway.protocols.base.session import NamedSite
 from gateway.protocols.wireformat.command_set import load
 from tests.support.in_process_gateway import Bridge, Visitor
 from tests.support.virtual import run
@@ -77,7 +78,7 @@ def test_a_program_that_selects_no_site_begins_with_the_one_selected_last(tmp_pa
         async with Bridge(state=tmp_path, aligned=False, on=bridge) as bridge:
             assert await bridge.client().ask(b":St+10*00#:Sg010*00#", until=b"11") == b"11"
             assert bridge.keeping is not None
-            assert bridge.keeping.shared["sites"]["2"] == {"latitude": 10.0, "longitude": -10.0}
+            assert bridge.keeping.shared.settings.sites[2] == NamedSite(None, 10.0, -10.0)
 
     run(program())
 
@@ -89,12 +90,12 @@ def test_the_site_selected_last_stands_in_for_a_mount_that_knows_none(tmp_path: 
             client.tell(b":W1#:St+10*30#")
             await asyncio.sleep(1)
             assert bridge.keeping is not None
-            assert selected_site(bridge.keeping.shared) is None, "half a site is none"
+            assert selected_site(bridge.keeping.shared.settings) is None, "half a site is none"
             client.tell(b":Sg010*00#")
             await asyncio.sleep(1)
         async with Bridge(state=tmp_path, aligned=False, on=bridge) as bridge:
             assert bridge.keeping is not None
-            assert selected_site(bridge.keeping.shared) == Place(10.5, -10.0)
+            assert selected_site(bridge.keeping.shared.settings) == Place(10.5, -10.0)
 
     run(program())
 

@@ -18,7 +18,7 @@ from gateway.app.simulated import make_simulator
 from gateway.core.wire_log import Transcript
 from gateway.diagnostics.replay.replaying import Outcome, replay
 from gateway.diagnostics.virtual_time import run
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from gateway.transport.wires import SimulatedTransport
 
 EVENING = 1768514400.0

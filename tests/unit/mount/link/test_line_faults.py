@@ -11,7 +11,8 @@ import pytest
 from gateway.core import operations as op
 from gateway.core.errors import Garbled, NoAnswer
 from gateway.core.wire_log import Transcript
-from gateway.mount.link.queue import HALF_COMMAND, READ, STOP, MountLink
+from gateway.mount.link.line import HALF_COMMAND, MountLink
+from gateway.mount.link.scheduling import READ, STOP
 from gateway.protocols.base.driver import Send
 from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
@@ -281,10 +282,10 @@ def test_reads_are_asked_again_only_when_something_changed() -> None:
 
     async def program() -> None:
         async with Bridge("cge") as bridge:
-            await bridge.controller.belief.exchange(Send("t"), READ)
+            await bridge.controller.verifier.exchange(Send("t"), READ)
             before = len(bridge.sent())
             for _ in range(5):
-                await bridge.controller.belief.exchange(Send("t"), READ)
+                await bridge.controller.verifier.exchange(Send("t"), READ)
             assert bridge.sent()[before:].count(b"t") == 5
 
     run(program())

@@ -11,7 +11,8 @@ import pytest
 
 from gateway.core.errors import NoAnswer, NoDevice, Silence
 from gateway.core.wire_log import Transcript
-from gateway.mount.link.queue import MOTION, POSITION, READ, SETTING, STOP, MountLink
+from gateway.mount.link.line import MountLink
+from gateway.mount.link.scheduling import MOTION, POSITION, READ, SETTING, STOP
 from gateway.protocols.base.driver import Send
 from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
@@ -177,7 +178,7 @@ def test_a_mount_that_falls_silent_is_said_to_be_down_and_comes_back() -> None:
         nonlocal alive
         line, _ = await opened(answers)
         ups = []
-        line.on_up = lambda: ups.append(True)
+        line.came_up.connect(lambda _: ups.append(True))
         alive = False
         with pytest.raises(NoAnswer):
             await line.exchange(Send("J"))

@@ -31,6 +31,6 @@ def test_no_client_makes_it_remember_without_end() -> None:
             client = bridge.client()
             for device in range(256):
                 await client.ask(bytes((80, 1, device, 18, 0, 0, 0, 1)))
-            assert len(bridge.controller.belief._known) <= KNOWN
+            assert len(bridge.controller.verifier._known) <= KNOWN
 
     run(program())

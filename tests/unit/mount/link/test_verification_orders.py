@@ -8,7 +8,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer
-from gateway.mount.link.queue import MountLink
+from gateway.mount.link.line import MountLink
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 

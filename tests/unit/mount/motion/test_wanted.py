@@ -11,8 +11,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Refused
 from gateway.core.motion_kinds import GOTOS
 from gateway.mount.motion import outcomes
-from gateway.mount.motion.apply import apply, does_for, stopped, take_back
-from gateway.mount.motion.next_operation import next_moment, next_operation
+from gateway.mount.motion.apply import apply, does_for, next_moment, next_operation, stopped, take_back
 from gateway.mount.motion.wanted import ByHand, Order, Slew, Theirs, Wanted
 from gateway.mount.safety.rules.dead_man import HostActivity
 

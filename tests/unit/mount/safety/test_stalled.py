@@ -44,7 +44,7 @@ def test_a_position_that_stands_still_under_an_arrow_ends_it(mount: str, driven:
                 await asyncio.sleep(0.5)
             slow = motion.startswith(b":RC#")
             assert not truth_of(bridge.sim).moving or slow
-            said = [entry.note for entry in bridge.entries if "its position shows nothing of it" in entry.note]
+            said = [entry.note for entry in bridge.entries if "its position does not change" in entry.note]
             assert len(said) == (0 if slow else 1)
 
     run(program())
@@ -66,7 +66,7 @@ def test_a_motion_that_is_seen_goes_on(mount: str, driven: str, motion: bytes, l
             for _ in range(40):
                 client.tell(b":GR#")
                 await asyncio.sleep(0.5)
-            assert bridge.controller.motions.axes
+            assert bridge.controller.wanted.axes
             assert not [entry.note for entry in bridge.entries if "shows nothing" in entry.note]
 
     run(program())

@@ -53,7 +53,7 @@ def stage(mount: str = "6-8se", driven: str = "nexstar", access: Access = Access
 def test_positions_come_twice_a_second_and_a_goto_is_followed(mount: str, driven: str) -> None:
     async def program() -> None:
         async with stage(mount, driven) as own:
-            own.controller.derived.sky.load()
+            own.controller.astrometry.sky.load()
             client = own.client()
             await asyncio.sleep(2.1)
             told = heard(client)
@@ -116,7 +116,7 @@ def test_coordinates_are_of_j2000() -> None:
 
     async def program() -> None:
         async with stage() as own:
-            own.controller.derived.sky.load()
+            own.controller.astrometry.sky.load()
             client = own.client()
             client.tell(goto(*CRAB))
             await asyncio.sleep(2.0)

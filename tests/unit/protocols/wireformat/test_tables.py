@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from gateway.core.errors import MappingError, UserError
-from gateway.diagnostics import command_tables
+from gateway.diagnostics import command_outcomes, command_tables
 from gateway.diagnostics.rehearsal.explain import explain
 from gateway.protocols.lx200.surface import HANDLERS as LX200_HANDLERS
 from gateway.protocols.nexstar.driver import HANDLERS as NEXSTAR_HANDLERS
@@ -102,7 +102,7 @@ def test_the_printed_tables_are_up_to_date(capsys: pytest.CaptureFixture[str]) -
 
 @pytest.mark.parametrize(("client", "mount"), pairs())
 def test_no_row_is_missing(client: str, mount: str) -> None:
-    assert command_tables.missing(client, mount) == []
+    assert command_outcomes.missing(client, mount) == []
 
 
 def test_a_missing_row_fails_the_check(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -139,7 +139,7 @@ def test_the_table_of_one_mount() -> None:
 def test_a_row_that_one_old_version_lacks_fails_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
     kept = {name: ways[:1] if name == "Sync" else ways for name, ways in load("nexstar").driver.items()}
     monkeypatch.setattr(load("nexstar"), "_driver", kept)
-    assert command_tables.missing("lx200", "nexstar") == ["CL", "CM"]
+    assert command_outcomes.missing("lx200", "nexstar") == ["CL", "CM"]
 
 
 @pytest.mark.parametrize(
@@ -179,5 +179,5 @@ def test_the_outcomes_on_the_oldest_hand_controls_are_what_happens(
     assert name is not None
     mount = load("nexstar")
     row = load("lx200").surface[name[0].name]
-    assert command_tables.outcome(row, mount, model, SPECS["nexstar"].counts_as(version)) == outcome
+    assert command_outcomes.outcome(row, mount, model, SPECS["nexstar"].counts_as(version)) == outcome
     assert bool(run(program())) == (outcome == "translated")

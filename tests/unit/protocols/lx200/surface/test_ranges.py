@@ -5,6 +5,8 @@ The bytes are the manual's forms, typed by hand, each with a value that its fiel
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from gateway.clients.access import Access
@@ -159,7 +161,7 @@ def test_the_slew_range_is_what_this_client_narrowed_it_to() -> None:
 
 def test_the_slew_range_is_the_owners() -> None:
     talk = Talk()
-    talk.session.settings = {**talk.session.settings, "limits": Limits(lowest=-5.0)}
+    talk.session.settings = replace(talk.session.settings, limits=Limits(lowest=-5.0))
     assert talk.send(b":Sa-04*00#:Sa-06*00#") == b"10"
 
 

@@ -71,7 +71,7 @@ def test_an_impossible_place_is_refused(refused: bytes) -> None:
     talk = Talk()
     assert talk.send(refused) == b"0"
     assert talk.mount.asked == []
-    assert talk.session.shared["sites"] == {}
+    assert talk.session.shared.sites == {}
 
 
 # --- four named sites ---------------------------------------------------------------------------------------------
@@ -80,7 +80,7 @@ def test_an_impossible_place_is_refused(refused: bytes) -> None:
 @pytest.mark.parametrize(("model", "longest"), [("autostar", 15), ("lx200", 3), ("lx200-16", 3), ("lx200gps", 15)])
 def test_a_name_is_as_long_as_the_models_and_saved(model: str, longest: int) -> None:
     talk, saved = Talk(model=model), []
-    talk.session.changed = lambda: saved.append(1)
+    talk.session.common.changed = lambda: saved.append(1)
     name = b"Observatory Alpha"[:longest]
     for letter in (b"M", b"N", b"O", b"P"):
         assert talk.send(b":S%s%s#:G%s#" % (letter, name, letter)) == b"1" + name + b"#"
@@ -90,7 +90,7 @@ def test_a_name_is_as_long_as_the_models_and_saved(model: str, longest: int) -> 
 
 def test_names_are_everybodys_and_never_empty() -> None:
     one, other = Talk(), Talk()
-    other.session.shared = one.session.shared
+    other.session.common = one.session.common
     assert one.send(b":SNHOME#") == b"1"
     assert other.send(b":GN#") == b"HOME#"
     assert all(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -134,7 +136,8 @@ def test_an_altitude_exactly_at_a_clients_limit_is_allowed() -> None:
 def _limited(lowest: float, highest: float) -> Talk:
     """A client of a gateway whose operator has set limits."""
     talk = Talk()
-    talk.mount.limits = talk.face.settings["limits"] = Limits(lowest, highest)
+    talk.mount.limits = Limits(lowest, highest)
+    talk.session.settings = replace(talk.session.settings, limits=talk.mount.limits)
     return talk
 
 

@@ -134,7 +134,7 @@ def test_a_pulse_is_the_motors_not_the_clients() -> None:
     talk = talk_to()
     talk.send(b"P\x03\x10&\x32\xff\0\0")
     talk.reconnect()
-    talk.session.kept = {"precision": "high"}
+    talk.session.forget()
     assert talk.send(ACTIVE[1]) == b"\1#"
 
 

@@ -5,6 +5,7 @@ version, and what real programs send besides; whole, byte by byte, and with byte
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 
 import pytest
 
@@ -173,7 +174,7 @@ def test_a_question_of_a_common_driver_is_no_goto(way: str) -> None:
 def test_every_command_on_every_version(model: str, version: str, way: str) -> None:
     for letter, request in REQUESTS.items():
         talk = Talk(protocol="nexstar", model=model, version=version)
-        kept, shared = dict(talk.session.kept), dict(talk.session.shared)
+        kept, shared = copy(talk.session.kept), talk.session.shared
         answer = (
             say(talk, request, "byte by byte" if way == "byte by byte" else "whole")
             if way in WAYS

@@ -23,6 +23,7 @@ def _framing(now: Callable[[], float]) -> Framing:
 
 
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:
+    from gateway.protocols.base.session import ClientSettings
     from gateway.protocols.base.subscription import Subscription
     from gateway.protocols.base.surface import Surface
 
@@ -33,7 +34,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
         return told.encode({"ra": seen.ra, "dec": seen.dec})
 
     surface.subscriptions = lambda session: [Subscription(Position(), 0.5, position)]
-    return MadeSurface(surface, {"name": "toy"}, {})
+    return MadeSurface(surface, {"name": "toy"}, ClientSettings(settings.limits))
 
 
 SPEC = ProtocolSpec(

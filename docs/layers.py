@@ -1,0 +1,97 @@
+"""Draws the picture of the layers in docs/architecture.md from the imports that are really in the code.
+
+``python docs/layers.py`` writes it; a test compares. Imports inside functions and under ``TYPE_CHECKING`` count. An
+arrow that follows from others is left out: what ``cli`` reaches through ``app`` is not drawn again.
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "architecture.md"
+BEGIN, END = "<!-- layers: python docs/layers.py -->\n", "<!-- end of layers -->\n"
+
+Graph = dict[str, set[str]]
+
+
+def layers() -> list[str]:
+    """The folders of ``gateway/``."""
+    return sorted(path.parent.name for path in (ROOT / "gateway").glob("*/__init__.py"))
+
+
+def imports() -> Graph:
+    """Layer -> the other layers that its modules import from."""
+    known = layers()
+    found: Graph = {name: set() for name in known}
+    for name in known:
+        for path in (ROOT / "gateway" / name).rglob("*.py"):
+            found[name] |= {layer for layer in _imported(path) if layer in known and layer != name}
+    return found
+
+
+def _imported(path: Path) -> Iterator[str]:
+    """The second part of every ``gateway.X…`` that a module imports, wherever the import stands."""
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        names: list[str] = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        for parts in (name.split(".") for name in names):
+            if parts[0] == "gateway" and len(parts) > 1:
+                yield parts[1]
+
+
+def reached(graph: Graph, start: str) -> set[str]:
+    """Every layer that can be reached from one, in any number of steps."""
+    seen: set[str] = set()
+    waiting = [start]
+    while waiting:
+        for layer in graph[waiting.pop()] - seen:
+            seen.add(layer)
+            waiting.append(layer)
+    return seen
+
+
+def drawn(graph: Graph) -> Graph:
+    """The arrows that do not follow from others."""
+    return {
+        name: {layer for layer in below if not any(layer in reached(graph, other) for other in below - {layer})}
+        for name, below in graph.items()
+    }
+
+
+def sentence(layer: str) -> str:
+    """The first sentence of what a folder says of itself."""
+    text = ast.get_docstring(ast.parse((ROOT / "gateway" / layer / "__init__.py").read_text("utf-8"))) or ""
+    return text.split("\n")[0]
+
+
+def picture() -> str:
+    """The block between the two marks."""
+    graph = imports()
+    order = sorted(graph, key=lambda name: (-len(reached(graph, name)), name))
+    arrows = [f"    {name} --> {below}" for name in order for below in sorted(drawn(graph)[name])]
+    rows = [f"| `{name}/` | {sentence(name)} | {', '.join(sorted(graph[name])) or 'nothing'} |" for name in order]
+    return "\n".join(
+        [
+            "```mermaid", "graph TD", *arrows, "```", "",
+            "| folder | what it is | imports from |", "|---|---|---|", *rows, "",
+        ]
+    )  # fmt: skip
+
+
+def refreshed(text: str) -> str:
+    """The page with the picture as it is now."""
+    before, _, rest = text.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    return f"{before}{BEGIN}{picture()}{END}{after}"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(refreshed(PAGE.read_text("utf-8")), "utf-8")
+    sys.stdout.write(f"{PAGE} shows the layers as they are\n")

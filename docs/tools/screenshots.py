@@ -1,0 +1,127 @@
+"""The pictures of the console in README and docs, made from the real page on a simulated night.
+
+    python docs/tools/screenshots.py
+
+writes docs/pictures/*.png, each below 250 kB. It needs the extra ``test`` and Chromium. Gateway, simulated mount and
+browser all live on the evening of 16 January 2026, so that the pictures come out alike.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import os
+import shutil
+import tempfile
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from unittest.mock import patch
+
+from PIL import Image
+from playwright.async_api import Browser, async_playwright
+
+from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
+from gateway.app.gateway import Gateway
+from gateway.app.simulated import make_simulator
+from gateway.console.server import Console
+from gateway.core.wire_log import Transcript
+from gateway.transport.wires import SimulatedTransport
+
+PICTURES = Path(__file__).resolve().parent.parent / "pictures"
+EVENING = datetime(2026, 1, 16, 19, 30, tzinfo=UTC).timestamp()
+SITE = (48.1, 11.6)
+PHONE, DESK = (390, 844), (1280, 800)
+LARGEST = 250_000
+TASKS: set[asyncio.Task[None]] = set()
+#: Name, size, the view, by night?
+SHOTS = (
+    ("sky", DESK, "/sky", False),
+    ("sky-night", DESK, "/sky", True),
+    ("conversation", DESK, "/talk", False),
+    ("phone", PHONE, "/sky", False),
+    ("phone-night", PHONE, "/control", True),
+)
+
+
+async def main() -> None:
+    began = time.time()
+
+    def clock() -> float:
+        return EVENING + time.time() - began
+
+    def wire(mount: Endpoint, _: MountConfig) -> SimulatedTransport:
+        simulator = make_simulator(mount, clock=clock, site=SITE, speed=1.0)
+        return SimulatedTransport("sim", simulator.connection, 0.004)
+
+    with tempfile.TemporaryDirectory() as folder:
+        config = MountConfig(at="nexstar:cpc@sim", site=SITE, state=folder)
+        surfaces = [SurfaceConfig(at="lx200@tcp://127.0.0.1:0")]
+        gateway = Gateway(config, surfaces, clock=clock, transcript=Transcript(clock))
+        await asyncio.to_thread(gateway.sky.load)
+        with patch("gateway.app.simulated.simulated_wire", wire):  # the mount has the same evening
+            await gateway.open()
+        console = Console([gateway])
+        await console.open("127.0.0.1", 0)
+        await gateway.found(10.0)
+        try:
+            await _program(gateway)
+            async with async_playwright() as playwright:
+                where = os.environ.get("CHROMIUM") or shutil.which("chromium")
+                browser = await playwright.chromium.launch(executable_path=where, args=["--no-sandbox"])
+                for name, size, view, night in SHOTS:
+                    if name == "conversation":
+                        TASKS.add(asyncio.ensure_future(_talk(gateway)))
+                    await _shoot(browser, console, name, size, view, night)
+                await browser.close()
+        finally:
+            await console.close()
+            await gateway.close()
+
+
+async def _program(gateway: Gateway) -> None:
+    """Another program sends the mount on a way that takes a while, and polls it."""
+    host, port = gateway.ports[0].where.removeprefix("tcp://").split(":")
+    reader, writer = await asyncio.open_connection(host, int(port))
+    writer.write(b":Sr05:34:32#:Sd+22*00:52#:MS#")
+    await reader.readexactly(3)
+
+    async def poll() -> None:
+        while True:
+            for command in (b":GR#", b":GD#", b":D#"):
+                writer.write(command)
+                await reader.readuntil(b"#")
+            await asyncio.sleep(0.7)
+
+    TASKS.add(asyncio.ensure_future(poll()))
+    await asyncio.sleep(4.0)
+
+
+async def _talk(gateway: Gateway) -> None:
+    """A program says something worth seeing: a refused goto, an arrow, a goto."""
+    host, port = gateway.ports[0].where.removeprefix("tcp://").split(":")
+    _, writer = await asyncio.open_connection(host, int(port))
+    for command in (b":Sr18:37:00#:Sd-70*00:00#", b":MS#", b":RC#:Mn#", b":Qn#", b":Sr06:45:00#:Sd+10*00:00#", b":MS#"):
+        await asyncio.sleep(0.9)
+        writer.write(command)
+
+
+async def _shoot(browser: Browser, console: Console, name: str, size: tuple[int, int], view: str, night: bool) -> None:
+    page = await browser.new_page(viewport={"width": size[0], "height": size[1]}, device_scale_factor=1)
+    await page.clock.set_system_time(EVENING + 15.0)
+    mode = "night" if night else "day"
+    kept = f"localStorage.setItem('light-mode', '{mode}'); localStorage.setItem('light-shown', '{mode}')"
+    await page.add_init_script(kept)
+    await page.goto(f"{console.where}#{view}")
+    await asyncio.sleep(7.0)
+    picture = Image.open(io.BytesIO(await page.screenshot())).convert("RGB")
+    await page.close()
+    PICTURES.mkdir(exist_ok=True)
+    path = PICTURES / f"{name}.png"
+    picture.quantize(colors=256, dither=Image.Dither.NONE).save(path, optimize=True)
+    assert path.stat().st_size < LARGEST, f"{path}: {path.stat().st_size} bytes"
+    print(path.name, path.stat().st_size)
+
+
+if __name__ == "__main__":
+    asyncio.run(main())

@@ -1,0 +1,41 @@
+"""Run a gateway inside a program, over a simulated mount, and point it.
+
+Run it: ``python examples/embed_a_gateway.py``. Write ``"nexstar@/dev/ttyUSB0"`` for ``"nexstar@sim"`` to have it move a
+real mount: leaving the ``async with`` block stops it, however the block is left.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+
+from gateway import Fault, UserError, open_gateway
+
+
+async def main() -> None:
+    async with open_gateway(
+        "nexstar@sim",
+        ["lx200@tcp://127.0.0.1:0"],  # port 0: any that is free
+        site=(48.1, 11.6),  # degrees, north and east positive
+        lowest=-90,  # whatever the time is, the example's target is allowed
+        sun=0,
+        speed=20,  # a simulated mount that slews 20 times faster than a real one
+        warn=lambda text: print(f"note: {text}", file=sys.stderr),
+    ) as gateway:
+        await gateway.ready()
+        print("programs connect to", *gateway.addresses)
+        ra, dec = await gateway.position()
+        try:
+            await gateway.goto(ra + 20.0, dec / 2)
+        except Fault as fault:
+            print(f"refused: {fault}")
+            return
+        there = await gateway.arrived(seconds=60)
+        print(f"arrived at right ascension {there[0]:.3f}, declination {there[1]:.3f} degrees")
+
+
+if __name__ == "__main__":
+    try:
+        asyncio.run(main())
+    except UserError as error:  # a mistake in the settings, or a port that cannot be opened
+        sys.exit(str(error))

@@ -1,0 +1,49 @@
+"""A client of a few lines: it asks whatever speaks LX200 over TCP where the telescope points.
+
+Run it: ``python examples/tiny_client.py 127.0.0.1 4030``. Without arguments it starts a gateway over a simulated mount
+for itself, shows what passes between the gateway and the mount, and asks that one.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+
+from gateway import decode_reply, encode, open_gateway
+from gateway.core.wire_log import Entry
+
+
+async def ask(host: str, port: int) -> tuple[float, float]:
+    """Right ascension and declination, in degrees of the equinox of date. Raises OSError, TimeoutError, FrameError."""
+    async with asyncio.timeout(10):
+        reader, writer = await asyncio.open_connection(host, port)
+        try:
+            found = []
+            for name, field in (("GR", "ra"), ("GD", "dec")):
+                writer.write(encode("lx200", name))
+                reply = await reader.readuntil(b"#")
+                found.append(float(str(decode_reply("lx200", name, reply).values[field])))
+        finally:
+            writer.close()
+            await writer.wait_closed()
+    return found[0], found[1]
+
+
+def show(entry: Entry) -> None:
+    """The hook: every command and reply on either side passes here."""
+    if entry.arrow in "<>" and entry.side == "mount":
+        print(f"    mount {entry.arrow} {entry.data!r}")
+
+
+async def main() -> None:
+    if len(sys.argv) == 3:
+        print(await ask(sys.argv[1], int(sys.argv[2])))
+        return
+    async with open_gateway("nexstar@sim", ["lx200@tcp://127.0.0.1:0"], watch=show) as gateway:
+        await gateway.ready()
+        host, _, port = gateway.addresses[0].partition("://")[2].rpartition(":")
+        print(await ask(host, int(port)))
+
+
+if __name__ == "__main__":
+    asyncio.run(main())

@@ -1,0 +1,143 @@
+"""A gateway inside another Python program.
+
+``open_gateway`` does what ``mount-gateway run`` does for one mount: it opens the mount's port and the surfaces, stops
+the mount when it is closed, and starts the watchdog process for a real mount. Limits, refusals and the order in which
+commands reach the mount are the same for the program as for its clients. Everything runs on the caller's event loop;
+only the astronomy is loaded on a thread.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from gateway.app.config import Source, make_config, parse_endpoint
+from gateway.core import operations as op
+from gateway.core.errors import NoAnswer, Stopped
+from gateway.core.wire_log import Entry, Transcript
+
+if TYPE_CHECKING:
+    from gateway.app.gateway import Gateway
+
+#: Seconds between two looks at whether a goto has ended.
+LOOK = 0.25
+#: Seconds that a mount may take to say what it is.
+FIND_MOUNT = 20.0
+
+
+class RunningGateway:
+    """One mount whose surfaces are open. Made by ``open_gateway``.
+
+    Places are right ascension and declination of the equinox of date, in degrees. Every method that reaches the mount
+    raises ``Fault`` when it is refused or fails; ``str(fault)`` is one sentence for a person.
+    """
+
+    def __init__(self, gateway: Gateway) -> None:
+        assert gateway.controller is not None
+        self._gateway, self._controller = gateway, gateway.controller
+        self._host = self._controller.presence.arrive("the program that embeds the gateway")
+
+    @property
+    def addresses(self) -> list[str]:
+        """Where programs connect, ``PROTOCOL:MODEL@WHERE`` each, with the TCP port that was really taken."""
+        return self._gateway.names()
+
+    async def ready(self, seconds: float = FIND_MOUNT) -> None:
+        """Wait until the mount has said what it is. Raises NoAnswer after so many seconds."""
+        if not await self._gateway.found(seconds):
+            raise NoAnswer(f"{self._gateway.title} has not answered within {seconds:g} s.")
+
+    async def position(self) -> tuple[float, float]:
+        """Where the telescope points: right ascension in [0, 360), declination in [-90, 90]."""
+        position = await self.perform(op.Position())
+        assert isinstance(position, op.Equatorial)
+        return position.ra, position.dec
+
+    async def goto(self, ra: float, dec: float) -> None:
+        """Slew there and track; returns when the mount has accepted it. Limits apply as to every program."""
+        await self.perform(op.Goto(ra % 360.0, dec))
+
+    async def arrived(self, seconds: float = 300.0) -> tuple[float, float]:
+        """Wait until no goto is under way -> the position. Raises Stopped when a stop came, TimeoutError."""
+        stops = self._controller.stops
+        async with asyncio.timeout(seconds):
+            while await self.perform(op.Slewing()):
+                await asyncio.sleep(LOOK)
+        if self._controller.stops != stops:
+            raise Stopped
+        return await self.position()
+
+    async def sync(self, ra: float, dec: float) -> None:
+        """Tell the mount that it points there now. Raises SyncTooFar beyond ``sync_limit``."""
+        await self.perform(op.Sync(ra % 360.0, dec))
+
+    async def stop(self) -> None:
+        """End every motion, before everything else; returns when the mount has acknowledged it."""
+        await self._controller.stop()
+
+    async def perform(self, operation: op.Operation) -> object:
+        """Carry out any operation of ``gateway.core.operations`` -> its answer, as its docstring says.
+
+        What ``Move`` begins ends when the program performs nothing for ``dead_man`` seconds, as for every program.
+        """
+        self._host.heard = True  # the program is there: a motion by hand that it has begun may go on
+        answer: object = await self._controller.perform(operation, self._controller.stops, self._host)
+        return answer
+
+
+@contextlib.asynccontextmanager
+async def open_gateway(
+    mount: str,
+    surfaces: Sequence[str | Mapping[str, object]],
+    *,
+    warn: Callable[[str], None] | None = None,
+    watch: Callable[[Entry], None] | None = None,
+    watchdog: bool = True,
+    **settings: object,
+) -> AsyncIterator[RunningGateway]:
+    """Open a mount (``"nexstar@/dev/ttyUSB0"``, ``"nexstar@sim"``) and the surfaces on which programs reach it.
+
+    ``settings`` are the keys of ``[mount]`` in docs/configuration.md with ``_`` for ``-``: ``site=(48.1, 11.6)``,
+    ``lowest=15``. A surface is an endpoint such as ``"lx200@tcp://127.0.0.1:4030"`` (port 0 takes any), or a mapping of
+    the keys of ``[[surface]]``. ``warn`` is called with whole sentences that a person should read, and ``watch`` with
+    every exchange on either side. Both are called on the event loop and must return quickly. Raises UserError for a
+    setting that cannot be used and for a port that cannot be opened. Leaving the block stops the mount and closes all.
+    """
+    tables: dict[str, object] = {
+        "mount": [_keys({"at": mount, **settings})],
+        "surface": [_keys({"at": surface} if isinstance(surface, str) else surface) for surface in surfaces],
+    }
+    config = make_config(tables, Source("open_gateway"))
+    from gateway.app.gateway import Gateway
+    from gateway.app.watchdog import Watchdog
+    from gateway.app.watchdog.client import available
+    from gateway.astro.ephemeris import Sky
+
+    loop, sky = asyncio.get_running_loop(), Sky()
+    transcript = Transcript(time.time)
+    if watch is not None:
+        transcript.sinks.append(watch)
+    real = parse_endpoint(mount).where != "sim"
+    guard = Watchdog(warn or (lambda text: None)) if watchdog and real and available() else None
+    opened = Gateway(config.mount[0], config.surface, transcript, sky, warn=warn, watchdog=guard)
+
+    def exact() -> None:
+        with contextlib.suppress(RuntimeError):  # the loop is closed already: nobody needs the sky any more
+            loop.call_soon_threadsafe(sky.use)
+
+    try:
+        await opened.open()
+        sky.start(exact)
+        yield RunningGateway(opened)
+    finally:
+        await opened.close()
+        if guard is not None:
+            guard.close()
+
+
+def _keys(settings: Mapping[str, object]) -> dict[str, object]:
+    """Keyword arguments as the keys of ``gateway.toml``."""
+    return {name.replace("_", "-"): value for name, value in settings.items()}

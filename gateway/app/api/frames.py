@@ -1,0 +1,148 @@
+"""Frames of both protocols as named values, and named values as frames.
+
+Commands and their fields are called as in ``mappings/PROTOCOL/commands.toml``, which has them from the manufacturers'
+manuals. Angles are degrees, right ascension and sidereal time too; times of day are seconds since midnight; longitudes
+are positive to the west in LX200 frames, as Meade has it. Nothing here opens a port or keeps a state between calls,
+except ``Splitter``, which remembers the half command that it has been given.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from gateway.core.errors import GatewayError
+from gateway.protocols.registry import PROTOCOLS
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.command_set import load
+
+
+class FrameError(GatewayError, ValueError):
+    """These bytes are no such frame, or these values do not fit into one; the text says which and why."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One command of a program, or one reply of a mount.
+
+    ``name`` is the row of ``commands.toml``, ``values`` are its fields in the order of the wire, and ``help`` says what
+    the command is for. A reply that says no has in ``fault`` the name of the error it stands for, such as
+    ``BelowHorizon``.
+    """
+
+    protocol: str
+    name: str
+    values: Mapping[str, object] = field(default_factory=dict)
+    help: str = ""
+    fault: str | None = None
+
+
+def decode(protocol: str, frame: bytes, /) -> Frame:
+    """One whole command, such as ``b":Sr05:34:32#"``, taken apart. Raises FrameError.
+
+    >>> decode("lx200", b":Sr05:34:32#").values
+    {'ra': 83.63333333333333}
+    """
+    found = load(_known(protocol)).find(frame)
+    if found is None:
+        raise FrameError(f"{frame!r} is no command of the {protocol} protocol")
+    command, template = found
+    try:
+        return Frame(protocol, command.name, template.decode(frame), command.help)
+    except ValueError as error:
+        raise FrameError(f"{command.name} ({command.help}): {error}") from None
+
+
+def encode(protocol: str, name: str, /, **values: object) -> bytes:
+    """The command of this name with these values, in the form that the gateway sends. Raises FrameError.
+
+    >>> encode("lx200", "Sr", ra=83.6333)
+    b':Sr05:34:32#'
+    >>> encode("nexstar", "e")
+    b'e'
+    """
+    command = _command(protocol, name)
+    if strange := sorted(values.keys() - command.request.fields.keys()):
+        raise FrameError(f"{name} ({command.help}) has no {strange[0]}; it has {_listed(command.request.fields)}")
+    return _filled(command, lambda: command.request.encode(values))
+
+
+def decode_reply(protocol: str, name: str, reply: bytes, /) -> Frame:
+    """A whole reply to the command of this name, taken apart; a no is told by ``fault``. Raises FrameError.
+
+    >>> decode_reply("lx200", "GD", b"+22*00:52#").values
+    {'dec': 22.014444444444443}
+    >>> decode_reply("lx200", "MS", b"1Object Below Horizon.#").fault
+    'BelowHorizon'
+    """
+    command = _command(protocol, name)
+    why = f"{name} ({command.help}) has no reply"
+    for form, template in command.replies:
+        try:
+            return Frame(protocol, name, template.decode(reply), command.help, form.fault)
+        except ValueError as error:
+            why = f"{reply!r} is no reply to {name} ({command.help}): {error}"
+    raise FrameError(why)
+
+
+def encode_reply(protocol: str, name: str, /, *, precision: str = "high", **values: object) -> bytes:
+    """The reply to the command of this name that carries these values. Raises FrameError.
+
+    ``precision`` is ``high`` or ``low``; it chooses between the two forms that an LX200 has for most angles.
+
+    >>> encode_reply("lx200", "GR", ra=83.6333, precision="low")
+    b'05:34.5#'
+    """
+    command = _command(protocol, name)
+    for form, template in command.replies:
+        if form.fault is None and form.when in (None, precision) and values.keys() == template.fields.keys():
+            return _filled(command, lambda chosen=template: chosen.encode(values))  # type: ignore[misc]
+    forms = [_listed(template.fields) for form, template in command.replies if form.fault is None]
+    raise FrameError(f"{name} ({command.help}) has no reply with {_listed(values)}; {' or '.join(forms) or 'none'}")
+
+
+class Splitter:
+    """Cuts what a program sends into whole commands, whatever pieces the bytes come in.
+
+    Damaged and unknown bytes are dropped by the rules of the protocol: an LX200 command ends with ``#``, a NexStar
+    command with its length, and a pause ends what is half. ``now`` gives seconds of any clock that never goes back.
+    """
+
+    def __init__(self, protocol: str, now: Callable[[], float] = time.monotonic) -> None:
+        self._framing = PROTOCOLS[_known(protocol)].framing(now)
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """Take bytes as they arrived -> the commands that are complete now, in order; ``decode`` takes each of them."""
+        return self._framing(data)
+
+
+def _known(protocol: str) -> str:
+    """Raises FrameError for what the registry does not have."""
+    if protocol not in PROTOCOLS:
+        raise FrameError(f"{protocol!r} is no protocol; there are {_listed(PROTOCOLS)}")
+    return protocol
+
+
+def _command(protocol: str, name: str) -> Command:
+    command = load(_known(protocol)).commands.get(name)
+    if command is None:
+        raise FrameError(
+            f"the {protocol} protocol has no command called {name!r}; see mappings/{protocol}/commands.toml"
+        )
+    return command
+
+
+def _filled(command: Command, fill: Callable[[], bytes]) -> bytes:
+    """Fill in a form, and say in words what is missing or does not fit."""
+    try:
+        return fill()
+    except KeyError as missing:
+        raise FrameError(f"{command.name} ({command.help}) needs {missing.args[0]}") from None
+    except (TypeError, ValueError) as error:
+        raise FrameError(f"{command.name} ({command.help}): {error}") from None
+
+
+def _listed(names: object) -> str:
+    words = [str(name) for name in names]  # type: ignore[attr-defined]
+    return ", ".join(words) or "no values"

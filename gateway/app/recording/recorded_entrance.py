@@ -1,0 +1,228 @@
+"""The entrance of a gateway that is recorded: everything comes in at the beginning of a turn of the event loop.
+
+It is written down as it comes in: what the gateway does follows from what came, at which turn and what time, and from
+nothing else.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Coroutine
+from itertools import chain, count
+from typing import TypeVar
+
+from gateway.app.recording.entrance import Admitting, Entrance, Work
+from gateway.app.recording.format import MOUNT, escape
+from gateway.app.recording.recorder import Recorder
+from gateway.app.recording.turns import TurnLoop
+from gateway.core.shared_work import result_of
+from gateway.transport import ConnectionHandler
+from gateway.transport.handler import Arrive, HangUp, Write
+from gateway.transport.wires import OnData, OnLost, Transport
+
+_T = TypeVar("_T")
+
+
+class RecordedEntrance(Entrance):
+    """Everything comes in at the beginning of a turn, and ``recorder`` writes it down."""
+
+    def __init__(self, loop: TurnLoop, recorder: Recorder) -> None:
+        self._loop, self.recorder = loop, recorder
+        self._gates = count(1)
+        self._present: set[str] = set()
+
+    def arrive(self, reception: Admitting) -> Arrive:
+        def arrive(name: str, host: str, write: Write) -> ConnectionHandler:
+            reception.admit(name, host)
+            visitor = _Visitor(self._loop, self.recorder, self._unique(name), write, self._present.discard)
+            self._loop.enter(visitor.come, reception, host)
+            return visitor
+
+        return arrive
+
+    def _unique(self, name: str) -> str:
+        """A name that no other connection has: two surfaces may have clients on the same port of the same computer."""
+        unique = next(one for one in chain([name], (f"{name}/{n}" for n in count(2))) if one not in self._present)
+        self._present.add(unique)
+        return unique
+
+    def wire(self, wire: Transport) -> Transport:
+        return _RecordedWire(wire, self)
+
+    def waiting(self, work: Callable[[], Awaitable[None]]) -> Callable[[], Awaitable[None]]:
+        return lambda: self.passed(work())
+
+    async def begin(self, begin: Callable[[], None]) -> None:
+        begun = self._loop.create_future()
+
+        def go() -> None:
+            self.recorder.line(MOUNT, "b")
+            begin()
+            begun.set_result(None)
+
+        self._loop.enter(go)
+        await begun
+
+    def tell(self, arrow: str, act: Callable[[], None]) -> None:
+        def go() -> None:
+            self.recorder.line(MOUNT, arrow)
+            act()
+
+        self._loop.enter(go)
+
+    async def stop(self, stop: Work[None]) -> None:
+        await result_of(await self._task("s", stop))  # who gives up waiting does not take the stop back
+
+    async def order(self, order: Work[str]) -> str:
+        return await result_of(await self._task("o", order))
+
+    async def wish(self, line: str, carry_out: Callable[[str], Coroutine[object, object, str]]) -> str:
+        if not (line.isascii() and line.isprintable()):
+            return await carry_out("")  # which it does not understand
+        return await asyncio.shield(await self._task("c", lambda: carry_out(line), line))
+
+    async def end(self, end: Work[None]) -> None:
+        await result_of(await self._task("q", end))
+
+    async def _task(self, arrow: str, work: Work[_T], text: str = "") -> asyncio.Task[_T]:
+        begun: asyncio.Future[asyncio.Task[_T]] = self._loop.create_future()
+
+        def go() -> None:
+            self.recorder.line(MOUNT, arrow, text)
+            task = self._loop.create_task(work())
+            if begun.cancelled():
+                task.add_done_callback(lambda done: done.cancelled() or done.exception())
+            else:
+                begun.set_result(task)
+
+        self._loop.enter(go)
+        return await begun
+
+    async def passed(self, work: Awaitable[None]) -> None:
+        """Wait for something outside, and go on at the beginning of a turn. Raises OSError when it failed."""
+        number, failure = next(self._gates), ""
+        try:
+            await work
+        except Exception as error:  # pyserial has more kinds of failure than OSError
+            failure = str(getattr(error, "strerror", None) or error or type(error).__name__).replace("\n", " ").strip()
+        gate = self._loop.create_future()
+
+        def go() -> None:
+            if not gate.done():
+                self.recorder.line(MOUNT, "g", f"{number} {failure}")
+                gate.set_result(None)
+
+        self._loop.enter(go)
+        await gate
+        if failure:
+            raise OSError(failure)
+
+
+class _Visitor:
+    """One connection on its way in. The replies to what came at once go out as one."""
+
+    def __init__(
+        self, loop: TurnLoop, recorder: Recorder, name: str, write: Write, gone: Callable[[str], None]
+    ) -> None:
+        self._loop, self._recorder, self._name, self._write, self._gone = loop, recorder, name, write, gone
+        self._guest: ConnectionHandler | None = None
+        self._change_rate: Callable[[int], int] | None = None
+        self._hang_up: HangUp | None = None
+        self._replies: list[bytes] | None = None
+        #: Pieces that have not come in yet.
+        self._waiting = 0
+
+    @property
+    def ended(self) -> bool:
+        return self._guest is not None and not self._waiting and self._guest.ended
+
+    @property
+    def answered(self) -> bool:
+        return self._guest is not None and not self._waiting and self._guest.answered
+
+    def come(self, reception: Admitting, host: str) -> None:
+        self._guest = reception.come(self._name, host, self._tell)
+        if self._change_rate is not None:
+            self._guest.serial(self._change_rate)
+        if self._hang_up is not None:
+            self._guest.network(self._hang_up)
+
+    def feed(self, data: bytes) -> None:
+        self._waiting += 1
+        self._loop.enter(self._feed, data)
+
+    def _feed(self, data: bytes) -> None:
+        assert self._guest is not None
+        self._waiting -= 1
+        self._recorder.line(self._name, ">", escape(data))
+        replies: list[bytes] = []
+        self._replies = replies
+        try:
+            self._guest.feed(data)
+        finally:
+            self._replies = None
+            if replies:
+                self._write(b"".join(replies))
+
+    def _tell(self, data: bytes) -> int | None:
+        if self._replies is None:
+            return self._write(data)
+        self._replies.append(data)
+        return None
+
+    def serial(self, change_rate: Callable[[int], int]) -> None:
+        self._change_rate = change_rate
+        if self._guest is not None:
+            self._guest.serial(change_rate)
+
+    def network(self, hang_up: HangUp) -> None:
+        """To be called before anything is fed."""
+        self._hang_up = hang_up
+
+    def gone(self) -> None:
+        self._loop.enter(self._gone_away)
+
+    def _gone_away(self) -> None:
+        assert self._guest is not None
+        self._recorder.line(self._name, "e")
+        self._guest.gone()
+
+    def close(self) -> None:
+        self._write = lambda data: None
+        self._loop.enter(self._close)
+
+    def _close(self) -> None:
+        assert self._guest is not None
+        self._guest.close()
+        self._gone(self._name)
+
+
+class _RecordedWire:
+    """A wire whose bytes, losses and failures come in at the beginning of a turn."""
+
+    def __init__(self, wire: Transport, entrance: RecordedEntrance) -> None:
+        self._wire, self._entrance = wire, entrance
+        self.name = wire.name
+        self._loop, self._recorder = entrance._loop, entrance.recorder
+
+    async def open(self, on_data: OnData, on_lost: OnLost) -> None:
+        def lost(reason: str) -> None:
+            reason = reason.replace("\n", " ").strip()
+            self._recorder.line(MOUNT, "l", reason)
+            on_lost(reason)
+
+        enter = self._loop.enter
+        await self._entrance.passed(
+            self._wire.open(lambda data: enter(on_data, data), lambda reason: enter(lost, reason))
+        )
+
+    def write(self, data: bytes) -> None:
+        try:
+            self._wire.write(data)
+        except Exception as error:  # as of the wire itself, in words that can be written down
+            reason = str(error).replace("\n", " ").strip()
+            self._recorder.line(MOUNT, "w", reason)
+            raise OSError(reason) from error
+
+    async def close(self) -> None:
+        await self._entrance.passed(self._wire.close())

@@ -1,0 +1,93 @@
+"""The console of a gateway that serves: opened once the surfaces are ready, so that no program waits for it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from gateway.app.config import Config
+from gateway.app.config.console_keys import ConsoleConfig
+from gateway.cli.serve.live import Screen
+
+if TYPE_CHECKING:
+    from gateway.app.discovery import Offer
+    from gateway.app.gateway import Gateway
+    from gateway.clients.access import Access
+    from gateway.console.server import Console
+
+
+async def open_console(config: Config, gateways: Sequence[Gateway], screen: Screen) -> Console | None:
+    """Open the page and say where it is; None where there is to be none, or where it cannot be opened."""
+    if config.page is None:
+        return None
+    from gateway.transport.tcp import split_address
+
+    console = await asyncio.to_thread(_made_ready)  # a quarter of a second that nobody is to wait for
+    page = console(gateways, _access(config.page), config.page.pin or "", config.page.names)
+    host, port = split_address(config.page.at)
+    try:
+        await page.open(host, port)
+    except OSError as error:
+        screen.warn(
+            f"the console cannot be opened at {config.page.at}: {error.strerror or error}; the mount and its surfaces "
+            "work without it, and --console tcp://HOST:PORT puts it elsewhere"
+        )
+        return None
+    screen.say(f"ready console {page.where}")
+    for line in from_elsewhere(page):
+        screen.say(line)
+    return page
+
+
+def _made_ready() -> type[Console]:
+    """The web server, loaded."""
+    made: type[Console] = import_module("gateway.console.server").Console
+    return made
+
+
+def _access(page: ConsoleConfig) -> Access:
+    from gateway.clients.access import Access, networks
+
+    looks = page.read_only
+    return Access(
+        None if page.allow is None else networks(page.allow), looks if isinstance(looks, bool) else networks(looks)
+    )
+
+
+def offer(page: Console) -> Offer:
+    """The console as something to be found on the network."""
+    from gateway.app.discovery.offer import Offer
+
+    return Offer("http", "mount-gateway", "tcp", page.host, page.port)
+
+
+def from_elsewhere(page: Console) -> list[str]:
+    """What to type on a phone, and the same as a QR code, where other computers reach the page."""
+    from gateway.app.discovery.addresses import to_type
+
+    found = offer(page)
+    if not found.wide:
+        return []
+    addresses = [f"http://{f'[{address}]' if ':' in address else address}:{page.port}/" for address in to_type(found)]
+    if not addresses:
+        return [f"no other computer reaches the console's port {page.port}: this one is in no network now"]
+    return [f"on your phone: {' or '.join(addresses)}", *qr_code(addresses[0])]
+
+
+def qr_code(address: str) -> list[str]:
+    """An address as a QR code of block characters, where a terminal shows it and the library is there."""
+    import sys
+
+    if not sys.stdout.isatty():
+        return []
+    try:
+        import segno
+    except ImportError:
+        return []
+    import io
+
+    drawn = io.StringIO()
+    segno.make(address, micro=False, error="l").terminal(drawn, compact=True)
+    return drawn.getvalue().rstrip("\n").split("\n")

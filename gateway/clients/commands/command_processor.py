@@ -1,0 +1,271 @@
+"""Answers one connection: bytes in, replies out, in the order of the commands.
+
+What can be answered from the readings cache is answered within the call that delivered the bytes. The rest waits in a
+task of this connection's own, so that no client waits for another. A reply made of cached readings alone is reused as
+long as they are valid. A reply stands in its command's place or is left out: what is not answered in time is never
+answered, and the commands behind it are. What it asked for is still done, unless it would start a motion that late.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+
+from gateway.clients.commands.client_log import ClientLog
+from gateway.clients.commands.inbox import Inbox
+from gateway.clients.commands.pushes import Pushes
+from gateway.clients.commands.reply_cache import ReplyCache
+from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Turn
+from gateway.clients.commands.turn_runner import TurnRunner
+from gateway.core.errors import NoAnswer
+from gateway.core.operations import Operation, Stop
+from gateway.core.wire_log import Transcript
+from gateway.mount.controller import MountController
+from gateway.mount.safety.rules.dead_man import HostActivity
+from gateway.protocols.base.ends import Ending
+from gateway.protocols.base.frames import Framing, Unterminated
+from gateway.protocols.base.session import Session
+from gateway.protocols.base.surface import Surface
+from gateway.transport.baud_trial import BaudTrial
+from gateway.transport.handler import Write
+
+
+class CommandProcessor:
+    """Answers one connection. ``write`` takes reply bytes."""
+
+    def __init__(
+        self,
+        name: str,
+        controller: MountController,
+        surface: Surface,
+        session: Session,
+        framing: Framing,
+        write: Write,
+        transcript: Transcript,
+        life: HostActivity,
+    ) -> None:
+        self.life = life
+        self.controller, self.surface, self.session = controller, surface, session
+        self.framing, self.write = framing, write
+        self.log = ClientLog(name, transcript)
+        self._inbox, self._cache = Inbox(self.log), ReplyCache()
+        self.runner = TurnRunner(controller, surface, session, life, self.log, self._cache)
+        #: The command that waits for the mount; those that nobody waits for any more.
+        self._task: asyncio.Task[None] | None = None
+        self._late: set[asyncio.Task[None]] = set()
+        #: What that is; and whether it is waited for until the next command comes.
+        self._turn: Turn | None = None
+        self._lasting = False
+        #: When the bytes came that are being fed, loop time.
+        self.came: Callable[[], float] = controller.now
+        self.open = True
+        #: Whether the last bytes did nothing but end motions without a reply.
+        self.ended = False
+        #: Whether what comes next is the beginning of a command.
+        self._idle = True
+        self._pushes: Pushes | None = None
+        #: Where the connection is a serial port: its baud rate.
+        self.rate: BaudTrial | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether anything it has asked for is still under way."""
+        return self._task is not None or bool(self._late) or bool(self.runner.begun)
+
+    @property
+    def answered(self) -> bool:
+        """Whether nothing waits here for its turn or for the mount's answer."""
+        return self._task is None and not self._inbox
+
+    # --- bytes in ---------------------------------------------------------------------------------------------------
+
+    def feed(self, data: bytes, stops: int | None = None) -> None:
+        """Take bytes as they arrived; ``stops`` is the controller's count of stops then, where that was some time
+        ago."""
+        self.life.heard |= stops != LONG_AGO
+        if self.log.heard:
+            self.log.put("raw", data)
+        if self._idle and self._task is None and self._repeated(data):
+            return
+        frames = self.framing(data)
+        if self.log.heard:
+            self._tell_dropped()
+        self._idle = self.framing.idle  # else what comes next may belong to what came before
+        ended: set[bytes] = set()  # by what stands here since anything else was asked for: the same again is no news
+        self.ended = bool(frames)
+        for frame in frames:
+            if isinstance(frame, Unterminated):
+                self.log.note(frame.words)
+            if self.rate is not None and self.surface.protocol.find(frame) is not None:
+                self.rate.understood()
+            if frame in ended:
+                self.log.put("x", frame, "repeated with nothing in between: carried out once for both")
+                continue
+            ending = self.surface.ending(self.session, frame)
+            if ending is None:
+                ended.clear()
+                self.ended = False
+            else:
+                ended.add(frame)
+                self._end(frame, ending)
+            self._inbox.add(Turn(frame, self.controller.stops if stops is None else stops, ending, self.came()))
+        if self._lasting and self._inbox and self._turn is not None:
+            self._give_up(self._turn)
+        if self._task is None:
+            self._pump()
+
+    def _repeated(self, data: bytes) -> bool:
+        """Give the same reply to the same question again, where it is good again -> whether that was so."""
+        controller = self.controller
+        now = controller.now()
+        found = self._cache.reply(data, controller.version, now)
+        if found is None:
+            return False
+        reply, kinds = found
+        controller.touch(kinds, now)
+        self.session.last = data
+        if self.log.heard:
+            self.log.put(">", data)
+            self.log.put("<", reply)
+        self.write(reply)
+        return True
+
+    def _end(self, frame: bytes, ending: Ending) -> None:
+        """End a motion before everything that waits here, and take back what would begin it."""
+        self._inbox.take_back(ending.takes_back, frame)
+        if isinstance(ending.operation, Stop):
+            self.controller.begin_stop()
+        else:
+            self.runner.begun.begin(ending.operation, self.controller.stops)
+
+    def _tell_dropped(self) -> None:
+        """For the log: bytes that are of no use, and why."""
+        for why, data in self.framing.dropped.items():
+            self.log.put("x", bytes(data), why)
+
+    # --- commands in their order ------------------------------------------------------------------------------------
+
+    def _pump(self) -> None:
+        """Answer what waits, until something must be waited for, or the gateway ends."""
+        while self._inbox and not self.controller.closed:
+            turn = self._inbox.take()
+            turn.steps = self.surface.handle(self.session, turn.frame)
+            try:
+                wanted = self.runner.advance(turn, None)
+            except StopIteration as end:
+                again = self._inbox.take_repeated(turn.frame) if turn.halting else 0
+                self._answer(turn, end.value * (1 + again) if end.value else None)
+                continue
+            except Exception as error:  # a defect must cost one command, never the client's connection
+                self.runner.defect(turn.frame, error)
+                continue
+            self._task, self._turn = self.controller.loop.create_task(self._wait(turn, wanted)), turn
+            until = turn.came + WAIT_FOR_MOUNT
+            if self.controller.now() < until:
+                turn.timer = self.controller.loop.call_at(until, self._give_up, turn)
+                return
+            self._forget(turn)
+
+    def _give_up(self, turn: Turn) -> None:
+        """The mount has not answered in time: those behind it have their turn, and this one has no reply any more."""
+        self._lasting = turn.lasting and not self._inbox
+        if turn is self._turn and not self._lasting:
+            self._forget(turn)
+            self._pump()
+
+    def _forget(self, turn: Turn) -> None:
+        """Nobody waits for the outcome of what is under way: it is answered as where the mount does not answer."""
+        assert self._task is not None
+        self._late.add(self._task)
+        self._task.add_done_callback(self._late.discard)
+        self._task, self._turn, turn.late = None, None, True
+        reply = self.surface.unanswered(turn.frame, NoAnswer())
+        if not reply:
+            self._too_late(turn.frame)
+        self._answer(turn, reply)
+
+    async def _wait(self, turn: Turn, wanted: Operation) -> None:
+        """Finish a command that needs the mount, then the ones that came meanwhile."""
+        turn.plain = False
+        reply = None
+        try:
+            reply = await self.runner.finish(turn, wanted)
+        except Exception as error:
+            self.runner.defect(turn.frame, error)
+        finally:
+            if not turn.late:
+                self._task = self._turn = None
+                self._lasting = False
+                if turn.timer is not None:
+                    turn.timer.cancel()
+        if turn.late:
+            self._say_refused(turn.frame)
+            return
+        self._answer(turn, reply)
+        self._pump()
+
+    # --- replies out ------------------------------------------------------------------------------------------------
+
+    def _answer(self, turn: Turn, reply: bytes | None) -> None:
+        frame, now = turn.frame, self.controller.now()
+        self.session.last = frame
+        self._say_refused(frame)
+        if not (turn.plain and turn.spent):
+            self._cache.clear()
+        elif reply:
+            until = self.controller.fresh_until(turn.spent)
+            self._cache.remember(frame, reply, turn.spent, self.controller.version, now, until)
+        if reply and now - turn.came > ANSWER_WITHIN and not turn.lasting:
+            reply = None
+            self._too_late(frame)
+        if reply:
+            self.log.put("<", reply)
+            self.write(reply)
+        elif self.log.heard:
+            self._explain(frame)
+        if turn.baud is not None and self.rate is not None:
+            self.rate.begin(turn.baud)
+
+    def _too_late(self, frame: bytes) -> None:
+        found = self.surface.protocol.find(frame)
+        if found is not None and not found[0].replies:
+            return
+        self.log.note_once(
+            f"no reply to {frame!r}: the mount has not answered within "
+            f"{ANSWER_WITHIN} s, and a later answer would be taken for the reply to another command"
+        )
+
+    def _say_refused(self, frame: bytes) -> None:
+        if self.session.refused:
+            why, self.session.refused = self.session.refused, ""
+            self.log.refused_once(f"{frame!r} refused: {why}")
+
+    def _explain(self, frame: bytes) -> None:
+        """Leave a reason for a silence, once for every command of every host."""
+        if why := self.surface.silence(self.session, frame):
+            self.log.note_once(f"no reply to {frame!r}: {why}")
+
+    def push(self) -> None:
+        """Begin to tell the client what its surface tells without being asked."""
+        if subscriptions := self.surface.subscriptions(self.session):
+            unsent, spawn = (lambda: self.write(b"") or 0), self.controller.spawn
+            self._pushes = Pushes(subscriptions, self.runner.reading, self._send, unsent, spawn)
+
+    def _send(self, data: bytes) -> None:
+        """Bytes that nobody has asked for."""
+        self.log.put("<", data)
+        self.write(data)
+
+    def close(self) -> None:
+        """The connection is gone: what it asked for is still done, the replies go nowhere."""
+        self.open = False
+        self.write = lambda data: None
+        if self._pushes is not None:
+            self._pushes.close()
+        for frame in self.framing.end():  # the next connection must not build on what was before half a command
+            self.log.note(frame.words)
+            deque(self.surface.handle(self.session, frame), 0)
+        self._tell_dropped()
+        if self.rate is not None:
+            self.rate.end()

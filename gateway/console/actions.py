@@ -1,0 +1,109 @@
+"""What a page asks for becomes an order to a mount, by the way that a person's orders at the command line take.
+
+So it passes the same limits, is refused in the same words, and stands in a recording like everything that comes from
+outside.
+"""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from gateway.app.control import commands
+from gateway.app.control.orders import orders
+from gateway.app.control.requests import DONE
+from gateway.app.gateway import Gateway
+from gateway.console import requests
+from gateway.core.operations import Direction
+
+_WORD = {"stopped": "stopped", "held": "stopped and held", "released": "released"}
+
+
+async def order(gateway: Gateway, word: str) -> tuple[bool, str]:
+    """``stop``, ``hold`` or ``release``, as ``mount-gateway stop`` gives them -> whether it was done, and words."""
+    assert gateway.controller is not None and gateway.keeping is not None
+    answer = await orders(gateway.controller, gateway.keeping, gateway.entrance)[word]()
+    return (True, _WORD[answer]) if answer in _WORD else (False, answer.removeprefix("failed "))
+
+
+async def carry_out(gateway: Gateway, command: commands.Wish) -> tuple[bool, str]:
+    """-> whether it was done or begun, and words."""
+    assert gateway.desk is not None
+    answer = await gateway.entrance.wish(commands.written(command), gateway.desk.carry_out)
+    word, _, rest = answer.partition(" ")
+    return word == DONE, rest
+
+
+def number() -> str:
+    """A number that no other order has."""
+    return secrets.token_hex(8)
+
+
+def command(request: requests.Act, who: str, where: Callable[[requests.Aimed], commands.Where]) -> commands.Wish:
+    """The order that a request stands for, where it is one of those without a further state."""
+    return MAKE[type(request)](request, number(), who, where)
+
+
+def _aimed(kind: Any) -> Callable[..., Any]:
+    return lambda request, number, who, where: kind(number, where(request), who=who)
+
+
+def _plain(kind: Any) -> Callable[..., Any]:
+    return lambda request, number, who, where: kind(number, who=who)
+
+
+MAKE: Mapping[type[Any], Callable[..., commands.Wish]] = {
+    requests.Goto: _aimed(commands.Goto),
+    requests.Sync: _aimed(commands.Sync),
+    requests.Park: _plain(commands.Park),
+    requests.Unpark: _plain(commands.Unpark),
+    requests.Wake: _plain(commands.Unpark),
+    requests.Home: _plain(commands.Home),
+    requests.Track: lambda request, number, who, where: commands.Track(number, request.on, request.rate, who=who),
+    requests.Time: lambda request, number, who, where: commands.TellTime(number, request.unix, request.offset, who=who),
+    requests.Site: lambda request, number, who, where: commands.TellSite(
+        number, request.latitude, request.longitude, who=who
+    ),
+}
+
+
+class Jogging:
+    """The arrows that one page holds down on one mount."""
+
+    def __init__(self, gateway: Gateway, who: str) -> None:
+        self._gateway, self._who = gateway, who
+        self._held: dict[Direction, tuple[str, int]] = {}
+
+    @property
+    def any(self) -> bool:
+        """Whether one is held down."""
+        return bool(self._held)
+
+    async def press(self, direction: Direction, rate: int) -> tuple[bool, str]:
+        """Press one; the opposite one is let go."""
+        for other in [one for one in self._held if one.axis == direction.axis and one is not direction]:
+            await self.let_go(other)
+        known = number()
+        self._held[direction] = known, rate
+        done, words = await carry_out(self._gateway, commands.Press(known, direction, rate, who=self._who))
+        if not done and self._held.get(direction, ("", 0))[0] == known:
+            del self._held[direction]
+        return done, words
+
+    async def hold_on(self) -> None:
+        """Somebody still holds what is held down."""
+        for direction, (known, rate) in list(self._held.items()):
+            done, _ = await carry_out(self._gateway, commands.Press(known, direction, rate, who=self._who))
+            if not done and self._held.get(direction, ("", 0))[0] == known:
+                del self._held[direction]  # it was ended otherwise: by a stop, a limit, the mount
+
+    async def let_go(self, direction: Direction | None = None) -> tuple[bool, str]:
+        """Let go of one, or of all."""
+        done, words = True, "let go"
+        for one in [direction] if direction is not None else list(self._held):
+            if one in self._held:
+                known, _ = self._held.pop(one)
+                ended, said = await carry_out(self._gateway, commands.LetGo(known, who=self._who))
+                done, words = done and ended, said if not ended else words
+        return done, words

@@ -1,0 +1,120 @@
+// Motion by hand: it lasts while a direction is held, with a finger, the mouse or an arrow key. It ends with the release,
+// and as well when the pointer, the focus, the view or the page is lost; when the network is lost the gateway ends it.
+
+import { byId, isTyping, say } from "../core/dom.js";
+import { notice } from "../frame/notices.js";
+import { ask, on, tell } from "../core/socket.js";
+import { state, subscribe } from "../core/store.js";
+import { onView } from "../core/views.js";
+
+const KEYS = { ArrowUp: "north", ArrowDown: "south", ArrowLeft: "west", ArrowRight: "east" };
+const OPPOSITE = { north: "south", south: "north", east: "west", west: "east" };
+/** What holds each direction down, a pointer's number or "key", and on which mount. @type {Map<string, {by: number|string, mount: number}>} */
+const held = new Map();
+let rate = 5;
+
+const buttonOf = (direction) => byId("pad").querySelector(`[data-go="${direction}"]`);
+
+function mark(direction, on) {
+  buttonOf(direction).classList.toggle("held", on);
+}
+
+async function press(direction, by) {
+  if (held.has(direction) || !state.act) return;
+  letGo(OPPOSITE[direction]);
+  const mount = state.chosen;
+  held.set(direction, { by, mount });
+  mark(direction, true);
+  const answer = await ask({ do: "jog", direction, rate, mount });
+  if (!answer.ok) {
+    held.delete(direction);
+    mark(direction, false);
+    notice(answer.words, "refused");
+  }
+}
+
+function letGo(direction) {
+  const one = held.get(direction);
+  if (!held.delete(direction)) return;
+  mark(direction, false);
+  tell({ do: "let_go", direction, mount: one.mount });
+}
+
+/** Let go of everything, whoever holds it. */
+export function letAllGo() {
+  for (const direction of [...held.keys()]) letGo(direction);
+}
+
+function letPointerGo(event) {
+  for (const [direction, { by }] of [...held]) if (by === event.pointerId) letGo(direction);
+}
+
+function setRate(wanted) {
+  rate = Math.min(9, Math.max(1, wanted));
+  byId("rate").value = String(rate);
+  byId("rate").style.setProperty("--part", `${(rate - 1) / 8}`);
+  say(byId("rate-shown"), `rate ${rate}`);
+  try {
+    localStorage.setItem("rate", String(rate));
+  } catch {
+    // Then it is 5 again the next time.
+  }
+  for (const [direction, { mount }] of held) ask({ do: "jog", direction, rate, mount });
+}
+
+function remembered() {
+  try {
+    return Number(localStorage.getItem("rate")) || 5;
+  } catch {
+    return 5;
+  }
+}
+
+function listenToPointers(pad) {
+  for (const one of pad.querySelectorAll("[data-go]")) {
+    one.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0) return;
+      one.setPointerCapture(event.pointerId);
+      press(one.dataset.go, event.pointerId);
+    });
+    // Enter on a button holds it for as long as the key is down.
+    one.addEventListener("keydown", (event) => event.key === "Enter" && !event.repeat && press(one.dataset.go, "key"));
+    one.addEventListener("keyup", (event) => event.key === "Enter" && letGo(one.dataset.go));
+    one.addEventListener("blur", () => held.get(one.dataset.go)?.by === "key" && letGo(one.dataset.go));
+  }
+  // Wherever the finger is lifted by then.
+  for (const ending of ["pointerup", "pointercancel", "lostpointercapture"]) addEventListener(ending, letPointerGo);
+  pad.addEventListener("contextmenu", (event) => event.preventDefault());
+}
+
+function listenToKeys(pad) {
+  pad.addEventListener("keydown", (event) => {
+    const direction = KEYS[event.key];
+    if (!direction) return;
+    event.preventDefault();
+    if (!event.repeat) press(direction, "key");
+  });
+  addEventListener("keyup", (event) => KEYS[event.key] && letGo(KEYS[event.key]));
+  pad.addEventListener("focusout", (event) => !pad.contains(event.relatedTarget) && letAllGo());
+  addEventListener("keydown", (event) => {
+    if (/^[1-9]$/.test(event.key) && !isTyping(event.target) && !event.ctrlKey && !event.altKey && !event.metaKey) setRate(Number(event.key));
+  });
+}
+
+export function start() {
+  const pad = byId("pad");
+  listenToPointers(pad);
+  listenToKeys(pad);
+  addEventListener("blur", letAllGo);
+  addEventListener("pagehide", letAllGo);
+  document.addEventListener("visibilitychange", () => document.hidden && letAllGo());
+  onView(letAllGo);
+  on("lost", letAllGo);
+  byId("rate").addEventListener("input", () => setRate(Number(byId("rate").value)));
+  byId("slower").addEventListener("click", () => setRate(rate - 1));
+  byId("faster").addEventListener("click", () => setRate(rate + 1));
+  setRate(remembered());
+  subscribe(() => {
+    for (const one of pad.querySelectorAll("[data-go]")) one.disabled = !state.act;
+  });
+}

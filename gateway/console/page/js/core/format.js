@@ -1,0 +1,72 @@
+// Angles and times as people read them. Angles come in degrees, times in Unix seconds; what is unknown is a dash.
+
+export const UNKNOWN = "–";
+const WINDS = ["N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW"];
+const known = (value) => value !== null && value !== undefined && Number.isFinite(value);
+const two = (value) => String(value).padStart(2, "0");
+
+/** Whole parts of 60 of a value that is not negative: hours or degrees, minutes, seconds. */
+function parts(value) {
+  const seconds = Math.round(value * 3600);
+  return [Math.floor(seconds / 3600), Math.floor(seconds / 60) % 60, seconds % 60];
+}
+
+/** 279.46 -> 18h 37m 51s */
+export function hours(degrees) {
+  if (!known(degrees)) return UNKNOWN;
+  const [h, m, s] = parts((((degrees % 360) + 360) % 360) / 15);
+  return `${two(h % 24)}h ${two(m)}m ${two(s)}s`;
+}
+
+/** 38.808 -> +38° 48′ 30″ */
+export function declination(degrees) {
+  if (!known(degrees)) return UNKNOWN;
+  const [d, m, s] = parts(Math.abs(degrees));
+  return `${degrees < 0 ? "−" : "+"}${two(d)}° ${two(m)}′ ${two(s)}″`;
+}
+
+/** -3.2 -> −0h 12m 48s */
+export function hourAngle(degrees) {
+  if (!known(degrees)) return UNKNOWN;
+  const [h, m, s] = parts(Math.abs(degrees) / 15);
+  return `${degrees < 0 ? "−" : "+"}${h}h ${two(m)}m ${two(s)}s`;
+}
+
+/** 76.62 -> 76.6° */
+export const angle = (degrees, digits = 1) => (known(degrees) ? `${degrees.toFixed(digits).replace("-", "−")}°` : UNKNOWN);
+
+/** 248.04 -> 248.0° WSW */
+export const azimuth = (degrees) =>
+  known(degrees) ? `${angle(degrees)} ${WINDS[Math.round(degrees / 22.5) % 16]}` : UNKNOWN;
+
+/** 45.5, 10.25 -> 45.500° N, 10.250° E */
+export function site(latitude, longitude) {
+  const turned = ((longitude + 540) % 360) - 180;
+  return `${Math.abs(latitude).toFixed(3)}° ${latitude < 0 ? "S" : "N"}, ${Math.abs(turned).toFixed(3)}° ${turned < 0 ? "W" : "E"}`;
+}
+
+const clockOf = (unix, options) => new Intl.DateTimeFormat(undefined, { hourCycle: "h23", ...options }).format(unix * 1000);
+
+/** The hour and minute where this device is. */
+export const timeOfDay = (unix) => clockOf(unix, { hour: "2-digit", minute: "2-digit" });
+
+/** The hour, minute and second where this device is. */
+export const toSecond = (unix) => clockOf(unix, { hour: "2-digit", minute: "2-digit", second: "2-digit" });
+
+/** 2026-11-22 14:55:13 UTC */
+export const utc = (unix) => `${new Date(unix * 1000).toISOString().slice(0, 19).replace("T", " ")} UTC`;
+
+/** How long: 4 s, 3 min, 2 h 10 min, 5 days. */
+export function span(seconds) {
+  const whole = Math.abs(seconds);
+  if (whole < 90) return `${whole < 9.95 && whole % 1 >= 0.05 ? whole.toFixed(1) : Math.round(whole)} s`;
+  if (whole < 5400) return `${Math.round(whole / 60)} min`;
+  if (whole < 172800) return `${Math.floor(whole / 3600)} h ${Math.round((whole % 3600) / 60)} min`;
+  return `${Math.round(whole / 86400)} days`;
+}
+
+/** One sentence with a capital and a full stop. */
+export function sentence(words) {
+  const text = words.trim();
+  return text ? text[0].toUpperCase() + text.slice(1) + (/[.!?…]$/.test(text) ? "" : ".") : "";
+}

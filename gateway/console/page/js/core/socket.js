@@ -1,0 +1,112 @@
+// The WebSocket to the gateway: requests with answers, a sign of life twice a second, and a connection that is made
+// anew whenever it is lost. A line that is open but dead is noticed by a question that stays without an answer.
+
+import { changed, state, take } from "./store.js";
+
+const BEAT = 500;
+const QUIET = 2000;
+const DEAD = 5000;
+const AGAIN = [300, 600, 1000, 2000, 3000];
+
+/** @type {WebSocket | null} */
+let ws = null;
+let number = 0;
+let attempts = 0;
+let heard = 0;
+let asked = false;
+/** @type {Map<number, (answer: any) => void>} */
+const waiting = new Map();
+/** @type {Record<string, Array<(value: any) => void>>} */
+const listeners = { talk: [], line: [], open: [], lost: [] };
+
+const meta = (name, page = document) => page.querySelector(`meta[name="${name}"]`)?.getAttribute("content") ?? "";
+export const token = meta("token");
+
+/** Be told of `talk`, `line` (what the gateway sends), `open` and `lost` (the connection). */
+export const on = (event, listener) => listeners[event].push(listener);
+const emit = (event, value) => listeners[event].forEach((listener) => listener(value));
+
+/** Say something that needs no answer. False where nobody hears it. */
+export function tell(request) {
+  if (ws?.readyState !== WebSocket.OPEN) return false;
+  ws.send(JSON.stringify({ mount: state.chosen, ...request }));
+  return true;
+}
+
+/** Ask for something. The answer always comes: `{ok, words, ...}`, ok false where the gateway was not reached. */
+export function ask(request) {
+  return new Promise((resolve) => {
+    const id = ++number;
+    waiting.set(id, resolve);
+    if (!tell({ ...request, id })) {
+      waiting.delete(id);
+      resolve({ ok: false, lost: true, words: "The gateway cannot be reached, so nothing was done." });
+    }
+  });
+}
+
+function hear(event) {
+  heard = performance.now();
+  const message = JSON.parse(event.data);
+  if (message.id) {
+    waiting.get(message.id)?.(message);
+    waiting.delete(message.id);
+  } else if (message.talk) emit("talk", message.talk);
+  else if (message.line) emit("line", message.line);
+  else take(message);
+}
+
+export function connect() {
+  const scheme = location.protocol === "https:" ? "wss:" : "ws:";
+  const mine = new WebSocket(`${scheme}//${location.host}/socket?token=${encodeURIComponent(token)}`);
+  ws = mine;
+  heard = performance.now();
+  asked = false;
+  mine.addEventListener("open", () => {
+    attempts = 0;
+    state.connected = true;
+    changed();
+    emit("open");
+  });
+  mine.addEventListener("message", hear);
+  mine.addEventListener("close", () => mine === ws && lost());
+}
+
+function lost() {
+  ws?.close();
+  ws = null;
+  const was = state.connected;
+  state.connected = false;
+  for (const resolve of waiting.values()) {
+    resolve({ ok: false, lost: true, words: "The connection broke before the gateway answered; look at what the mount does." });
+  }
+  waiting.clear();
+  changed();
+  if (was) emit("lost");
+  setTimeout(again, AGAIN[Math.min(attempts++, AGAIN.length - 1)]);
+}
+
+/** Connect anew; a gateway that was started anew has a new token, which only a new page knows. */
+async function again() {
+  try {
+    const page = await (await fetch("/", { cache: "no-store", signal: AbortSignal.timeout(DEAD) })).text();
+    if (meta("token", new DOMParser().parseFromString(page, "text/html")) !== token) {
+      location.reload();
+      return;
+    }
+  } catch {
+    setTimeout(again, AGAIN[Math.min(attempts++, AGAIN.length - 1)]);
+    return;
+  }
+  connect();
+}
+
+setInterval(() => {
+  if (!tell({ do: "beat" })) return;
+  const silence = performance.now() - heard;
+  if (silence > DEAD) lost();
+  else if (silence > QUIET && !asked) {
+    asked = true;
+    ask({ do: "search", text: "" }).then(() => (asked = false));
+  }
+}, BEAT);

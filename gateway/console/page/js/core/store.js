@@ -1,0 +1,56 @@
+// What the page knows: the last state of every mount, and whether the gateway is heard. Parts of the page subscribe and
+// are called at most once a frame, however many messages came.
+
+/** @type {{hello: any, heardAt: number, mounts: any[], recordings: any[], chosen: number, connected: boolean, act: boolean, pin: string}} */
+export const state = { hello: null, heardAt: 0, mounts: [], recordings: [], chosen: 0, connected: false, act: false, pin: "" };
+
+/** @type {Set<() => void>} */
+const listeners = new Set();
+let waiting = false;
+
+/** Call a function whenever something has changed, and once now. */
+export function subscribe(listener) {
+  listeners.add(listener);
+  listener();
+}
+
+export function changed() {
+  if (waiting) return;
+  waiting = true;
+  // A hidden page paints nothing; it is drawn when it is looked at again.
+  requestAnimationFrame(() => {
+    waiting = false;
+    for (const listener of listeners) listener();
+  });
+}
+
+/** The mount that is shown; null before the first state. */
+export const mount = () => state.mounts[state.chosen] ?? null;
+
+/** The gateway's clock now, Unix seconds; this device's before the gateway has said it. */
+export const gatewayNow = () =>
+  state.hello ? state.hello.now + (performance.now() - state.heardAt) / 1000 : Date.now() / 1000;
+
+/** Take in a message of the gateway that concerns the state. */
+export function take(message) {
+  if (message.hello) {
+    state.hello = message.hello;
+    state.heardAt = performance.now();
+    state.act = message.hello.act;
+  }
+  if (message.state) {
+    state.mounts = message.state.mounts;
+    state.recordings = message.state.recordings;
+    if (state.chosen >= state.mounts.length) state.chosen = 0;
+  }
+  if (message.diff?.recordings) state.recordings = message.diff.recordings;
+  for (const [index, keys] of Object.entries(message.diff?.mounts ?? {})) {
+    state.mounts[Number(index)] = { ...state.mounts[Number(index)], ...keys };
+  }
+  changed();
+}
+
+export function choose(index) {
+  state.chosen = index;
+  changed();
+}

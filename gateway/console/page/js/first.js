@@ -1,0 +1,17 @@
+// Runs before anything is painted: a page that was red when it was last open opens red, without a white flash.
+// Without a memory the hour decides, until the gateway says how high the Sun stands.
+(() => {
+  const root = document.documentElement;
+  let light = null;
+  let step = null;
+  try {
+    light = localStorage.getItem("light-shown");
+    step = localStorage.getItem("light-step");
+  } catch {
+    // A browser that keeps nothing starts by the hour each time.
+  }
+  const hour = new Date().getHours();
+  root.dataset.light = light ?? (hour >= 20 || hour < 6 ? "night" : "day");
+  root.toggleAttribute("data-night", root.dataset.light === "night");
+  root.dataset.step = step ?? "3";
+})();

@@ -1,0 +1,65 @@
+// What must be known before anything else, each with the button that mends it: no connection, a page that only looks,
+// a mount that is held, asleep, busy or gone, and a clock or a site that cannot be right.
+
+import { button, byId, el } from "../core/dom.js";
+import { sentence, span } from "../core/format.js";
+import { answered } from "./notices.js";
+import { question } from "./question.js";
+import { ask } from "../core/socket.js";
+import { mount, state, subscribe } from "../core/store.js";
+import { tellTime } from "../readings/site.js";
+
+let lostAt = 0;
+let shown = "";
+
+const send = (request) => async () => answered(await ask(request));
+
+export async function askForPin() {
+  const given = await question({
+    title: "Act from this page", words: "Without the pin a page only looks and stops.", yes: "Act",
+    fields: [{ name: "pin", label: "Pin of the console", type: "password" }],
+  });
+  if (!given) return;
+  const answer = answered(await ask({ do: "pin", pin: given.pin }));
+  state.pin = answer.ok ? given.pin : "";
+  state.act = state.act || answer.ok;
+}
+
+/** @returns {Array<[string, string, string?, (() => void)?]>}  kind, words, words of the button, what it does */
+function now() {
+  if (!state.connected) return [["bad", lostWords()]];
+  const seen = mount();
+  if (!seen) return [];
+  const rows = [];
+  if (seen.state === "down") rows.push(["bad", `The mount does not answer${seen.reason ? `: ${seen.reason}` : ""}. Look at its cable and its power; the gateway goes on trying.`]);
+  if (seen.state === "busy") rows.push(["note", `The mount is busy${seen.reason ? `: ${seen.reason}` : ""}.`]);
+  if (seen.held) rows.push(["held", "The mount is held: nothing moves it before it is released.", "Release", send({ do: "release" })]);
+  if (seen.asleep) rows.push(["note", "The mount is asleep.", "Wake", send({ do: "wake" })]);
+  if (seen.aligned === false) rows.push(["note", "The mount is not aligned, so it does not know where it points. Align it at its hand control."]);
+  if (seen.clock_doubt) rows.push(["bad", sentence(seen.clock_doubt), "Use this device's time", tellTime]);
+  if (seen.site_doubt) rows.push(["bad", sentence(seen.site_doubt)]);
+  if (!state.act) rows.push(["note", "This page only looks. STOP works all the same.", ...(state.hello?.pin ? ["Type the pin", askForPin] : [])]);
+  return rows;
+}
+
+function lostWords() {
+  if (!state.hello) return "Connecting to the gateway…";
+  lostAt ||= performance.now();
+  return `No connection to the gateway since ${span(Math.round((performance.now() - lostAt) / 1000))}. What is shown is old, and STOP does not get through: stop at the mount itself. It is tried again.`;
+}
+
+function draw() {
+  if (state.connected) lostAt = 0;
+  const rows = now();
+  const key = JSON.stringify(rows.map(([kind, words, press]) => [kind, words, press]));
+  if (key === shown) return;
+  shown = key;
+  byId("banners").replaceChildren(...rows.map(([kind, words, press, does]) =>
+    el("div", { class: `banner ${kind}` }, el("p", {}, words),
+      press && (state.act || press === "Type the pin") ? button(press, does) : null)));
+}
+
+export function start() {
+  subscribe(draw);
+  setInterval(() => state.connected || draw(), 1000);
+}

@@ -1,0 +1,23 @@
+// The first thing that is read: what the mount does, and which mount it is.
+
+import { byId, say } from "../core/dom.js";
+import { sentence } from "../core/format.js";
+import { mount, state, subscribe } from "../core/store.js";
+
+/** What a mount does, in the words of `mount-gateway status`. */
+export function doing(seen) {
+  if (seen.state === "opening") return "Connecting to the mount";
+  if (seen.state === "down") return "The mount does not answer";
+  return sentence(seen.does || "nothing is known yet").replace(/\.$/, "");
+}
+
+export function start() {
+  subscribe(() => {
+    const seen = mount();
+    const moves = seen && (seen.slewing || seen.by_hand);
+    document.body.dataset.mount = !state.connected || !seen ? "lost" : seen.held ? "held" : moves ? "moves" : seen.state;
+    say(byId("does"), !state.connected ? "No connection" : seen ? doing(seen) : "Connecting…");
+    say(byId("name"), seen ? seen.found || seen.name : "mount-gateway");
+    document.title = seen ? `${state.connected ? doing(seen) : "No connection"} · ${seen.name}` : "mount-gateway";
+  });
+}

@@ -1,0 +1,81 @@
+// The page's light: by day, or red by night, in four steps of brightness. By itself it is red while the Sun at the
+// mount is lower than six degrees below the horizon; a choice of one's own is remembered by this browser.
+
+import { byId } from "../core/dom.js";
+import { mount, subscribe } from "../core/store.js";
+
+const DUSK = -6;
+const root = document.documentElement;
+const listeners = [];
+let mode = remembered("light-mode") ?? "auto";
+
+function remembered(key) {
+  try {
+    return localStorage.getItem(key);
+  } catch {
+    return null;
+  }
+}
+
+function remember(key, value) {
+  try {
+    localStorage.setItem(key, value);
+  } catch {
+    // A browser that keeps nothing asks the Sun again the next time.
+  }
+}
+
+export const light = () => ({ mode, night: root.dataset.light === "night", step: Number(root.dataset.step) });
+
+/** Be told when the light has changed, and once now. */
+export function onLight(listener) {
+  listeners.push(listener);
+  listener();
+}
+
+/** The Sun's altitude at the mount in degrees; null while it is unknown. */
+export const sunAltitude = () => mount()?.bodies?.find((body) => body.name === "Sun")?.alt ?? null;
+
+function show(night) {
+  const name = night ? "night" : "day";
+  if (root.dataset.light === name) return;
+  root.dataset.light = name;
+  root.toggleAttribute("data-night", night);
+  remember("light-shown", name);
+  apply();
+}
+
+function apply() {
+  const { night } = light();
+  const paper = getComputedStyle(document.body).backgroundColor;
+  document.querySelector('meta[name="theme-color"]').setAttribute("content", paper);
+  byId("light").setAttribute("aria-pressed", String(night));
+  listeners.forEach((listener) => listener());
+}
+
+/** @param {"auto"|"day"|"night"} wanted */
+export function setMode(wanted) {
+  mode = wanted;
+  remember("light-mode", wanted);
+  if (wanted !== "auto") show(wanted === "night");
+  follow();
+  apply();
+}
+
+/** @param {number} step  1 darkest to 4 brightest */
+export function setStep(step) {
+  root.dataset.step = String(step);
+  remember("light-step", String(step));
+  apply();
+}
+
+function follow() {
+  const sun = sunAltitude();
+  if (mode === "auto" && sun !== null) show(sun < DUSK);
+}
+
+export function start() {
+  byId("light").addEventListener("click", () => setMode(light().night ? "day" : "night"));
+  subscribe(follow);
+  apply();
+}

@@ -1,0 +1,24 @@
+// What the gateway answers, where it can be seen from every view. A refusal stays until it is closed or followed by the
+// next answer; what went well goes by itself.
+
+import { button, byId, el } from "../core/dom.js";
+import { sentence } from "../core/format.js";
+
+const GONE = 4000;
+let timer = 0;
+
+/** @param {string} words @param {"done"|"refused"} [kind] */
+export function notice(words, kind = "done") {
+  clearTimeout(timer);
+  const box = byId("notices");
+  if (!words) return box.replaceChildren();
+  const close = kind === "refused" ? button("Close", () => box.replaceChildren(), { class: "quiet" }) : null;
+  box.replaceChildren(el("div", { class: `notice ${kind}` }, el("p", {}, sentence(words)), close));
+  if (kind === "done") timer = setTimeout(() => box.replaceChildren(), GONE);
+}
+
+/** Show the answer to a request; returns it. */
+export function answered(answer) {
+  notice(answer.words, answer.ok ? "done" : "refused");
+  return answer;
+}

@@ -1,0 +1,42 @@
+// STOP: the button, Escape everywhere, Space everywhere but where one types. It acts at the press, not at the release,
+// and stops every mount of this gateway. One that could not be sent is sent as soon as the gateway is there again.
+
+import { byId, isTyping, say } from "../core/dom.js";
+import { answered, notice } from "./notices.js";
+import { ask, on } from "../core/socket.js";
+import { state, subscribe } from "../core/store.js";
+
+const UNHEARD = "STOP DID NOT REACH THE GATEWAY. Use the mount's own keys or its power switch. It is sent again as soon as the gateway is there.";
+/** Seconds for which a stop that nobody heard is still wanted. */
+const WANTED = 30;
+let owed = 0;
+
+export async function stop() {
+  const pressed = byId("stop");
+  pressed.classList.add("pressed");
+  const answer = await ask({ do: "stop", mount: -1 });
+  pressed.classList.remove("pressed");
+  owed = answer.lost ? performance.now() : 0;
+  if (answer.lost) notice(UNHEARD, "refused");
+  else answered(answer);
+}
+
+function key(event) {
+  const space = event.key === " " && !isTyping(event.target);
+  if (event.key !== "Escape" && !space) return;
+  if (space) event.preventDefault();
+  if (!event.repeat) stop();
+}
+
+export function start() {
+  const pressed = byId("stop");
+  pressed.addEventListener("pointerdown", (event) => event.button === 0 && stop());
+  // A click without a pointer comes from Enter or from an assistive tool.
+  pressed.addEventListener("click", (event) => event.detail === 0 && stop());
+  pressed.addEventListener("contextmenu", (event) => event.preventDefault());
+  addEventListener("keydown", key, { capture: true });
+  // Space presses a button at its release; here it has stopped already.
+  addEventListener("keyup", (event) => event.key === " " && !isTyping(event.target) && event.preventDefault(), { capture: true });
+  on("open", () => owed && performance.now() - owed < WANTED * 1000 && stop());
+  subscribe(() => say(byId("stop-says"), state.mounts.length > 1 ? "all mounts" : "all motion"));
+}

@@ -1,0 +1,25 @@
+// Wires the parts together; each of them looks after its own place on the page.
+
+import * as jog from "./control/jog.js";
+import * as orders from "./control/orders.js";
+import * as socket from "./core/socket.js";
+import { state } from "./core/store.js";
+import * as views from "./core/views.js";
+import * as chart from "./finding/chart.js";
+import * as glance from "./finding/glance.js";
+import * as place from "./finding/place.js";
+import * as search from "./finding/search.js";
+import * as banners from "./frame/banners.js";
+import * as header from "./frame/header.js";
+import * as mounts from "./frame/mounts.js";
+import * as night from "./frame/night.js";
+import * as stop from "./frame/stop.js";
+import * as more from "./more.js";
+import * as readings from "./readings/readings.js";
+import * as talk from "./talk/talk.js";
+
+stop.start(); // before anything else, so that whatever fails below leaves it
+for (const part of [night, header, mounts, banners, glance, search, place, orders, jog, readings, talk, more, views]) part.start();
+socket.on("open", () => state.pin && socket.ask({ do: "pin", pin: state.pin }).then((answer) => (state.act ||= answer.ok)));
+socket.connect();
+chart.startOrSay();

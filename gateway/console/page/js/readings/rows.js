@@ -1,0 +1,24 @@
+// Figures with their labels, of which one that is empty is not shown.
+
+import { el, say } from "../core/dom.js";
+import { UNKNOWN } from "../core/format.js";
+
+/** @typedef {[string, (seen: any) => string, ("large"|"words")?]} Row  label, figure of a mount, style */
+
+/** @param {Row[]} described @returns {{list: any, draw(seen: any): void}} `seen` is null while nothing is known */
+export function rows(described) {
+  const made = described.map(([label, figure, style]) => {
+    const value = el("dd", {});
+    return { figure, value, row: el("div", { class: style ?? null }, el("dt", {}, label), value) };
+  });
+  return {
+    list: el("dl", {}, ...made.map(({ row }) => row)),
+    draw(seen) {
+      for (const { figure, value, row } of made) {
+        const words = seen ? figure(seen) : UNKNOWN;
+        row.hidden = words === "";
+        say(value, words);
+      }
+    },
+  };
+}

@@ -1,0 +1,35 @@
+/**
+ * The chart without a mouse: arrow keys move a cross, Enter picks what is under it, + and - enlarge, 0 resets.
+ *
+ * Other keys go on to the page: Escape and Space stop the mount wherever one is.
+ */
+
+/** Parts of the chart's radius that a key press moves the cross, and with Shift. */
+const STEP = 0.06, FINE = 0.015;
+const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+
+/**
+ * @param {HTMLCanvasElement} canvas
+ * @param {{move: (right: number, down: number) => void, pick: () => void, enlarge: (factor: number) => void,
+ *   reset: () => void, leave: () => void}} acts
+ * @returns {() => void} ends it
+ */
+export function keys(canvas, acts) {
+  const simple = { Enter: acts.pick, "+": () => acts.enlarge(1.5), "=": () => acts.enlarge(1.5),
+    "-": () => acts.enlarge(1 / 1.5), 0: acts.reset };
+  const press = (event) => {
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    const way = WAYS[event.key], step = event.shiftKey ? FINE : STEP;
+    if (way) acts.move(way[0] * step, way[1] * step);
+    else if (simple[event.key]) simple[event.key]();
+    else return;
+    event.preventDefault();
+    event.stopPropagation();
+  };
+  canvas.addEventListener("keydown", press);
+  canvas.addEventListener("blur", acts.leave);
+  return () => {
+    canvas.removeEventListener("keydown", press);
+    canvas.removeEventListener("blur", acts.leave);
+  };
+}

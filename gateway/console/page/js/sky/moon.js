@@ -1,0 +1,18 @@
+/**
+ * The Moon's face: how much of it is lit, and on which side, from where the Sun and the Moon stand.
+ */
+import { dot } from "./sphere.js";
+
+/** From 0, new, to 1, full. @param {number[]} moon @param {number[]} sun */
+export function lit(moon, sun) {
+  return (1 - dot(moon, sun)) / 2;
+}
+
+/** The direction on the canvas from the Moon to the Sun, radians clockwise from the right. */
+export function towards(view, moon, sun) {
+  const part = dot(moon, sun), step = 0.01;
+  const beside = moon.map((value, axis) => value + step * (sun[axis] - part * value));
+  const length = Math.hypot(...beside);
+  const [x, y] = view.point(moon), [x2, y2] = view.point(beside.map((value) => value / length));
+  return Math.atan2(y2 - y, x2 - x);
+}

@@ -1,0 +1,89 @@
+/**
+ * Words on the chart: whoever comes first has the room, and what would lie over another word is left out.
+ */
+
+/** Free pixels around a word. */
+const AIR = 3;
+export const FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Noto Sans', sans-serif";
+
+export class Labels {
+  /** @param {CanvasRenderingContext2D} context @param {import("../view.js").View} view */
+  constructor(context, view) {
+    this.context = context;
+    this.view = view;
+    this.taken = [];
+    /** Widths of words, measured once. */
+    this.widths = new Map();
+  }
+
+  /** A new picture begins. */
+  begin() {
+    this.taken.length = 0;
+  }
+
+  /** Nothing is to be written over this. */
+  keepFree(x, y, radius) {
+    this.taken.push([x - radius, y - radius, x + radius, y + radius]);
+  }
+
+  /**
+   * Write beside a point, within the sky: to its right, or where there is no room to its left, below or above it.
+   * @param {{size: number, weight?: number, colour: string, gap?: number, must?: boolean, spacing?: number}} style
+   */
+  beside(x, y, text, style) {
+    const gap = style.gap ?? 6, width = this.#width(text, style), half = style.size / 2;
+    const places = [
+      [x + gap, y - half], [x - gap - width, y - half],
+      [x - width / 2, y + gap], [x - width / 2, y - gap - style.size],
+    ];
+    const fits = places.find((place) => this.#inSky(place, width, style.size) && this.#free(place, width, style.size));
+    const found = fits ?? (style.must ? places.find((place) => this.#inSky(place, width, style.size)) ?? places[1] : null);
+    if (found) this.#write(found, width, text, style);
+  }
+
+  /** Write about a point. */
+  over(x, y, text, style) {
+    const width = this.#width(text, style), place = [x - width / 2, y - style.size / 2];
+    if (style.must || this.#free(place, width, style.size)) this.#write(place, width, text, style);
+  }
+
+  #free([left, top], width, height) {
+    const right = left + width, bottom = top + height;
+    if (left < 2 || top < 2 || right > this.view.width - 2 || bottom > this.view.height - 2) return false;
+    return this.taken.every(([l, t, r, b]) => right + AIR < l || left - AIR > r || bottom < t || top > b);
+  }
+
+  /** Whether all of it lies inside of the horizon. */
+  #inSky([left, top], width, height) {
+    const { x, y, scale } = this.view;
+    const right = Math.max(Math.abs(left - x), Math.abs(left + width - x));
+    const down = Math.max(Math.abs(top - y), Math.abs(top + height - y));
+    return Math.hypot(right, down) < scale;
+  }
+
+  #write([left, top], width, text, style) {
+    const { context } = this;
+    this.#font(style);
+    context.fillStyle = style.colour;
+    context.textBaseline = "middle";
+    context.textAlign = "left";
+    context.fillText(text, left, top + style.size / 2);
+    this.taken.push([left, top, left + width, top + style.size]);
+  }
+
+  #width(text, style) {
+    const key = `${style.size} ${style.weight ?? 400} ${style.spacing ?? 0} ${text}`;
+    let width = this.widths.get(key);
+    if (width === undefined) {
+      this.#font(style);
+      width = this.context.measureText(text).width;
+      this.widths.set(key, width);
+    }
+    return width;
+  }
+
+  #font(style) {
+    this.context.font = `${style.weight ?? 400} ${style.size}px ${FONT}`;
+    if ("letterSpacing" in this.context) this.context.letterSpacing = `${style.spacing ?? 0}px`;
+  }
+}

@@ -1,0 +1,130 @@
+/**
+ * The mount on the sky: where the tube points, where it has pointed, where it is to go, and the way that it will take.
+ */
+import { Trail } from "../trail.js";
+
+/** How much of its colour the end of a trail keeps; shades in which a trail is drawn. */
+const OLDEST = 0.12, SHADES = 8;
+/** A tube below the horizon is shown just outside of the rim. */
+const OUTSIDE = 0.02;
+
+export function trail({ context, view, colours, trail: { points }, time }) {
+  context.strokeStyle = colours.trail;
+  context.lineWidth = 2;
+  context.lineJoin = context.lineCap = "round";
+  for (let shade = 0; shade < SHADES; shade += 1) {
+    context.globalAlpha = OLDEST + (1 - OLDEST) * ((shade + 0.5) / SHADES);
+    context.beginPath();
+    for (let index = 1; index < points.length; index += 1) {
+      const fresh = 1 - Trail.age(points[index], time);
+      if (Math.min(SHADES - 1, Math.floor(fresh * SHADES)) !== shade) continue;
+      context.moveTo(...view.point(points[index - 1].at));
+      context.lineTo(...view.point(points[index].at));
+    }
+    context.stroke();
+  }
+  context.globalAlpha = 1;
+}
+
+export function way({ context, view, colours, scene }) {
+  if (!scene.way.length) return;
+  context.strokeStyle = colours.way;
+  context.lineWidth = 2;
+  context.setLineDash([2, 6]);
+  context.lineCap = "round";
+  context.beginPath();
+  scene.way.forEach((at, index) => {
+    const [x, y] = view.point(at);
+    if (index) context.lineTo(x, y);
+    else context.moveTo(x, y);
+  });
+  context.stroke();
+  context.setLineDash([]);
+}
+
+export function target({ context, view, colours, scene, labels }) {
+  if (!scene.target) return;
+  const [x, y] = view.point(scene.target);
+  ring(context, x, y, 8, colours.target, colours.shade, 2);
+  disk(context, x, y, 2, colours.target);
+  labels.keepFree(x, y, 10);
+}
+
+/** The place that somebody has picked: four corners, and its name. */
+export function chosen({ context, view, colours, labels, chosen: place }) {
+  if (!place) return;
+  const [x, y] = view.point(place.at), half = 12, arm = 5;
+  const draw = () => {
+    context.beginPath();
+    for (const [right, down] of [[-1, -1], [1, -1], [1, 1], [-1, 1]]) {
+      context.moveTo(x + right * half, y + down * (half - arm));
+      context.lineTo(x + right * half, y + down * half);
+      context.lineTo(x + right * (half - arm), y + down * half);
+    }
+    context.stroke();
+  };
+  twice(context, colours.chosen, colours.shade, 2, draw);
+  labels.keepFree(x, y, half);
+  if (place.name) {
+    labels.beside(x, y, place.name, { size: 13, weight: 650, colour: colours.chosen, gap: half + 4, must: true });
+  }
+}
+
+/** The reticle: a ring that leaves the middle free, and four lines that lead to it. */
+export function tube({ context, view, colours, scene, labels }) {
+  if (!scene.tube) return;
+  const [north, east, up] = scene.tube, [x, y] = view.point([north, east, Math.max(up, -OUTSIDE)]);
+  const draw = () => {
+    context.beginPath();
+    context.arc(x, y, 10, 0, 2 * Math.PI);
+    for (const [right, down] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
+      context.moveTo(x + right * 6, y + down * 6);
+      context.lineTo(x + right * 17, y + down * 17);
+    }
+    context.stroke();
+  };
+  context.setLineDash(up < 0 ? [3, 3] : []);
+  twice(context, colours.tube, colours.shade, 2.25, draw);
+  context.setLineDash([]);
+  labels.keepFree(x, y, 14);
+}
+
+/** The place that the keys move: a cross. */
+export function cursor({ context, view, colours, cursor: at }) {
+  if (!at) return;
+  const [x, y] = view.point(at);
+  twice(context, colours.letters, colours.shade, 1.5, () => {
+    context.beginPath();
+    for (const [right, down] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
+      context.moveTo(x + right * 4, y + down * 4);
+      context.lineTo(x + right * 13, y + down * 13);
+    }
+    context.stroke();
+  });
+}
+
+/** With a dark edge, so that it is seen on whatever it lies. */
+function twice(context, colour, shade, width, draw) {
+  context.lineCap = "butt";
+  context.strokeStyle = shade;
+  context.lineWidth = width + 2.5;
+  draw();
+  context.strokeStyle = colour;
+  context.lineWidth = width;
+  draw();
+}
+
+function ring(context, x, y, r, colour, shade, width) {
+  twice(context, colour, shade, width, () => {
+    context.beginPath();
+    context.arc(x, y, r, 0, 2 * Math.PI);
+    context.stroke();
+  });
+}
+
+function disk(context, x, y, r, colour) {
+  context.fillStyle = colour;
+  context.beginPath();
+  context.arc(x, y, r, 0, 2 * Math.PI);
+  context.fill();
+}

@@ -1,0 +1,35 @@
+// The button that begins a recording of the conversation, and ends it and fetches the file.
+
+import { button, el } from "../core/dom.js";
+import { span } from "../core/format.js";
+import { answered } from "../frame/notices.js";
+import { ask, token } from "../core/socket.js";
+import { gatewayNow, state, subscribe } from "../core/store.js";
+
+const running = () => state.recordings[state.chosen] ?? null;
+
+/** The browser fetches a file: a link that is followed once. */
+function fetchFile(address) {
+  const link = el("a", { href: `${address}?token=${encodeURIComponent(token)}`, download: address.split("/").at(-1) });
+  document.body.append(link);
+  link.click();
+  link.remove();
+}
+
+async function press() {
+  const answer = answered(await ask({ do: "record", on: !running() }));
+  if (answer.ok && answer.download) fetchFile(answer.download);
+}
+
+export function recordButton() {
+  const made = button("Record", press, { id: "record" });
+  const draw = () => {
+    const now = running();
+    made.textContent = now ? `End recording, ${span(Math.max(0, Math.round(gatewayNow() - now.since)))}` : "Record";
+    made.setAttribute("aria-pressed", String(Boolean(now)));
+    made.disabled = !state.act;
+  };
+  subscribe(draw);
+  setInterval(() => running() && draw(), 1000);
+  return made;
+}

@@ -1,0 +1,236 @@
+"""One page that is open: what it sees, what it asks for, and what ends when it is gone.
+
+State goes out as differences, at most five times a second, and only when the page has taken what it was sent before:
+one that is slow, stalled or hidden holds up nobody, and gets the newest state when it reads again. A page that holds
+an arrow down says that it lives twice a second; when that stays away for 1.5 seconds its arrows are let go.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable, Coroutine
+from typing import Any, Protocol
+
+import msgspec
+
+from gateway.console import actions, requests
+from gateway.console.house import House
+from gateway.console.places import Unknown, known, look_up, verdict, where
+from gateway.console.talk import Newest
+from gateway.core import operations as op
+from gateway.core.errors import UserError
+from gateway.core.operations import Direction
+
+#: Seconds between two states; without a sign of life for so long arrows are let go; how often held ones are said again.
+EVERY, SILENT, HOLD_ON = 0.2, 1.5, 5.0
+#: Bytes that may wait for a browser before it is sent nothing more until it has taken them.
+BEHIND = 65536
+#: Requests of one page that are carried out at a time.
+AT_ONCE = 32
+LOOKS_ONLY = "This page only looks. Type the pin to act; a stop needs none."
+
+
+class Socket(Protocol):
+    """What a page session needs of a WebSocket."""
+
+    def waiting(self) -> int:
+        """Bytes that the browser has not taken yet."""
+
+    async def send(self, text: str) -> None:
+        """Raises ConnectionError."""
+
+
+class PageSession:
+    """``run`` until the page is gone; ``take`` what it sends."""
+
+    def __init__(self, house: House, socket: Socket, host: str, acts: bool) -> None:
+        self._house, self._socket, self._acts = house, socket, acts
+        self._who = f"the console at {host}"
+        self._loop = asyncio.get_running_loop()
+        self._heard = self._said = self._loop.time()
+        self._sent: list[dict[str, Any]] = []
+        self._recordings: list[Any] = []
+        self._pulses = [0.0] * len(house.gateways)
+        self._rows = Newest()
+        self._mute: list[Callable[[], None]] = []
+        self._jogging = [actions.Jogging(gateway, self._who) for gateway in house.gateways]
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    # --- what the page sees -----------------------------------------------------------------------------------------
+
+    async def run(self) -> None:
+        """Show the state until that is cancelled, or the browser is gone; then let go of everything."""
+        house = self._house
+        try:
+            await self._send({"hello": {
+                "version": house.version, "act": self._acts, "pin": bool(house.pin) and not self._acts,
+                "now": house.now(),
+            }})  # fmt: skip
+            while True:
+                if self._socket.waiting() <= BEHIND:
+                    await self._show()
+                self._look_after_arrows()
+                await asyncio.sleep(EVERY)
+        finally:
+            for mute in self._mute:
+                mute()
+            await asyncio.shield(self._let_go())
+            for task in self._tasks:
+                task.cancel()
+
+    async def _show(self) -> None:
+        """What has changed since the last time."""
+        house = self._house
+        states, recordings = house.states(), [recording.state for recording in house.recordings]
+        if not self._sent:
+            await self._send({"state": {"mounts": states, "recordings": recordings}})
+        elif changed := _differences(self._sent, states):
+            await self._send({"diff": {"mounts": changed}})
+        if self._recordings and self._recordings != recordings:
+            await self._send({"diff": {"recordings": recordings}})
+        self._sent, self._recordings = states, recordings
+        if times := self._new_times():
+            await self._send({"line": times})
+        if rows := self._rows.take():
+            await self._send({"talk": rows})
+
+    def _new_times(self) -> dict[str, list[Any]]:
+        found = {}
+        for index, pulse in enumerate(self._house.pulses):
+            new = [sample for sample in pulse.samples if sample[0] > self._pulses[index]]
+            if new:
+                self._pulses[index] = new[-1][0]
+                found[str(index)] = new
+        return found
+
+    async def _send(self, value: Any) -> None:
+        await self._socket.send(msgspec.json.encode(value).decode())
+
+    def _look_after_arrows(self) -> None:
+        """Let go of what nobody holds any more; say again what somebody does."""
+        if not any(jogging.any for jogging in self._jogging):
+            return
+        now = self._loop.time()
+        if now - self._heard > SILENT:
+            self._spawn(self._let_go())
+        elif now - self._said > HOLD_ON:
+            self._said = now
+            for jogging in self._jogging:
+                self._spawn(jogging.hold_on())
+
+    async def _let_go(self) -> None:
+        for jogging in self._jogging:
+            await jogging.let_go()
+
+    def _spawn(self, work: Coroutine[Any, Any, Any]) -> None:
+        task: asyncio.Task[None] = self._loop.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    # --- what the page asks for -------------------------------------------------------------------------------------
+
+    def take(self, text: str | bytes) -> None:
+        """A message from the page. What it cannot mean is answered, and costs nothing."""
+        self._heard = self._loop.time()
+        try:
+            request = requests.read(text)
+        except ValueError as error:
+            self._spawn(self._answer(0, False, f"the console does not understand this: {error}"))
+            return
+        if isinstance(request, requests.Beat):
+            return
+        if len(self._tasks) >= AT_ONCE and not isinstance(request, requests.Stop | requests.LetGo):
+            self._spawn(self._answer(request.id, False, "too much at once; wait a moment"))
+            return
+        self._spawn(self._carry_out(request))
+
+    async def _carry_out(self, request: requests.Any) -> None:
+        try:
+            await self._do(request)
+        except (UserError, Unknown) as error:
+            await self._answer(request.id, False, str(error))
+        except ConnectionError:
+            pass
+        except Exception as error:  # a defect must not leave a person without an answer
+            self._house.gateways[0].transcript.note("console", f"internal error, please report it: {error!r}")
+            await self._answer(request.id, False, f"internal error, please report it: {error!r}")
+
+    async def _do(self, request: requests.Any) -> None:
+        house, gateways = self._house, self._house.gateways
+        if isinstance(request, requests.Stop):
+            chosen = gateways if request.mount == -1 else [house.gateway(request.mount)]
+            outcomes = await asyncio.gather(*(actions.order(gateway, "stop") for gateway in chosen))
+            words = "; ".join(dict.fromkeys(words for _, words in outcomes))
+            await self._answer(request.id, all(done for done, _ in outcomes), words)
+            return
+        gateway = house.gateway(request.mount)
+        if isinstance(request, requests.Act) and not self._acts and not isinstance(request, requests.LetGo):
+            await self._answer(request.id, False, LOOKS_ONLY)
+            return
+        jogging = self._jogging[request.mount]
+        controller = gateway.controller
+        assert controller is not None
+        match request:
+            case requests.Talk():
+                self._listen(request.on)
+            case requests.Pin():
+                self._acts = self._acts or house.admits(request.pin)
+                words = "this page may act now" if self._acts else "this is not the pin"
+                await self._answer(request.id, self._acts, words)
+            case requests.Jog():
+                await self._answer(request.id, *await jogging.press(Direction[request.direction.upper()], request.rate))
+            case requests.LetGo():
+                one = None if request.direction is None else Direction[request.direction.upper()]
+                await self._answer(request.id, *await jogging.let_go(one))
+            case requests.Hold() | requests.Release():
+                word = "hold" if isinstance(request, requests.Hold) else "release"
+                await self._answer(request.id, *await actions.order(gateway, word))
+            case requests.LookUp():
+                found = await look_up(controller, request.name)
+                await self._answer(request.id, True, "", found)
+            case requests.Ask():
+                goal = op.Equatorial(request.ra, request.dec)
+                if request.j2000:
+                    goal = await controller.perform(op.OfDate(request.ra, request.dec))
+                await self._answer(request.id, True, "", verdict(controller, goal))
+            case requests.Search():
+                await self._answer(request.id, True, "", {"found": await known(request.text)})
+            case requests.Explain():
+                done, text = await house.explain(gateway, request.surface, request.command)
+                await self._answer(request.id, done, "" if done else text, {"text": text} if done else {})
+            case requests.Record():
+                await self._record(request)
+            case _:
+                place = await where(request) if isinstance(request, requests.Aimed) else None
+                command = actions.command(request, self._who, lambda aimed: place)  # type: ignore[arg-type,return-value]
+                await self._answer(request.id, *await actions.carry_out(gateway, command))
+
+    def _listen(self, on: bool) -> None:
+        for mute in self._mute:
+            mute()
+        self._mute = [talk.listen(self._rows.add) for talk in self._house.talks] if on else []
+
+    async def _record(self, request: requests.Record) -> None:
+        recording = self._house.recordings[request.mount]
+        if request.on:
+            await self._answer(request.id, True, recording.begin())
+            return
+        path = recording.end()
+        more = {"download": f"/recording/{request.mount}/{path.name}"}
+        await self._answer(request.id, True, f"the recording is in {path}", more)
+
+    async def _answer(self, number: int, done: bool, words: str, more: dict[str, Any] | None = None) -> None:
+        if number:
+            with contextlib.suppress(ConnectionError):
+                await self._send({"id": number, "ok": done, "words": words, **(more or {})})
+
+
+def _differences(old: list[dict[str, Any]], new: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Of every mount the keys whose values are other ones, by the mount's number."""
+    found = {}
+    for index, (before, after) in enumerate(zip(old, new, strict=True)):
+        changed = {key: value for key, value in after.items() if before.get(key) != value}
+        if changed:
+            found[str(index)] = changed
+    return found

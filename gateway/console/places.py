@@ -1,0 +1,120 @@
+"""Places on the sky that people name or tap: where they are, when they set, and whether the mount may go there.
+
+The owner's limits are put as a question here, and the mount itself is not asked: a goto is judged again, by all the
+rules, when it is really asked for. Catalogues are looked through on a thread of their own.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from typing import Any
+
+from gateway.app.control import objects
+from gateway.app.control.commands import Body, Spot, Where
+from gateway.app.control.refusals import no
+from gateway.astro.spherical import SIDEREAL_RATE, wrap180
+from gateway.console.requests import Aimed
+from gateway.console.view import place
+from gateway.core import operations as op
+from gateway.core.errors import Asleep, Fault, Held, NearSun, NoAnswer, NotAligned, UserError
+from gateway.mount.controller import MountController
+
+#: Names that are suggested while somebody types.
+SUGGESTED = 12
+
+
+class Unknown(Exception):
+    """There is no such object or mount; the words say what there is instead."""
+
+
+async def where(aimed: Aimed) -> Where:
+    """The place that is meant. Raises UserError."""
+    if aimed.name is not None:
+        return await find(aimed.name)
+    if aimed.ra is None or aimed.dec is None:
+        raise UserError("where to? Give a name, or a right ascension and a declination in degrees")
+    return Spot(aimed.ra, aimed.dec, aimed.j2000)
+
+
+async def find(name: str) -> Where:
+    """Raises UserError that says what is like it."""
+    return await asyncio.to_thread(objects.find, name)
+
+
+async def look_up(controller: MountController, name: str) -> dict[str, Any]:
+    """An object's places, what it is, and whether the mount may go there. Raises UserError."""
+    found = await asyncio.to_thread(objects.describe, name)
+    goal = await _goal(controller, found.where)
+    return {"name": found.name, "kind": found.kind, "magnitude": found.magnitude, **verdict(controller, goal)}
+
+
+async def known(text: str) -> list[dict[str, str]]:
+    """Objects whose names begin like what was typed so far."""
+    found = await asyncio.to_thread(objects.beginning, text, SUGGESTED) if text.strip() else []
+    return [{"name": name} for name in found]
+
+
+async def _goal(controller: MountController, where: Where) -> op.Equatorial:
+    """A place of date. Raises UserError."""
+    reads: op.Operation
+    if isinstance(where, Body):
+        reads = op.MoonPlace() if where.name == "Moon" else op.PlanetPlace(where.name)
+    elif where.j2000:
+        reads = op.OfDate(where.ra, where.dec)
+    else:
+        return op.Equatorial(where.ra, where.dec)
+    try:
+        goal: op.Equatorial = await controller.perform(reads)
+    except Fault as fault:
+        raise UserError(str(fault)) from None
+    return goal
+
+
+def verdict(controller: MountController, goal: op.Equatorial) -> dict[str, Any]:
+    """Of a place of date: its places, rising and setting (Unix seconds; None: it does not), ``may`` and ``why``."""
+    told = place(controller, goal)
+    fault = _forbidden(controller, goal, told["alt"])
+    why = "" if fault is None else no(fault, controller.policy.limits)
+    rises, sets = _rises_and_sets(controller, goal)
+    return {**told, "rises": rises, "sets": sets, "may": fault is None, "why": why}
+
+
+def _forbidden(controller: MountController, goal: op.Equatorial, altitude: float | None) -> Fault | None:
+    if controller.line.state in ("down", "opening"):
+        return NoAnswer()
+    if controller.hold.on:
+        return Held()
+    if controller.driver.asleep:
+        return Asleep()
+    status: op.Status | None = controller.cache.value(op.GetStatus)
+    if status is not None and not status.aligned and controller.policy.unaligned == "refuse":
+        return NotAligned()
+    if altitude is not None:
+        try:
+            controller.policy.limits.check_altitude(altitude)
+        except Fault as fault:
+            return fault
+    if any(distance < controller.suns.limit for distance in controller.suns.distances(goal)):
+        return NearSun()
+    return None
+
+
+def _rises_and_sets(controller: MountController, goal: op.Equatorial) -> tuple[float | None, float | None]:
+    """When it next comes to the lowest altitude that is allowed, on its way up and on its way down."""
+    derived = controller.astrometry
+    site = derived.observatory.site()
+    if site is None:
+        return None, None
+    low = math.radians(max(controller.policy.limits.lowest, 0.0))
+    latitude, dec = math.radians(site.latitude), math.radians(goal.dec)
+    below = math.cos(latitude) * math.cos(dec)
+    if abs(below) < 1e-9:
+        return None, None
+    cosine = (math.sin(low) - math.sin(latitude) * math.sin(dec)) / below
+    if not -1.0 < cosine < 1.0:
+        return None, None
+    half, now = math.degrees(math.acos(cosine)), controller.transcript.clock()
+    angle = wrap180(derived.sidereal_time() - goal.ra)
+    rises, sets = (round(now + ((turn - angle) % 360.0) / SIDEREAL_RATE) for turn in (-half, half))
+    return rises, sets

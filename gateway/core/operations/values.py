@@ -1,0 +1,130 @@
+"""What operations are given and what a mount answers: directions, rates, places, times, and how it stands."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from msgspec import Struct
+
+
+class Direction(Enum):
+    """The four hand-control arrows, as seen on the sky."""
+
+    NORTH = "n"
+    SOUTH = "s"
+    EAST = "e"
+    WEST = "w"
+
+    @property
+    def axis(self) -> int:
+        """1 = right ascension / azimuth, 2 = declination / altitude."""
+        return 2 if self in (Direction.NORTH, Direction.SOUTH) else 1
+
+    @property
+    def sense(self) -> int:
+        """+1 = west or north, -1 = east or south."""
+        return 1 if self in (Direction.NORTH, Direction.WEST) else -1
+
+
+class Tracking(Enum):
+    """What the mount does when nobody moves it."""
+
+    OFF = "off"
+    ALTAZ = "alt-az"
+    EQ_NORTH = "eq-north"
+    EQ_SOUTH = "eq-south"
+
+    @property
+    def equatorial(self) -> bool:
+        return self in (Tracking.EQ_NORTH, Tracking.EQ_SOUTH)
+
+
+class Rate(Struct, frozen=True):
+    """A hand rate: a name (guide, center, find, max), a hand-control key 1-9, or degrees/s.
+
+    ``max`` together with degrees is the fastest rate, limited to so many.
+    """
+
+    name: str | None = None
+    key: int | None = None
+    degrees: float | None = None
+
+
+class Equatorial(Struct, frozen=True):
+    """A place on the sky: right ascension and declination in degrees."""
+
+    ra: float
+    dec: float
+
+
+class Horizontal(Struct, frozen=True):
+    """Azimuth from north through east and altitude, degrees."""
+
+    az: float
+    alt: float
+
+
+class Place(Struct, frozen=True):
+    """A site: latitude north positive, longitude east positive, degrees."""
+
+    latitude: float
+    longitude: float
+
+
+class Moment(Struct, frozen=True):
+    """A clock reading: UTC as Unix seconds and the mount's own offset (local minus UTC, hours, DST counted).
+
+    ``dst`` are the hours of daylight saving in it, 0 or 1; None where nobody tells.
+    """
+
+    unix: float
+    offset: float
+    dst: int | None = None
+
+
+class Gps(Struct, frozen=True):
+    """What a GPS receiver tells: whether it has a fix; place, and UTC as Unix seconds, with one."""
+
+    linked: bool
+    place: Place | None = None
+    unix: float = 0.0
+
+
+class Status(Struct, frozen=True):
+    """How the mount stands: its tracking mode, whether it is aligned, and how it is built.
+
+    ``wedge``: it is a fork on one, and its axes read from north; those of other equatorial mounts read the hour angle.
+    """
+
+    tracking: Tracking
+    aligned: bool
+    equatorial: bool
+    wedge: bool = False
+
+
+class Identity(Struct, frozen=True):
+    """Who the mount is, in words and numbers."""
+
+    product: str
+    version: str
+    model: str
+    motors: tuple[str, ...] = ()
+
+
+class Chosen(Struct, frozen=True):
+    """What the mount's own library has found: its place, what the mount calls it, and its reply, if there was one.
+
+    ``place`` is None where nothing was found.
+    """
+
+    place: Equatorial | None
+    text: str = ""
+    reply: bytes = b""
+
+
+class Pulsed(Struct, frozen=True):
+    """A guide pulse was begun: seconds until it is over, whether the motor ``ends`` it by itself, milliseconds left."""
+
+    seconds: float
+    ends: bool
+    left: int = 0

@@ -1,0 +1,178 @@
+"""A recording, read once from its beginning to its end, as what a report tells.
+
+Bytes are understood as ``decode`` understands them. Which commands tell a place or a site, and which are gotos,
+is told by the protocol.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from typing import Any
+
+from gateway.app.recording.format import BOOKKEEPING, MOUNT, RECORDER, Event, Recording
+from gateway.astro.spherical import separation, wrap180
+from gateway.core.errors import UserError
+from gateway.core.wire_log import SKY_READY
+from gateway.diagnostics.log.conversation import Heard, Side
+from gateway.diagnostics.recorded_sides import RecordedSides
+from gateway.diagnostics.report.night import Night, Pointing, Program, Remark, Site
+from gateway.protocols.registry import PROTOCOLS
+
+#: Seconds between two places that are kept while the tube hardly moves, and degrees that are more than hardly.
+SELDOM, FAR = 10.0, 0.3
+#: Right ascension and declination that come one after the other belong together within so many seconds.
+TOGETHER = 3.0
+#: Requests whose replies may still be due.
+DUE = 64
+#: Of each kind, so many remarks are kept.
+MOST = 10_000
+
+
+def gather(recording: Recording) -> Night:
+    """Raises UserError for a file that is damaged."""
+    gathering = _Gathering(recording)
+    for event in recording:
+        gathering.take(event)
+    night = gathering.night
+    night.cut = recording.cut
+    if not gathering.taken:
+        raise UserError(f"{recording.parts[0]}: nothing happened in this recording, so there is nothing to report")
+    return night
+
+
+class _Gathering:
+    def __init__(self, recording: Recording) -> None:
+        config = recording.settings["config"]
+        self._sides = RecordedSides(recording)
+        self._began = recording.settings["began"]
+        mount = config["mount"]
+        self.night = Night(
+            mount["at"], [surface["at"] for surface in config["surface"]], self._began + recording.settings["from"],
+            equinox=mount.get("equinox") or "jnow",
+            lowest=mount.get("lowest", 0.0), highest=mount.get("highest", 90.0),
+        )  # fmt: skip
+        self.night.ended = self.night.began
+        if mount.get("site"):
+            self.night.site = Site(float(mount["site"][0]), float(mount["site"][1]), "the settings")
+        self.taken = 0
+        protocol = PROTOCOLS[self._sides.protocol(MOUNT)]
+        self._rows = protocol.night
+        self._answering = {name for name, command in protocol.commands.commands.items() if command.replies}
+        self._speaking: dict[str, Side] = {}
+        self._programs: dict[str, Program] = {}
+        self._asked: deque[tuple[float, str]] = deque(maxlen=DUE)
+        self._told: dict[str, tuple[float, float]] = {}
+
+    def take(self, event: Event) -> None:
+        """One line of the recording."""
+        time = self._began + event.at
+        self.night.ended = max(self.night.ended, time)
+        if event.arrow in BOOKKEEPING or event.arrow == "r" or event.side == RECORDER:
+            return
+        self.taken += 1
+        if event.side == MOUNT:
+            self._of_mount(event, time)
+        else:
+            self._of_program(event, time)
+
+    # --- the mount's line -------------------------------------------------------------------------------------------
+
+    def _of_mount(self, event: Event, time: float) -> None:
+        if event.arrow in "!v^":
+            words = event.data.decode("latin-1")
+            if event.arrow == "v":
+                words = f"the mount's port was lost: {words}" if words else "the mount's port was lost"
+                self._given_up(len(self._asked))
+                self._speaking.pop(MOUNT, None)
+            if words and words != SKY_READY and len(self.night.remarks) < MOST:
+                self.night.remarks.append(Remark(time, MOUNT, words))
+            return
+        side = self._side(MOUNT)
+        if event.arrow == ">":
+            for heard in side.commands(event.data, event.at):
+                if heard.command in self._answering:
+                    self._asked.append((event.at, heard.command))
+                self.night.gotos += heard.command in self._rows.gotos
+        else:
+            for heard in side.replies(event.data):
+                self._answered(heard, event.at)
+
+    def _answered(self, heard: Heard, at: float) -> None:
+        """A reply belongs to the newest request of its command; what was asked before that has no answer."""
+        waiting = [place for place, (_, name) in enumerate(self._asked) if name == heard.command]
+        if waiting:
+            self._given_up(waiting[-1])
+            asked, _ = self._asked.popleft()
+            self.night.asked.append(self._began + asked)
+            self.night.took.append(at - asked)
+        if heard.command in self._rows.places and not heard.fails:
+            self._place(heard.fields, self._began + at)
+        if heard.command in self._rows.site and not heard.fails:
+            self._site(heard.fields, self._began + at)
+
+    def _given_up(self, number: int) -> None:
+        """So many of the oldest requests have had no answer."""
+        for _ in range(number):
+            self._asked.popleft()
+        self.night.unanswered += number
+
+    def _place(self, fields: Mapping[str, Any], time: float) -> None:
+        self._told |= {name: (time, fields[name]) for name in ("ra", "dec") if name in fields}
+        if not {"ra", "dec"} <= set(self._told) or "dec" not in fields:
+            return
+        (asked, ra), (_, dec) = self._told["ra"], self._told["dec"]
+        if time - asked > TOGETHER or not -90.0 <= dec <= 90.0:
+            return
+        places = self.night.pointings
+        if not places or time - places[-1].time >= SELDOM or separation(places[-1].ra, places[-1].dec, ra, dec) > FAR:
+            places.append(Pointing(time, ra, dec))
+
+    def _site(self, fields: Mapping[str, Any], time: float) -> None:
+        self._told |= {name: (time, fields[name]) for name in ("latitude", "longitude") if name in fields}
+        told = [self._told.get(name) for name in ("latitude", "longitude")]
+        if None in told or (self.night.site is not None and self.night.site.source != "the mount"):
+            return
+        latitude, longitude = (found[1] for found in told if found is not None)
+        if abs(latitude) <= 90.0:
+            self.night.site = Site(latitude, wrap180(longitude * self._rows.east), "the mount")
+
+    # --- programs ---------------------------------------------------------------------------------------------------
+
+    def _of_program(self, event: Event, time: float) -> None:
+        if event.arrow == "+":
+            self._come(event, time)
+            return
+        program = self._programs.get(event.side)
+        if event.arrow == "-":
+            self._speaking.pop(event.side, None)
+            self._programs.pop(event.side, None)
+        elif event.arrow == "!":
+            if program is not None:
+                program.refused += 1
+            if len(self.night.refusals) < MOST:
+                who = event.side if program is None else program.host
+                self.night.refusals.append(Remark(time, who, event.data.decode("latin-1")))
+        elif event.arrow == ">":
+            if program is None:
+                program = self._program(event.side, event.side, self._sides.protocol(event.side), time)
+            for heard in self._side(event.side).commands(event.data, event.at):
+                program.commands[heard.command or "not understood"] += 1
+                program.last = time
+
+    def _come(self, event: Event, time: float) -> None:
+        number = self._sides.come(event.side, event.data)
+        host = event.data.decode("latin-1").rpartition("host ")[2]
+        self._speaking.pop(event.side, None)
+        program = self._program(event.side, host, self.night.surfaces[number - 1], time)
+        program.connections += 1
+
+    def _program(self, side: str, host: str, surface: str, time: float) -> Program:
+        program = self.night.programs.setdefault((host, surface), Program(host, surface, time, time))
+        self._programs[side] = program
+        return program
+
+    def _side(self, name: str) -> Side:
+        if name not in self._speaking:
+            self._speaking[name] = self._sides.side(name)
+        return self._speaking[name]

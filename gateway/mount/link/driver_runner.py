@@ -1,0 +1,80 @@
+"""Carries out what a driver's generators yield: their exchanges with the mount, as far as they can be believed.
+
+What a driver schedules for later, and a defect in it, is told by signals: who must act on that stands above.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from gateway.core.errors import Busy, Fault, Refused
+from gateway.core.operations import Operation
+from gateway.core.signals import Signal
+from gateway.mount.context import Context
+from gateway.mount.link.hibernation import HibernationGate
+from gateway.mount.link.scheduling import AT_ONCE, LATE, MOTION, STOP
+from gateway.mount.link.verification import ReplyVerifier
+from gateway.protocols.base.driver import Schedule, Send, Steps
+from gateway.protocols.base.run_driver import carry_out
+
+
+class DriverRunner:
+    """``perform`` carries out an operation at a rank of the line, ``drive`` any generator of the driver's.
+
+    ``stirs`` is emitted before something goes to the mount that may set it moving, ``scheduled`` with what the driver
+    wants done later, ``broken`` when a defect leaves it open what moves now.
+    """
+
+    def __init__(self, context: Context, verifier: ReplyVerifier, gate: HibernationGate) -> None:
+        self._context, self._verifier, self._gate = context, verifier, gate
+        self.stirs: Signal[None] = Signal()
+        self.scheduled: Signal[Schedule] = Signal()
+        self.broken: Signal[None] = Signal()
+        #: How many exchanges the operation took that was carried out last, and when the questions were asked whose
+        #: answers it ended with, as many as a place takes.
+        self.exchanges, self.asked_at = 0, 0.0
+
+    async def perform(self, operation: Operation, rank: int) -> Any:
+        """Have the driver carry out an operation -> its answer. Raises Fault."""
+        return await self.drive(self._context.driver.perform(operation), rank)
+
+    async def drive(self, steps: Steps, rank: int, since: float | None = None) -> Any:
+        """Exchanges and pauses -> the generator's value. What was asked for (``since``) too long ago is not begun.
+
+        Raises Fault.
+        """
+        now = self._context.now
+        self.exchanges = exchanges = 0
+        asked: list[float] = []
+        late = since is not None and now() - since > AT_ONCE
+        if rank == MOTION:
+            self.stirs.emit(None)
+
+        async def exchange(ask: Send) -> Mapping[str, Any]:
+            nonlocal exchanges, late
+            if late and (ask.prompt or not exchanges):
+                raise Busy(LATE)
+            began = now()
+            self._gate.admit(ask, rank)
+            heard, times = await self._verifier.exchange(ask, rank)
+            late = late or now() - began > AT_ONCE
+            self._gate.answered(ask)
+            exchanges += times
+            asked.append(heard.asked)
+            return heard.values
+
+        try:
+            value = await carry_out(steps, exchange, self.scheduled.emit, self._context.note_once)
+            reads = self._context.driver.position_reads
+            self.exchanges, self.asked_at = exchanges, min(asked[-reads:], default=math.inf)
+            return value
+        except (Fault, asyncio.CancelledError):
+            raise
+        except Exception as error:  # a defect in a driver must cost one operation, never the gateway
+            self._context.note(f"internal error, please report it: {error!r}")
+            if rank != STOP:  # a stop that fails is tried again by itself
+                self.broken.emit(None)
+            raise Refused(f"Internal error: {error!r}") from error

@@ -1,0 +1,287 @@
+"""The line to the mount: one exchange at a time, in order of rank.
+
+Stop goes first, then motion, then settings, then reads. A mount that is busy with itself for long is left alone, but
+for a stop. After a silence, or an answer of the wrong form, nothing is sent before the line has been proven to be in
+step. A lost port is opened again with growing pauses, for ever; one that stays mute is closed and opened anew.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+from gateway.core.errors import Busy, Fault, NoAnswer, Silence
+from gateway.core.signals import Signal
+from gateway.core.wire_log import Transcript
+from gateway.mount.link.queue import Request, RequestQueue
+from gateway.mount.link.recovery import Recovery
+from gateway.mount.link.scheduling import READ, STOP
+from gateway.mount.link.transaction import QUIET, Transaction
+from gateway.protocols.base.driver import Send
+from gateway.protocols.base.reply_rules import ReplyRules
+from gateway.transport.wires import Transport
+
+#: After half a command nothing is sent for this long: a hand control would take it for the other half.
+HALF_COMMAND = 3.5
+#: Between two commands whose answers nobody waits for.
+BLIND = 0.2
+#: A port that nobody has answered on for this long is opened anew.
+MUTE = 20.0
+#: Timers come up to so much too early: who waits for the rest of it waits at least so long.
+TICK = 0.001
+#: Seconds after which an answer is overdue: whether the mount hears at all is not known from then on.
+OVERDUE = 2.0
+BACK_OFF = (0.5, 1.0, 2.0, 5.0)
+
+
+class MountLink:
+    """Owns the wire, and serves the exchanges that wait for it. ``came_up`` tells when it comes up."""
+
+    def __init__(
+        self, wire: Transport, dialogue: ReplyRules, transcript: Transcript, queue: RequestQueue | None = None
+    ) -> None:
+        self.dialogue, self.transcript = dialogue, transcript
+        self.queue = RequestQueue() if queue is None else queue  # an empty one counts as false
+        self.talk = Transaction(wire, self.queue, dialogue, transcript)
+        #: The port was lost, perhaps in the middle of an exchange.
+        self.lost = self.talk.wire_lost
+        self.recovery = Recovery(self.talk)
+        self.recovery.failed.connect(self._not_in_step)
+        self._state = "opening"
+        self.came_up: Signal[None] = Signal()
+        #: The port is open again: listeners add the requests that go out before anything else, a stop that is owed.
+        self.reopened: Signal[list[bytes]] = Signal()
+        self.reason = ""
+        self._now = asyncio.get_running_loop().time
+        self._opened = 0
+        self._spoken_on = False
+        #: Since when what was sent has not been answered; None while all is well.
+        self._silent_since: float | None = None
+        self._task: asyncio.Task[None] | None = None
+
+    def start(self) -> None:
+        """Begin to open the wire and to serve exchanges."""
+        self._task = asyncio.get_running_loop().create_task(self._run())
+
+    @property
+    def wire(self) -> Transport:
+        """The way to the mount; until the line is started another may take its place."""
+        return self.talk.wire
+
+    @wire.setter
+    def wire(self, wire: Transport) -> None:
+        self.talk.use(wire)
+
+    @property
+    def state(self) -> str:
+        """``opening``, ``up``, ``busy`` or ``down``."""
+        return "busy" if self._state == "up" and self.talk.busy else self._state
+
+    @property
+    def served(self) -> bool:
+        """Whether exchanges are carried out at all: not before the start, nor once the worker has ended."""
+        return self._task is not None and not self._task.done()
+
+    @property
+    def usable(self) -> bool:
+        """Whether it is up, and somebody works on it."""
+        return self.state == "up" and self.served
+
+    @property
+    def typical(self) -> float:
+        """How long an answer takes, seconds."""
+        return self.talk.times.typical
+
+    @property
+    def occupied(self) -> bool:
+        """Whether the mount is at a long piece of work and hears nothing but a stop."""
+        return self.state == "busy" or self.talk.long
+
+    @property
+    def overdue(self) -> bool:
+        """Whether an answer has not come for so long that the mount seems not to hear."""
+        if self._silent_since is None or self.occupied:
+            return False
+        return self._now() - self._silent_since > max(OVERDUE, 2.5 * self.typical)
+
+    def worked_after(self, when: float) -> bool:
+        """Whether it has been at a long piece of work since this loop time."""
+        return self.occupied or self.talk.long_until >= when
+
+    @property
+    def answers(self) -> int:
+        """How many the mount has given."""
+        return self.talk.times.answers
+
+    async def close(self) -> None:
+        """End the worker and close the wire; whatever waits, and whatever comes, gets no answer."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+        await self.wire.close()
+        self._state = "down"
+        self.queue.fail_all()
+
+    def expect_urgent(self, when: float) -> None:
+        """Something urgent will be due at this loop time: reads that would delay it are held back."""
+        self.queue.expect_urgent(when)
+
+    def distrust(self) -> None:
+        """Another process has spoken on the wire: the line is proven to be in step before it is used again."""
+        self._spoken_on = True
+        self.queue.wake()
+
+    async def exchange(self, ask: Send, rank: int = READ) -> dict[str, Any]:
+        """Send a command when its turn comes and return the reply's fields. Raises Fault."""
+        return (await self.timed(ask, rank))[0]
+
+    async def timed(self, ask: Send, rank: int) -> tuple[dict[str, Any], float]:
+        """The same, and the seconds the reply took. Raises Fault, which knows them, too."""
+        if self.state == "down":
+            unheard = NoAnswer()
+            unheard.sent = False
+            raise unheard
+        if self.state == "busy" and rank != STOP:
+            raise Busy
+        outcome = self.queue.add(ask, rank)
+        self.talk.nudge(rank == STOP)
+        return await outcome
+
+    def doubt(self, ask: Send) -> int:
+        """How many answers to older questions may still come that could be taken for the answer to this one."""
+        return self.talk.doubt.count(ask, self._now())
+
+    async def clear_of_doubt(self, ask: Send) -> None:
+        """Wait until there is none."""
+        while (left := self.talk.doubt.until(ask, self._now()) - self._now()) > 0:
+            await asyncio.sleep(max(left, TICK))
+
+    # --- the worker -----------------------------------------------------------------------------------------------
+
+    async def _run(self) -> None:
+        failures = 0
+        while True:
+            self._opened += 1
+            self.talk.opening()
+            try:
+                await self.wire.open(*self._callbacks(self._opened))
+            except Exception as error:  # pyserial has more kinds of failure than OSError
+                reason = str(getattr(error, "strerror", None) or error)
+                self.transcript.put("mount", "v", note=reason)
+                self._down(f"cannot open {self.wire.name}: {reason}")
+                await asyncio.sleep(BACK_OFF[min(failures, len(BACK_OFF) - 1)])
+                failures += 1
+                continue
+            failures = 0
+            self.transcript.put("mount", "^")
+            self.talk.drop("came before the line was lost")
+            if self.talk.wrote > 0:  # something was said on this line before: it may still be answered
+                await self._reopened()
+            else:
+                self._up()
+            try:
+                await self._serve()
+            except Exception as error:  # a defect here must not leave the mount without a line for ever
+                self.transcript.note("mount", f"internal error, please report it: {error!r}")
+                self._down("internal error")
+                await asyncio.sleep(BACK_OFF[0])
+            await self.wire.close()
+
+    def _callbacks(self, opening: int) -> tuple[Callable[[bytes], None], Callable[[str], None]]:
+        """What a wire calls; a reader that outlived its opening is not listened to."""
+
+        def on_data(data: bytes) -> None:
+            if opening == self._opened:
+                self.talk.hear(data)
+
+        def on_lost(reason: str) -> None:
+            if opening == self._opened:
+                self.talk.lose(reason)
+                self.queue.wake()
+
+        return on_data, on_lost
+
+    async def _reopened(self) -> None:
+        """The wire is back: what is owed goes first, and nothing is taken for granted of what is on it."""
+        words: list[bytes] = []
+        self.reopened.emit(words)
+        half = self.talk.was_cut()
+        if half and not (words and (self.dialogue.closing or len(self.talk.request) == 1)):
+            await asyncio.sleep(max(0.0, self.talk.wrote + HALF_COMMAND - self._now()))
+        for number, word in enumerate(words):
+            if not self.talk.send((self.dialogue.closing if half and not number else b"") + word):
+                return
+            await asyncio.sleep(BLIND)
+        await self._recover()
+
+    async def _serve(self) -> None:
+        """Serve requests until the wire is lost."""
+        while not self.talk.lost:
+            if self._spoken_on:
+                self._spoken_on = False
+                await self._recover()
+            request = await self.queue.next(self.typical, self.talk.gap)
+            if request is None:
+                continue
+            self._silent_since = self._silent_since or self._now()
+            outcome = await self._carry_out(request)
+            if not isinstance(outcome, NoAnswer | Silence):
+                self._silent_since = None
+            self.talk.work_is_over()
+            if not request.future.done():
+                if isinstance(outcome, Fault):
+                    outcome.took = self.talk.times.took
+                    request.future.set_exception(outcome)
+                else:
+                    request.future.set_result((outcome, self.talk.times.took))
+                await self.queue.what_follows()
+            if isinstance(outcome, Silence) and self.dialogue.leaves_open(request.ask):
+                self.talk.send(self.dialogue.closing)
+                await self.talk.drain(max(QUIET, 2.0 * self.talk.times.typical))
+            if isinstance(outcome, NoAnswer | Silence):
+                await self._recover()
+        self._down(f"{self.wire.name} was lost")
+
+    async def _carry_out(self, request: Request) -> dict[str, Any] | Fault:
+        """The exchange; when it does not come to an end, nobody waits for that."""
+        hurried = self.talk.cut_short()
+        try:
+            outcome = await self.talk.exchange(request.ask, firm=hurried)
+            if hurried and request.rank == STOP and self.dialogue.pace(request.ask):
+                outcome = await self.talk.exchange(request.ask)  # a scope that needs its pause may have missed it
+            return outcome
+        except BaseException:
+            request.fail(NoAnswer())
+            raise
+
+    async def _recover(self) -> None:
+        """Bring the line into step again, however long that takes, unless the wire is lost meanwhile."""
+        began = self._now()
+        while not self.talk.lost:
+            if await self.recovery.prove():
+                self._up()
+                return
+            self._down("the mount does not answer")
+            if self._now() - began > MUTE:
+                self.talk.lose("mute")
+            else:
+                await asyncio.sleep(1.0)
+
+    def _not_in_step(self, _: None) -> None:
+        if self.state == "up":
+            self._down("the mount does not answer")
+
+    def _up(self) -> None:
+        """The line is in step; when it was not so before, whoever waits for it is told."""
+        self._silent_since = None
+        if self.state != "up":
+            self._state, self.reason = "up", ""
+            self.came_up.emit(None)
+
+    def _down(self, reason: str) -> None:
+        """Fail everything that waits; from now on every exchange fails at once."""
+        if (self.state, self.reason) != ("down", reason):
+            self.transcript.note("mount", reason)
+        self._state, self.reason = "down", reason
+        self.queue.fail_all()

@@ -1,0 +1,131 @@
+"""What programs ask of a mount, and which of its parts answers: readings, motions, site and clock, places."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable
+from typing import Any
+
+from gateway.core import operations as op
+from gateway.core.errors import Asleep, Busy, Fault, Held, NoAnswer
+from gateway.core.motion_kinds import GOTOS, MOTIONS, begins_motion
+from gateway.mount.context import Context
+from gateway.mount.link.driver_runner import DriverRunner
+from gateway.mount.link.line import MountLink
+from gateway.mount.link.scheduling import SETTING
+from gateway.mount.motion.awaited import ended
+from gateway.mount.motion.reconciler import Reconciler
+from gateway.mount.motion.taking_orders import TakingOrders
+from gateway.mount.motion.wanted import WantedState
+from gateway.mount.readings.cache import FRESH
+from gateway.mount.readings.own_answers import OwnAnswers
+from gateway.mount.readings.reader import Reader
+from gateway.mount.safety.rules.dead_man import HostActivity
+from gateway.mount.safety.rules.held import Hold
+from gateway.mount.site.astrometry import SiteAstrometry
+from gateway.mount.site.ephemeris_reads import PLACES
+from gateway.mount.site.settings import SiteAndClock
+
+
+class Orders:
+    """``perform`` carries out any operation and waits, ``begin`` does not; ``impossible`` says no without asking."""
+
+    def __init__(
+        self,
+        context: Context,
+        link: MountLink,
+        runner: DriverRunner,
+        reader: Reader,
+        own: OwnAnswers,
+        settings: SiteAndClock,
+        reconciler: Reconciler,
+        taking: TakingOrders,
+        wanted: WantedState,
+        hold: Hold,
+        astrometry: SiteAstrometry,
+        told: SiteAstrometry,
+    ) -> None:
+        self._context, self._link, self._runner = context, link, runner
+        self._reader, self._own, self._settings = reader, own, settings
+        self._reconciler, self._taking, self._wanted, self._hold = reconciler, taking, wanted, hold
+        self._astrometry, self._told = astrometry, told
+
+    def impossible(self, operation: op.Operation) -> Fault | None:
+        """Why nothing can come of an operation, as far as that is known without asking: no may be said at once."""
+        driver, link = self._context.driver, self._link
+        if link.state == "down" or (link.overdue and not driver.asleep):
+            return NoAnswer()
+        if (driver.asleep or driver.powerless) and not self._wanted.waking and begins_motion(operation):
+            return Asleep()
+        if link.occupied and begins_motion(operation) and not isinstance(operation, GOTOS):  # which wait for it
+            return Busy()
+        try:
+            if isinstance(operation, MOTIONS):
+                self._hold.admit(operation)
+        except Held as fault:
+            return fault
+        return self._taking.impossible(operation) if self._context.milestones.known.is_set() else None
+
+    def again(self, operation: op.Operation) -> bool:
+        """Take back what a halt ends -> whether an equal one that is not done does for this one, too."""
+        return self._taking.again(operation)
+
+    async def perform(
+        self,
+        operation: op.Operation,
+        stops: int | None = None,
+        life: HostActivity | None = None,
+        patience: float = math.inf,
+    ) -> Any:
+        """Carry out an operation for ``life``. ``stops`` is the count of stops when it was asked for. Raises Fault.
+
+        Nobody is told what came of it after ``patience`` seconds.
+        """
+        if type(operation) in FRESH:
+            if self._context.driver.asleep:
+                await self._taking.woken()
+            return await self._reader.tell(operation)
+        if isinstance(operation, op.Own):
+            return await self._own.read(operation)
+        try:
+            return await self._order(operation, stops, life, patience)
+        finally:
+            if not isinstance(operation, op.Read):
+                self._own.forget()
+
+    async def _order(
+        self, operation: op.Operation, stops: int | None, life: HostActivity | None, patience: float
+    ) -> Any:
+        """Whatever is no question that everybody shares."""
+        if isinstance(operation, op.Stop):
+            return await self._reconciler.stop()
+        if isinstance(operation, MOTIONS):
+            value = await ended(self._taking.begin(operation, stops, life, patience))
+            if isinstance(value, op.Chosen) and value.place is not None:
+                value = op.Chosen(self._astrometry.from_mount(value.place), value.text, value.reply)
+            return value
+        if type(operation) in PLACES:
+            return PLACES[type(operation)](self._told, operation)
+        handler = self._settings.handlers.get(type(operation))
+        if handler is not None:
+            return await handler(operation)
+        return await self._runner.perform(operation, SETTING)
+
+    def begin(
+        self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: HostActivity
+    ) -> asyncio.Future[None]:
+        """Carry out an operation that nobody waits for; ``failed`` is told when it was not."""
+        motion = self._taking.begin(operation, stops, life) if isinstance(operation, MOTIONS) else None
+
+        async def finish() -> None:
+            try:
+                await (ended(motion) if motion is not None else self.perform(operation, stops))
+            except Fault as fault:
+                failed(fault)
+            except Exception as error:  # a defect must not be lost because nobody waits for what came of it
+                self._context.note(f"internal error, please report it: {error!r}")
+                if self._reconciler.busy:
+                    self._reconciler.begin_stop()  # what failed may have been what should have ended a motion
+
+        return self._context.tasks.spawn(finish())

@@ -1,0 +1,75 @@
+"""The rules that keep a mount within its limits, put together: what they may know, what watches, what admits."""
+
+from __future__ import annotations
+
+from gateway.core import operations as op
+from gateway.mount.context import Context
+from gateway.mount.link.line import MountLink
+from gateway.mount.motion.end_watch import EndWatch
+from gateway.mount.motion.moving import Movement
+from gateway.mount.readings.cache import RENEW, ReadingsCache
+from gateway.mount.readings.reader import Reader
+from gateway.mount.safety.admission.motions import Admission
+from gateway.mount.safety.admission.questions import Questions
+from gateway.mount.safety.at_start import doubts
+from gateway.mount.safety.inputs import MountInputs
+from gateway.mount.safety.rules.held import Hold
+from gateway.mount.safety.rules.sun import SunAvoidance
+from gateway.mount.safety.rules.sync_sum import SyncTotal
+from gateway.mount.safety.watch import LimitWatch
+from gateway.mount.site.astrometry import SiteAstrometry
+from gateway.mount.site.settings_sync import SyncSettings
+from gateway.mount.site.sources import BestSources
+
+
+class Safety:
+    """``watch`` looks at every position, ``admission`` decides on a motion before it begins."""
+
+    def __init__(
+        self,
+        context: Context,
+        link: MountLink,
+        cache: ReadingsCache,
+        reader: Reader,
+        movement: Movement,
+        astrometry: SiteAstrometry,
+        sources: BestSources,
+        suns: SunAvoidance,
+        sync: SyncSettings,
+    ) -> None:
+        self._sources = sources
+        self.inputs = MountInputs(
+            context.driver,
+            context.now,
+            cache,
+            astrometry,
+            suns,
+            movement.now,
+            lambda: context.policy.limits,
+            lambda: link.typical,
+            context.log,
+            RENEW[op.Position],
+            context.policy.own_park,
+            context.policy.unaligned,
+            lambda: sync.sets_sky,
+        )
+        self.hold, self.synced = Hold(), SyncTotal()
+        self.ends = EndWatch(context.now, context.note)
+        self.watch = LimitWatch(context, self.inputs, reader, self.ends, self.synced)
+        questions = Questions(reader.read, reader.anew, reader.tube_side)
+        self.admission = Admission(
+            self.inputs, questions, self.watch, sources, self.synced, self.hold, context.milestones.settled
+        )
+        reader.goto_over.connect(self.watch.arrived)
+        reader.position.connect(self.watch.look)
+        reader.axes.connect(self.watch.look_at_altitude)
+        reader.unseen.connect(self.watch.unseen)
+        reader.status.connect(self._status_came)
+
+    def _status_came(self, status: op.Status) -> None:
+        if not status.aligned:
+            self.synced.forget()
+
+    def doubts(self) -> str:
+        """What does not fit together, in one line; nothing where all fits."""
+        return doubts(self.inputs, self._sources)

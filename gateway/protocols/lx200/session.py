@@ -1,0 +1,116 @@
+"""What one client of the LX200 surface has set for itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import date
+from typing import Literal
+
+from gateway.astro.catalog import Entry
+from gateway.core.errors import NoTarget
+from gateway.core.operations import Equatorial, Fields, MoonPlace, PlanetPlace, Rate
+from gateway.protocols.base.session import AltitudeLimits, Kept, Session
+
+#: The place on the Moon whose halves were not set yet.
+_MIDDLE = MoonPlace(0.0, 0.0)
+
+
+@dataclass(slots=True)
+class Draft:
+    """Pieces of a clock that were set and not handed on yet. ``time`` is seconds of a day, and when that was said.
+
+    ``carried`` (``time``, ``day``) are those that come of a time which was handed on before, and not of this client's
+    next pieces.
+    """
+
+    time: tuple[float, float] | None = None
+    day: date | None = None
+    offset: float | None = None
+    touched: float = 0.0
+    stamped: bool = False
+    carried: frozenset[str] = frozenset()
+
+    @property
+    def complete(self) -> bool:
+        """Whether everything is there that makes an instant."""
+        return None not in (self.time, self.day, self.offset) and not self.carried
+
+    def clear(self) -> None:
+        """Everything in it was handed on."""
+        self.time = self.day = self.offset = None
+        self.touched, self.stamped, self.carried = 0.0, False, frozenset()
+
+
+@dataclass(frozen=True, slots=True)
+class SearchLimits:
+    """What ``browse`` and ``identify`` go by: magnitudes, sizes in arcminutes, kinds, quality, the field's diameter."""
+
+    brighter: float = -5.5
+    fainter: float = 20.0
+    field: int = 15
+    larger: int = 0
+    smaller: int = 200
+    types: str = "GPDCO"
+    quality: str = "VP"
+
+
+@dataclass(slots=True)
+class LxKept(Kept):
+    """Angles are degrees; None is what was never set."""
+
+    ra: float | None = None
+    dec: float | None = None
+    az: float | None = None
+    alt: float | None = None
+    #: The object that was selected: from a catalogue, or one that moves, and its name.
+    entry: Entry | None = None
+    moving: MoonPlace | PlanetPlace | None = None
+    object: str | None = None
+    moon: MoonPlace = _MIDDLE
+    #: The catalogues that were chosen: None where one was refused. ``stars`` begins with what the model has.
+    deep_sky: str | None = "NGC"
+    stars: int | Literal["model"] | None = "model"
+    #: The same in the mount's own library, by command.
+    own_catalogs: Mapping[str, Fields] = field(default_factory=dict)
+    search: SearchLimits = SearchLimits()
+    #: Altitude limits, and the fastest slew, degrees a second.
+    lowest: float | None = None
+    highest: float | None = None
+    fastest: float | None = None
+    #: The rate of the arrows, and those of one axis alone, degrees a second.
+    rate: Rate | None = None
+    rate_ra: float | None = None
+    rate_dec: float | None = None
+    focus_speed: int = 2
+    #: Land mode was asked for: a stopped drive stays stopped.
+    land: bool = False
+    #: The site that this client has selected, from 0.
+    site: int | None = None
+    #: Hours, local minus UTC; the local time and date that were handed on or set, with the host's time then.
+    offset: float | None = None
+    draft: Draft | None = None
+    dated: tuple[date, float] | None = None
+    local: tuple[date, float, float, float] | None = None
+    twelve: bool = False
+    help: tuple[str, ...] = ()
+    help_line: int = 0
+
+    @property
+    def target(self) -> Equatorial:
+        """Raises NoTarget, with words where something was selected in vain."""
+        if self.ra is None or self.dec is None:
+            raise NoTarget(self.object)
+        return Equatorial(self.ra, self.dec)
+
+
+class LxSession(Session):
+    """A client of the LX200 surface."""
+
+    state = LxKept
+    kept: LxKept
+
+    @property
+    def limits(self) -> AltitudeLimits:
+        """The altitude limits in force for this client."""
+        return self.settings.limits.narrowed(self.kept.lowest, self.kept.highest)

@@ -1,0 +1,49 @@
+"""One gateway and one browser for all tests of the console's page that a process runs; a page for each test."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import pytest
+from playwright.sync_api import Browser, sync_playwright
+
+from ..processes import Workshop
+from .page import PHONE, Console, Visit, open_browser
+
+
+@pytest.fixture(scope="session")
+def console(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Console]:
+    shop = Workshop(tmp_path_factory.mktemp("console"))
+    try:
+        yield Console(shop)
+    finally:
+        faults = shop.close()
+    assert not faults, faults
+
+
+@pytest.fixture(scope="session")
+def browser(console: Console) -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        opened = open_browser(playwright)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def visit(console: Console, browser: Browser) -> Iterator[Callable[..., Visit]]:
+    """Open the page: ``visit()``, or with a size, and with what this browser has kept of earlier visits."""
+    opened: list[Visit] = []
+
+    def open_page(size: tuple[int, int] = PHONE, **kept: str) -> Visit:
+        mode = {"light-mode": "day", "light-shown": "day", "rate": "7"}
+        opened.append(
+            Visit(browser, console.url, size, mode | {key.replace("_", "-"): value for key, value in kept.items()})
+        )
+        return opened[-1]
+
+    yield open_page
+    for one in opened:
+        one.close()
+    with console.program() as program:
+        program.say(b":Q#")
+    console.at_rest()

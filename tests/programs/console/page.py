@@ -1,0 +1,161 @@
+"""The console as a person has it: a simulated mount, the gateway with its page, and Chromium that looks at the page.
+
+Everything that a browser complains of, and every address that it asks for, is kept: a test that is over has none but
+the console's own, and no complaint.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import socket
+import time
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from PIL import Image
+from playwright.sync_api import Browser, Page, Playwright
+
+from ..processes import Process, Workshop, requires, wait_until
+from ..product import PRODUCT, endpoints, start_simulator
+from ..sky import NORTH, Spot, separation
+
+PHONE, TABLET, DESK = (390, 844), (820, 1180), (1440, 900)
+VIEWS = ("sky", "control", "readings", "talk", "more")
+PATIENCE = 10.0
+_WARDED = ("--no-sandbox", "--disable-dev-shm-usage", "--disable-background-networking", "--disable-component-update")
+
+
+#: Seconds for which the mount must rest to be at rest; degrees a second that are less than any motion by hand.
+RESTS, TRACKS = 0.3, 0.008
+
+
+class Console:
+    """The gateway's processes, and the truth about the mount read past it."""
+
+    #: Seconds that it takes to see that the mount rests, with the time in which its motors come to rest.
+    LOOK = 0.8
+
+    def __init__(self, workshop: Workshop, *more: str) -> None:
+        requires("chromium")
+        mount, self.truth = start_simulator(workshop, "nexstar:cpc", NORTH, speed=4.0)
+        argv = [*PRODUCT, "run", "--mount", f"nexstar@socket://127.0.0.1:{mount.port}", "--sun", "0", "--lowest", "10"]
+        argv += ["--surface", "lx200@tcp://127.0.0.1:0", "--console", "tcp://127.0.0.1:0"]
+        argv += ["--state", str(workshop.folder / "state"), *more]
+        self.gateway: Process = workshop.start(argv, ends_well=True)
+        self.url = self.gateway.wait_for_lines("ready console ", 1)[0].split()[-1]
+        [surface] = endpoints([line for line in self.gateway.whole_lines("ready ") if "@" in line])
+        self.port = surface.port
+
+    def moved_from(self, place: Spot) -> bool:
+        """Whether the mount itself points elsewhere, by more than its tracking makes in a second."""
+        return separation(self.truth.position(), place) > 0.02
+
+    def at_rest(self) -> None:
+        """Wait until the mount itself goes no faster than tracking does, however slow the looks are."""
+        looks: list[tuple[float, Spot]] = []
+
+        def still() -> bool:
+            looks.append((time.monotonic(), self.truth.position()))
+            now, here = looks[-1]
+            then, there = next((look for look in reversed(looks) if now - look[0] >= RESTS), looks[-1])
+            return now > then and separation(here, there) < TRACKS * (now - then)
+
+        wait_until("the mount rests", still)
+
+    @contextlib.contextmanager
+    def program(self) -> Iterator[Program]:
+        """Another program that is connected."""
+        with socket.create_connection(("127.0.0.1", self.port), timeout=PATIENCE) as link:
+            yield Program(link)
+
+
+class Program:
+    """A program of the LX200 protocol."""
+
+    def __init__(self, link: socket.socket) -> None:
+        self._link = link
+        self.name = "{}:{}".format(*link.getsockname())
+
+    def say(self, data: bytes, answer: int = 0) -> bytes:
+        """Send bytes; so many of the answer."""
+        self._link.sendall(data)
+        found = b""
+        while len(found) < answer:
+            part = self._link.recv(answer - len(found))
+            assert part, "the connection was closed"
+            found += part
+        return found
+
+
+class Visit:
+    """One page in a browser of its own settings; ``faults`` and ``asked`` are what it complains of and asks for."""
+
+    def __init__(self, browser: Browser, url: str, size: tuple[int, int], kept: Mapping[str, str]) -> None:
+        width, height = size
+        self._context = browser.new_context(
+            viewport={"width": width, "height": height}, has_touch=width < 1000, accept_downloads=True
+        )
+        self._context.set_default_timeout(PATIENCE * 1000)
+        for key, value in kept.items():
+            self._context.add_init_script(f"localStorage.setItem({key!r}, {value!r})")
+        self.page: Page = self._context.new_page()
+        self.faults: list[str] = []
+        self.asked: list[str] = []
+        self.page.on("console", self._complained)
+        self.page.on("pageerror", lambda error: self.faults.append(str(error)))
+        self.page.on("dialog", lambda dialog: self.faults.append(f"dialog: {dialog.message}"))
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.url = url
+        self.page.goto(url)
+        self.until("the page shows the mount", lambda: self.text("#name").startswith("Celestron"))
+
+    def _complained(self, message: Any) -> None:
+        if message.type in ("error", "warning"):
+            self.faults.append(f"{message.text} {message.location}")
+
+    def text(self, selector: str) -> str:
+        """What an element says."""
+        return (self.page.locator(selector).first.text_content() or "").strip()
+
+    def until(self, what: str, happened: Any, seconds: float = PATIENCE) -> None:
+        """Look again until it is so; the page goes on meanwhile."""
+
+        def look() -> bool:
+            self.page.wait_for_timeout(20)  # what the browser reports is heard while it is waited here
+            return bool(happened())
+
+        wait_until(what, look, seconds)
+
+    def show(self, view: str) -> None:
+        """Another view, by its address."""
+        self.page.evaluate("view => { location.hash = `/${view}` }", view)
+        self.until(f"{view} is shown", lambda: self.page.evaluate("document.body.dataset.view") == view)
+
+    def find(self, name: str) -> None:
+        """Type a name and press Enter; its card is there then."""
+        self.page.fill("#object", name)
+        self.page.press("#object", "Enter")
+        self.until(f"the card of {name}", lambda: self.page.locator("#place h3").is_visible())
+
+    def does(self, words: str) -> bool:
+        """Whether the first line of the page says this."""
+        return self.text("#does") == words
+
+    def picture(self) -> Image.Image:
+        """What is seen now."""
+        return Image.open(io.BytesIO(self.page.screenshot())).convert("RGB")
+
+    def close(self) -> None:
+        """Nothing may have been complained of, and nothing asked for but of the console."""
+        self._context.close()
+        foreign = [url for url in self.asked if not url.startswith((self.url, self.url.replace("http:", "ws:")))]
+        assert not foreign, foreign
+        assert not self.faults, self.faults
+
+
+def open_browser(playwright: Playwright) -> Browser:
+    """Debian's Chromium without a window."""
+    args = list(_WARDED) if os.geteuid() == 0 else list(_WARDED[1:])
+    return playwright.chromium.launch(executable_path="/usr/bin/chromium", args=args)

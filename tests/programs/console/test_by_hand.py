@@ -1,0 +1,159 @@
+"""Motion by hand ends with the finger, the focus, the page and the network; STOP ends everything, by tap and by key."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+from playwright.sync_api import Error
+
+from ..processes import wait_until
+from .page import DESK, PHONE, Console, Visit
+
+#: What ends a motion by hand besides the release: what the browser tells the page, as a script that tells it so.
+LOSSES = {
+    "the focus": "window.dispatchEvent(new Event('blur'))",
+    "the page": "Object.defineProperty(document, 'hidden', {value: true, configurable: true});"
+    "document.dispatchEvent(new Event('visibilitychange'))",
+    "the pointer": "document.querySelector('[data-go=north]').dispatchEvent("
+    "new PointerEvent('pointercancel', {pointerId: 1, bubbles: true}))",
+    "the capture": "document.querySelector('[data-go=north]').releasePointerCapture(1)",
+    "the view": "location.hash = '/readings'",
+}
+#: Seconds after which a page that is frozen moves nothing any more.
+FROZEN = 2.0
+
+
+@contextmanager
+def held(console: Console, page: Visit, direction: str = "north") -> Iterator[None]:
+    """A direction is held down, and the mount itself moves."""
+    page.show("control")
+    box = page.page.locator(f"[data-go={direction}]").bounding_box()
+    assert box is not None
+    start = console.truth.position()
+    page.page.mouse.move(box["x"] + 20, box["y"] + 20)
+    page.page.mouse.down()
+    page.page.mouse.move(box["x"] + 21, box["y"] + 21)
+    page.until("it moves", lambda: console.moved_from(start))
+    yield
+    console.at_rest()
+
+
+def test_it_moves_while_held(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    with held(console, page):
+        page.until("it says so", lambda: page.does("Moved by hand"))
+        page.page.mouse.up()
+    page.until("and that it tracks again", lambda: page.does("Tracking"))
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+def test_it_ends_when_something_is_lost(console: Console, visit: Callable[..., Visit], loss: str) -> None:
+    page = visit(DESK if loss == "the view" else PHONE)  # on a desk the pad is there in every view
+    with held(console, page):
+        page.page.evaluate(LOSSES[loss])
+        page.page.mouse.move(5, 5)  # a capture that is lost is told with the next event
+    page.page.mouse.up()
+
+
+def test_it_ends_when_the_page_is_closed(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    with held(console, page, "west"):
+        page.page.close()
+
+
+def test_it_ends_when_the_page_stands_still(console: Console, visit: Callable[..., Visit]) -> None:
+    """Its connection stays open and says nothing any more, as when a network breaks or a phone falls asleep."""
+    page = visit()
+    script = page.page.context.new_cdp_session(page.page)
+    script.send("Debugger.enable")
+    with held(console, page):
+        script.send("Debugger.pause")
+        began = time.monotonic()
+        console.at_rest()
+        print(f"at rest {time.monotonic() - began:.1f} s after the page stood still")
+        assert time.monotonic() - began < FROZEN + console.LOOK
+    script.send("Debugger.disable")
+    page.page.mouse.up()
+
+
+def test_it_ends_when_the_page_dies(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    with held(console, page), contextlib.suppress(Error):
+        page.page.goto("chrome://crash", timeout=2000)
+    page.asked = [url for url in page.asked if not url.startswith("chrome:")]
+
+
+def test_arrow_keys_move_while_the_pad_is_chosen(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.show("control")
+    start = console.truth.position()
+    page.page.keyboard.down("ArrowUp")
+    page.page.keyboard.up("ArrowUp")
+    assert not console.moved_from(start)
+    page.page.focus("#pad")
+    page.page.keyboard.press("9")
+    assert page.text("#rate-shown") == "rate 9"
+    page.page.keyboard.down("ArrowUp")
+    page.until("it moves", lambda: console.moved_from(start))
+    page.page.keyboard.up("ArrowUp")
+    console.at_rest()
+
+
+def test_enter_holds_a_button(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.show("control")
+    start = console.truth.position()
+    page.page.focus("[data-go=south]")
+    page.page.keyboard.down("Enter")
+    page.until("it moves", lambda: console.moved_from(start))
+    page.page.keyboard.up("Enter")
+    console.at_rest()
+
+
+@pytest.mark.parametrize(
+    "how", ["tap", "Escape", "Space", "Escape in a field", "Escape in a question", "Enter on STOP"]
+)
+def test_stop(console: Console, visit: Callable[..., Visit], how: str) -> None:
+    page = visit()
+    page.find("Aldebaran" if console.truth.position().dec > 40.0 else "Capella")
+    page.page.click("#go")
+    page.until("it slews", lambda: console.truth.goto_running())
+    if how == "tap":
+        box = page.page.locator("#stop").bounding_box()
+        assert box is not None
+        page.page.touchscreen.tap(box["x"] + 50, box["y"] + 20)
+    elif how == "Enter on STOP":
+        page.page.focus("#stop")
+        page.page.keyboard.press("Enter")
+    else:
+        if how == "Escape in a field":
+            page.page.focus("#object")
+        if how == "Escape in a question":
+            page.page.click("#sync")
+        page.page.keyboard.press(how.split()[0])
+    wait_until("the goto has ended", lambda: not console.truth.goto_running(), 3.0)
+    page.until("it is said", lambda: page.text("#notices").startswith("Stopped."))
+
+
+def test_a_space_that_is_typed_stops_nothing(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.find("Aldebaran" if console.truth.position().dec > 40.0 else "Capella")
+    page.page.click("#go")
+    page.until("it slews", lambda: console.truth.goto_running())
+    page.page.focus("#object")
+    page.page.keyboard.type("m 31")
+    assert page.page.input_value("#object").endswith("m 31") and console.truth.goto_running()
+
+
+def test_a_held_mount_is_shown_and_released(visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.show("control")
+    page.page.get_by_role("button", name="Hold still").click()
+    page.until("it is shown", lambda: "The mount is held" in page.text("#banners"))
+    page.show("sky")
+    page.page.locator("#banners").get_by_role("button", name="Release").click()
+    page.until("it is released", lambda: not page.text("#banners").startswith("The mount is held"))

@@ -1,0 +1,116 @@
+"""The conversation of both sides: paired, filtered, harmless; and a recording that the browser fetches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from .page import DESK, Console, Visit
+
+HOSTILE = b"<img src=x onerror=alert(1)><script>alert(2)</script>#"
+
+
+def test_a_command_stands_beside_what_it_became(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit(DESK)
+    page.show("talk")
+    page.page.wait_for_timeout(300)
+    with console.program() as program:
+        program.say(b":RS#:Mn#")
+        rows = page.page.locator(".exchange", has_text=":Mn#")
+        page.until("it is shown", lambda: rows.count() == 1)
+        page.until("and what it became", lambda: "P\\x02" in (rows.locator(".mount-side").text_content() or ""))
+        assert program.name in (rows.text_content() or "")
+        program.say(b":Q#")
+
+
+def test_it_is_there_when_the_page_is_opened_on_it(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.show("talk")
+    page.page.reload()
+    page.page.wait_for_timeout(800)
+    with console.program() as program:
+        program.say(b":GVP#", 5)
+        page.until("it is shown", lambda: page.page.locator(".exchange", has_text=":GVP#").count() == 1)
+
+
+def test_refusals_only(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.show("talk")
+    page.page.wait_for_timeout(300)
+    with console.program() as program:
+        program.say(b":Sr18:37:00#:Sd-70*00:00#", 2)
+        program.say(b":MS#", 5)
+        page.until("all is shown", lambda: page.page.locator(".exchange").count() >= 3)
+        page.page.get_by_role("radio", name="Refusals").click()
+        page.until("only the refusal is", lambda: page.page.locator(".exchange").count() == 1)
+        words = page.text(".exchange")
+        assert ":MS#" in words and "Below Lower Limit" in words
+        page.page.get_by_role("radio", name="Programs").click()
+        page.page.get_by_label("Show only exchanges with this text").fill(":Sd")
+        page.until("only that is", lambda: page.page.locator(".exchange").count() == 1)
+
+
+def test_pause_and_go_on(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.show("talk")
+    page.page.wait_for_timeout(300)
+    page.page.get_by_role("button", name="Pause").click()
+    with console.program() as program:
+        program.say(b":GVP#", 5)
+        page.page.wait_for_timeout(600)
+        assert page.page.locator(".exchange").count() == 0
+        page.page.get_by_role("button", name="Go on").click()
+        page.until(
+            "what came meanwhile is shown", lambda: page.page.locator(".exchange", has_text=":GVP#").count() == 1
+        )
+
+
+def test_it_is_copied(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.show("talk")
+    page.page.wait_for_timeout(300)
+    with console.program() as program:
+        program.say(b":GVP#", 5)
+        page.until("it is shown", lambda: page.page.locator(".exchange", has_text=":GVP#").count() == 1)
+    page.page.evaluate(
+        "document.addEventListener('copy', () => { window.copied = String(document.activeElement.value) })"
+    )
+    page.page.evaluate(
+        "Object.defineProperty(navigator, 'clipboard', {value: undefined})"
+    )  # as in a page of the network
+    page.page.get_by_role("button", name="Copy").click()
+    page.until("it is said", lambda: page.text("#notices").startswith("Copied"))
+    assert ":GVP#" in page.page.evaluate("window.copied")
+
+
+def test_markup_of_a_program_is_text(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.show("talk")
+    page.page.wait_for_timeout(300)
+    with console.program() as program:
+        program.say(HOSTILE)
+        program.say(b":GVP#", 5)
+        page.until("it is shown", lambda: "<img src=x" in page.text("#conversation"))
+        page.show("readings")
+        page.until("the program is told of", lambda: program.name in page.text("#readings"))
+    assert page.page.locator("main img").count() == page.page.locator("main script").count() == 0
+    # a dialog would stand among the page's faults
+
+
+def test_a_command_is_explained(visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.show("talk")
+    page.page.fill("#command", ":GR#")
+    page.page.press("#command", "Enter")
+    page.until("it is explained", lambda: "right ascension of the telescope" in page.text("#explained"), 30.0)
+
+
+def test_a_recording_is_fetched(visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.show("talk")
+    page.page.click("#record")
+    page.until("it runs", lambda: page.text("#record").startswith("End recording"))
+    with page.page.expect_download() as fetched:
+        page.page.click("#record")
+    path = fetched.value.path()
+    assert fetched.value.suggested_filename.endswith(".rec") and path.stat().st_size > 0
+    page.until("it has ended", lambda: page.text("#record") == "Record")

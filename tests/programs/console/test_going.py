@@ -1,0 +1,85 @@
+"""Finding a place and going there, what another program moves, and what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ..sky import NIGHT, NORTH, spot_at
+from .page import Console, Visit
+
+
+def lx200(degrees: float, hours: bool) -> str:
+    """As LX200 commands have it: HH:MM:SS, or sDD*MM:SS."""
+    seconds = round(abs(degrees) / (15.0 if hours else 1.0) * 3600.0)
+    text = f"{seconds // 3600:02d}{':' if hours else '*'}{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+    return text if hours else f"{'-' if degrees < 0 else '+'}{text}"
+
+
+def test_the_position_follows_a_goto_of_another_program(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.show("readings")
+    before = page.text("#readings .large dd")
+    goal = spot_at(120.0, 50.0, NORTH, NIGHT)
+    with console.program() as program:
+        program.say(f":Sr{lx200(goal.ra, True)}#".encode(), 1)
+        program.say(f":Sd{lx200(goal.dec, False)}#".encode(), 1)
+        assert program.say(b":MS#", 1) == b"0"
+        page.until("it slews", lambda: page.does("Slewing"))
+        seen = {before}
+        page.until("the position moves", lambda: seen.add(page.text("#readings .large dd")) or len(seen) > 3)
+        assert program.name in page.text("#readings")
+        page.until("it has arrived", lambda: page.does("Tracking"), 30.0)
+
+
+def test_find_and_go(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.page.fill("#object", "alde")
+    page.until("it is offered", lambda: page.page.locator("#suggestions li").count() > 0)
+    page.page.press("#object", "ArrowDown")
+    page.page.press("#object", "Enter")
+    page.until("its card", lambda: page.text("#place h3") == "Aldebaran")
+    start = console.truth.position()
+    page.page.click("#go")
+    page.until("it slews", lambda: page.does("Slewing"))
+    page.until("the mount itself goes", lambda: console.moved_from(start))
+    page.until("it says where to", lambda: "It goes to 04:3" in page.text("#notices"))
+
+
+def test_a_star_that_is_tapped(visit: Callable[..., Visit]) -> None:
+    page = visit()
+    box = page.page.locator("#sky").bounding_box()
+    assert box is not None
+    page.page.touchscreen.tap(box["x"] + box["width"] / 2 + 40, box["y"] + box["height"] / 2 + 30)
+    page.until("a card", lambda: page.page.locator("#place").is_visible())
+    assert page.page.locator("#go").is_enabled()
+
+
+def test_below_the_horizon_is_refused_in_words(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.find("18:37:00 -70:00:00")
+    assert not page.page.locator("#go").is_enabled()
+    assert "lower than the 10 degrees that are allowed" in page.text("#place .why")
+    with console.program() as program:  # and what another program is refused stands among the readings
+        program.say(b":Sr18:37:00#:Sd-70*00:00#", 2)
+        assert program.say(b":MS#", 1) != b"0"
+    page.show("readings")
+    page.until("it is told", lambda: "Below Lower Limit" in page.text("#readings"))
+
+
+def test_a_sync_asks_first(console: Console, visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.find("Aldebaran")
+    before = console.truth.position()
+    page.page.click("#sync")
+    page.until("it asks", lambda: page.text("#ask-title") == "Sync on Aldebaran?")
+    assert page.page.locator("#stop").is_enabled() and not page.page.evaluate("document.querySelector('#stop').inert")
+    page.page.click("#ask-no")
+    page.until("it is gone", lambda: not page.page.locator("#ask").is_visible())
+    assert not console.moved_from(before)
+
+
+def test_an_unknown_name_is_said(visit: Callable[..., Visit]) -> None:
+    page = visit()
+    page.page.fill("#object", "Xyzzyx")
+    page.page.press("#object", "Enter")
+    page.until("it is said", lambda: "Xyzzyx" in page.text("#notices"))

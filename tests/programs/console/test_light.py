@@ -1,0 +1,78 @@
+"""Red by night: not one pixel of any view has more than a trace of green or blue."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from .page import DESK, PHONE, VIEWS, Console, Visit
+
+
+def not_red(picture: Image.Image) -> int:
+    """Pixels whose green or blue is above a tenth of their red, or not below 16."""
+    seen = np.asarray(picture).astype(int)
+    most = seen[..., 1:].max(axis=2)
+    return int(((most * 10 > seen[..., 0]) | (most >= 16)).sum())
+
+
+@pytest.mark.parametrize("size", [PHONE, DESK])
+def test_every_view_is_red(console: Console, visit: Callable[..., Visit], size: tuple[int, int]) -> None:
+    page = visit(size, light_mode="night", light_shown="night", light_step="4")
+    with console.program() as program:
+        for view in VIEWS:
+            page.show(view)
+            if view == "sky":
+                page.find("Aldebaran")
+            if view == "talk":
+                page.page.wait_for_timeout(300)
+                program.say(b":GR#:MS#", 9)
+                page.page.focus("#command")
+                page.page.keyboard.type(":GR#")
+                page.page.keyboard.press("Shift+Home")  # a selection has a colour, too
+                page.until("it is shown", lambda: page.page.locator(".exchange").count() > 0)
+            picture = page.picture()
+            assert not_red(picture) == 0, view
+            assert np.asarray(picture)[..., 0].max() > 150, view
+
+
+def test_a_question_a_refusal_and_suggestions_are_red(visit: Callable[..., Visit]) -> None:
+    page = visit(light_mode="night", light_shown="night")
+    page.page.fill("#object", "al")
+    page.until("names are offered", lambda: page.page.locator("#suggestions li").count() > 1)
+    page.page.press("#object", "ArrowDown")
+    assert not_red(page.picture()) == 0
+    page.find("18:37:00 -70:00:00")
+    assert not_red(page.picture()) == 0
+    page.page.click("#sync")
+    assert page.page.locator("#ask").is_visible() and not_red(page.picture()) == 0
+    page.page.click("#ask-no")
+    page.page.fill("#object", "Xyzzyx")
+    page.page.press("#object", "Enter")
+    page.until("it is refused", lambda: "Xyzzyx" in page.text("#notices"))
+    assert not_red(page.picture()) == 0
+
+
+def test_by_itself_it_is_red_while_the_sun_is_low(visit: Callable[..., Visit]) -> None:
+    page = visit(light_mode="auto", light_shown="day")  # it is night at the simulated mount
+    page.until("it is red", lambda: page.page.evaluate("document.documentElement.dataset.light") == "night")
+    page.page.click("#light")
+    assert page.page.evaluate("[document.documentElement.dataset.light, localStorage.getItem('light-mode')]") == [
+        "day",
+        "day",
+    ]
+    assert not_red(page.picture()) > 100_000
+
+
+def test_it_is_dimmed_in_four_steps(visit: Callable[..., Visit]) -> None:
+    page = visit(light_mode="night", light_shown="night")
+    page.show("more")
+    brightness = []
+    for words in ("Full", "Middle", "Low", "Faint"):
+        page.page.get_by_role("radio", name=words).click()
+        page.page.mouse.move(1, 1)
+        page.page.wait_for_timeout(200)
+        brightness.append(float(np.asarray(page.picture())[..., 0].mean()))
+    assert brightness == sorted(brightness, reverse=True) and brightness[-1] < brightness[0] / 2

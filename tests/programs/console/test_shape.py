@@ -1,0 +1,84 @@
+"""The page on a phone, a tablet and a desk; with the keyboard alone; how soon it is there, and how large it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from .page import DESK, PHONE, TABLET, VIEWS, Visit
+
+PAGE = Path(__file__).resolve().parents[3] / "gateway/console/page"
+#: Bytes of all files but the stars; seconds to the first paint.
+LARGEST, FIRST = 200_000, 1.0
+
+
+@pytest.mark.parametrize("size", [PHONE, (360, 640), (844, 390), TABLET, DESK])
+def test_no_view_is_wider_than_the_screen(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
+    page = visit(size)
+    page.find("Aldebaran")
+    for view in VIEWS:
+        page.show(view)
+        wide = page.page.evaluate(
+            "[...document.querySelectorAll('html, main, .conversation')]"
+            ".filter(one => one.scrollWidth > one.clientWidth + 1).map(one => one.id || one.className || one.tagName)"
+        )
+        assert wide == [], view
+        box = page.page.locator("#stop").bounding_box()
+        assert box is not None and box["width"] >= 200 and box["height"] >= 48
+        assert 0 <= box["x"] <= size[0] - box["width"] and 0 <= box["y"] <= size[1] - box["height"], view
+        centre = [box["x"] + box["width"] / 2, box["y"] + box["height"] / 2]
+        assert page.page.evaluate("([x, y]) => document.elementFromPoint(x, y).closest('#stop') !== null", centre), view
+
+
+@pytest.mark.parametrize("size", [PHONE, TABLET, DESK])
+def test_everything_is_reached_with_the_keyboard(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
+    page = visit(size)
+    page.find("Aldebaran")
+    for view in VIEWS:
+        page.show(view)
+        wanted = page.page.evaluate(
+            "[...document.querySelectorAll('button, input, a[href], canvas[tabindex]')].filter(one => "
+            "one.checkVisibility() && !one.disabled).map((one, index) => one.dataset.reach = String(index)).length"
+        )
+        reached = set()
+        page.page.evaluate("document.activeElement.blur()")
+        for _ in range(wanted + 12):
+            page.page.keyboard.press("Tab")
+            reached.add(page.page.evaluate("document.activeElement.dataset.reach"))
+        assert {str(index) for index in range(wanted)} <= reached, view
+        page.page.evaluate("document.querySelectorAll('[data-reach]').forEach(one => delete one.dataset.reach)")
+
+
+def test_every_control_has_a_name(visit: Callable[..., Visit]) -> None:
+    page = visit(DESK)
+    page.find("Aldebaran")
+    for view in VIEWS:
+        page.show(view)
+        for role in ("button", "textbox", "combobox", "slider", "radio", "link"):
+            for one in page.page.get_by_role(role).all():  # type: ignore[arg-type]
+                name = one.evaluate(
+                    "one => one.getAttribute('aria-label') || one.textContent.trim() || one.labels?.[0]?.textContent"
+                )
+                assert name, (view, role, one.evaluate("one => one.outerHTML"))
+
+
+def test_it_is_there_within_a_second(visit: Callable[..., Visit]) -> None:
+    page = visit()
+    first = page.page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
+    print(f"first paint after {first:.0f} ms")
+    assert first <= FIRST * 1000
+
+
+def test_it_is_small() -> None:
+    sizes = {path: path.stat().st_size for path in PAGE.rglob("*") if path.is_file() and "data" not in path.parts}
+    print(f"{sum(sizes.values())} bytes in {len(sizes)} files")
+    assert sum(sizes.values()) <= LARGEST
+
+
+def test_nothing_in_it_is_parsed_as_markup() -> None:
+    for path in PAGE.rglob("*.js"):
+        text = path.read_text("utf-8")
+        for word in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval("):
+            assert word not in text, path

@@ -1,0 +1,56 @@
+"""A page that only looks, until the pin is typed; and a page whose gateway goes and comes again."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser
+
+from ..processes import Workshop
+from .page import PHONE, Console, Visit
+
+
+@pytest.fixture
+def own(workshop: Workshop) -> Console:
+    """A gateway of the test's own, whose console has a pin."""
+    config = workshop.folder / "gateway.toml"
+    config.write_text('[console]\npin = "4711"\n')
+    return Console(workshop, str(config))
+
+
+@pytest.fixture
+def page(own: Console, browser: Browser) -> Iterator[Visit]:
+    visit = Visit(browser, own.url, PHONE, {"light-mode": "day", "light-shown": "day"})
+    yield visit
+    visit.close()
+
+
+def test_without_the_pin_it_only_looks_and_stops(own: Console, page: Visit) -> None:
+    page.until("it is said", lambda: "This page only looks" in page.text("#banners"))
+    page.show("control")
+    for one in page.page.locator("#orders button, [data-go]").all():
+        assert not one.is_enabled()
+    page.page.tap("#stop")
+    page.until("a stop is carried out", lambda: page.text("#notices") == "Stopped.")
+    for pin, answer in (("0000", "This is not the pin."), ("4711", "This page may act now.")):
+        page.page.get_by_role("button", name="Type the pin").first.click()
+        page.page.get_by_label("Pin of the console").fill(pin)
+        page.page.press("#ask-pin", "Enter")
+        page.until(answer, lambda words=answer: page.text("#notices").startswith(words))
+    page.until("it may act", lambda: page.page.locator("[data-go=north]").is_enabled())
+
+
+def test_a_gateway_that_stands_still_is_told_of(own: Console, page: Visit) -> None:
+    """A stop that it has not heard is said aloud, and is sent when it is there again."""
+    own.gateway.signal(signal.SIGSTOP)
+    try:
+        page.until("it is said", lambda: page.does("No connection"))
+        page.until("so is since when", lambda: "No connection to the gateway since" in page.text("#banners"))
+        page.page.tap("#stop")
+        page.until("a stop that nobody heard is said", lambda: "DID NOT REACH THE GATEWAY" in page.text("#notices"))
+    finally:
+        own.gateway.signal(signal.SIGCONT)
+    page.until("it is connected again, and has stopped", lambda: page.text("#notices") == "Stopped.", 20.0)
+    assert not page.text("#banners").startswith("No connection") and not page.does("No connection")

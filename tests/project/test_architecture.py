@@ -1,0 +1,62 @@
+"""The pages for developers are true of this tree: the picture of the layers, the walk, every path that they name."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+from gateway.cli import main
+from tests.support.pages import PAGES, ROOT
+
+PAGE = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+_PATH = re.compile(r"`((?:gateway|mappings|tests|docs|examples)/[\w./*-]+)`")
+_WALK = re.compile(r"<!-- walk -->\n```\n(.*?)```\n<!-- end of walk -->", re.DOTALL)
+
+
+def test_the_picture_shows_the_layers_as_they_are() -> None:
+    spec = importlib.util.spec_from_file_location("layers", ROOT / "docs" / "layers.py")
+    assert spec is not None and spec.loader is not None
+    layers = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(layers)
+    assert layers.refreshed(PAGE) == PAGE, "write it anew: python docs/layers.py"
+    assert "transport --> core" in layers.picture()
+    assert all(name not in layers.reached(layers.imports(), name) for name in layers.layers()), "a circle of layers"
+
+
+def test_the_walk_is_what_the_program_prints(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", "lx200", "nexstar:6-8se", ":MS#"]) == 0
+    printed = capsys.readouterr().out
+    written = _WALK.search(PAGE)
+    assert written is not None
+    assert written[1] == printed
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_path_that_is_named_is_there(page: Path) -> None:
+    gone = [path for path in _PATH.findall(page.read_text("utf-8")) if not any(ROOT.glob(path.rstrip("/")))]
+    gone = [path for path in gone if not any(ROOT.glob(f"{path}.py"))]
+    assert gone == []
+
+
+def test_the_hooks_before_a_commit_run_programs_that_the_project_installs() -> None:
+    text = (ROOT / ".pre-commit-config.yaml").read_text("utf-8")
+    entries = re.findall(r"entry: \.venv/bin/(\S+)", text)
+    assert entries == ["ruff", "ruff", "mypy", "lint-imports", "mount-gateway"]
+    declared = (ROOT / "pyproject.toml").read_text("utf-8")
+    for package in ("ruff", "mypy", "import-linter", "pre-commit"):
+        assert f'"{package}' in declared, f"{package} is no part of the extra dev"
+
+
+def test_every_file_that_a_docstring_names_is_there() -> None:
+    """A module that has moved or was renamed must not live on in the words about it."""
+    there = {path.name for folder in ("gateway", "mappings", "tests") for path in (ROOT / folder).rglob("*")}
+    gone = [
+        f"{path.relative_to(ROOT)} names {name}"
+        for path in sorted((ROOT / "gateway").rglob("*.py"))
+        for name in re.findall(r"``(?:[\w/]+/)?(\w+\.(?:py|toml))``", path.read_text("utf-8"))
+        if name not in there | {"gateway.toml", "pyproject.toml"}
+    ]
+    assert gone == []

@@ -1,0 +1,90 @@
+"""The large scale stays simple: no import circles, no crowded folders, no long modules, no ball of classes.
+
+That imports point down is held by import-linter (``pyproject.toml``); how all this is measured: ``support/structure``.
+"""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import gateway
+from gateway.core.signals import Signal
+from tests.support import structure
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+ROOT = Path(gateway.__file__).parent
+FOLDERS = sorted(path.parent for path in ROOT.rglob("__init__.py"))
+#: Entries of a folder, lines of a module, and classes of a mount that reach each other at run time.
+ENTRIES, LINES, BALL = 14, 300, 6
+#: Circles that are still there, to be taken out of here as soon as they are not.
+IN_CIRCLES = {"gateway.app.config", "gateway.astro.ephemeris", "gateway.cli", "gateway.protocols"}
+
+
+def _name(path: Path) -> str:
+    return str(path.relative_to(ROOT.parent))
+
+
+def test_there_are_no_import_circles() -> None:
+    circles = structure.circles(structure.import_graph(ROOT))
+    known = {
+        name: [one for one in circles if all(f"{module}.".startswith(f"{name}.") for module in one)]
+        for name in IN_CIRCLES
+    }
+    assert [circle for circle in circles if not any(circle in ones for ones in known.values())] == []
+    assert [name for name, ones in known.items() if not ones] == []
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=_name)
+def test_a_folder_is_not_crowded(folder: Path) -> None:
+    entries = sorted(path.name for path in folder.iterdir() if path.name != "__pycache__")
+    assert len(entries) <= ENTRIES, entries
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=_name)
+def test_a_folder_says_in_one_sentence_what_it_is(folder: Path) -> None:
+    words = ast.get_docstring(ast.parse((folder / "__init__.py").read_text("utf-8"))) or ""
+    sentence = words.split("\n\n")[0]
+    assert sentence.endswith(".") and ". " not in sentence, words
+
+
+def test_no_module_is_long() -> None:
+    long = {_name(path): len(path.read_text("utf-8").splitlines()) for path in ROOT.rglob("*.py")}
+    assert {name for name, lines in long.items() if lines > LINES} == set()
+
+
+@pytest.mark.parametrize("driven", ["nexstar", "lx200"])
+def test_few_classes_of_a_mount_reach_each_other_at_run_time(driven: str) -> None:
+    """What only listens to a signal is not reached by whoever emits it."""
+
+    async def program() -> None:
+        async with Bridge("6-8se" if driven == "nexstar" else "autostar", driven=driven) as bridge:
+            await bridge.client().ask(b":GR#", until=b"#")
+            graph = structure.class_graph(bridge.controller, "gateway.mount", lambda thing: isinstance(thing, Signal))
+            assert len(graph) > 30, "the controller holds its parts"
+            assert all(len(ball) <= BALL for ball in structure.circles(graph)), structure.circles(graph)
+
+    run(program())
+
+
+def test_a_circle_is_seen_wherever_the_import_stands(tmp_path: Path) -> None:
+    package = tmp_path / "house"
+    package.mkdir()
+    (package / "__init__.py").write_text('"""A house."""\n')
+    (package / "one.py").write_text("from house import two\n")
+    (package / "two.py").write_text("def late():\n    from house.three import it\n")
+    (package / "three.py").write_text("from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import house.one\n")
+    found = structure.circles(structure.import_graph(package))
+    assert found == [["house.one", "house.three", "house.two"]]
+
+
+def test_classes_are_reached_through_whatever_holds_them() -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            graph = structure.class_graph(bridge.controller, "gateway.mount")
+            assert any(len(ball) > BALL for ball in structure.circles(graph)), "the listeners of signals count here"
+
+    run(program())

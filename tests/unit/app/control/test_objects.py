@@ -1,0 +1,40 @@
+"""What is suggested while somebody types the name of an object."""
+
+from __future__ import annotations
+
+import pytest
+
+from gateway.app.control.objects import beginning
+
+MOST = 12
+
+
+@pytest.mark.parametrize(
+    ("typed", "first"),
+    [
+        ("ma", "Mars"),
+        ("m3", "M 3"),
+        ("m 11", "M 11"),
+        ("M110", "M 110"),
+        ("ngc 7000", "NGC 7000"),
+        ("alde", "Aldebaran"),
+        ("alkai", "Alkaid"),
+        ("ring neb", "Ring Nebula"),
+    ],
+)
+def test_what_is_meant_stands_first(typed: str, first: str) -> None:
+    assert beginning(typed, MOST)[0] == first
+
+
+def test_all_of_messier_that_begin_so() -> None:
+    assert beginning("m3", MOST)[:11] == ["M 3", *(f"M {number}" for number in range(30, 40))]
+
+
+def test_the_stars_that_mounts_are_aligned_on_come_before_others() -> None:
+    found = beginning("al", 40)
+    assert found.index("Altair") < found.index("Albali") < found.index("Alcaid")
+
+
+@pytest.mark.parametrize("typed", ["", "m999", "ngc 9999", "xyz 12", "m0"])
+def test_nothing_is_suggested_where_nothing_is(typed: str) -> None:
+    assert beginning(typed, MOST) == []

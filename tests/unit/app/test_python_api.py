@@ -1,0 +1,186 @@
+"""What ``gateway`` offers to other programs: frames, a gateway inside a program, and the examples that show them."""
+
+from __future__ import annotations
+
+import asyncio
+import doctest
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import gateway
+from gateway import Fault, FrameError, Splitter, UserError, decode, decode_reply, encode, encode_reply, open_gateway
+from gateway.app.api import frames
+from gateway.core import operations as op
+from gateway.core.errors import NoAnswer, Stopped
+from gateway.core.wire_log import Entry
+from gateway.protocols.wireformat.command_set import load
+
+ROOT = Path(gateway.__file__).parent.parent
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+SIM, SURFACE = "nexstar@sim", "lx200@tcp://127.0.0.1:0"
+
+
+@pytest.fixture(autouse=True)
+def own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+
+
+def test_every_name_that_is_offered_can_be_imported_and_is_documented() -> None:
+    page = (ROOT / "docs" / "python.md").read_text()
+    for name in gateway.__all__:
+        assert getattr(gateway, name).__doc__
+        assert f"`{name}" in page, f"docs/python.md does not mention {name}"
+    with pytest.raises(AttributeError):
+        _ = gateway.nothing_of_this_name
+
+
+def test_importing_the_package_loads_next_to_nothing() -> None:
+    code = "import sys, gateway; print([name for name in sys.modules if name.startswith('gateway.')])"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=20)
+    assert said.stdout.strip() == "['gateway.core', 'gateway.core.about']"
+
+
+def test_the_examples_of_the_docstrings_are_true() -> None:
+    result = doctest.testmod(frames)
+    assert result.attempted >= 6
+    assert result.failed == 0
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_examples_run(example: Path, tmp_path: Path) -> None:
+    said = subprocess.run(
+        [sys.executable, "-W", "error", str(example)],
+        capture_output=True, text=True, timeout=60, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert (said.returncode, said.stderr) == (0, "")
+    told = {"read_a_conversation": "BelowHorizon", "embed_a_gateway": "arrived at right ascension", "tiny_client": "("}
+    assert told[example.stem] in said.stdout
+
+
+# --- frames -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("protocol", ["lx200", "nexstar"])
+def test_every_command_without_values_is_decoded_as_it_was_encoded(protocol: str) -> None:
+    tried = 0
+    for name, command in load(protocol).commands.items():
+        if not command.request.fields:
+            assert decode(protocol, encode(protocol, name)).name == name
+            tried += 1
+    assert tried > 20
+
+
+def test_values_pass_through_a_frame_of_either_protocol() -> None:
+    assert encode("lx200", "Sd", dec=-5.5) == b":Sd-05*30:00#"
+    assert decode("nexstar", encode("nexstar", "r", ra=83.5, dec=-5.5)).values == pytest.approx(
+        {"ra": 83.5, "dec": -5.5}, abs=1e-4
+    )
+    told = encode_reply("nexstar", "e", ra=10.0, dec=-20.0)
+    assert decode_reply("nexstar", "e", told).values == pytest.approx({"ra": 10.0, "dec": -20.0}, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: decode("meade", b":GR#"), "'meade' is no protocol; there are lx200, nexstar"),
+        (lambda: decode("lx200", b":xyz#"), "b':xyz#' is no command of the lx200 protocol"),
+        (lambda: decode("lx200", b":Sr25:00:00#"), "Sr (set the target right ascension): b'25:00:00' is outside"),
+        (lambda: encode("lx200", "nonsense"), "no command called 'nonsense'"),
+        (lambda: encode("lx200", "Sr"), "Sr (set the target right ascension) needs ra"),
+        (lambda: encode("lx200", "Sr", ra="east"), "Sr (set the target right ascension): "),
+        (lambda: encode("lx200", "Sr", dec=3.0), "Sr (set the target right ascension) has no dec; it has ra"),
+        (lambda: encode("lx200", "GR", ra=3.0), "has no ra; it has no values"),
+        (lambda: decode_reply("lx200", "GR", b"what#"), "b'what#' is no reply to GR"),
+        (lambda: decode_reply("lx200", "Q", b"1"), "has no reply"),
+        (lambda: encode_reply("lx200", "GR", dec=1.0), "no reply with dec; ra or ra"),
+    ],
+)
+def test_what_does_not_fit_is_told_in_words(call: object, words: str) -> None:
+    assert callable(call)
+    with pytest.raises(FrameError) as caught:
+        call()
+    assert words in str(caught.value)
+
+
+def test_a_stream_is_cut_into_commands() -> None:
+    clock = [0.0]
+    splitter = Splitter("nexstar", lambda: clock[0])
+    assert splitter.feed(b"e" + b"r12AB0500,") == [b"e"]
+    assert splitter.feed(b"40000500") == [b"r12AB0500,40000500"]
+
+
+# --- a gateway inside a program ---------------------------------------------------------------------------------------
+
+
+def test_a_program_points_a_simulated_mount() -> None:
+    async def points() -> None:
+        seen: list[Entry] = []
+        settings = {"site": (48.1, 11.6), "lowest": -90, "sun": 0, "speed": 50}
+        async with open_gateway(SIM, [{"at": SURFACE, "read_only": True}], watch=seen.append, **settings) as running:
+            await running.ready()
+            assert running.addresses[0].startswith("lx200:autostar@tcp://127.0.0.1:")
+            await running.goto(380.0, 10.0)
+            assert await running.arrived(30) == pytest.approx((20.0, 10.0), abs=0.1)
+            await running.sync(21.0, 10.0)
+            assert await running.position() == pytest.approx((21.0, 10.0), abs=0.1)
+            assert isinstance(await running.perform(op.GetStatus()), op.Status)
+        assert any(entry.side == "mount" and entry.data[:1] == b"r" for entry in seen)
+
+    asyncio.run(points())
+
+
+def test_a_stop_ends_a_goto_and_is_told_to_who_waits_for_it() -> None:
+    async def stops() -> None:
+        async with open_gateway(SIM, [SURFACE], site=(48.1, 11.6), lowest=-90, sun=0) as running:
+            await running.ready()
+            await running.goto(20.0, 10.0)
+            waiting = asyncio.ensure_future(running.arrived(30))
+            await asyncio.sleep(0)
+            await running.stop()
+            with pytest.raises(Stopped):
+                await waiting
+            assert await running.perform(op.Slewing()) is False
+
+    asyncio.run(stops())
+
+
+def test_limits_hold_for_the_program_too() -> None:
+    async def refuses() -> None:
+        async with open_gateway(SIM, [SURFACE], site=(48.1, 11.6)) as running:
+            await running.ready()
+            with pytest.raises(Fault, match="Below Horizon"):
+                await running.goto(0.0, -80.0)
+
+    asyncio.run(refuses())
+
+
+def test_a_mount_that_does_not_answer_is_told_in_words() -> None:
+    async def waits() -> None:
+        async with open_gateway(SIM, [SURFACE], latency=3.0) as running:
+            with pytest.raises(NoAnswer, match=r"nexstar@sim has not answered within 0.05 s"):
+                await running.ready(0.05)
+
+    asyncio.run(waits())
+
+
+@pytest.mark.parametrize(
+    ("surface", "settings", "words"),
+    [
+        (SURFACE, {"lowset": 3}, "open_gateway: [mount] lowset: there is no such key; did you mean 'lowest'?"),
+        (SURFACE, {"lowest": 100}, "open_gateway: [mount] lowest: 100: write "),
+        ("lx200", {}, "write PROTOCOL[:MODEL[/VERSION]]@WHERE"),
+        ("lx200@tcp://256.0.0.1:4030", {}, "256.0.0.1"),
+    ],
+)
+def test_a_setting_that_cannot_be_used_is_a_user_error(surface: str, settings: dict[str, object], words: str) -> None:
+    async def opens() -> None:
+        async with open_gateway(SIM, [surface], **settings):
+            raise AssertionError("it was opened")
+
+    with pytest.raises(UserError) as caught:
+        asyncio.run(opens())
+    assert words in str(caught.value)

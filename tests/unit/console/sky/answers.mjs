@@ -1,0 +1,55 @@
+/**
+ * Answers questions about the sky chart's modules: reads a list of [function, arguments…] as JSON from standard input,
+ * writes the list of answers. The test that asks knows them from elsewhere.
+ */
+import { readFileSync } from "node:fs";
+import { pathToFileURL } from "node:url";
+
+const folder = pathToFileURL(`${process.argv[2]}/`);
+const from = (name) => import(new URL(name, folder));
+const sphere = await from("sphere.js"), { View } = await from("view.js"), { Scene } = await from("scene.js");
+const { Catalogue } = await from("catalogue.js"), { pick } = await from("pick.js"), { Trail } = await from("trail.js");
+const moon = await from("moon.js"), words = await from("words.js"), { project } = await from("paint/stars.js");
+
+const catalogue = new Catalogue(JSON.parse(readFileSync(new URL("../../data/stars.json", folder), "utf-8")));
+
+function view({ width, height, facing = 180, enlarged = [], panned = [0, 0] }) {
+  const found = new View();
+  found.resize(width, height);
+  found.face(facing);
+  for (const [factor, x, y] of enlarged) found.enlarge(factor, x, y);
+  found.pan(...panned);
+  return found;
+}
+
+const answers = {
+  /** Altitude and azimuth of a place of J2000. */
+  overHorizon: (mount, unix, ra, dec) => sphere.angles(new Scene(mount, 0, unix).place(ra, dec)),
+  /** A later moment, without another message. */
+  later: (mount, age, unix, ra, dec) => sphere.angles(new Scene(mount, age, unix).place(ra, dec)),
+  precessed: (unix, ra, dec) => sphere.angles(sphere.turned(sphere.precession(unix), sphere.vector(ra, dec))),
+  point: (shape, azimuth, altitude) => view(shape).point(sphere.vector(azimuth, altitude)),
+  place: (shape, x, y) => sphere.angles(view(shape).vector(x, y)),
+  shape: (shape) => (({ zoom, left, top, radius, scale }) => ({ zoom, left, top, radius, scale }))(view(shape)),
+  ring: (shape, altitude) => view(shape).ring(altitude),
+  circle: (azimuth, altitude, radius) =>
+    sphere.circle(sphere.vector(azimuth, altitude), radius)
+      .map((at) => sphere.separation(at, sphere.vector(azimuth, altitude))),
+  lit: (apart) => moon.lit(sphere.vector(0, 0), sphere.vector(apart, 0)),
+  towards: (shape, from_, to) => moon.towards(view(shape), sphere.vector(...from_), sphere.vector(...to)),
+  picked: (shape, mount, unix, x, y, reach) => {
+    const picture = { view: view(shape), scene: new Scene(mount, 0, unix), catalogue,
+      points: new Float64Array(catalogue.count * 3) };
+    if (picture.scene.sky) project(picture, picture.points);
+    return pick(picture, x, y, reach);
+  },
+  trail: (steps) => {
+    const trail = new Trail();
+    const grew = steps.map(([azimuth, altitude, time]) => trail.add(azimuth, altitude, time));
+    return { grew, left: trail.points.length };
+  },
+  described: (mount, unix) => words.described(new Scene(mount, 0, unix)),
+};
+
+const asked = JSON.parse(readFileSync(0, "utf-8"));
+process.stdout.write(JSON.stringify(asked.map(([name, ...rest]) => answers[name](...rest) ?? null)));

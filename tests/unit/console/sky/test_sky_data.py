@@ -1,0 +1,56 @@
+"""The chart's data file is what its script makes of the catalogue, and says where it comes from."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import sys
+from itertools import pairwise
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from gateway.astro.spherical import separation
+
+ROOT = Path(__file__).resolve().parents[4]
+DATA = ROOT / "gateway/console/page/data"
+
+
+@pytest.fixture(scope="module")
+def script() -> ModuleType:
+    found = importlib.util.spec_from_file_location("make_sky_data", ROOT / "docs/tools/make_sky_data.py")
+    assert found is not None and found.loader is not None
+    module = importlib.util.module_from_spec(found)
+    sys.modules[found.name] = module
+    found.loader.exec_module(module)
+    return module
+
+
+def test_the_file_is_what_the_script_writes(script: ModuleType) -> None:
+    assert (DATA / "stars.json").read_text("utf-8") == script.text(), "python docs/tools/make_sky_data.py makes it anew"
+
+
+def test_figures_are_small_and_whole(script: ModuleType) -> None:
+    told = json.loads((DATA / "stars.json").read_text("utf-8"))
+    stars, figures = told["stars"], told["figures"]
+    assert len({name for name, *_ in figures}) == 88
+    for name, ra, dec, lines in figures:
+        for line in lines:
+            for one, next_ in pairwise(line):
+                assert separation(*stars[one][:2], *stars[next_][:2]) < 32.0, name
+            assert min(separation(*stars[star][:2], ra, dec) for star in line) < 45.0, name
+
+
+def test_the_brightest_come_first_and_the_well_known_are_named(script: ModuleType) -> None:
+    stars = json.loads((DATA / "stars.json").read_text("utf-8"))["stars"]
+    assert [row[2] for row in stars] == sorted(row[2] for row in stars)
+    assert [row[4] for row in stars[:4]] == ["Sirius", "Canopus", "Vega", "Arcturus"]
+    assert all(len(row) == 5 for row in stars[:30])
+
+
+def test_sources_and_licences_are_told() -> None:
+    about = json.loads((DATA / "stars.json").read_text("utf-8"))["about"]
+    assert "Hipparcos" in about["stars"] and "BSD-3-Clause" in about["figures"]
+    assert "Copyright (c) 2015, Olaf Frohn" in (DATA / "LICENSE-d3-celestial.txt").read_text("utf-8")
+    assert "d3-celestial" in (ROOT / "docs/developers.md").read_text("utf-8")

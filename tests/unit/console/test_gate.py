@@ -1,0 +1,68 @@
+"""Who may speak to the console: its own page, reached by an address or a name of this computer."""
+
+from __future__ import annotations
+
+import socket
+
+import pytest
+
+from gateway.console import gate
+
+NAME = socket.gethostname().lower().partition(".")[0]
+
+
+@pytest.mark.parametrize(
+    ("header", "allowed"),
+    [
+        ("127.0.0.1:4080", True),
+        ("127.0.0.1", True),
+        ("[::1]:4080", True),
+        ("localhost:9999", True),
+        ("LOCALHOST", True),
+        (NAME, True),
+        (f"{NAME}.local:4080", True),
+        ("192.0.2.7:4080", True),  # the address at which the connection came in
+        ("pier.example.org", True),  # configured
+        ("192.0.2.8:4080", False),
+        ("evil.example", False),
+        ("localhost.evil.example", False),
+        ("127.0.0.1.evil.example", False),
+        ("", False),
+        (None, False),
+        ("[::1", True),
+    ],
+)
+def test_the_host_is_this_computer(header: str | None, allowed: bool) -> None:
+    assert gate.known_host(header, "192.0.2.7", ["Pier.example.org"]) is allowed
+
+
+@pytest.mark.parametrize(
+    ("origin", "host", "allowed"),
+    [
+        (None, "127.0.0.1:4080", True),
+        ("http://127.0.0.1:4080", "127.0.0.1:4080", True),
+        ("http://127.0.0.1:8080", "127.0.0.1:4080", True),  # a tunnel may have another port
+        ("http://evil.example", "127.0.0.1:4080", False),
+        ("null", "127.0.0.1:4080", False),
+        ("file://", "127.0.0.1:4080", False),
+        ("http://127.0.0.1.evil.example", "127.0.0.1", False),
+        ("", "127.0.0.1", False),
+    ],
+)
+def test_the_page_is_its_own(origin: str | None, host: str, allowed: bool) -> None:
+    assert gate.same_origin(origin, host) is allowed
+
+
+@pytest.mark.parametrize(
+    ("site", "elsewhere"), [(None, False), ("none", False), ("same-origin", False), ("cross-site", True),
+                            ("same-site", True)]
+)  # fmt: skip
+def test_what_the_browser_itself_says_of_where_it_comes_from(site: str | None, elsewhere: bool) -> None:
+    assert gate.from_elsewhere({} if site is None else {"Sec-Fetch-Site": site}) is elsewhere
+
+
+def test_a_token_is_compared_whole() -> None:
+    assert gate.same_token("abc", "abc")
+    assert not gate.same_token("ab", "abc")
+    assert not gate.same_token(None, "abc")
+    assert not gate.same_token("ä", "abc")

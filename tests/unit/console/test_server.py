@@ -1,0 +1,362 @@
+"""The console's web server, spoken to as browsers do, and as a page of somebody else's would."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import pytest
+
+from gateway.app.config import MountConfig, SurfaceConfig
+from gateway.app.gateway import Gateway
+from gateway.clients.access import Access, networks
+from gateway.console.server import LONGEST, MOST_PAGES, Console
+
+PATIENCE = 10.0
+
+
+class Page:
+    """A page's WebSocket: what it is shown is put together as the page does."""
+
+    def __init__(self, ws: aiohttp.ClientWebSocketResponse) -> None:
+        self.ws = ws
+        self.mount: dict[str, Any] = {}
+        self.rows: list[dict[str, Any]] = []
+        self.recordings: list[Any] = []
+        self._number = 0
+
+    async def take(self) -> dict[str, Any]:
+        message = await self.ws.receive(timeout=PATIENCE)
+        assert message.type is aiohttp.WSMsgType.TEXT, message
+        value: dict[str, Any] = json.loads(message.data)
+        for part in (value.get("state"), value.get("diff")):
+            mounts = (part or {}).get("mounts", [])
+            self.mount |= (mounts.get("0", {}) if isinstance(mounts, dict) else mounts[0]) if mounts else {}
+            self.recordings = (part or {}).get("recordings", self.recordings)
+        self.rows += value.get("talk", [])
+        return value
+
+    async def ask(self, do: str, **more: Any) -> dict[str, Any]:
+        self._number += 1
+        await self.ws.send_str(json.dumps({"do": do, "id": self._number, **more}))
+        while (value := await self.take()).get("id") != self._number:
+            pass
+        return value
+
+    async def until(self, holds: Callable[[], Any]) -> None:
+        async with asyncio.timeout(PATIENCE):
+            while not holds():
+                await self.take()
+
+
+class Open:
+    """A gateway over a simulated mount, its console, and a browser."""
+
+    def __init__(self, gateway: Gateway, console: Console, http: aiohttp.ClientSession) -> None:
+        self.gateway, self.console, self.http = gateway, console, http
+
+    async def token(self) -> str:
+        async with self.http.get(self.console.where) as response:
+            assert response.status == 200
+            return (await response.text()).split('name="token" content="')[1].split('"')[0]
+
+    @asynccontextmanager
+    async def page(self) -> AsyncIterator[Page]:
+        async with self.http.ws_connect(f"{self.console.where}socket?token={await self.token()}") as ws:
+            page = Page(ws)
+            await page.until(lambda: page.mount.get("site") and page.mount["position"])
+            yield page
+
+
+@asynccontextmanager
+async def opened(state: Path, access: Access = Access(), pin: str = "", **mount: Any) -> AsyncIterator[Open]:
+    config = MountConfig(at="nexstar@sim", speed=6.0, sun=0.0, state=str(state), **mount)
+    gateway = Gateway(config, [SurfaceConfig(at="lx200@tcp://127.0.0.1:0")], warn=lambda text: None)
+    await gateway.open()
+    console = Console([gateway], access, pin)
+    try:
+        await console.open("127.0.0.1", 0)
+        assert await gateway.found(PATIENCE)
+        async with aiohttp.ClientSession() as http:
+            yield Open(gateway, console, http)
+    finally:
+        await console.close()
+        await gateway.close()
+
+
+def play(work: Coroutine[Any, Any, None]) -> None:
+    asyncio.run(work)
+
+
+# --- who is let in --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("headers", "path"),
+    [
+        ({"Host": "evil.example"}, ""),
+        ({"Host": "evil.example"}, "socket?token=x"),
+        ({"Origin": "http://evil.example"}, ""),
+        ({"Sec-Fetch-Site": "cross-site"}, "socket"),
+        ({}, "socket"),
+        ({}, "socket?token=wrong"),
+        ({}, "recording/0/a.rec?token=wrong"),
+    ],
+)
+def test_a_page_of_somebody_else_is_shown_nothing(tmp_path: Path, headers: dict[str, str], path: str) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there, there.http.get(there.console.where + path, headers=headers) as response:
+            assert response.status == 403
+
+    play(work())
+
+
+def test_the_page_can_be_framed_by_nobody_and_runs_nothing_but_its_own(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there, there.http.get(there.console.where) as response:
+            policy = response.headers["Content-Security-Policy"]
+            assert "frame-ancestors 'none'" in policy and "default-src 'none'" in policy and "unsafe" not in policy
+            assert response.headers["X-Frame-Options"] == "DENY"
+            assert "Access-Control-Allow-Origin" not in response.headers
+            assert "Set-Cookie" not in response.headers
+
+    play(work())
+
+
+@pytest.mark.parametrize("path", ["nothing", "../server.py", "%2e%2e/server.py", "js/../../gate.py", "recording/0/x"])
+def test_only_files_of_the_page_are_served(tmp_path: Path, path: str) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there, there.http.get(f"{there.console.where}{path}") as response:
+            assert response.status in (403, 404)
+
+    play(work())
+
+
+def test_who_is_not_in_allow_sees_nothing(tmp_path: Path) -> None:
+    async def work() -> None:
+        access = Access(allow=networks(["192.0.2.0/24"]))
+        async with opened(tmp_path, access) as there, there.http.get(there.console.where) as response:
+            assert response.status == 403
+
+    play(work())
+
+
+def test_a_huge_message_ends_the_page_and_nothing_else(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there:
+            async with there.page() as page:
+                with contextlib.suppress(ConnectionError):
+                    await page.ws.send_str("x" * (LONGEST * 640))
+                async with asyncio.timeout(PATIENCE):
+                    while (await page.ws.receive()).type is aiohttp.WSMsgType.TEXT:
+                        pass
+            async with there.page() as page:
+                assert (await page.ask("look_up", name="Vega"))["name"] == "Vega"
+
+    play(work())
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"do":"fly","id":1}', '{"do":"jog","id":1}', "\x00", '"' * 99,
+                                  '{"do":"goto","id":1,"ra":1e999,"dec":0}', '{"do":"stop","mount":-9}'])  # fmt: skip
+def test_what_no_page_would_send_costs_nothing(tmp_path: Path, text: str) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there, there.page() as page:
+            await page.ws.send_str(text)
+            assert (await page.ask("look_up", name="Vega"))["ok"]
+
+    play(work())
+
+
+def test_no_more_pages_than_there_is_room_for(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there:
+            token = await there.token()
+            where = f"{there.console.where}socket?token={token}"
+            pages = [await there.http.ws_connect(where) for _ in range(MOST_PAGES)]
+            with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+                await there.http.ws_connect(where)
+            assert refused.value.status == 503
+            for page in pages:
+                await page.close()
+
+    play(work())
+
+
+# --- what a page sees and does --------------------------------------------------------------------------------------
+
+
+def test_a_goto_is_seen_from_its_beginning_to_its_end(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there, there.page() as page:
+            start = page.mount["position"]
+            goal = {"ra": (start["ra2000"] + 15.0) % 360.0, "dec": start["dec2000"] + 10.0}
+            answer = await page.ask("goto", **goal)
+            assert answer["ok"], answer
+            await page.until(lambda: page.mount["slewing"] and page.mount["target"])
+            assert page.mount["target"]["dec2000"] == pytest.approx(goal["dec"], abs=0.01)
+            assert len(page.mount["way"]) > 2
+            await page.until(lambda: not page.mount["slewing"])
+            await page.until(lambda: abs(page.mount["position"]["dec2000"] - goal["dec"]) < 0.05)
+
+    play(work())
+
+
+def test_below_the_horizon_is_refused_in_words(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there, there.page() as page:
+            below = {"ra": page.mount["position"]["ra2000"], "dec": -80.0}
+            asked = await page.ask("ask", **below, j2000=True)
+            assert asked["may"] is False and "lower than the 0 degrees" in asked["why"]
+            answer = await page.ask("goto", **below)
+            assert not answer["ok"] and "lower than the 0 degrees" in answer["words"]
+            await page.until(lambda: any("Below" in line for line in page.mount["lately"]))
+
+    play(work())
+
+
+def test_an_arrow_moves_until_it_is_let_go(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there, there.page() as page:
+            assert (await page.ask("jog", direction="north", rate=7))["ok"]
+            await page.until(lambda: page.mount["by_hand"])
+            assert (await page.ask("let_go", direction="north"))["ok"]
+            await page.until(lambda: not page.mount["by_hand"])
+
+    play(work())
+
+
+@pytest.mark.parametrize("how", ["closed", "silent", "cut off"])
+def test_who_is_gone_holds_no_arrow(tmp_path: Path, how: str) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there, there.page() as watcher, there.page() as page:
+            await page.ask("jog", direction="east", rate=7)
+            await watcher.until(lambda: watcher.mount["by_hand"])
+            if how == "closed":
+                await page.ws.close()
+            elif how == "cut off":
+                assert page.ws._response.connection is not None
+                page.ws._response.connection.transport.abort()
+            loop = asyncio.get_running_loop()
+            began = loop.time()
+            await watcher.until(lambda: not watcher.mount["by_hand"])
+            assert loop.time() - began < 3.5
+
+    play(work())
+
+
+def test_a_page_that_lives_holds_its_arrow_on(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there, there.page() as page:
+            await page.ask("jog", direction="west", rate=2)
+            loop = asyncio.get_running_loop()
+            began = loop.time()
+            while loop.time() < began + 2.2:
+                await page.ws.send_str('{"do":"beat"}')
+                await page.take()
+            assert page.mount["by_hand"]
+
+    play(work())
+
+
+def test_stop_ends_everything_and_hold_keeps_it_so(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there, there.page() as page:
+            await page.ask("jog", direction="north", rate=5)
+            stopped = await page.ask("stop")
+            assert stopped["ok"] and stopped["words"] == "stopped"
+            await page.until(lambda: not page.mount["by_hand"])
+            assert (await page.ask("hold"))["ok"]
+            await page.until(lambda: page.mount["held"])
+            refused = await page.ask("jog", direction="north", rate=5)
+            assert not refused["ok"] and "held" in refused["words"]
+            assert (await page.ask("release"))["ok"]
+            await page.until(lambda: not page.mount["held"])
+
+    play(work())
+
+
+def test_tracking_time_and_site_are_set_as_programs_set_them(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there, there.page() as page:
+            assert (await page.ask("track", on=False))["ok"]
+            await page.until(lambda: page.mount["tracks"] is False)
+            assert (await page.ask("track", on=True))["ok"]
+            await page.until(lambda: page.mount["tracks"])
+            assert (await page.ask("time", unix=1768514400.0, offset=1.0))["ok"]
+            assert (await page.ask("site", latitude=48.1, longitude=11.6))["ok"]
+
+    play(work())
+
+
+def test_with_a_pin_a_page_looks_until_it_is_typed_and_may_always_stop(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path, pin="4711") as there, there.page() as page:
+            refused = await page.ask("park")
+            assert not refused["ok"] and "pin" in refused["words"]
+            assert (await page.ask("stop"))["ok"]
+            assert not (await page.ask("pin", pin="4712"))["ok"]
+            assert (await page.ask("pin", pin="4711"))["ok"]
+            assert (await page.ask("jog", direction="north", rate=3))["ok"]
+
+    play(work())
+
+
+def test_the_conversation_shows_what_belongs_together_as_text(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there, there.page() as page:
+            await page.ws.send_str('{"do":"talk","on":true}')
+            host, port = there.gateway.ports[0].where.removeprefix("tcp://").split(":")
+            reader, writer = await asyncio.open_connection(host, int(port))
+            writer.write(b":GR#:<b>x</b>#")
+            await reader.readuntil(b"#")
+            await page.until(lambda: any("<b>" in row["data"] for row in page.rows))
+            asked = next(row for row in page.rows if row["data"] == ":GR#" and row["arrow"] == ">")
+            answered = next(row for row in page.rows if row["side"] == asked["side"] and row["arrow"] == "<")
+            assert asked["pair"] == answered["pair"]
+            assert asked["words"] and answered["words"]
+            assert page.mount["programs"][0]["surface"].startswith("lx200:")
+            writer.close()
+
+    play(work())
+
+
+def test_a_recording_is_begun_ended_and_fetched(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there, there.page() as page:
+            assert (await page.ask("record", on=True))["ok"]
+            await page.until(lambda: page.recordings and page.recordings[0])
+            assert not (await page.ask("record", on=True))["ok"]
+            await page.ask("jog", direction="north", rate=4)
+            await page.ask("stop")
+            answer = await page.ask("record", on=False)
+            assert answer["ok"], answer
+            path = f"{there.console.where}{answer['download'][1:]}?token={await there.token()}"
+            async with there.http.get(path) as response:
+                assert response.status == 200 and "attachment" in response.headers["Content-Disposition"]
+                assert (await response.text()).startswith("# mount-gateway")
+            assert not (await page.ask("record", on=False))["ok"]
+
+    play(work())
+
+
+def test_a_page_that_reads_nothing_holds_up_nobody(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there:
+            _, writer = await asyncio.open_connection(there.console.host, there.console.port, limit=1024)
+            key = "dGhlIHNhbXBsZSBub25jZQ=="
+            writer.write(
+                f"GET /socket?token={await there.token()} HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\n"
+                f"Connection: Upgrade\r\nSec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n\r\n".encode()
+            )
+            async with there.page() as page:
+                for _ in range(5):
+                    assert (await page.ask("look_up", name="Vega"))["ok"]
+            writer.close()
+
+    play(work())

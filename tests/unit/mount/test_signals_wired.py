@@ -1,0 +1,32 @@
+"""Whatever replies are made of outdates those that were made before, through the signal of whoever owns it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from gateway.core import operations as op
+from gateway.mount.controller import MountController
+from tests.support.in_process_gateway import Bridge
+from tests.support.virtual import run
+
+CHANGES: dict[str, Callable[[MountController], object]] = {
+    "a reading came": lambda mount: mount.cache.put(op.Slewing, False, mount.now()),
+    "a reading was forgotten": lambda mount: mount.cache.forget(op.PierSide),
+    "something else is wanted": lambda mount: mount.reconciler.no_more(),
+    "a clock was set": lambda mount: mount.site_clock.keep_clock(op.SetClock(0.0, 0.0)),
+    "a site was set": lambda mount: mount.site_clock.set_site_half(op.SetSite(latitude=10.0)),
+    "an order was acknowledged": lambda mount: mount.told_position.anew(),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_replies_of_before_are_out_of_date(change: str) -> None:
+    async def program() -> None:
+        async with Bridge() as bridge:
+            before = bridge.controller.version
+            CHANGES[change](bridge.controller)
+            assert bridge.controller.version > before
+
+    run(program())
