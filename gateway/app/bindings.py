@@ -61,7 +61,16 @@ def make_surface(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> S
     made = spec.make_surface(
         SurfaceSettings(endpoint.model, endpoint.version, config.precision, config.sync_text, limits)
     )
-    return SurfaceBinding(spec.title, made.surface, spec.framing, spec.opening, made.model, made.settings, fit=made.fit)
+    return SurfaceBinding(
+        spec.title,
+        made.surface,
+        spec.framing,
+        spec.opening,
+        made.model,
+        made.settings,
+        counts_in=spec.equinox,
+        fit=made.fit,
+    )
 
 
 def speech(protocol: str) -> tuple[Cutting, Replies]:
@@ -122,6 +131,11 @@ def tell_of_motions(controller: MountController, watched: WatchedMount) -> None:
 
     controller.before_motion.announce = before_motion
     controller.changed.connect(lambda _: watched.renew())
+
+
+def named(face: SurfaceBinding) -> str | None:
+    """The model that is presented; None where the protocol has none."""
+    return str(face.model["name"]) if face.surface.protocol.models else None
 
 
 def shows_itself(mount: Endpoint, surface: Endpoint) -> bool:

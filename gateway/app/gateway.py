@@ -16,6 +16,7 @@ from gateway.app.bindings import (
     make_surface,
     make_wire,
     manners,
+    named,
     own_face,
     policy,
     shows_itself,
@@ -44,6 +45,7 @@ from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.protocols.base.session import Shared
+from gateway.protocols.registry import PROTOCOLS
 from gateway.system.runtime_folders import folders
 from gateway.transport import Listener, open_port
 from gateway.transport.wires import on_the_wire
@@ -188,7 +190,7 @@ class Gateway:
             j2000 = J2000(self.sky, observatory.unix)
             face = replace(
                 face,
-                equinox=j2000 if surface.equinox == "j2000" else None,
+                equinox=j2000 if (surface.equinox or face.counts_in) == "j2000" else None,
                 manners=tuple(manners(endpoint.protocol, surface, j2000)),
             )
             self.receptions.append(
@@ -262,7 +264,7 @@ class Gateway:
         """One ``PROTOCOL:MODEL@WHERE`` per open port, followed by the mount's name where it has one."""
         name = f" {self.config.name}" if self.config.name else ""
         return [
-            f"{protocol}:{face.model['name']}@{port.where}{name}"
+            f"{PROTOCOLS[protocol].shown(named(face), None)}@{port.where}{name}"
             for (protocol, face), port in zip(self.faces, self.ports, strict=True)
         ]
 

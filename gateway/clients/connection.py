@@ -154,7 +154,8 @@ class ClientConnection:
     def network(self, hang_up: HangUp) -> None:
         """From here on nothing is heard before it is known that no stranger says it."""
         client, now = self.client, self._controller.now
-        self._hang_up, self._screen, self._after = hang_up, Beginning(self._face.beginning), self._take
+        self._hang_up, self._after = hang_up, self._take
+        self._screen = Beginning(self._face.beginning, self._face.surface.protocol.name)
         client.runner.rights = self._rights
         client.came = lambda: now() if self._came is None else self._came
         client.framing = self._face.framing(client.came)

@@ -22,11 +22,13 @@ class Piece(NamedTuple):
 
 
 class Beginning:
-    """``commands`` matches all well-formed commands, and what is passed over, that bytes begin with."""
+    """``commands`` matches all well-formed commands of the protocol ``own``, and what is passed over, that bytes begin
+    with.
+    """
 
-    def __init__(self, commands: re.Pattern[bytes]) -> None:
+    def __init__(self, commands: re.Pattern[bytes], own: str = "") -> None:
         self._commands = commands
-        self._recogniser = Recogniser()
+        self._recogniser = Recogniser(own)
         self._waiting: list[Piece] = []
         #: Who it is, when it is a stranger.
         self.stranger: Greeting | None = None

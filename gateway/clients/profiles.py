@@ -36,6 +36,8 @@ class SurfaceBinding(Struct, frozen=True):
     model: Model
     settings: ClientSettings
     equinox: Equinox | None = None
+    #: What its programs count in where the user says nothing: ``jnow`` or ``j2000``.
+    counts_in: str = "jnow"
     #: Whether the mount is equatorial, whether it is German, whether it has a GPS receiver -> the model to present;
     #: None where the user has named one.
     fit: Callable[[bool, bool | None, bool], Model] | None = None

@@ -13,13 +13,11 @@ from functools import cache
 
 from msgspec import Struct
 
-from gateway.protocols.registry import PROTOCOLS, surfaces
+from gateway.protocols.registry import PROTOCOLS
 
 #: What programs send in front of their first command: it ends nothing, asks nothing, and both protocols pass it over.
 IDLE = b"#\r\n\0 ?"
 
-#: What a program can choose in the place of a protocol that nobody here speaks.
-_TO_CHOOSE = " or ".join(PROTOCOLS[name].title for name in surfaces())
 #: One byte of a greeting: the values that it may have.
 Octet = frozenset[int]
 
@@ -170,7 +168,6 @@ ROWS = {
         "41 00 00 00 3A 30",
     ),
     "an MQTT request": ("10 .. 00 04 4D 51", "10 .. 00 06 4D 51"),
-    f"Stellarium's own protocol (choose {_TO_CHOOSE} in its telescope's settings)": ("14 00 00 00",),
     "a port scanner's probe": (
         "6C 00 0B",
         "42 00 00 0B",
@@ -226,25 +223,36 @@ def _greetings() -> Iterator[Greeting]:
             yield Greeting(words, _from_hexadecimal(row))
 
 
-@cache
-def greetings() -> tuple[Greeting, ...]:
-    """Worked out for the first connection: the start of the gateway need not wait for it."""
-    return tuple(_greetings())
+def _of_protocols(own: str) -> Iterator[Greeting]:
+    """The greetings of programs that speak another protocol than the surface's ``own``."""
+    for spec in PROTOCOLS.values():
+        if spec.greeting and spec.name != own:
+            words = f"{spec.title}'s own protocol (for that add --surface {spec.name}@tcp://HOST:{spec.usual_port}"
+            choice = f", or choose {PROTOCOLS[own].title} in the program)" if own in PROTOCOLS else ")"
+            yield Greeting(words + choice, tuple(frozenset((byte,)) for byte in spec.greeting))
 
 
 @cache
-def _beginning_with(byte: int) -> list[Greeting]:
+def greetings(own: str = "") -> tuple[Greeting, ...]:
+    """On a surface of that protocol. Worked out for the first connection: the start of the gateway does not wait."""
+    return (*_greetings(), *_of_protocols(own))
+
+
+@cache
+def _beginning_with(byte: int, own: str) -> list[Greeting]:
     """The greetings that may begin with a byte."""
-    return [greeting for greeting in greetings() if byte in greeting.first[0]]
+    return [greeting for greeting in greetings(own) if byte in greeting.first[0]]
 
 
 class Recogniser:
     """Hears a connection from its first byte on, in pieces of any size, until it is known who it cannot be.
 
-    What it remembers is how far every greeting has matched, so that it needs no more memory than the table has bytes.
+    ``own`` is the protocol that is spoken here. What it remembers is how far every greeting has matched, so that it
+    needs no more memory than the table has bytes.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, own: str = "") -> None:
+        self._own = own
         #: Whether a stranger may still be recognised.
         self.open = True
         self._begun: list[tuple[Greeting, int]] = []
@@ -255,7 +263,7 @@ class Recogniser:
         for byte in data:
             begun = [(greeting, count + 1) for greeting, count in self._begun if byte in greeting.first[count]]
             if self._leading:
-                begun += [(greeting, 1) for greeting in _beginning_with(byte)]
+                begun += [(greeting, 1) for greeting in _beginning_with(byte, self._own)]
                 self._leading = byte in IDLE
             for greeting, count in begun:
                 if count == len(greeting.first):

@@ -13,7 +13,7 @@ from gateway.core.about import PACKAGE
 from gateway.core.errors import UserError
 from gateway.core.wire_log import show
 from gateway.diagnostics.command_outcomes import MISSING, STANDS_FOR, counts, missing, outcome, remarks, sent, taken
-from gateway.protocols.registry import PROTOCOLS, mounts, pairs
+from gateway.protocols.registry import PROTOCOLS, mounts, pairs, surfaces
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_folder
 from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, SurfaceRow, Version, Way
@@ -93,7 +93,7 @@ def text() -> str:
         _HEAD
         + "".join(_pair(client, mount) for client, mount in pairs())
         + _SHARED
-        + "".join(_shared(client) for client, _ in pairs())
+        + "".join(_shared(name) for name in surfaces() if name in mounts())
     )
 
 
@@ -120,7 +120,8 @@ def _pair(client: str, mount: str) -> str:
     lines.append("\n### By model of the mount\n")
     lines.append(f"`mount-gateway tables --model {PROTOCOLS[mount].example}` prints one in full, with its counts:\n")
     lines += _models(driven)
-    lines += ["\n### By presented model\n", PROTOCOLS[client].presented_remark, *_models(protocol)]
+    if protocol.models:
+        lines += ["\n### By presented model\n", PROTOCOLS[client].presented_remark, *_models(protocol)]
     return "\n".join(lines) + "\n"
 
 
@@ -145,9 +146,8 @@ def _rows(client: str, mount: str, model: str | None = None, version: Version | 
         becomes = outcome(row, driven, model, version)
         if model and (wedged := outcome(row, driven, model, version, wedge=True)) != becomes:
             said += f"; on a wedge {wedged}"
-        lines.append(
-            f"| `{_cell(wire(command.request.source))}` | {command.help} | {becomes} | {mounted} | {_cell(said)} |"
-        )
+        asked = f"`{_cell(wire(command.request.source))}`" if command.asked else f"unasked, every {command.pushed:g} s"
+        lines.append(f"| {asked} | {command.help} | {becomes} | {mounted} | {_cell(said)} |")
     return lines
 
 

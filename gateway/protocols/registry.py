@@ -9,8 +9,9 @@ from __future__ import annotations
 from gateway.protocols.base.spec import ProtocolSpec
 from gateway.protocols.lx200.spec import SPEC as LX200
 from gateway.protocols.nexstar.spec import SPEC as NEXSTAR
+from gateway.protocols.stellarium.spec import SPEC as STELLARIUM
 
-PROTOCOLS: dict[str, ProtocolSpec] = {spec.name: spec for spec in (LX200, NEXSTAR)}
+PROTOCOLS: dict[str, ProtocolSpec] = {spec.name: spec for spec in (LX200, NEXSTAR, STELLARIUM)}
 
 
 def surfaces() -> list[str]:

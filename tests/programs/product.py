@@ -100,3 +100,10 @@ def start_gateway(workshop: Workshop, mount: Endpoint, model: str, transport: st
 def start_celestron_gateway(workshop: Workshop, mount: Endpoint, transport: str, model: str = "") -> Endpoint:
     """The gateway over a simulated Meade, presenting the model that suits the mount it finds, or the one named."""
     return _gateway(workshop, "lx200", mount.port, f"nexstar{':' * bool(model)}{model}", transport)
+
+
+def start_stellarium_gateway(workshop: Workshop, mount: Endpoint, protocol: str) -> Endpoint:
+    """The gateway over a simulated mount of a protocol, for Stellarium's own."""
+    surface = _gateway(workshop, protocol, mount.port, "stellarium", "tcp")
+    assert surface.speaks == "stellarium", surface
+    return surface

@@ -58,6 +58,8 @@ def parse_device(what: str, where: str = "") -> Endpoint:
     if model in spec.version_words:
         model, version = "", spec.version_words[model](version if slash else None)
     words = [*spec.commands.models, *spec.version_words]
+    if (model or version) and not words:
+        raise UserError(f"{what!r}: {protocol} has neither models nor versions; write {protocol}@{where or 'WHERE'}")
     if model and model not in words:
         other = called.device(model)
         right = f"write {other}" if other else nearest(model, words)

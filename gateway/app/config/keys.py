@@ -200,7 +200,7 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
     ] = "auto"
     equinox: Annotated[
         Literal["jnow", "j2000"] | None,
-        key("equinox of the program's coordinates (default: by client, else jnow)", example="jnow"),
+        key("equinox of the program's coordinates (default: by client, else jnow; stellarium: j2000)", example="jnow"),
     ] = None
     precision: Annotated[
         Literal["high", "low"] | None,

@@ -32,7 +32,9 @@ class Pushes:
     async def _serve(self, subscription: Subscription) -> None:
         """Until it is cancelled. A time that has passed meanwhile is not made up for."""
         now = asyncio.get_running_loop().time
-        last, due = b"", now()
+        last, due = b"", now() + subscription.after
+        if subscription.after:
+            await asyncio.sleep(subscription.after)
         while True:
             if not self._unsent():
                 last = await self._push(subscription, last)

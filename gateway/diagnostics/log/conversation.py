@@ -34,7 +34,7 @@ class Heard(NamedTuple):
 
     It ``asks`` when it does nothing but ask, or is the answer to such a question; it ``fails`` when it says no, or is
     nothing that anybody understands; ``values`` are those that stay the same as long as nothing happens, ``fields`` are
-    all of a reply by their names.
+    all of a reply by their names. What is ``pushed`` answers nothing.
     """
 
     data: bytes
@@ -44,6 +44,7 @@ class Heard(NamedTuple):
     fails: bool = False
     values: tuple[object, ...] = ()
     fields: Mapping[str, object] = MappingProxyType({})
+    pushed: bool = False
 
 
 def _briefly(meaning: str) -> str:
@@ -59,6 +60,8 @@ class Side:
         self.protocol, self._framing, self._dialogue = protocol, framing(lambda: self._now), dialogue
         self._due: deque[Send] = deque(maxlen=DUE)
         self._rest = b""
+        #: What is told without having been asked for.
+        self._pushed = [Send(name) for name, command in load(protocol).commands.items() if command.pushed is not None]
         #: How many commands were none that the protocol has; bytes of commands, and those of them that were some.
         self.unknown = self.heard = self.understood = 0
 
@@ -125,16 +128,29 @@ class Side:
                 for _ in range(skipped + 1):
                     self._due.popleft()
                 return self._reply(ask, *taken)
-        return None if self._due else (Heard(b"", "nobody asked", fails=True), len(self._rest))
+        if (told := self._unasked(self._rest)) is not None:
+            return told
+        return None if self._due or self._pushed else (Heard(b"", "nobody asked", fails=True), len(self._rest))
 
     def reply(self, data: bytes) -> Heard:
         """A whole reply of a side that asks one thing after another: to the last command. No words where it is odd."""
+        if (told := self._unasked(data)) is not None:
+            return told[0]._replace(data=data)
         ask = self._due[-1] if self._due else None
         self._due.clear()
         taken = self._answer(ask, data) if ask is not None else None
         if ask is None or taken is None:
             return Heard(data, "")
         return self._reply(ask, *taken)[0]._replace(data=data)
+
+    def _unasked(self, data: bytes) -> tuple[Heard, int] | None:
+        """What these bytes tell that nobody has asked for."""
+        for told in self._pushed:
+            taken = self._answer(told, data)
+            if taken is not None:
+                heard, length = self._reply(told, *taken)
+                return heard._replace(pushed=True), length
+        return None
 
     def _answer(self, ask: Send, data: bytes) -> tuple[dict[str, object] | Fault, int] | None:
         try:

@@ -18,12 +18,15 @@ EVERY = 10.0
 BACK = 60.0
 #: Lines that are held back of one connection until it is known whether they are worth showing, at most.
 HELD = 32
+#: What stands for the question where nothing was asked.
+UNASKED = b""
 #: Hosts that are remembered.
 HOSTS = 64
 
 
 class Told(Struct, frozen=True):
-    """A line that may be shown, and what it is of: see ``Heard`` in ``conversation``; ``asked`` is what is answered."""
+    """A line that may be shown, and what it is of: see ``Heard`` in ``conversation``; ``asked`` is what is answered;
+    what is ``pushed`` was not asked for."""
 
     row: Row
     host: str = ""
@@ -31,6 +34,7 @@ class Told(Struct, frozen=True):
     fails: bool = False
     values: tuple[object, ...] = ()
     asked: bytes = b""
+    pushed: bool = False
 
 
 class _Run:
@@ -130,6 +134,8 @@ class Folding:
         if self._kept == "refusals" or (told.asks and self._kept == "changes"):
             party.held = [row for row in party.held if row.arrow == "+"]
             return []
+        if told.pushed:
+            return self._unasked(party, told)
         run = party.runs.get(told.asked) if told.asks else None
         if run is None:
             return self._shown(party, told)
@@ -142,6 +148,17 @@ class Folding:
         party.held.remove(asked)
         run.count, run.last = run.count + 1, told.row.words
         return self._count(told.asked, run, told.row) if told.row.time - run.since >= self._every else []
+
+    def _unasked(self, party: _Party, told: Told) -> list[Row]:
+        """What is told again and again: shown once, then counted."""
+        run = party.runs.get(UNASKED)
+        if run is None or run.values != told.values:
+            counted = [] if run is None else self._count(UNASKED, run, told.row)
+            run = party.runs[UNASKED] = _Run(told.row.time)
+            run.values = told.values
+            return [*counted, *self._held(party), told.row]
+        run.count, run.last = run.count + 1, told.row.words
+        return self._count(UNASKED, run, told.row) if told.row.time - run.since >= self._every else []
 
     def _unanswered(self, party: _Party) -> list[Row]:
         """A request that was held back and has had no answer when the next one comes: that is worth knowing."""
@@ -164,7 +181,7 @@ class Folding:
 
     def _counted(self, party: _Party, by: Row) -> list[Row]:
         """On one line, at the end of a fold, how often everything was asked that has not been told yet."""
-        counts = {show(asked): run.count for asked, run in party.runs.items() if run.count}
+        counts = {show(asked) or "told unasked": run.count for asked, run in party.runs.items() if run.count}
         for run in party.runs.values():
             run.count, run.since = 0, by.time
         if not counts:

@@ -56,7 +56,7 @@ class Rows:
         elif entry.arrow == "-":
             self._sides.pop(entry.side, None)
             self._asked.pop(entry.side, None)
-        return self._folding.take(Told(row, host, heard.asks, heard.fails, heard.values, asked))
+        return self._folding.take(Told(row, host, heard.asks, heard.fails, heard.values, asked, heard.pushed))
 
     def _begin(self, entry: Entry) -> None:
         """A program has come to a surface, whose number the entry tells."""

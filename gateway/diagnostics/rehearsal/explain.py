@@ -23,7 +23,7 @@ from gateway.diagnostics.log.words import in_words
 from gateway.diagnostics.rehearsal.play import Before, Play, Player, stage
 from gateway.diagnostics.rehearsal.samples import example
 from gateway.diagnostics.virtual_time import run
-from gateway.protocols.registry import PROTOCOLS
+from gateway.protocols.registry import PROTOCOLS, mounts
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load
 from gateway.protocols.wireformat.rows import KEEPS, SurfaceRow, Version
@@ -40,12 +40,17 @@ def explain(surface: str, mount: str, typed: str) -> str:
 
     Raises UserError for one of them that does not exist, and for a command that the protocol does not have.
     """
-    face, at = parse_device(surface), whole(parse_device(mount))
+    face, at = parse_device(surface), parse_device(mount)
+    if at.protocol not in mounts():
+        raise UserError(f"{at.protocol} mounts cannot be driven; {' or '.join(mounts())} can")
+    at = whole(at)
     frame = unescape(typed)
     protocol, driven = load(face.protocol), load(at.protocol)
     found = protocol.find(frame)
     if found is None:
-        raise UserError(f"{face.protocol} has no command {typed!r}{_hint(face.protocol, frame) or NO_HINT}")
+        raise UserError(
+            f"{face.protocol} has no command {typed!r}{_hint(face.protocol, at.protocol, frame) or NO_HINT}"
+        )
     command, picture = found
     row = protocol.surface.get(command.name)
     lines = [f"{show(frame)}  {command.help}"]
@@ -156,11 +161,12 @@ def _own(protocol: CommandSet, name: str) -> list[str]:
     return [f"answered by {who}", *([f"  {row.why}"] if row is not None and row.why else [])]
 
 
-def _hint(client: str, frame: bytes) -> str:
+def _hint(client: str, mount: str, frame: bytes) -> str:
     """What may be wrong with it."""
+    driven = client if client in mounts() else mount
     for other, spec in PROTOCOLS.items():
         if other != client and spec.commands.find(frame) is not None:
-            return f"; it is one of {other}: write explain {other} {client}"
+            return f"; it is one of {other}: write explain {other} {driven}"
     if (hint := PROTOCOLS[client].hint) is not None:
         return f"; {words}" if (words := hint(frame)) else ""
     alike = [command for command in load(client).commands.values() if command.request.literal[:1] == frame[:1]]

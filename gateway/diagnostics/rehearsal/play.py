@@ -139,6 +139,7 @@ class Player:
         #: What was kept when the frame came.
         self._before = ""
         surface, handle = stage.face.surface, stage.face.surface.handle
+        surface.subscriptions = lambda session: ()  # what is heard is the answer
         surface.handle = lambda session, frame: self._told(session, handle(session, frame))  # type: ignore[method-assign]
         stage.transcript.sinks.append(self._note)
 

@@ -10,12 +10,15 @@ import asyncio
 from collections.abc import Callable
 from typing import Any, Self
 
+from msgspec.structs import replace
+
 from gateway.app.bindings import make_driver, make_surface, own_face, policy, shows_itself
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.app.simulated import DEFAULT_SITE, make_simulator
 from gateway.astro.ephemeris import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Access
+from gateway.clients.equinox import J2000
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.wire_log import Entry, Transcript
@@ -96,6 +99,8 @@ class Stage:
         shown = Endpoint(presented, "-", surface, surface_version)
         self.face: SurfaceBinding = make_surface(shown, SurfaceConfig(at="-"), self.settings.limits)
         self.face.surface.verbatim = presented == driven
+        if self.face.counts_in == "j2000":
+            self.face = replace(self.face, equinox=J2000(self.controller.astrometry.sky, self.observatory.unix))
         if shows_itself(Endpoint(driven, "sim"), shown):
             self.controller.identification.told.connect(lambda _: own_face(self.controller, self.face))
         self.shared = self.remember()

@@ -39,7 +39,7 @@ class Pair(NamedTuple):
     mount: Endpoint
 
     def __str__(self) -> str:
-        return " on ".join(f"{end.model}{f'/{end.version}' if end.version else ''}" for end in self)
+        return " on ".join(f"{end.model or end.protocol}{f'/{end.version}' if end.version else ''}" for end in self)
 
 
 class State(NamedTuple):
@@ -67,7 +67,8 @@ def pairs() -> Iterator[Pair]:
 
 
 def _models(protocol: str) -> list[Endpoint]:
-    return [Endpoint(protocol, "-", model, version or None) for model, version, _ in versions(load(protocol))]
+    found = [Endpoint(protocol, "-", model, version or None) for model, version, _ in versions(load(protocol))]
+    return found or [Endpoint(protocol, "-")]
 
 
 def rehearse(pair: Pair, only: frozenset[str] = frozenset()) -> tuple[int, list[Difference]]:
@@ -78,7 +79,7 @@ def rehearse(pair: Pair, only: frozenset[str] = frozenset()) -> tuple[int, list[
 
 async def _rehearse(pair: Pair, only: frozenset[str]) -> tuple[int, list[Difference]]:
     protocol, driven = load(pair.face.protocol), load(pair.mount.protocol)
-    commands = [command for name, command in protocol.commands.items() if not only or name in only]
+    commands = [command for name, command in protocol.commands.items() if command.asked and (not only or name in only)]
     found: list[Difference] = []
     plays = 0
     asking = [command for command in commands if not _alone(protocol.surface.get(command.name))]

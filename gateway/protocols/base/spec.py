@@ -119,6 +119,8 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     default_model: str | None = None
     #: The TCP port that programs have in mind for it.
     usual_port: int = 4030
+    #: What its programs' coordinates are counted in where nobody says otherwise: ``jnow`` or ``j2000``.
+    equinox: str = "jnow"
     #: A mount for the demonstration, as an endpoint names it, and in words; a model for help texts.
     demo: tuple[str, str] | None = None
     example: str = ""
@@ -152,6 +154,8 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     # --- recognising it ---
     #: How surely these bytes of a client are in this protocol, 0 to 1.
     recognises: Callable[[bytes], float] = lambda sent: 0.0
+    #: What its programs begin with, where that is no command of any other protocol: there they are turned away.
+    greeting: bytes = b""
     questions: tuple[Question, ...] = ()
     #: Other states that an answer may tell, in words.
     states: Mapping[str, str] = {}

@@ -24,6 +24,7 @@ class Command:
         "may_be_silent",
         "models",
         "name",
+        "pushed",
         "replies",
         "request",
         "requests",
@@ -46,6 +47,7 @@ class Command:
         )
         self.long, self.by_hand, self.may_be_silent = row.long, row.by_hand, row.may_be_silent
         self.while_seeking, self.while_asleep = row.while_seeking, row.while_asleep
+        self.pushed = row.pushed
         try:
             self.since = parse_version(row.since) if row.since else None
             self.requests = [FrameTemplate(source) for source in _requests(row.request)]
@@ -58,6 +60,8 @@ class Command:
 
     def _wrong(self) -> str:
         """What is wrong with the facts about it; empty when nothing is."""
+        if not self.asked and self.pushed is None:
+            return "it needs a request, or pushed"
         if self.question and self.answer not in ANSWERS:
             words = ", ".join(f"{word} (it {does})" for word, does in ANSWERS.items())
             return f"it asks for a value, so it needs answer = one of {words}"
@@ -75,6 +79,11 @@ class Command:
     def question(self) -> bool:
         """Whether it asks for a value and does nothing else."""
         return not self.acts and any(reply.fault is None and picture.fields for reply, picture in self.replies)
+
+    @property
+    def asked(self) -> bool:
+        """Whether there is a request for it; else it is told unasked alone."""
+        return bool(self.request.parts)
 
     @property
     def mark(self) -> bytes:

@@ -40,7 +40,7 @@ class CommandSet:
             for name in command.takes_back:
                 if name not in self.commands:
                     raise MappingError(self._where("commands.toml"), command.name, f"takes_back: there is no [{name}]")
-            for picture in command.requests:
+            for picture in command.requests if command.asked else ():
                 self._by_literal.setdefault(picture.literal, []).append((command, picture))
         self._surface: dict[str, SurfaceRow] | None = None
         self._own: dict[str, OwnRow] | None = None

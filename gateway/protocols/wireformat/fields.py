@@ -185,13 +185,14 @@ def _degrees(ticks: int, bits: int, signed: bool) -> float:
     return ticks * 360.0 / (1 << bits)
 
 
-def _binary_turn(signed: bool) -> Codec:
-    """Three bytes, a fraction of a revolution, most significant first."""
+def _binary_turn(bits: int, signed: bool) -> Codec:
+    """A fraction of a revolution in binary, most significant byte first."""
+    width = bits // 8
 
     def encode(value: float) -> bytes:
-        return (round(value / 360.0 * (1 << 24)) % (1 << 24)).to_bytes(3, "big")
+        return (round(value / 360.0 * (1 << bits)) % (1 << bits)).to_bytes(width, "big")
 
-    return Codec(encode, lambda raw: _degrees(int.from_bytes(raw, "big"), 24, signed), b"(?s:.{3})", 3)
+    return Codec(encode, lambda raw: _degrees(int.from_bytes(raw, "big"), bits, signed), b"(?s:.{%d})" % width, width)
 
 
 def _integer(width: int, signed: bool = False) -> Codec:
@@ -206,18 +207,27 @@ def _integer(width: int, signed: bool = False) -> Codec:
     return Codec(encode, lambda raw: int.from_bytes(raw, "big", signed=signed), b"(?s:.{%d})" % width, width)
 
 
+def _little_endian(codec: Codec) -> Codec:
+    """The same field with its least significant byte first."""
+    return codec._replace(encode=lambda value: codec.encode(value)[::-1], decode=lambda raw: codec.decode(raw[::-1]))
+
+
 _BINARY = {
     "rev16": _turn(16, 16, signed=False),
     "srev16": _turn(16, 16, signed=True),
     "rev32": _turn(32, 24, signed=False),
     "srev32": _turn(32, 24, signed=True),
-    "rev24": _binary_turn(signed=False),
-    "srev24": _binary_turn(signed=True),
+    "rev24": _binary_turn(24, signed=False),
+    "srev24": _binary_turn(24, signed=True),
     "u8": _integer(1),
     "s8": _integer(1, signed=True),
     "u16": _integer(2),
     "u24": _integer(3),
     "u32": _integer(4),
+    "u64 LE": _little_endian(_integer(8)),
+    "s32 LE": _little_endian(_integer(4, signed=True)),
+    "turn32 LE": _little_endian(_binary_turn(32, signed=False)),
+    "turn32 signed LE": _little_endian(_binary_turn(32, signed=True)),
     "latitude": Codec(sx.dms_bytes, lambda raw: sx.parse_dms_bytes(raw, 90), b"(?s:.{4})", 4),
     "longitude": Codec(sx.dms_bytes, lambda raw: sx.parse_dms_bytes(raw, 180), b"(?s:.{4})", 4),
     "char": Codec(lambda value: value.encode("latin-1"), lambda raw: raw.decode("latin-1"), b"(?s:.)", 1),

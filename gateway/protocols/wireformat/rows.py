@@ -68,10 +68,11 @@ class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     while_seeking, while_asleep   whether the mount hears it while it seeks its home, or sleeps
     by_hand       it begins a motion by hand, or sets the rate of one: done at once or not at all
     may_be_silent   some mounts that have it leave it unanswered
+    pushed        a program is told it every so many seconds without asking; then there may be no request
     """
 
-    request: str | list[str | int]
     help: str
+    request: str | list[str | int] = ""
     reply: str | list[str | int | Reply] | None = None
     models: list[str] | None = None
     since: str | None = None
@@ -86,6 +87,7 @@ class CommandRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     while_asleep: bool | None = None
     by_hand: bool = False
     may_be_silent: bool = False
+    pushed: float | None = None
 
 
 class SurfaceRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -21,6 +21,8 @@ from gateway.protocols.wireformat.rows import SurfaceRow, Way
 @pytest.mark.parametrize(("client", "mount"), pairs())
 def test_every_row_is_explained(client: str, mount: str) -> None:
     for name, command in load(client).commands.items():
+        if not command.asked:
+            continue
         told = explain(client, mount, "".join(f"\\x{byte:02x}" for byte in example(command)))
         assert command.help in told, name
         assert ": missing" not in told, name
@@ -34,6 +36,7 @@ SOME = [
     ("nexstar:nexstar-gps/1.2", "lx200:autostar"), ("nexstar:cge/3.02", "lx200:lx200"),
     ("nexstar:cge/2.3", "lx200:lx200gps"), ("lx200:lx200gps", "nexstar:nexstar-gps/2.2"),
     ("nexstar:cpc/4.21", "lx200:lx200gps"), ("nexstar:gt/104.0", "lx200:lx200-16"),
+    ("stellarium", "nexstar:nexstar-gps/1.2"), ("stellarium", "nexstar:avx/5.31"), ("stellarium", "lx200:lx200"),
 ]  # fmt: skip
 
 
@@ -41,7 +44,7 @@ SOME = [
 @pytest.mark.parametrize(("face", "mount"), SOME)
 def test_the_tables_say_what_the_wire_carries(face: str, mount: str) -> None:
     plays, found = wire.rehearse(wire.Pair(parse_device(face), parse_device(mount)))
-    assert plays >= len(load(face.partition(":")[0]).commands)
+    assert plays >= sum(command.asked for command in load(face.partition(":")[0]).commands.values())
     assert list(wire.report(found)) == []
 
 

@@ -13,6 +13,7 @@ from gateway.protocols.base.driver import Send
 from gateway.protocols.base.ends import Ends
 from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 from gateway.protocols.nexstar.reply_rules import NexStarReplyRules
+from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_folder
 
@@ -142,7 +143,7 @@ def test_one_more_command_changes_one_line_of_the_generated_table(
         file.write('\n[ZZ]\nrequest = ":ZZ#"\nreply = "{ra:HH:MM:SS}#"\nhelp = "trial"\nanswer = "position"\n')
     with (tmp_path / "lx200" / "surface.toml").open("a") as file:
         file.write('\nZZ = { ask = "Position" }\n')
-    sets = {"lx200": CommandSet("lx200", tmp_path / "lx200"), "nexstar": NEXSTAR}
+    sets = {name: load(name) for name in PROTOCOLS} | {"lx200": CommandSet("lx200", tmp_path / "lx200")}
     monkeypatch.setattr(command_tables, "load", sets.__getitem__)
     old, new = before.splitlines(), command_tables.text().splitlines()
     assert isinstance(sets["lx200"].commands["ZZ"], Command)

@@ -1,0 +1,24 @@
+"""What belongs to one client of a Stellarium surface: what became of its last goto."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gateway.protocols.base.session import Kept, Session
+
+#: The values of the field ``status``.
+WELL, REFUSED = 0, -1
+
+
+@dataclass(slots=True)
+class Progress(Kept):
+    """``status`` is what every position tells it."""
+
+    status: int = WELL
+
+
+class StellariumSession(Session):
+    """One client."""
+
+    state = Progress
+    kept: Progress

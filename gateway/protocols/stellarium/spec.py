@@ -1,0 +1,52 @@
+"""Stellarium's telescope protocol, as the registry of protocols has it. Programs speak it, no mount does."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from gateway.protocols.base.spec import MadeSurface, ProtocolSpec, SurfaceSettings
+from gateway.protocols.wireformat.command_set import load
+
+if TYPE_CHECKING:
+    from gateway.protocols.base.frames import Framing
+
+NAME = "stellarium"
+#: The length and the type of a goto, the only message that programs send.
+GOTO = b"\x14\0\0\0"
+
+
+def _framing(now: Callable[[], float]) -> Framing:
+    from gateway.protocols.base.frames import Framing
+    from gateway.protocols.stellarium.framing import Framer
+
+    return Framing(Framer(), now)
+
+
+def _make_surface(settings: SurfaceSettings) -> MadeSurface:
+    from gateway.protocols.base.session import ClientSettings
+    from gateway.protocols.base.surface import Surface
+    from gateway.protocols.stellarium.session import StellariumSession
+    from gateway.protocols.stellarium.surface import goto, subscriptions
+
+    surface = Surface(load(NAME), {"goto": goto})
+    surface.session, surface.subscriptions = StellariumSession, subscriptions
+    return MadeSurface(surface, {"name": NAME}, ClientSettings(settings.limits))
+
+
+SPEC = ProtocolSpec(
+    name=NAME,
+    title="Stellarium",
+    a_program="a Stellarium",
+    a_mount="a mount of Stellarium's own protocol",
+    preset="External software or a remote computer",
+    mounts="Stellarium",
+    usual_port=10001,
+    equinox="j2000",
+    framing=_framing,
+    opening=re.compile(rb"(?:\x14\0\0\0.{16})*", re.DOTALL),
+    make_surface=_make_surface,
+    recognises=lambda sent: 1.0 if sent.startswith(GOTO) else 0.0,
+    greeting=GOTO,
+)

@@ -1,0 +1,98 @@
+"""Stellarium on a display of its own, with the plug-in Telescope Control set to one telescope.
+
+Its files lie in a folder of the test's. A script of its own selects a star and says when it is done; a key press is
+what a person would type. (Asking for a telescope in a script makes version 0.22 end.)
+"""
+
+from __future__ import annotations
+
+import configparser
+import json
+from pathlib import Path
+
+import pytest
+
+from .processes import Workshop, requires, wait_until
+from .sky import NIGHT, Site
+
+#: The settings that it comes with: it ends at the start without some of them.
+SETTINGS = Path("/usr/share/stellarium/data/default_cfg.ini")
+#: The form of its list of telescopes: a list of any other is set aside at the start.
+LIST = "0.4.1"
+#: Seconds until it has come up without a graphics card.
+STARTS = 150.0
+SCRIPT = """\
+core.setObserverLocation({longitude}, {latitude}, 100.0, 0.0, "Here", "Earth");
+core.setDate("{night:%Y-%m-%dT%H:%M:%S}", "utc");
+core.selectObjectByName("{star}", false);
+core.output("selected");
+"""
+
+
+def _files(home: Path, port: int, star: str, site: Site) -> None:
+    """Its settings, its list of telescopes, its script."""
+    settings = configparser.RawConfigParser(strict=False)
+    settings.optionxform = str  # type: ignore[assignment,method-assign]
+    settings.read(SETTINGS)
+    for section, key, value in [
+        ("main", "version", "0.22.2"),
+        ("plugins_load_at_startup", "TelescopeControl", "true"),
+        ("video", "fullscreen", "false"),
+        ("video", "screen_w", "800"),
+        ("video", "screen_h", "600"),
+        ("scripts", "startup_script", "test.ssc"),
+        ("init_location", "location", f"{site.latitude}, {site.longitude}"),
+    ]:
+        if not settings.has_section(section):
+            settings.add_section(section)
+        settings.set(section, key, value)
+    telescope = {
+        "name": "gateway",
+        "connection": "remote",
+        "equinox": "J2000",
+        "host_name": "127.0.0.1",
+        "tcp_port": port,
+        "delay": 500000,
+        "connect_at_startup": True,
+    }
+    plugin, scripts = home / "modules" / "TelescopeControl", home / "scripts"
+    plugin.mkdir(parents=True)
+    scripts.mkdir()
+    (plugin / "telescopes.json").write_text(json.dumps({"version": LIST, "1": telescope}))
+    (scripts / "test.ssc").write_text(
+        SCRIPT.format(longitude=site.longitude, latitude=site.latitude, night=NIGHT, star=star)
+    )
+    with (home / "config.ini").open("w") as file:
+        settings.write(file, space_around_delimiters=False)
+
+
+class Planetarium:
+    """The program, with a star selected and one telescope at a TCP port of this machine."""
+
+    def __init__(self, workshop: Workshop, port: int, star: str, site: Site) -> None:
+        requires("stellarium", "Xvfb", "xdotool")
+        home = workshop.folder / "home"
+        self._workshop = workshop
+        _files(home / ".stellarium", port, star, site)
+        # it chooses a free display itself, and writes its number
+        workshop.start(["sh", "-c", f"exec Xvfb -displayfd 3 -screen 0 1024x768x24 -noreset 3>{home}/display"])
+        shown = home / "display"
+        wait_until("a display", lambda: shown.exists() and shown.read_text().strip().isdecimal(), 20.0)
+        self._environment = {
+            "DISPLAY": f":{shown.read_text().strip()}",
+            "HOME": str(home),
+            "LIBGL_ALWAYS_SOFTWARE": "1",
+            "QT_QPA_PLATFORM": "xcb",
+        }
+        self._program = workshop.start(["stellarium"], self._environment)
+        wait_until("the star is selected", self._selected, STARTS)
+
+    def _selected(self) -> bool:
+        """Whether its script has come to its end."""
+        if not self._program.running():
+            pytest.fail(f"Stellarium ended early:\n{self._program.output()[-2000:]}")
+        return "selected" in self._program.output()
+
+    def slew(self) -> None:
+        """Ctrl+1: the first telescope to what is selected."""
+        self._workshop.start(["xdotool", "mousemove", "400", "300", "key", "ctrl+1"], self._environment)

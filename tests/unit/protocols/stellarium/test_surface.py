@@ -1,0 +1,139 @@
+"""The Stellarium surface over a whole gateway: positions without being asked, gotos, and how a refusal shows."""
+
+from __future__ import annotations
+
+import asyncio
+import struct
+from typing import NamedTuple
+
+import pytest
+
+from gateway.clients.access import Access
+from gateway.clients.greeting import Beginning, Piece
+from gateway.diagnostics.rehearsal.stage import Stage, Visitor
+from gateway.diagnostics.virtual_time import run
+from gateway.protocols.registry import PROTOCOLS
+
+START = 1769634000.0
+#: The Crab nebula, and what is below the horizon at the place of a simulated mount; J2000.
+CRAB, BELOW = (83.633, 22.0145), (83.633, -80.0)
+
+
+class Position(NamedTuple):
+    """A message as a program takes it apart."""
+
+    length: int
+    kind: int
+    time: float
+    ra: float
+    dec: float
+    status: int
+
+
+def goto(ra: float, dec: float) -> bytes:
+    return struct.pack("<HHQIi", 20, 0, 0, round(ra / 360 * 2**32), round(dec / 360 * 2**32))
+
+
+def heard(program: Visitor) -> list[Position]:
+    """What a program was told since it was asked last."""
+    data, program.heard = program.heard, b""
+    assert len(data) % 24 == 0
+    rows = [struct.unpack("<HHQIii", data[start : start + 24]) for start in range(0, len(data), 24)]
+    return [
+        Position(length, kind, time / 1e6, ra * 360 / 2**32, dec * 360 / 2**32, status)
+        for length, kind, time, ra, dec, status in rows
+    ]
+
+
+def stage(mount: str = "6-8se", driven: str = "nexstar", access: Access = Access()) -> Stage:
+    return Stage(mount, start=START, driven=driven, presented="stellarium", named=True, access=access)
+
+
+@pytest.mark.parametrize(("mount", "driven"), [("6-8se", "nexstar"), ("lx200gps", "lx200"), ("lx200", "lx200")])
+def test_positions_come_twice_a_second_and_a_goto_is_followed(mount: str, driven: str) -> None:
+    async def program() -> None:
+        async with stage(mount, driven) as own:
+            own.controller.astrometry.sky.load()
+            client = own.client()
+            await asyncio.sleep(2.1)
+            told = heard(client)
+            assert len(told) == 4, "none in the first moment, when it may turn out to be a web browser"
+            assert {(one.length, one.kind, one.status) for one in told} == {(24, 0, 0)}
+            assert [round(one.time - START, 1) for one in told][-1] > 1.0
+            client.tell(goto(*CRAB))
+            await asyncio.sleep(1.0)
+            assert own.sim.slewing
+            await asyncio.sleep(180.0)
+            last = heard(client)[-1]
+            assert abs(last.ra - CRAB[0]) < 0.03 and abs(last.dec - CRAB[1]) < 0.03, last
+            assert last.status == 0
+            client.close()
+
+    run(program())
+
+
+def test_a_refused_goto_shows_in_the_status_until_one_is_accepted() -> None:
+    async def program() -> None:
+        async with stage() as own:
+            client, other = own.client(), own.client("192.0.2.7")
+            client.tell(goto(*BELOW))
+            await asyncio.sleep(1.5)
+            assert not own.sim.slewing
+            assert heard(client)[-1].status == -1
+            assert heard(other)[-1].status == 0, "another program has asked for nothing"
+            client.tell(goto(*CRAB))
+            await asyncio.sleep(1.5)
+            assert own.sim.slewing and heard(client)[-1].status == 0
+
+    run(program())
+
+
+@pytest.mark.parametrize("dec", [0x40000001, -0x40000001])
+def test_a_declination_beyond_a_pole_is_refused(dec: int) -> None:
+    async def program() -> None:
+        async with stage() as own:
+            client = own.client()
+            client.tell(struct.pack("<HHQIi", 20, 0, 0, 0, dec))
+            await asyncio.sleep(1.5)
+            assert not own.sim.slewing and heard(client)[-1].status == -1
+
+    run(program())
+
+
+def test_who_may_only_look_is_told_positions_and_moves_nothing() -> None:
+    async def program() -> None:
+        async with stage(access=Access(read_only=True)) as own:
+            client = own.client()
+            client.tell(goto(*CRAB))
+            await asyncio.sleep(1.5)
+            assert not own.sim.slewing and heard(client)[-1].status == -1
+
+    run(program())
+
+
+def test_coordinates_are_of_j2000() -> None:
+    """The mount counts of date, 0.36 degrees further in right ascension at this place by then."""
+
+    async def program() -> None:
+        async with stage() as own:
+            own.controller.astrometry.sky.load()
+            client = own.client()
+            client.tell(goto(*CRAB))
+            await asyncio.sleep(2.0)
+            sent = [data for data in own.sent() if data[:1] == b"r"][-1]
+            ra = int(sent[1:9], 16) * 360 / 2**32
+            assert 0.3 < ra - CRAB[0] < 0.5
+            client.close()
+
+    run(program())
+
+
+def test_its_first_bytes_are_a_strangers_everywhere_else() -> None:
+    for name, spec in PROTOCOLS.items():
+        beginning = Beginning(spec.opening, name)
+        pieces = beginning.hear(Piece(goto(*CRAB), 0.0, 0))
+        if name == "stellarium":
+            assert beginning.stranger is None and b"".join(piece.data for piece in pieces) == goto(*CRAB)
+        else:
+            assert beginning.stranger is not None and not pieces
+            assert "--surface stellarium@tcp://HOST:10001" in beginning.stranger.words
