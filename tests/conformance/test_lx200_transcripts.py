@@ -92,7 +92,7 @@ async def _received(path: Path, conversation: Conversation) -> None:
             await asyncio.sleep(float(line.text))
         else:
             _set_up(house.mount, house.shared, line.text)
-            house.controller.changed.emit(None)
+            house.controller.changed()
     assert heard == b""
 
 

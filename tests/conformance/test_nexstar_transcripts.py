@@ -89,7 +89,7 @@ async def _received(path: Path, pace: str) -> None:
             await asyncio.sleep(float(line.text))
         else:
             _set_up(house.mount, line.text)
-            house.controller.changed.emit(None)
+            house.controller.changed()
     assert heard == b""
 
 

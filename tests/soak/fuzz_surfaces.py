@@ -158,7 +158,7 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
         while done < size:
             number += 1
             visitor = bridge.client(f"host {number % 8}:{number}")
-            client: CommandProcessor = getattr(visitor._guest, "_client")  # noqa: B009
+            client: CommandProcessor = getattr(visitor._guest, "client")  # noqa: B009
             clients.append(client)
             for packet in packets(rng, thrown(rng, kind, case.presented, min(CONNECTION[kind], size - done))):
                 began = time.process_time()  # not what other programs take meanwhile
@@ -168,7 +168,7 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
                 done += len(packet)
             await asyncio.sleep(rng.choice([0.1, 0.5, 5.0]))
             judge.weigh(bridge, client)
-            if len(visitor.heard) != judge.told[client.name]:
+            if len(visitor.heard) != judge.told[client.log.name]:
                 judge.say(f"{case.presented}: replies that the transcript does not know", case.model)
             visitor.close()
         await asyncio.sleep(5.0)

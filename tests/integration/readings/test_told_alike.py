@@ -46,7 +46,7 @@ async def compared(bridge: Bridge, questions: tuple[bytes, ...], scenario: Scena
         left -= going.done()
         moment += 1
         for question, poller in pollers[moment % 2 :: 2]:
-            if poller._guest._client.busy:  # type: ignore[attr-defined]
+            if poller._guest.client.busy:  # type: ignore[attr-defined]
                 continue  # it waits for the mount
             await asyncio.sleep(0)  # not more than two may be answered in a turn
             poller.heard, newcomer = b"", bridge.client("10.0.0.250")
