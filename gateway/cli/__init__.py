@@ -22,6 +22,7 @@ from gateway.system import journal, streams
 COMMANDS = {
     "demo": "serve.demo",
     "detect": "inspect.detect",
+    "doctor": "inspect.doctor",
     "run": "serve.run",
     "status": "mount.status",
     "watch": "mount.watch",

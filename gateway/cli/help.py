@@ -17,9 +17,9 @@ from gateway.core.errors import UserError
 EXIT_CODES = """\
 Exit codes:
   0  done
-  1  the answer is no: no mount was found (detect); a mount could not be stopped (stop); no gateway runs, or it refused
-     (status, watch, goto, sync, move, park, unpark); the bytes differ from the recording (replay), or from the tables
-     (tables --check)
+  1  the answer is no: no mount was found (detect); something is to be mended (doctor); a mount could not be stopped
+     (stop); no gateway runs, or it refused (status, watch, goto, sync, move, park, unpark); the bytes differ from the
+     recording (replay), or from the tables (tables --check)
   2  it could not be tried: a mistake in the command or in gateway.toml, a port in use, no mount that answers; one line
      on stderr says what is wrong and where
 """

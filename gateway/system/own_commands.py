@@ -17,7 +17,13 @@ def own_command() -> str:
     return here or f"{sys.executable} -m gateway"
 
 
+def pip_command() -> str:
+    """What installs packages where this one is: pipx gives its environments no pip of their own."""
+    if os.path.isfile(os.path.join(sys.prefix, "pipx_metadata.json")):
+        return "pipx runpip mount-gateway"
+    return os.path.join(os.path.dirname(sys.executable), "pip")
+
+
 def how_to_add(extra: str) -> str:
     """How to install one of the extras of ``pyproject.toml``: what a person types, and where."""
-    pip = os.path.join(os.path.dirname(sys.executable), "pip")
-    return f"type {pip} install '.[{extra}]' in the folder that mount-gateway was installed from"
+    return f"type {pip_command()} install '.[{extra}]' in the folder that mount-gateway was installed from"

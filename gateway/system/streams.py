@@ -52,9 +52,14 @@ def tolerate() -> None:
 
 
 def warn(text: str, level: int) -> None:
-    """A line on stderr, where there still is one."""
+    """A line on stderr, where there still is one, with who says it."""
+    tell(journal.message(text, level, sys.stderr))
+
+
+def tell(line: str) -> None:
+    """A line as it is on stderr, where there still is one."""
     try:
-        print(journal.message(text, level, sys.stderr), file=sys.stderr, flush=True)
+        print(line, file=sys.stderr, flush=True)
     except (OSError, ValueError):
         give_up(sys.stderr)
 

@@ -1,4 +1,7 @@
-"""The wheel is whole: built, installed in a fresh environment, it finds its mappings and runs the demo."""
+"""Wheel and source distribution are whole: the wheel runs the demo in a fresh environment, and the source its tests.
+
+A wheel holds every module and table that the source holds, and nothing else; setuptools has nothing to complain of.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ import socket
 import subprocess
 import sys
 import sysconfig
+import tarfile
 import venv
 import zipfile
 from pathlib import Path
@@ -19,39 +23,100 @@ ROOT = Path(__file__).parents[2]
 FOLDER = "from gateway.protocols.wireformat.command_set import mappings_folder as f; print(f())"
 
 
-def built(tmp_path: Path) -> Path:
-    """The wheel of the source as it is, in a folder where a former build has left a module that is no more."""
+#: What lies beside the source where somebody works on it.
+BESIDES = ("*.egg-info", "__pycache__", "build", "dist")
+
+
+def sources() -> list[Path]:
+    """All that the project consists of, as it lies at the top."""
+    left_out = {path for pattern in (".*", *BESIDES) for path in ROOT.glob(pattern)}
+    return sorted({*ROOT.iterdir()} - left_out | {ROOT / ".ci"})
+
+
+def source_of(tmp_path: Path) -> Path:
+    """The source as it is, in a folder where a former build has left a module that is no more."""
     source = tmp_path / "source"
-    for name in ("gateway", "mappings"):
-        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, source / name)
+    source.mkdir()
+    for path in sources():
+        if path.is_dir():
+            shutil.copytree(path, source / path.name, ignore=shutil.ignore_patterns("__pycache__", ".hypothesis"))
+        else:
+            shutil.copy(path, source)
+    leave_behind(source)
+    return source
+
+
+def leave_behind(source: Path) -> None:
+    """What a former build leaves."""
     left = source / "build" / "lib" / "gateway" / "removed.py"
     left.parent.mkdir(parents=True)
     left.write_text("raise SystemExit('this module is no more')\n")
-    build = f"from setuptools import build_meta; build_meta.build_wheel({str(tmp_path)!r})"  # what pip calls
+
+
+def built(source: Path, kind: str, into: Path) -> Path:
+    """A ``wheel`` or an ``sdist``, made as pip has it made; setuptools may not complain of anything."""
+    build = f"from setuptools import build_meta; print(build_meta.build_{kind}({str(into)!r}))"
     done = subprocess.run([sys.executable, "-c", build], timeout=120, cwd=source, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert "deprecat" not in done.stderr.lower(), done.stderr
-    [wheel] = tmp_path.glob("*.whl")
-    return wheel
+    for complaint in ("deprecat", "absent from the `packages`", "!!"):
+        assert complaint not in done.stdout.lower() + done.stderr.lower(), done.stderr
+    return into / done.stdout.split()[-1]
+
+
+def installed_files() -> set[str]:
+    """What belongs into a wheel: all modules, all tables, and whatever the console shows."""
+    files = {
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / "gateway").rglob("*")
+        if path.is_file() and path.suffix != ".pyc"
+    }
+    tables = [path for path in (ROOT / "mappings").rglob("*") if path.suffix in (".toml", ".md")]
+    return files | {f"gateway/{path.relative_to(ROOT).as_posix()}" for path in tables}
+
+
+def content(wheel: Path) -> set[str]:
+    """The files of a wheel, but for those that say what it is."""
+    return {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+
+
+def test_tests_run_from_a_source_distribution_and_so_does_its_wheel(tmp_path: Path) -> None:
+    sdist = built(source_of(tmp_path), "sdist", tmp_path)
+    with tarfile.open(sdist) as file:
+        file.extractall(tmp_path / "unpacked", filter="data")
+    [source] = (tmp_path / "unpacked").iterdir()
+    some = ["tests/unit/core", "tests/unit/protocols/wireformat", "tests/project/test_docs_links.py"]
+    done = subprocess.run(
+        [sys.executable, "-bb", "-m", "pytest", "-q", "-n0", "-p", "no:cacheprovider", *some],
+        timeout=120, cwd=source, capture_output=True, text=True, env=environment(),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    wanted = {path for top in sources() for path in (top, *top.rglob("*")) if not ignored(path)}
+    assert [path for path in sorted(wanted) if not (source / path.relative_to(ROOT)).exists()] == []
+    leave_behind(source)
+    assert content(built(source, "wheel", tmp_path)) == installed_files()
+
+
+def ignored(path: Path) -> bool:
+    """Whether a file is what running leaves behind."""
+    return path.is_dir() or bool({"__pycache__", ".hypothesis"} & set(path.parts))
+
+
+def environment() -> dict[str, str]:
+    """As it is, without what leads Python or pytest elsewhere."""
+    return {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "PYTEST"))}
 
 
 def test_the_wheel_runs_the_demo(tmp_path: Path) -> None:
-    wheel = built(tmp_path)
-    files = zipfile.ZipFile(wheel).namelist()
-    assert "gateway/removed.py" not in files and "gateway/__main__.py" in files
-    page = {path.relative_to(ROOT).as_posix() for path in (ROOT / "gateway/console/page").rglob("*") if path.is_file()}
-    assert page and page <= set(files)
+    wheel = built(source_of(tmp_path), "wheel", tmp_path)
+    assert content(wheel) == installed_files()
     fresh = tmp_path / "fresh"
     venv.create(fresh, with_pip=False)
     [site] = fresh.glob("lib/python*/site-packages")
     zipfile.ZipFile(wheel).extractall(site)
     # what it depends on is taken from this environment, the product itself is not
     (site / "dependencies.pth").write_text(sysconfig.get_paths()["purelib"] + "\n")
-    environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
     command = [str(fresh / "bin" / "python"), "-m", "gateway", "demo", "--port", "0", "--pty", str(tmp_path / "lx200")]
-    demo = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path, env=environment)
+    demo = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path, env=environment())
     try:
         assert demo.stdout is not None
         ready = next(line for line in demo.stdout if line.startswith("ready"))
@@ -67,6 +132,6 @@ def test_the_wheel_runs_the_demo(tmp_path: Path) -> None:
         demo.stdout.close()
     where = subprocess.run(
         [str(fresh / "bin" / "python"), "-c", FOLDER],
-        check=True, capture_output=True, text=True, cwd=tmp_path, env=environment,
+        check=True, capture_output=True, text=True, cwd=tmp_path, env=environment(),
     )  # fmt: skip
     assert str(site) in where.stdout

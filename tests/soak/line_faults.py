@@ -61,9 +61,9 @@ class Trial:
         self.acknowledged: list[tuple[Send, bool]] = []
         in_step, exchange = line.recovery.in_step, line.talk.exchange
 
-        async def exchanging(ask: Send, firm: bool = False) -> Any:
+        async def exchanging(ask: Send, **more: Any) -> Any:
             self.wire.strange, self.wire.of_another = None, False
-            outcome = await exchange(ask, firm)
+            outcome = await exchange(ask, **more)
             if self.wire.strange is not None and not self.wire.proving and not isinstance(outcome, Fault):
                 self.strange.append(ask)
             if not isinstance(outcome, Fault):
@@ -169,6 +169,7 @@ class Trial:
             ]
             while wire.exchanges < exchanges:
                 await asyncio.sleep(5.0)
+                assert self.line.served, "nobody works on the mount's line any more"
                 for task in tasks:
                     if task.done():
                         task.result()

@@ -245,10 +245,24 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
         bool, key("a second, small process stops the mount if the gateway dies or hangs while the mount moves")
     ] = True
     log: Annotated[
-        bool | Literal["all", "program", "mount", "changes", "refusals"],
+        bool
+        | Literal[
+            "all",
+            "program",
+            "mount",
+            "changes",
+            "refusals",
+            "json",
+            "json-program",
+            "json-mount",
+            "json-changes",
+            "json-refusals",
+        ],
         key(
             "show the conversation in words. all or true: everything; program, mount: only that side; changes: only "
-            "what moves or sets something; refusals: only what is refused or fails"
+            "what moves or sets something; refusals: only what is refused or fails. json, json-changes and so on: the "
+            "same for programs that collect logs, one JSON object a line",
+            "WHAT",
         ),
     ] = False
     night: Annotated[bool, key("use only shades of red as colours on the terminal")] = False

@@ -9,10 +9,12 @@ import asyncio
 import contextlib
 import os
 import sys
+import time
 from collections.abc import Coroutine, Sequence
 from typing import TYPE_CHECKING, TextIO
 
 from gateway.app.status import Rate, StatusLine, status
+from gateway.diagnostics.log.as_json import warning
 from gateway.diagnostics.log.layout import colours_of, painted
 from gateway.system import journal, streams
 from gateway.system.systemd import notify, wanted, watchdog
@@ -25,10 +27,13 @@ EVERY, SELDOM = 1.0, 5.0
 
 
 class Screen:
-    """Where lines for a person go, and under them one that is rewritten in place, where there is a terminal for it."""
+    """Where lines for a person go, and under them one that is rewritten in place, where there is a terminal for it.
 
-    def __init__(self, terminal: TextIO | None, night: bool = False) -> None:
-        self.terminal = terminal
+    With ``as_json`` warnings have the form of the log for programs, which is on the same stream.
+    """
+
+    def __init__(self, terminal: TextIO | None, night: bool = False, as_json: bool = False) -> None:
+        self.terminal, self._as_json = terminal, as_json
         self._colours = colours_of(terminal, night) if terminal is not None and night else {}
         self._shown = 0
 
@@ -68,7 +73,10 @@ class Screen:
     def warn(self, text: str) -> None:
         """A line on stderr, where there still is one: a terminal that was closed must not keep a mount moving."""
         self.clear()
-        streams.warn(text, journal.WARNING)
+        if self._as_json:
+            streams.tell(f"{journal.level(journal.WARNING, sys.stderr)}{warning(time.time(), text)}")
+        else:
+            streams.warn(text, journal.WARNING)
 
 
 def find_terminal() -> TextIO | None:

@@ -23,6 +23,7 @@ from gateway.cli.serve.live import Screen, find_terminal, look_on
 from gateway.cli.serve.signals import before_suspension, until_signal
 from gateway.core.errors import Fault
 from gateway.core.wire_log import SKY_READY, Sink
+from gateway.diagnostics.log import as_json
 from gateway.system.file_limits import make_room
 from gateway.system.systemd import notify
 
@@ -72,7 +73,8 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
 
     done, sky = until_signal(), Sky()
     # beside the conversation of --log a line that is rewritten would only be in the way
-    screen = Screen(find_terminal() if config.status and not config.log else None, config.night)
+    terminal = find_terminal() if config.status and not config.log else None
+    screen = Screen(terminal, config.night, as_json.wanted(config.log))
     if watchdog is not None:
         watchdog.warn = screen.warn
     gateways: list[Gateway] = []
@@ -187,8 +189,9 @@ def _log(config: Config, mount: MountConfig) -> Sink:
     from gateway.diagnostics.log.printing import Rows, printer
 
     surfaces = [parse_endpoint(surface.at).protocol for surface in config.of(mount)]
-    shown = config.log if isinstance(config.log, str) else "all"
-    rows = Rows(parse_endpoint(mount.at).protocol, surfaces, speech, shown, mount.name or "")
+    rows = Rows(parse_endpoint(mount.at).protocol, surfaces, speech, as_json.kept(config.log), mount.name or "")
+    if as_json.wanted(config.log):
+        return as_json.json_printer(rows, sys.stderr, mount.name or mount.at)
     return printer(rows, sys.stderr, config.night)
 
 

@@ -110,7 +110,7 @@ def add_flag(group: argparse._ActionsContainer, key: Key) -> None:
     """The flag of a key. One that is true, false or one of some words may stand alone or have ``=WORD`` behind it."""
     words = f"{key.words} (default: yes)" if key.default is True else key.words
     if isinstance(key.default, bool) and key.choices:
-        group.add_argument(f"--{key.name}", nargs="?", const=True, metavar="|".join(key.choices), help=words)
+        group.add_argument(f"--{key.name}", nargs="?", const=True, metavar=key.shown, help=words)
         group.add_argument(f"--no-{key.name}", dest=key.name, action="store_const", const=False, help=argparse.SUPPRESS)
     elif isinstance(key.default, bool) and key.several:
         group.add_argument(f"--{key.name}", nargs="?", const=ALL, metavar=f"{ALL},{key.shown}", help=words)

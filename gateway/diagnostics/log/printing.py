@@ -19,8 +19,6 @@ from gateway.system import journal
 SILENT = ("raw", "r", "v")
 #: What arrows mean that are no bytes.
 EVENTS = {"+": "connected", "-": "gone", "^": "port opened", "v": "port lost"}
-#: What can be left out: either side, all that only asks, all that succeeds.
-SHOWN = ("all", "program", "mount", "changes", "refusals")
 
 MOUNT = "mount"
 #: A protocol -> how its commands are cut out, and how its replies are taken apart.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import io
+import json
 import os
 import re
 import select
@@ -184,3 +185,10 @@ def test_a_line_needs_a_terminal_that_can_go_back(monkeypatch: pytest.MonkeyPatc
     assert find_terminal() is terminal
     monkeypatch.setenv("TERM", "dumb")
     assert find_terminal() is None
+
+
+def test_beside_the_log_for_programs_a_warning_is_an_object_too(capsys: pytest.CaptureFixture[str]) -> None:
+    Screen(None, as_json=True).warn("the port is gone")
+    Screen(None).warn("the port is gone")
+    first, second = capsys.readouterr().err.splitlines()
+    assert json.loads(first)["words"] == "the port is gone" and second == "mount-gateway: the port is gone"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,8 @@ RUN = ["run", "--mount", "nexstar@sim", "--surface", "lx200@tcp://127.0.0.1:0"]
         (["--no-log"], False),
         (["--log=mount"], "mount"),
         (["--log=refusals"], "refusals"),
+        (["--log=json"], "json"),
+        (["--log=json-changes"], "json-changes"),
         (["--log", "--wait"], "all"),
         (["--log=program", "--no-log"], False),
     ],
@@ -36,7 +39,9 @@ def test_a_word_behind_the_flag_is_no_part_of_it() -> None:
     assert parser(words[:1]).parse_args(words).log == "all"
 
 
-@pytest.mark.parametrize(("written", "log"), [("true", True), ("false", False), ('"changes"', "changes")])
+@pytest.mark.parametrize(
+    ("written", "log"), [("true", True), ("false", False), ('"changes"', "changes"), ('"json"', "json")]
+)
 def test_in_a_file(written: str, log: Any, tmp_path: Path) -> None:
     path = tmp_path / "gateway.toml"
     path.write_text(f'log = {written}\n[mount]\nat = "nexstar@sim"\n[[surface]]\nat = "lx200@tcp://:0"\n')
@@ -46,7 +51,7 @@ def test_in_a_file(written: str, log: Any, tmp_path: Path) -> None:
 def test_what_it_may_be_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*RUN, "--log=mounts"]) == 2
     said = capsys.readouterr().err
-    assert "--log" in said and "program, mount, changes, refusals" in said
+    assert "--log" in said and "program, mount, changes, refusals, json" in said
 
 
 def test_a_gateway_shows_only_what_is_asked_for() -> None:
@@ -59,3 +64,24 @@ def test_a_gateway_shows_only_what_is_asked_for() -> None:
     lines = gateway.said.splitlines()
     assert any("> :Sr05:34:32#" in line for line in lines) and not any("> :GR#" in line for line in lines)
     assert max(len(line) for line in lines) <= 80
+
+
+KEYS = ["time", "mount", "side", "direction", "kind", "refused", "bytes", "hex", "words"]
+
+
+@pytest.mark.parametrize("log", ["json", "json-program", "json-changes"])
+def test_for_programs_every_line_on_stderr_is_an_object(log: str, tmp_path: Path) -> None:
+    gateway = Running(*RUN, "--sun", "0", f"--log={log}", "--site", "50,10")
+    try:
+        where = gateway.ready()
+        assert ask(where, b":GR#") and ask(where, b":Sr05:34:32#", b"1") == b"1"
+    finally:
+        gateway.end()
+    told = [json.loads(line) for line in gateway.said.splitlines()]
+    assert {tuple(one) for one in told} == {tuple(KEYS)}
+    [set_ra] = [one for one in told if one["bytes"] == ":Sr05:34:32#"]
+    assert set_ra["mount"] == "nexstar@sim" and set_ra["side"].startswith("127.0.0.1:")
+    assert (set_ra["direction"], set_ra["kind"], set_ra["hex"]) == ("to mount", "command", b":Sr05:34:32#".hex())
+    assert "05:34:32" in set_ra["words"] and set_ra["time"].endswith("Z")
+    assert any(one["bytes"] == ":GR#" for one in told) is (log != "json-changes")
+    assert any(one["side"] == "mount" and one["hex"] for one in told) is (log != "json-program")

@@ -1,0 +1,74 @@
+"""``doctor``: one look at this computer, and what to do about everything that could keep a gateway from working.
+
+Exit code 0 when nothing is to be mended, 1 when something is.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from gateway.cli.help import Commands
+
+if TYPE_CHECKING:
+    from gateway.diagnostics.doctor.facts import Result
+
+EXAMPLES = """\
+Examples:
+  mount-gateway doctor
+  mount-gateway doctor --json > report.json      for a report
+"""
+
+
+def add(commands: Commands) -> None:
+    """Put the command into the parser."""
+    doctor = commands.add_parser(
+        "doctor", help="what of this computer could be in the way, and what to do",
+        description="Looks at Python and packages, serial ports and who may use or has them, programs that disturb "
+                    "them, the clock, the age of the astronomy data, TCP ports, the state folder and the gateways that "
+                    "run. It opens no serial port and changes nothing. Exit code 0: nothing is to be mended, 1: "
+                    "something is.",
+        epilog=EXAMPLES,
+    )  # fmt: skip
+    doctor.add_argument("--json", action="store_true", help="for programs: one object, with a list of all checks")
+    doctor.add_argument("--state", metavar="PATH", help="the folder that the gateway was told to keep its state in")
+    doctor.set_defaults(run=_doctor)
+
+
+def _doctor(arguments: argparse.Namespace) -> int:
+    import json
+
+    import msgspec
+
+    from gateway import __version__
+    from gateway.diagnostics.doctor.checks import examine
+    from gateway.diagnostics.doctor.facts import BAD
+    from gateway.diagnostics.doctor.gathering import gather
+    from gateway.system import streams
+
+    results = examine(gather(arguments.state))
+    well = all(result.state != BAD for result in results)
+    streams.tolerate()
+    if arguments.json:
+        told = {"version": __version__, "good": well, "checks": msgspec.to_builtins(results)}
+        print(json.dumps(told, indent=2))
+    else:
+        print("\n".join(lines(results)))
+    return 0 if well else 1
+
+
+def lines(results: Sequence[Result]) -> list[str]:
+    """The results for a person, and how many of them ask for something."""
+    from gateway.diagnostics.doctor.facts import BAD, NOTE
+
+    told: list[str] = []
+    for result in results:
+        state = result.state.upper() if result.state == BAD else result.state
+        told.append(f"{state:<5} {result.check:<10} {result.found}")
+        if result.do:
+            told.append(f"{'':<16} -> {result.do}")
+    bad, notes = (sum(result.state == state for result in results) for state in (BAD, NOTE))
+    told.append("")
+    told.append(f"{bad or 'nothing'} to mend{f', {notes} to know' if notes else ''}")
+    return told

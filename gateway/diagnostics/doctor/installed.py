@@ -1,0 +1,99 @@
+"""What is installed beside mount-gateway: packages, extras, and how far the astronomy data reach.
+
+Read from what pip has written and from the data files themselves; nothing of it is imported.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import re
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+from packaging.requirements import InvalidRequirement, Requirement
+
+from gateway.diagnostics.doctor.facts import Package
+
+PRODUCT, DATA = "mount-gateway", "astropy-iers-data"
+#: Extras that nobody misses who does not work on mount-gateway itself.
+DEVELOPING = ("test", "dev")
+_UNIX_EPOCH_MJD, _DAY = 40587.0, 86400.0
+
+
+def version(name: str) -> str:
+    """Of an installed package; empty for one that is not."""
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return ""
+
+
+def needed(product: str = PRODUCT, extra: str = "") -> Iterator[Package]:
+    """What the product, or one of its extras alone, says that it needs on this system, and what is here of it."""
+    try:
+        lines = importlib.metadata.requires(product) or []
+    except importlib.metadata.PackageNotFoundError:
+        return
+    for line in lines:
+        try:
+            wanted = Requirement(line)
+        except InvalidRequirement:  # written by a newer tool than the one that reads it here
+            continue
+        always = wanted.marker is None or wanted.marker.evaluate({"extra": ""})
+        if always if not extra else not always and wanted.marker and wanted.marker.evaluate({"extra": extra}):
+            found = version(wanted.name)
+            fits = bool(found) and wanted.specifier.contains(found, prereleases=True)
+            yield Package(wanted.name, str(wanted.specifier), found, fits)
+
+
+def missing_extras(product: str = PRODUCT) -> dict[str, list[str]]:
+    """By extra, the packages that are not installed."""
+    try:
+        extras = importlib.metadata.metadata(product).get_all("Provides-Extra") or []
+    except importlib.metadata.PackageNotFoundError:
+        return {}
+    wanted = {extra: needed(product, extra) for extra in extras if extra not in DEVELOPING}
+    missing = {extra: [package.name for package in packages if not package.fits] for extra, packages in wanted.items()}
+    return {extra: names for extra, names in missing.items() if names}
+
+
+# --- astronomy data -------------------------------------------------------------------------------------------------
+
+
+def published(release: str) -> float | None:
+    """When a release of the astronomy data was made: its version is a date, ``0.2026.11.2.0.34.55``."""
+    found = re.match(r"\d+\.(\d{4})\.(\d+)\.(\d+)", release)
+    if found is None:
+        return None
+    year, month, day = map(int, found.groups())
+    return datetime(year, month, day, tzinfo=UTC).timestamp()
+
+
+def rotation_until() -> float | None:
+    """The last day for which UT1 is observed or predicted."""
+    path = _data("finals2000A.all")
+    try:
+        lines = [] if path is None else path.read_bytes().splitlines()
+        day = next(float(line[7:15]) for line in reversed(lines) if line[58:68].strip())
+    except (OSError, ValueError, StopIteration):
+        return None
+    return (day - _UNIX_EPOCH_MJD) * _DAY
+
+
+def leap_seconds_until() -> float | None:
+    """The day on which the list of leap seconds expires."""
+    path = _data("Leap_Second.dat")
+    try:
+        text = "" if path is None else path.read_text("ascii", "replace")
+        found = re.search(r"File expires on (\d+ \w+ \d{4})", text)
+        return found and datetime.strptime(f"{found[1]} +0000", "%d %B %Y %z").timestamp()
+    except (OSError, ValueError):
+        return None
+
+
+def _data(name: str) -> Path | None:
+    """A file of the astronomy data, without importing astropy."""
+    found = importlib.util.find_spec("astropy_iers_data")
+    return None if found is None or found.origin is None else Path(found.origin).parent / "data" / name

@@ -1,0 +1,162 @@
+"""Every check on a computer where all is well, and on each of those where something is not."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+
+import pytest
+from msgspec.structs import replace
+
+from gateway.diagnostics.doctor.checks import CHECKS, examine
+from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, Facts, Listener, Package, Port, Result, Running
+
+
+def at(day: str) -> float:
+    return datetime.fromisoformat(day).replace(tzinfo=UTC).timestamp()
+
+
+USB = Port("/dev/ttyUSB0", "FT232R")
+#: A computer with which nothing is wrong.
+WELL = Facts(
+    version="1.0",
+    python=(3, 12, 1),
+    system="Linux 6.1 (aarch64)",
+    now=at("2026-06-01"),
+    published=at("2026-05-04"),
+    rotation_until=at("2027-05-01"),
+    leap_seconds_until=at("2026-12-28"),
+    packages=[Package("astropy", ">=8.0", "8.0.2"), Package("pyserial", ">=3.5", "3.5")],
+    missing_extras={},
+    ports=[USB],
+    groups={"me", "dialout"},
+    active_groups={"me", "dialout"},
+    clock_synchronized=True,
+    meddlers={},
+    listeners=[],
+    state_folder="/home/me/.local/state/mount-gateway",
+    state_problem="",
+    gateways=[],
+    pip="/here/pip",
+)
+
+
+def of(check: str, facts: Facts) -> list[Result]:
+    return [result for result in examine(facts) if result.check == check]
+
+
+def test_where_all_is_well_every_check_says_so_and_asks_for_nothing() -> None:
+    results = examine(WELL)
+    assert {result.check for result in results} == {check.name for check in CHECKS}
+    assert {(result.state, result.do) for result in results} == {(GOOD, "")}
+
+
+@pytest.mark.parametrize(
+    ("check", "facts", "state", "found", "do"),
+    [
+        ("python", {"python": (3, 10, 9)}, BAD, "too old", "install Python 3.11 to 3.14"),
+        ("python", {"python": (3, 15, 0)}, NOTE, "newer than", "3.11 to 3.14"),
+        ("packages", {"packages": [Package("numpy", ">=1.2", "", False)]}, BAD, "numpy is not installed", "/here/pip"),
+        (
+            "packages",
+            {"packages": [Package("pyserial", ">=3.5", "3.4", False)]},
+            BAD,
+            "pyserial version 3.4 is installed, and >=3.5 is needed",
+            "/here/pip install",
+        ),
+        ("packages", {"packages": []}, NOTE, "without being installed", "/here/pip install"),
+        ("extras", {"missing_extras": {"library": ["pyongc"]}}, NOTE, "pyongc not installed: M, NGC", "'.[library]'"),
+        ("extras", {"missing_extras": {"other": ["a", "b"]}}, NOTE, "a and b not installed", "'.[other]'"),
+        ("ports", {"ports": []}, NOTE, "no serial port", "plug the USB adapter in"),
+        (
+            "ports",
+            {"ports": [replace(USB, permitted=False)], "groups": {"me"}, "active_groups": {"me"}},
+            BAD,
+            "/dev/ttyUSB0 (FT232R): you may not open it",
+            "sudo usermod -aG dialout $USER",
+        ),
+        (
+            "ports",
+            {"ports": [replace(USB, permitted=False)], "active_groups": {"me"}},
+            BAD,
+            "you may not open it",
+            "log out and in again: you were put into the group dialout",
+        ),
+        ("ports", {"ports": [replace(USB, permitted=False)]}, BAD, "you may not open it", "ls -l /dev/ttyUSB0"),
+        (
+            "ports",
+            {"ports": [replace(USB, holder="indi_lx200 (process 77)")]},
+            BAD,
+            "in use by indi_lx200 (process 77)",
+            "end that program",
+        ),
+        (
+            "ports",
+            {"ports": [replace(USB, holder="python (process 77)")], "gateways": [Running(77, "nexstar@/dev/ttyUSB0")]},
+            GOOD,
+            "in use by a gateway: python (process 77)",
+            "",
+        ),
+        (
+            "meddlers",
+            {"meddlers": {"ModemManager": 612}},
+            BAD,
+            "ModemManager (process 612)",
+            'ENV{ID_MM_PORT_IGNORE}="1"',
+        ),
+        ("meddlers", {"meddlers": {"ModemManager": 612}, "ports": []}, NOTE, "AT", "systemctl disable --now"),
+        (
+            "meddlers",
+            {"meddlers": {"ModemManager": 612}, "ports": [replace(USB, modem_manager_ignores=True)]},
+            GOOD,
+            "no program",
+            "",
+        ),
+        ("meddlers", {"meddlers": {"brltty": 613}}, NOTE, "brltty (process 613)", "systemctl mask --now brltty"),
+        ("meddlers", {"meddlers": {"brltty": 613}, "ports": []}, BAD, "their port vanishes", "plug the adapter in"),
+        ("clock", {"now": at("2026-05-03")}, BAD, "shows 2026-05-03", "timedatectl set-ntp true"),
+        ("clock", {"now": at("2023-12-31"), "published": None}, BAD, "has lost the time", "timedatectl"),
+        ("clock", {"clock_synchronized": False}, NOTE, "no time server", "timedatectl set-ntp true"),
+        ("clock", {"clock_synchronized": None}, GOOD, "cannot be told", ""),
+        ("astronomy", {"rotation_until": at("2026-05-31")}, NOTE, "ended on 2026-05-31", "upgrade astropy-iers-data"),
+        ("astronomy", {"rotation_until": at("2026-07-30")}, NOTE, "ends on 2026-07-30", "upgrade astropy-iers-data"),
+        ("astronomy", {"leap_seconds_until": at("2026-05-31")}, NOTE, "the leap seconds ended", "astropy-iers-data"),
+        ("astronomy", {"rotation_until": None}, BAD, "cannot be read", "force-reinstall astropy-iers-data"),
+        ("network", {"listeners": [Listener(4030, 9, "nc")]}, NOTE, "taken by nc (process 9)", "such as 4031"),
+        ("network", {"listeners": [Listener(10001)]}, NOTE, "Stellarium would look", "10002"),
+        (
+            "network",
+            {"listeners": [Listener(4030, 77, "python")], "gateways": [Running(77, "nexstar@sim")]},
+            GOOD,
+            "TCP port 4030 is a gateway's (process 77)",
+            "",
+        ),
+        ("state", {"state_problem": "permission denied"}, BAD, "(permission denied)", "sudo chown -R $USER /home/me"),
+        ("gateways", {"gateways": [Running(77, "nexstar@sim")]}, GOOD, "runs for nexstar@sim (process 77)", ""),
+        ("gateways", {"gateways": [Running(77, user="user pi", foreign=True)]}, NOTE, "of user pi", "or as root"),
+        (
+            "gateways",
+            {"gateways": [Running(77, user="the user me"), Running(78, user="the user me")]},
+            NOTE,
+            "processes 77, 78",
+            "--state PATH",
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_not_as_it_should_be(check: str, facts: dict[str, object], state: str, found: str, do: str) -> None:
+    results = of(check, replace(WELL, **facts))
+    result = next((result for result in results if found in result.found), None)
+    assert result is not None, results
+    assert result.state == state and do in result.do and bool(result.do) == bool(do)
+    unmoved = [result for result in examine(replace(WELL, **facts)) if result.check != check]
+    assert not any(result.state == BAD for result in unmoved)
+
+
+def test_a_taken_port_does_not_hide_the_free_ones() -> None:
+    taken, free = of("network", replace(WELL, listeners=[Listener(4030, 9, "nc")]))
+    assert taken.state == NOTE and free == Result("network", GOOD, "TCP ports 4080, 10001: free")
+
+
+def test_a_built_in_port_is_not_modem_managers_to_disturb() -> None:
+    facts = replace(WELL, meddlers={"ModemManager": 612}, ports=[USB, Port("/dev/ttyS0", usb=False)])
+    [result] = of("meddlers", facts)
+    assert "ttyUSB0" in result.found and "ttyS0" not in result.found

@@ -1,0 +1,143 @@
+"""What the doctor reads: of made-up computers, of a package that is not installed, and of this one."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from gateway.cli import main
+from gateway.cli.inspect import doctor
+from gateway.diagnostics.doctor import gathering, installed, linux
+from gateway.diagnostics.doctor.facts import BAD, GOOD, Listener, Result
+from gateway.system.own_commands import how_to_add, pip_command
+
+SOCKETS = """\
+  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode
+   0: 0100007F:0FBE 00000000:0000 0A 00000000:00000000 00:00000000 00000000     0        0 5001 1 0 100 0 0 10 0
+   1: 0100007F:0FF0 0100007F:1234 01 00000000:00000000 00:00000000 00000000     0        0 5002 1 0 100 0 0 10 0
+   2: 0100007F:2711 00000000:0000 0A 00000000:00000000 00:00000000 00000000     0        0 5003 1 0 100 0 0 10 0
+"""
+
+
+@pytest.fixture
+def proc(tmp_path: Path) -> Path:
+    """A computer with ModemManager, and nc at port 4030; 4080 is only a connection, 10001 another user's."""
+    (tmp_path / "net").mkdir()
+    (tmp_path / "net" / "tcp").write_text(SOCKETS)
+    for number, name in ((612, "ModemManager"), (900, "nc")):
+        (tmp_path / str(number) / "fd").mkdir(parents=True)
+        (tmp_path / str(number) / "comm").write_text(f"{name}\n")
+    (tmp_path / "900" / "fd" / "3").symlink_to("socket:[5001]")
+    (tmp_path / "901").mkdir()
+    return tmp_path
+
+
+def test_processes_by_name(proc: Path) -> None:
+    assert linux.named(("ModemManager", "brltty"), proc) == {"ModemManager": 612}
+
+
+def test_who_listens(proc: Path) -> None:
+    found = sorted(linux.listening((4030, 4080, 10001), proc), key=lambda listener: listener.port)
+    assert found == [Listener(4030, 900, "nc"), Listener(10001)]
+    assert linux.listening((4031,), proc) == []
+
+
+@pytest.mark.skipif(not linux.PROC.joinpath("net").is_dir(), reason="only Linux tells who listens")
+def test_who_listens_here() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        assert [(one.port, one.process) for one in linux.listening((port,))] == [(port, os.getpid())]
+
+
+@pytest.mark.parametrize(("line", "ignored"), [("E:ID_MM_PORT_IGNORE=1", True), ("E:ID_MM_PORT_IGNORE=0", False)])
+def test_what_udev_has_told_modem_manager(line: str, ignored: bool, tmp_path: Path) -> None:
+    number = os.stat("/dev/null").st_rdev
+    (tmp_path / f"c{os.major(number)}:{os.minor(number)}").write_text(f"E:ID_BUS=usb\n{line}\n")
+    assert linux.modem_manager_ignores("/dev/null", tmp_path) is ignored
+    assert linux.modem_manager_ignores("/dev/none", tmp_path) is False
+
+
+def test_releases_of_the_astronomy_data_are_days() -> None:
+    assert installed.published("0.2026.11.2.0.34.55") == datetime(2026, 11, 2, tzinfo=UTC).timestamp()
+    assert installed.published("") is None
+
+
+def test_the_installed_astronomy_data_can_be_read() -> None:
+    rotation, leap = installed.rotation_until(), installed.leap_seconds_until()
+    made = installed.published(installed.version(installed.DATA))
+    assert rotation is not None and leap is not None and made is not None
+    assert 180 < (rotation - made) / 86400.0 < 500 and abs(leap - made) / 86400.0 < 500
+
+
+def test_a_package_that_is_not_there() -> None:
+    assert installed.version("no-such-package") == ""
+    assert list(installed.needed("no-such-package")) == [] and installed.missing_extras("no-such-package") == {}
+
+
+def test_what_is_needed_is_what_was_declared(monkeypatch: pytest.MonkeyPatch) -> None:
+    told = ["here>=2", "old<1; python_version>'3'", "never; python_version<'3'", "gone", "more; extra == 'library'"]
+    monkeypatch.setattr(installed.importlib.metadata, "requires", lambda name: told)
+    monkeypatch.setattr(installed, "version", lambda name: {"here": "2.1", "old": "1.1"}.get(name, ""))
+    found = [(package.name, package.version, package.fits) for package in installed.needed()]
+    assert found == [("here", "2.1", True), ("old", "1.1", False), ("gone", "", False)]
+    assert [package.name for package in installed.needed(extra="library")] == ["more"]
+
+
+@pytest.mark.parametrize(("said", "kept"), [("yes\n", True), ("no\n", False), ("", None)])
+def test_whether_the_clock_is_kept(
+    said: str, kept: bool | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    command = tmp_path / "timedatectl"
+    command.write_text(f"#!/bin/sh\nprintf '{said}'\n")
+    command.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert gathering.clock_synchronized() is kept
+    command.unlink()
+    assert gathering.clock_synchronized() is None
+
+
+def test_a_state_folder_that_takes_no_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert gathering.unwritable(tmp_path) == "" and gathering.unwritable(tmp_path / "to" / "be made") == ""
+    (tmp_path / "file").touch()
+    assert gathering.unwritable(tmp_path / "file") == f"{tmp_path / 'file'} is no folder"
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    assert gathering.unwritable(tmp_path) == "permission denied"
+    assert gathering.unwritable(tmp_path / "to") == f"permission denied in {tmp_path}"
+
+
+def test_this_computer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    facts = gathering.gather(str(tmp_path))
+    assert {"astropy", "pyserial"} < {package.name for package in facts.packages}
+    code = main(["doctor", "--json", "--state", str(tmp_path)])
+    told = json.loads(capsys.readouterr().out)
+    assert told["good"] is (code == 0) and {"check", "state", "found", "do"} == set(told["checks"][0])
+    assert main(["doctor", "--state", str(tmp_path)]) == code
+    plain = capsys.readouterr().out
+    assert str(tmp_path) in plain and " to mend" in plain.splitlines()[-1]
+
+
+def test_something_to_mend_is_exit_code_1(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    results = [Result("clock", GOOD, "right"), Result("ports", BAD, "taken", "end it")]
+    monkeypatch.setattr("gateway.diagnostics.doctor.checks.examine", lambda facts: results)
+    assert main(["doctor"]) == 1
+    assert capsys.readouterr().out.splitlines() == [
+        "good  clock      right",
+        "BAD   ports      taken",
+        "                 -> end it",
+        "",
+        "1 to mend",
+    ]
+    assert doctor.lines(results[:1])[-1] == "nothing to mend"
+
+
+def test_how_packages_are_installed_where_this_one_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.prefix", str(tmp_path))
+    monkeypatch.setattr("sys.executable", str(tmp_path / "bin" / "python"))
+    assert pip_command() == str(tmp_path / "bin" / "pip") and f"type {pip_command()} install" in how_to_add("library")
+    (tmp_path / "pipx_metadata.json").touch()
+    assert pip_command() == "pipx runpip mount-gateway"

@@ -1,0 +1,82 @@
+"""The log for programs: what becomes of a row, and of what the gateway says itself."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import pytest
+
+from gateway.app.bindings import speech
+from gateway.core.wire_log import Entry
+from gateway.diagnostics.log import as_json
+from gateway.diagnostics.log.layout import Row
+from gateway.diagnostics.log.printing import Rows
+
+#: 2026-01-15 22:00:00.25 UTC.
+AT = 1768514400.25
+
+
+def told(*entries: Entry, log: str = "json") -> list[dict[str, object]]:
+    """The objects of a log."""
+    stream = io.StringIO()
+    put = as_json.json_printer(Rows("nexstar", ["lx200"], speech, as_json.kept(log)), stream, "pier")
+    for entry in entries:
+        put(entry)
+    return [json.loads(line) for line in stream.getvalue().splitlines()]
+
+
+def test_a_command_and_its_reply() -> None:
+    command, reply = told(Entry(AT, "mount", ">", b"e"), Entry(AT + 0.5, "mount", "<", b"34AB0500,12CE0500#"))
+    assert command | {"words": ""} == {
+        "time": "2026-01-15T22:00:00.250Z", "mount": "pier", "side": "mount", "direction": "to mount",
+        "kind": "command", "refused": False, "bytes": "e", "hex": "65", "words": "",
+    }  # fmt: skip
+    assert command["words"] and (reply["direction"], reply["kind"]) == ("from mount", "reply")
+    assert reply["hex"] == b"34AB0500,12CE0500#".hex() and reply["time"] == "2026-01-15T22:00:00.750Z"
+
+
+def test_bytes_that_cannot_be_printed_and_words_that_are_no_ascii_are_kept() -> None:
+    line = as_json.written(Row(AT, "10.0.0.2:5", ">", b"\x06\xdf#", "22°"), "pier")
+    assert line.isascii() and "\n" not in line
+    assert {"bytes": "\\x06\\xdf#", "hex": "06df23", "words": "22°"}.items() <= json.loads(line).items()
+
+
+def test_what_is_dropped_or_fails_is_refused_and_events_go_no_way() -> None:
+    come, dropped, note, gone = told(
+        Entry(AT, "10.0.0.2:5", "+", b"", "surface 1"),
+        Entry(AT, "10.0.0.2:5", "x", b"K", "no command"),
+        Entry(AT, "mount", "!", b"", "it is found"),
+        Entry(AT, "10.0.0.2:5", "-", b""),
+    )
+    assert [one["kind"] for one in (come, dropped, note, gone)] == ["connected", "dropped", "note", "disconnected"]
+    assert [one["refused"] for one in (come, dropped, note, gone)] == [False, True, False, False]
+    assert {one["direction"] for one in (come, dropped, note, gone)} == {None}
+
+
+@pytest.mark.parametrize(
+    ("log", "wanted", "kept"),
+    [
+        (True, False, "all"),
+        ("all", False, "all"),
+        ("changes", False, "changes"),
+        ("json", True, "all"),
+        ("json-mount", True, "mount"),
+        ("json-refusals", True, "refusals"),
+    ],
+)
+def test_form_and_filter(log: bool | str, wanted: bool, kept: str) -> None:
+    assert as_json.wanted(log) is wanted and as_json.kept(log) == kept
+
+
+def test_filters_hold_for_objects_too() -> None:
+    entries = Entry(AT, "mount", ">", b"e"), Entry(AT, "mount", "<", b"34AB0500,12CE0500#")
+    assert told(*entries, log="json-program") == [] and told(*entries, log="json-changes") == []
+    assert len(told(*entries, log="json-mount")) == 2
+
+
+def test_what_the_gateway_says_itself() -> None:
+    assert json.loads(as_json.warning(AT, "suspended")) == {
+        "time": "2026-01-15T22:00:00.250Z", "mount": None, "side": "gateway", "direction": None,
+        "kind": "warning", "refused": False, "bytes": "", "hex": "", "words": "suspended",
+    }  # fmt: skip
