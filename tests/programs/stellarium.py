@@ -25,7 +25,7 @@ SCRIPT = """\
 core.setObserverLocation({longitude}, {latitude}, 100.0, 0.0, "Here", "Earth");
 core.setDate("{night:%Y-%m-%dT%H:%M:%S}", "utc");
 core.selectObjectByName("{star}", false);
-core.output("selected");
+core.debug("selected");
 """
 
 
