@@ -72,13 +72,20 @@ async def _find(gateway: Gateway, warn: Callable[[str], None]) -> None:
     from gateway.diagnostics.detect import who_answers
 
     found = await who_answers(gateway.mount.where, gateway.config.baud)
-    if found is None and gateway.config.baud != USUAL and await who_answers(gateway.mount.where, USUAL):
+    if found is None and gateway.config.baud != USUAL and await _answers_at(gateway.mount.where, USUAL):
         raise UserError(
             f"{gateway.title}: the mount answers at {USUAL} baud, and not at {gateway.config.baud}: leave --baud out"
         )
     if found and found != gateway.mount.protocol:
         raise UserError(f"{gateway.title}: the mount speaks {found}; write {found}@{gateway.mount.where}")
     raise UserError(words)
+
+
+async def _answers_at(where: str, baud: int) -> bool:
+    """Whether a mount answers at this rate; asked twice, for it may still make out what came at another one."""
+    from gateway.diagnostics.detect import who_answers
+
+    return bool(await who_answers(where, baud) or await who_answers(where, baud))
 
 
 def _instead(gateway: Gateway, reason: str) -> str:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, Facts, Port, Said
+from gateway.protocols.registry import PROTOCOLS
 
 #: TCP ports that a gateway is usually reached at, and by whom.
-USUAL = {4030: "most telescope programs", 4080: "browsers", 10001: "Stellarium"}
+USUAL = {4030: "most telescope programs", 4080: "browsers"}
+USUAL |= {spec.usual_port: spec.title for spec in PROTOCOLS.values() if spec.usual_port not in USUAL}
 #: What makes ModemManager leave all USB serial ports alone; `linux` looks for its effect.
 RULE = 'SUBSYSTEM=="tty", ENV{ID_BUS}=="usb", ENV{ID_MM_PORT_IGNORE}="1"'
 LEAVE_ALONE = (

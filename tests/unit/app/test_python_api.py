@@ -119,7 +119,7 @@ def test_a_stream_is_cut_into_commands() -> None:
 def test_a_program_points_a_simulated_mount() -> None:
     async def points() -> None:
         seen: list[Entry] = []
-        settings = {"site": (48.1, 11.6), "lowest": -90, "sun": 0, "speed": 50}
+        settings = {"site": (48.1, 11.6), "lowest": -90, "sun": 0, "speed": 20}
         async with open_gateway(SIM, [{"at": SURFACE, "read_only": True}], watch=seen.append, **settings) as running:
             await running.ready()
             assert running.addresses[0].startswith("lx200:autostar@tcp://127.0.0.1:")
