@@ -1,4 +1,5 @@
-"""mDNS (RFC 6762) and DNS-SD (RFC 6763): every offer is a service of the type ``_lx200._tcp`` or ``_nexstar._tcp``.
+"""mDNS (RFC 6762) and DNS-SD (RFC 6763): every offer is a service of a type such as
+``_lx200._tcp``, and the console is one of ``_http._tcp``, as other web pages are.
 
 No registered type means "a mount that speaks LX200", so the protocol's own name is the type; the TXT record says which
 model is presented, on which transport, and the name of the mount where there are several.

@@ -63,6 +63,11 @@ def offer(page: Console) -> Offer:
     return Offer("http", "mount-gateway", "tcp", page.host, page.port)
 
 
+def announced(page: Console | None) -> list[Offer]:
+    """What is told on the network of a console: nothing of one that only this computer reaches."""
+    return [found] if page is not None and (found := offer(page)).wide else []
+
+
 def from_elsewhere(page: Console) -> list[str]:
     """What to type on a phone, and the same as a QR code, where other computers reach the page."""
     from gateway.app.discovery.addresses import to_type

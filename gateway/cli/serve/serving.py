@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from gateway.app.config import Config, MountConfig, parse_endpoint
 from gateway.app.recording.turns import TurnLoop
-from gateway.cli.serve.console import open_console
+from gateway.cli.serve.console import announced, open_console
 from gateway.cli.serve.finding import serve
 from gateway.cli.serve.live import Screen, find_terminal, look_on
 from gateway.cli.serve.signals import before_suspension, until_signal
@@ -132,9 +132,10 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
             done, asyncio.gather(*(serve(gateway, patient, start_sky, ready, screen.warn) for gateway in gateways))
         )
         gc.freeze()  # what was made so far lives on: looking through it for garbage would hold up a stop
-        announcement.publish(offers())  # by now it is known which model fits the mount
         if not done.is_set():
             console = await open_console(config, gateways, screen)
+        pages = announced(console) if config.discovery else []
+        announcement.publish([*offers(), *pages])  # by now it is known which model fits the mount
         await done.wait()
     finally:
         notify("STOPPING=1")

@@ -1,0 +1,32 @@
+"""The console's address: what is said of it, and what is told on the network."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from gateway.app.discovery.mdns import service
+from gateway.cli.serve.console import announced, from_elsewhere
+
+
+@pytest.mark.parametrize(
+    ("host", "wide"), [("127.0.0.1", False), ("::1", False), ("0.0.0.0", True), ("192.0.2.7", True)]
+)
+def test_only_a_console_that_others_reach_is_told_of(host: str, wide: bool) -> None:
+    page: Any = SimpleNamespace(host=host, port=4080)
+    assert bool(announced(page)) is wide and bool(from_elsewhere(page)) is wide
+
+
+def test_without_a_console_there_is_nothing_to_tell() -> None:
+    assert announced(None) == []
+
+
+def test_it_is_announced_as_a_web_page() -> None:
+    pytest.importorskip("zeroconf")
+    page: Any = SimpleNamespace(host="192.0.2.7", port=4080)
+    [found] = announced(page)
+    told = service(found)
+    assert told.type == "_http._tcp.local." and told.port == 4080
+    assert b"".join(from_elsewhere(page)[0].encode().split()[-1:]) == b"http://192.0.2.7:4080/"
