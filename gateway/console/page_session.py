@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import msgspec
 
 from gateway.console import actions, requests
-from gateway.console.house import House
+from gateway.console.mounts import Mounts
 from gateway.console.places import Unknown, known, look_up, verdict, where
 from gateway.console.talk import Newest
 from gateway.core import operations as op
@@ -44,28 +44,28 @@ class Socket(Protocol):
 class PageSession:
     """``run`` until the page is gone; ``take`` what it sends."""
 
-    def __init__(self, house: House, socket: Socket, host: str, acts: bool) -> None:
-        self._house, self._socket, self._acts = house, socket, acts
+    def __init__(self, mounts: Mounts, socket: Socket, host: str, acts: bool) -> None:
+        self._mounts, self._socket, self._acts = mounts, socket, acts
         self._who = f"the console at {host}"
         self._loop = asyncio.get_running_loop()
         self._heard = self._said = self._loop.time()
         self._sent: list[dict[str, Any]] = []
         self._recordings: list[Any] = []
-        self._pulses = [0.0] * len(house.gateways)
+        self._pulses = [0.0] * len(mounts.gateways)
         self._rows = Newest()
         self._mute: list[Callable[[], None]] = []
-        self._jogging = [actions.Jogging(gateway, self._who) for gateway in house.gateways]
+        self._jogging = [actions.Jogging(gateway, self._who) for gateway in mounts.gateways]
         self._tasks: set[asyncio.Task[None]] = set()
 
     # --- what the page sees -----------------------------------------------------------------------------------------
 
     async def run(self) -> None:
         """Show the state until that is cancelled, or the browser is gone; then let go of everything."""
-        house = self._house
+        mounts = self._mounts
         try:
             await self._send({"hello": {
-                "version": house.version, "act": self._acts, "pin": bool(house.pin) and not self._acts,
-                "now": house.now(),
+                "version": mounts.version, "act": self._acts, "pin": bool(mounts.pin) and not self._acts,
+                "now": mounts.now(),
             }})  # fmt: skip
             while True:
                 if self._socket.waiting() <= BEHIND:
@@ -81,8 +81,8 @@ class PageSession:
 
     async def _show(self) -> None:
         """What has changed since the last time."""
-        house = self._house
-        states, recordings = house.states(), [recording.state for recording in house.recordings]
+        mounts = self._mounts
+        states, recordings = mounts.states(), [recording.state for recording in mounts.recordings]
         if not self._sent:
             await self._send({"state": {"mounts": states, "recordings": recordings}})
         elif changed := _differences(self._sent, states):
@@ -97,7 +97,7 @@ class PageSession:
 
     def _new_times(self) -> dict[str, list[Any]]:
         found = {}
-        for index, pulse in enumerate(self._house.pulses):
+        for index, pulse in enumerate(self._mounts.pulses):
             new = [sample for sample in pulse.samples if sample[0] > self._pulses[index]]
             if new:
                 self._pulses[index] = new[-1][0]
@@ -153,18 +153,18 @@ class PageSession:
         except ConnectionError:
             pass
         except Exception as error:  # a defect must not leave a person without an answer
-            self._house.gateways[0].transcript.note("console", f"internal error, please report it: {error!r}")
+            self._mounts.gateways[0].transcript.note("console", f"internal error, please report it: {error!r}")
             await self._answer(request.id, False, f"internal error, please report it: {error!r}")
 
     async def _do(self, request: requests.Any) -> None:
-        house, gateways = self._house, self._house.gateways
+        mounts, gateways = self._mounts, self._mounts.gateways
         if isinstance(request, requests.Stop):
-            chosen = gateways if request.mount == -1 else [house.gateway(request.mount)]
+            chosen = gateways if request.mount == -1 else [mounts.gateway(request.mount)]
             outcomes = await asyncio.gather(*(actions.order(gateway, "stop") for gateway in chosen))
             words = "; ".join(dict.fromkeys(words for _, words in outcomes))
             await self._answer(request.id, all(done for done, _ in outcomes), words)
             return
-        gateway = house.gateway(request.mount)
+        gateway = mounts.gateway(request.mount)
         if isinstance(request, requests.Act) and not self._acts and not isinstance(request, requests.LetGo):
             await self._answer(request.id, False, LOOKS_ONLY)
             return
@@ -175,7 +175,7 @@ class PageSession:
             case requests.Talk():
                 self._listen(request.on)
             case requests.Pin():
-                self._acts = self._acts or house.admits(request.pin)
+                self._acts = self._acts or mounts.admits(request.pin)
                 words = "this page may act now" if self._acts else "this is not the pin"
                 await self._answer(request.id, self._acts, words)
             case requests.Jog():
@@ -197,7 +197,7 @@ class PageSession:
             case requests.Search():
                 await self._answer(request.id, True, "", {"found": await known(request.text)})
             case requests.Explain():
-                done, text = await house.explain(gateway, request.surface, request.command)
+                done, text = await mounts.explain(gateway, request.surface, request.command)
                 await self._answer(request.id, done, "" if done else text, {"text": text} if done else {})
             case requests.Record():
                 await self._record(request)
@@ -209,10 +209,10 @@ class PageSession:
     def _listen(self, on: bool) -> None:
         for mute in self._mute:
             mute()
-        self._mute = [talk.listen(self._rows.add) for talk in self._house.talks] if on else []
+        self._mute = [talk.listen(self._rows.add) for talk in self._mounts.talks] if on else []
 
     async def _record(self, request: requests.Record) -> None:
-        recording = self._house.recordings[request.mount]
+        recording = self._mounts.recordings[request.mount]
         if request.on:
             await self._answer(request.id, True, recording.begin())
             return

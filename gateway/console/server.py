@@ -19,7 +19,7 @@ from aiohttp import WSMsgType, web
 from gateway.app.gateway import Gateway
 from gateway.clients.access import Access
 from gateway.console import gate
-from gateway.console.house import House
+from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
 
 PAGE = Path(__file__).parent / "page"
@@ -39,7 +39,7 @@ class Console:
 
     def __init__(self, gateways: Sequence[Gateway], access: Access = Access(), pin: str = "",
                  names: Sequence[str] = ()) -> None:  # fmt: skip
-        self._house = House(gateways, pin)
+        self._mounts = Mounts(gateways, pin)
         self._access, self._names = access, tuple(names)
         self._token = secrets.token_urlsafe(24)
         self._files = _files()
@@ -85,7 +85,7 @@ class Console:
         if self._runner is not None:
             await self._runner.cleanup()
             self._runner = None
-        for recording in self._house.recordings:
+        for recording in self._mounts.recordings:
             if recording.state is not None:
                 recording.end()
 
@@ -123,7 +123,7 @@ class Console:
         return ""
 
     def _acts(self, host: str) -> bool:
-        return not self._house.pin and not self._access.only_looks(host)
+        return not self._mounts.pin and not self._access.only_looks(host)
 
     # --- what is served ---------------------------------------------------------------------------------------------
 
@@ -144,7 +144,7 @@ class Console:
         if not gate.same_token(request.query.get("token"), self._token):
             raise web.HTTPForbidden
         mount, name = request.match_info["mount"], request.match_info["name"]
-        recordings = self._house.recordings
+        recordings = self._mounts.recordings
         path = recordings[int(mount)].file(name) if mount.isdecimal() and int(mount) < len(recordings) else None
         if path is None:
             raise web.HTTPNotFound
@@ -158,8 +158,8 @@ class Console:
         ws = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=HEARTBEAT, compress=False)
         await ws.prepare(request)
         host = request.remote or "?"
-        session = PageSession(self._house, _Socket(ws, request), host, self._acts(host))
-        leave = self._house.page_comes()
+        session = PageSession(self._mounts, _Socket(ws, request), host, self._acts(host))
+        leave = self._mounts.page_comes()
         shown = asyncio.ensure_future(session.run())
         self._pages.add(shown)
         try:

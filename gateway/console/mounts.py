@@ -28,7 +28,7 @@ FRESH, BODIES_FRESH = 0.15, 10.0
 EXPLAIN = 20.0
 
 
-class House:
+class Mounts:
     """``pin`` is what lets a page act; empty where every page may."""
 
     version = __version__
