@@ -10,7 +10,6 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from gateway import __version__
 from gateway.app.gateway import Gateway
 from gateway.console import view
 from gateway.console.gate import same_token
@@ -19,6 +18,7 @@ from gateway.console.programs import Programs
 from gateway.console.pulse import Pulse
 from gateway.console.recording import Recording
 from gateway.console.talk import Talk
+from gateway.core.about import VERSION
 from gateway.core.operations import GetIdentity, Identity
 from gateway.protocols.wireformat.command_set import load
 
@@ -31,7 +31,7 @@ EXPLAIN = 20.0
 class Mounts:
     """``pin`` is what lets a page act; empty where every page may."""
 
-    version = __version__
+    version = VERSION
 
     def __init__(self, gateways: Sequence[Gateway], pin: str = "") -> None:
         self.gateways, self.pin = list(gateways), pin

@@ -14,9 +14,9 @@ from typing import Any
 
 import msgspec
 
-from gateway import __version__
 from gateway.app.gateway import Gateway
 from gateway.app.recording.recorder import Recorder
+from gateway.core.about import VERSION
 from gateway.core.errors import UserError
 from gateway.system.files import directory
 
@@ -53,7 +53,7 @@ class Recording:
         name = re.sub(r"[^\w-]", "_", gateway.config.name or gateway.mount.protocol)
         self._path = folder / f"{name}-{time.strftime('%Y%m%d-%H%M%S', time.gmtime(gateway.clock()))}.rec"
         config = {"mount": gateway.config, "surface": gateway.surfaces}
-        settings = {"began": gateway.clock(), "config": config, "past": gateway.past, "version": __version__}
+        settings = {"began": gateway.clock(), "config": config, "past": gateway.past, "version": VERSION}
         now = asyncio.get_running_loop().time
         self._recorder = Recorder(self._path, now, msgspec.to_builtins(settings), say=gateway.warn)
         gateway.transcript.sinks.append(self._recorder.put)
