@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import itertools
 import logging
 import socket
 import tracemalloc
@@ -333,11 +334,12 @@ def test_what_a_client_costs_in_memory_is_bounded() -> None:
 
             await make()
             tracemalloc.start()
-            await make()
-            before = tracemalloc.get_traced_memory()[0]
-            await make()
-            after = tracemalloc.get_traced_memory()[0]
+            kept = []
+            for _ in range(4):
+                await make()
+                kept.append(tracemalloc.get_traced_memory()[0])
             tracemalloc.stop()
-            assert after - before < 16384
+            # What a client leaves behind adds up in every round; what other threads load meanwhile does so in one.
+            assert min(after - before for before, after in itertools.pairwise(kept)) < 16384
 
     run(program())
