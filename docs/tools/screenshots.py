@@ -25,7 +25,7 @@ from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.app.gateway import Gateway
 from gateway.app.simulated import make_simulator
 from gateway.console.server import Console
-from gateway.core.wire_log import Transcript
+from gateway.core.wire_log import WireLog
 from gateway.transport.wires import SimulatedTransport
 
 PICTURES = Path(__file__).resolve().parent.parent / "pictures"
@@ -57,7 +57,7 @@ async def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         config = MountConfig(at="nexstar:cpc@sim", site=SITE, state=folder)
         surfaces = [SurfaceConfig(at="lx200@tcp://127.0.0.1:0")]
-        gateway = Gateway(config, surfaces, clock=clock, transcript=Transcript(clock))
+        gateway = Gateway(config, surfaces, clock=clock, wire_log=WireLog(clock))
         await asyncio.to_thread(gateway.sky.load)
         with patch("gateway.app.simulated.simulated_wire", wire):  # the mount has the same evening
             await gateway.open()

@@ -38,7 +38,7 @@ from gateway.clients.equinox import J2000
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.errors import Fault, UserError
-from gateway.core.wire_log import Transcript
+from gateway.core.wire_log import WireLog
 from gateway.mount.controller import MountController
 from gateway.mount.link.line import MountLink
 from gateway.mount.shutdown import stop_commands
@@ -61,7 +61,7 @@ class Gateway:
         self,
         config: MountConfig,
         surfaces: Sequence[SurfaceConfig],
-        transcript: Transcript | None = None,
+        wire_log: WireLog | None = None,
         sky: Sky | None = None,
         clock: Callable[[], float] = time.time,
         warn: Callable[[str], None] | None = None,
@@ -70,8 +70,8 @@ class Gateway:
         self.config, self.surfaces, self.clock = config, [settled(surface) for surface in surfaces], clock
         self.watchdog = watchdog
         self.watched: WatchedMount | None = None
-        self.transcript = transcript or Transcript(clock)
-        self.warn = warn or (lambda text: self.transcript.note("state", text))
+        self.wire_log = wire_log or WireLog(clock)
+        self.warn = warn or (lambda text: self.wire_log.note("state", text))
         self.sky = sky or Sky()
         self.mount = parse_endpoint(config.at)
         self.endpoints = [parse_endpoint(surface.at) for surface in surfaces]
@@ -104,7 +104,7 @@ class Gateway:
             self.remember()
         self._watch()
         wire = self.entrance.wire(make_wire(self.mount, self.config, self.watched))
-        self.prepare(lambda dialogue, transcript: MountLink(wire, dialogue, transcript))
+        self.prepare(lambda dialogue, wire_log: MountLink(wire, dialogue, wire_log))
         for endpoint, surface, reception in zip(self.endpoints, self.surfaces, self.receptions, strict=True):
             try:
                 self.ports.append(await open_port(endpoint.where, self.entrance.arrive(reception), surface.baud))
@@ -153,7 +153,7 @@ class Gateway:
         self.controller.line.distrust()
         self.controller.begin_stop()
 
-    def prepare(self, make_line: Callable[[ReplyRules, Transcript], MountLink]) -> None:
+    def prepare(self, make_line: Callable[[ReplyRules, WireLog], MountLink]) -> None:
         """Put everything together; nothing is opened yet."""
         config, loop = self.config, asyncio.get_running_loop()
         driver, follow_ups, dialogue = make_driver(self.mount, config, loop.time)
@@ -161,15 +161,9 @@ class Gateway:
             driver.hurry = config.speed
         shared = Shared(to_shared(self.past.kept)) if self.keeping is None else self.keeping.shared
         site = op.Place(*config.site) if config.site else selected_site(shared.settings)
-        observatory = SiteClock(loop.time, self.clock, site)
+        site_clock = SiteClock(loop.time, self.clock, site)
         self.controller = MountController(
-            driver,
-            follow_ups,
-            make_line(dialogue, self.transcript),
-            self.sky,
-            observatory,
-            self.transcript,
-            policy(config),
+            driver, follow_ups, make_line(dialogue, self.wire_log), self.sky, site_clock, self.wire_log, policy(config)
         )
         if self.keeping is None:
             recall(self.controller, self.past)
@@ -187,7 +181,7 @@ class Gateway:
             if shows_itself(self.mount, endpoint):
                 face = replace(face, fit=None)
                 own.append(face)
-            j2000 = J2000(self.sky, observatory.unix)
+            j2000 = J2000(self.sky, site_clock.unix)
             face = replace(
                 face,
                 equinox=j2000 if (surface.equinox or face.counts_in) == "j2000" else None,

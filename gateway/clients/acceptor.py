@@ -74,7 +74,7 @@ class ConnectionAcceptor:
             session,
             face.framing(self.controller.now),
             write,
-            self.controller.transcript,
+            self.controller.wire_log,
             self.controller.presence.arrive(host),
         )
         client.runner.equinox = face.equinox
@@ -82,7 +82,7 @@ class ConnectionAcceptor:
         if self.access.only_looks(host):
             client.runner.rights = Rights(read_only=True)
             session.may_not_set = lambda: client.log.refused_once("a setting refused: read only")
-        self.controller.transcript.put(name, "+", note=f"surface {self.number}, host {host}")
+        self.controller.wire_log.put(name, "+", note=f"surface {self.number}, host {host}")
         rights = replace(client.runner.rights, hibernate=self.access.hibernate)
         visit = ClientConnection(
             client,
@@ -110,7 +110,7 @@ class ConnectionAcceptor:
             return
         if (host, why) not in self._turned and len(self._turned) < MOST_HOSTS:
             self._turned.add((host, why))
-            self.controller.transcript.note(name, f"connection from {host} refused on surface {self.number}: {why}")
+            self.controller.wire_log.note(name, f"connection from {host} refused on surface {self.number}: {why}")
         raise ConnectionRefused
 
     def here(self) -> list[str]:
@@ -131,7 +131,7 @@ class ConnectionAcceptor:
 
     def _leave(self, name: str, host: str, client: CommandProcessor, visit: ClientConnection) -> None:
         self._visits.discard(visit)
-        self.controller.transcript.put(name, "-")
+        self.controller.wire_log.put(name, "-")
         if visit.stranger:
             self.controller.presence.was_nobody(client.life)
             return

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from msgspec import Struct
 
 from gateway.core.errors import Fault, NotFromNetwork, ReadOnly, UserError
-from gateway.core.operations import CancelGoto, Focus, Halt, Operation, Read, Sleep, Stop
+from gateway.core.operations import AbortMotion, AbortSlew, Focus, Hibernate, Operation, Read, StopAxis
 
 Networks = tuple[IPv4Network | IPv6Network, ...]
 
@@ -81,7 +81,7 @@ class Rights(Struct, frozen=True):
         """What becomes of an operation that may not be; None where it may."""
         if self.read_only and not harmless(operation):
             return Refusal(ReadOnly(), "read only")
-        if not self.hibernate and isinstance(operation, Sleep):
+        if not self.hibernate and isinstance(operation, Hibernate):
             return Refusal(NotFromNetwork(), NO_HIBERNATION)
         return None
 
@@ -101,4 +101,4 @@ def harmless(operation: Operation) -> bool:
     """Whether a client that only looks may ask for this: what reads, and what ends a motion."""
     if isinstance(operation, Focus):
         return operation.direction == 0
-    return isinstance(operation, Read | Stop | Halt | CancelGoto)
+    return isinstance(operation, Read | AbortMotion | StopAxis | AbortSlew)

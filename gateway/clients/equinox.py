@@ -14,12 +14,12 @@ from gateway.core.operations import (
     Equatorial,
     Goto,
     MoonPlace,
-    OfCatalog,
-    OfDate,
     Operation,
     PlanetPlace,
     Position,
     Sync,
+    ToEquinoxOfDate,
+    ToJ2000,
 )
 
 
@@ -38,7 +38,7 @@ class J2000:
 
     def inward(self, operation: Operation) -> Operation:
         """What the client asked for, in coordinates of date."""
-        if isinstance(operation, Goto | Sync | OfCatalog | Choose):
+        if isinstance(operation, Goto | Sync | ToJ2000 | Choose):
             ra, dec = self._sky.to_of_date(operation.ra, operation.dec, self._unix())
             return replace(operation, ra=ra, dec=dec)
         return operation
@@ -48,6 +48,8 @@ class J2000:
         if isinstance(value, Chosen) and value.place is not None:
             place = Equatorial(*self._sky.to_j2000(value.place.ra, value.place.dec, self._unix()))
             return replace(value, place=place)
-        if isinstance(operation, Position | OfDate | PlanetPlace | MoonPlace) and isinstance(value, Equatorial):
+        if isinstance(operation, Position | ToEquinoxOfDate | PlanetPlace | MoonPlace) and isinstance(
+            value, Equatorial
+        ):
             return Equatorial(*self._sky.to_j2000(value.ra, value.dec, self._unix()))
         return value

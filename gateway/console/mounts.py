@@ -65,7 +65,7 @@ class Mounts:
         self._pages += 1
         if self._pages == 1:
             for gateway, pulse, programs in zip(self.gateways, self.pulses, self.programs, strict=True):
-                gateway.transcript.sinks += [pulse.put, programs.put]
+                gateway.wire_log.sinks += [pulse.put, programs.put]
         return self._page_goes
 
     def _page_goes(self) -> None:
@@ -73,8 +73,8 @@ class Mounts:
         if not self._pages:
             for gateway, pulse, programs in zip(self.gateways, self.pulses, self.programs, strict=True):
                 for sink in (pulse.put, programs.put):
-                    if sink in gateway.transcript.sinks:
-                        gateway.transcript.sinks.remove(sink)
+                    if sink in gateway.wire_log.sinks:
+                        gateway.wire_log.sinks.remove(sink)
 
     def states(self) -> list[dict[str, Any]]:
         """Every mount as pages are shown it."""

@@ -153,7 +153,7 @@ class PageSession:
         except ConnectionError:
             pass
         except Exception as error:  # a defect must not leave a person without an answer
-            self._mounts.gateways[0].transcript.note("console", f"internal error, please report it: {error!r}")
+            self._mounts.gateways[0].wire_log.note("console", f"internal error, please report it: {error!r}")
             await self._answer(request.id, False, f"internal error, please report it: {error!r}")
 
     async def _do(self, request: requests.Any) -> None:
@@ -192,7 +192,7 @@ class PageSession:
             case requests.Ask():
                 goal = op.Equatorial(request.ra, request.dec)
                 if request.j2000:
-                    goal = await controller.perform(op.OfDate(request.ra, request.dec))
+                    goal = await controller.perform(op.ToEquinoxOfDate(request.ra, request.dec))
                 await self._answer(request.id, True, "", verdict(controller, goal))
             case requests.Search():
                 await self._answer(request.id, True, "", {"found": await known(request.text)})

@@ -61,7 +61,7 @@ async def _goal(controller: MountController, where: Where) -> op.Equatorial:
     if isinstance(where, Body):
         reads = op.MoonPlace() if where.name == "Moon" else op.PlanetPlace(where.name)
     elif where.j2000:
-        reads = op.OfDate(where.ra, where.dec)
+        reads = op.ToEquinoxOfDate(where.ra, where.dec)
     else:
         return op.Equatorial(where.ra, where.dec)
     try:
@@ -103,7 +103,7 @@ def _forbidden(controller: MountController, goal: op.Equatorial, altitude: float
 def _rises_and_sets(controller: MountController, goal: op.Equatorial) -> tuple[float | None, float | None]:
     """When it next comes to the lowest altitude that is allowed, on its way up and on its way down."""
     derived = controller.astrometry
-    site = derived.observatory.site()
+    site = derived.site_clock.site()
     if site is None:
         return None, None
     low = math.radians(max(controller.policy.limits.lowest, 0.0))
@@ -114,7 +114,7 @@ def _rises_and_sets(controller: MountController, goal: op.Equatorial) -> tuple[f
     cosine = (math.sin(low) - math.sin(latitude) * math.sin(dec)) / below
     if not -1.0 < cosine < 1.0:
         return None, None
-    half, now = math.degrees(math.acos(cosine)), controller.transcript.clock()
+    half, now = math.degrees(math.acos(cosine)), controller.wire_log.clock()
     angle = wrap180(derived.sidereal_time() - goal.ra)
     rises, sets = (round(now + ((turn - angle) % 360.0) / SIDEREAL_RATE) for turn in (-half, half))
     return rises, sets

@@ -14,7 +14,7 @@ MOST = 200
 
 
 class Programs:
-    """Listens to the programs' side of a transcript."""
+    """Listens to the programs' side of a wire_log."""
 
     def __init__(self, gateway: Gateway) -> None:
         self._gateway = gateway
@@ -23,7 +23,7 @@ class Programs:
         self._rates: dict[str, Rate] = {}
 
     def put(self, entry: Entry) -> None:
-        """A sink of the transcript."""
+        """A sink of the wire_log."""
         side = entry.side
         if side == MOUNT:
             return

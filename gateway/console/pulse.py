@@ -13,7 +13,7 @@ KEPT = 240
 
 
 class Pulse:
-    """Listens to the mount's side of a transcript."""
+    """Listens to the mount's side of a wire_log."""
 
     def __init__(self) -> None:
         #: When (Unix seconds), and after how many milliseconds; None for a question that failed.
@@ -24,7 +24,7 @@ class Pulse:
         self._rate = Rate()
 
     def put(self, entry: Entry) -> None:
-        """A sink of the transcript."""
+        """A sink of the wire_log."""
         if entry.side != MOUNT:
             return
         if entry.arrow == ">":

@@ -56,7 +56,7 @@ class Recording:
         settings = {"began": gateway.clock(), "config": config, "past": gateway.past, "version": VERSION}
         now = asyncio.get_running_loop().time
         self._recorder = Recorder(self._path, now, msgspec.to_builtins(settings), say=gateway.warn)
-        gateway.transcript.sinks.append(self._recorder.put)
+        gateway.wire_log.sinks.append(self._recorder.put)
         self._since = gateway.clock()
         return f"recording to {self._path}"
 
@@ -65,8 +65,8 @@ class Recording:
         recorder, path = self._recorder, self._path
         if recorder is None or path is None:
             raise UserError("no recording is under way")
-        if recorder.put in self._gateway.transcript.sinks:
-            self._gateway.transcript.sinks.remove(recorder.put)
+        if recorder.put in self._gateway.wire_log.sinks:
+            self._gateway.wire_log.sinks.remove(recorder.put)
         recorder.close()
         self._recorder = None
         return path

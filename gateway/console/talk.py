@@ -42,14 +42,14 @@ class Talk:
         """Hand every row to a listener -> what ends that."""
         if not self._listeners:
             self._rows, self._open, self._asked = self._fresh(), {}, None
-            self._gateway.transcript.sinks.append(self._put)
+            self._gateway.wire_log.sinks.append(self._put)
         self._listeners.add(listener)
         return lambda: self._leave(listener)
 
     def _leave(self, listener: Callable[[dict[str, Any]], None]) -> None:
         self._listeners.discard(listener)
-        if not self._listeners and self._put in self._gateway.transcript.sinks:
-            self._gateway.transcript.sinks.remove(self._put)
+        if not self._listeners and self._put in self._gateway.wire_log.sinks:
+            self._gateway.wire_log.sinks.remove(self._put)
 
     def _put(self, entry: Entry) -> None:
         pair = self._pair(entry)

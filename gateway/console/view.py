@@ -53,12 +53,12 @@ def mount(gateway: Gateway, index: int) -> dict[str, Any]:
 def place(controller: MountController, seen: op.Equatorial) -> dict[str, Any]:
     """A place of date, as J2000 and over the horizon besides; ``alt`` and ``az`` are None while the site is unknown."""
     derived = controller.astrometry
-    ra2000, dec2000 = derived.sky.to_j2000(seen.ra, seen.dec, derived.observatory.unix())
+    ra2000, dec2000 = derived.sky.to_j2000(seen.ra, seen.dec, derived.site_clock.unix())
     found: dict[str, Any] = {
         "ra": round(seen.ra, FINE), "dec": round(seen.dec, FINE), "ra2000": round(ra2000, FINE),
         "dec2000": round(dec2000, FINE), "alt": None, "az": None,
     }  # fmt: skip
-    if derived.observatory.site() is not None:
+    if derived.site_clock.site() is not None:
         over = derived.horizon(seen)
         found |= {"alt": round(over.alt, COARSE), "az": round(over.az, COARSE)}
     return found
@@ -77,11 +77,11 @@ def bodies(controller: MountController) -> list[dict[str, Any]]:
 
 def _body(controller: MountController, name: str) -> op.Equatorial | None:
     derived = controller.astrometry
-    unix = derived.observatory.unix()
+    unix = derived.site_clock.unix()
     if name == "Sun":
         return op.Equatorial(*derived.sky.sun(unix))
     if name == "Moon":
-        site = derived.observatory.site()
+        site = derived.site_clock.site()
         return None if site is None else op.Equatorial(*derived.sky.moon(unix, site.latitude, site.longitude)[:2])
     found = derived.sky.planet(name, unix)
     return None if found is None else op.Equatorial(*found)
@@ -144,7 +144,7 @@ def _where_and_when(controller: MountController) -> dict[str, Any]:
                 "words": shown(best.place)}  # fmt: skip
     return {
         "site": site,
-        "clock": {"ahead": round(time.unix - controller.transcript.clock(), 1), "source": time.source},
+        "clock": {"ahead": round(time.unix - controller.wire_log.clock(), 1), "source": time.source},
         "site_doubt": next((words for words in doubts if "clocks" not in words), ""),
         "clock_doubt": "nobody tells the time, and this computer has lost it"
         if sources.time_unknown

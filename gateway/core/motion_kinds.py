@@ -13,13 +13,13 @@ BY_HAND = (op.Move, op.MoveAxis, op.Pulse, op.PulseAxis)
 #: What can set the mount moving: a killed gateway leaves it so. An LX200GPS that is to note its home looks for it.
 MOVING = (*GOTOS, op.Move, op.MoveAxis, op.Pulse, op.PulseAxis, op.SetHome)
 MOTIONS = (
-    *GOTOS, op.CancelGoto, op.Sync, op.Move, op.MoveAxis, op.Halt, op.Pulse, op.PulseAxis, op.SetTracking, op.TrackRate,
-    op.SetHome, op.Unpark, op.Sleep, op.Wake, op.Focus, op.Choose,
+    *GOTOS, op.AbortSlew, op.Sync, op.Move, op.MoveAxis, op.StopAxis, op.Pulse, op.PulseAxis, op.SetTracking,
+    op.TrackRate, op.SetHome, op.Unpark, op.Hibernate, op.Wake, op.Focus, op.Choose,
 )  # fmt: skip
 #: Of these the last one counts: what still waits is not carried out any more, so no joystick gets ahead of the line.
 LATEST = (op.Move, op.MoveAxis, op.TrackRate)
 #: What ends a motion before anything else is begun, and what then begins anew when it was half done.
-ENDS = (op.Halt, op.CancelGoto)
+ENDS = (op.StopAxis, op.AbortSlew)
 BEGUN_ANEW = (op.Move, op.MoveAxis, op.SetTracking, op.TrackRate)
 
 
@@ -33,9 +33,9 @@ def ends_focus(operation: object) -> bool:
     return isinstance(operation, op.Focus) and operation.direction == 0
 
 
-def outlives_stop(operation: op.Operation) -> bool:
+def survives_abort(operation: op.Operation) -> bool:
     """Whether a stop of the mount leaves it alone: it is no motion, or ends that of the focuser."""
-    return operation.outlives_stop or ends_focus(operation)
+    return operation.survives_abort or ends_focus(operation)
 
 
 def begins_motion(operation: object) -> bool:

@@ -51,7 +51,7 @@ def show(data: bytes) -> str:
 Sink = Callable[[Entry], None]
 
 
-class Transcript:
+class WireLog:
     """Hands entries to its sinks. ``clock`` gives Unix seconds."""
 
     def __init__(self, clock: Callable[[], float]) -> None:

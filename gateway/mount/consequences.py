@@ -44,7 +44,7 @@ class Consequences:
 
     def _at_rest(self, _: None) -> None:
         """A stop was acknowledged."""
-        self._told.ordered(op.Stop(), self._watch.restless)
+        self._told.ordered(op.AbortMotion(), self._watch.restless)
         self._watch.ended()
         self._cache.put(op.Slewing, False, self._now())
 
@@ -62,15 +62,15 @@ class Consequences:
         elif isinstance(operation, op.Move | op.MoveAxis):
             self._ends.moves((operation.axis,))
             cache.ask_soon(op.Position)
-        elif isinstance(operation, op.Halt):
+        elif isinstance(operation, op.StopAxis):
             self._halted(operation.axis, done.before.by_hand.get(operation.axis))
-        elif isinstance(operation, op.CancelGoto):
+        elif isinstance(operation, op.AbortSlew):
             cache.put(op.Slewing, False, self._now())
         elif isinstance(operation, op.Sync):
             self._has_synced(operation)
-        elif isinstance(operation, op.SetTracking | op.Unpark | op.Sleep | op.Wake):
+        elif isinstance(operation, op.SetTracking | op.Unpark | op.Hibernate | op.Wake):
             cache.forget(op.GetStatus)
-            if isinstance(operation, op.Sleep):
+            if isinstance(operation, op.Hibernate):
                 self._at_rest(None)
                 self._gate.begun()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from gateway.core.background import BackgroundTasks
-from gateway.core.wire_log import Transcript
+from gateway.core.wire_log import WireLog
 from gateway.mount.policy import Policy
 from gateway.protocols.base.driver import Driver
 
@@ -30,7 +30,7 @@ class Context:
     ``closed`` is set at the end: nothing is begun any more.
     """
 
-    def __init__(self, driver: Driver, policy: Policy, log: Transcript) -> None:
+    def __init__(self, driver: Driver, policy: Policy, log: WireLog) -> None:
         self.driver, self.policy, self.log = driver, policy, log
         self.now = asyncio.get_running_loop().time
         self.tasks = BackgroundTasks()

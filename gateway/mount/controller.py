@@ -15,7 +15,7 @@ from typing import Any, TypeVar, cast
 from gateway.astro.ephemeris import Sky
 from gateway.core import operations as op
 from gateway.core.errors import Fault
-from gateway.core.wire_log import Transcript
+from gateway.core.wire_log import WireLog
 from gateway.mount.consequences import Consequences
 from gateway.mount.context import Context
 from gateway.mount.fair_scheduler import FairScheduler
@@ -65,11 +65,11 @@ class MountController:
         line: MountLink,
         sky: Sky,
         site_clock: SiteClock,
-        transcript: Transcript,
+        wire_log: WireLog,
         policy: Policy = Policy(),
     ) -> None:
-        context = self.context = Context(driver, policy, transcript)
-        self.driver, self.line, self.site_clock, self.transcript = driver, line, site_clock, transcript
+        context = self.context = Context(driver, policy, wire_log)
+        self.driver, self.line, self.site_clock, self.wire_log = driver, line, site_clock, wire_log
         self.now, self.loop = context.now, asyncio.get_running_loop()
         # What is known: of the mount, of what is wanted of it, of where and when it is.
         cache = self.cache = ReadingsCache()
@@ -79,7 +79,7 @@ class MountController:
         self.sources = BestSources(site_clock)
         astrometry = self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox)
         self.told_astrometry = SiteAstrometry(sky, site_clock, policy.equinox)
-        self.suns = SunAvoidance(astrometry, transcript, policy.limits.sun, context.milestones.settled.is_set)
+        self.suns = SunAvoidance(astrometry, wire_log, policy.limits.sun, context.milestones.settled.is_set)
         # Exchanges with the mount.
         gate = HibernationGate(context, wanted)
         self.verifier = ReplyVerifier(line, self.now, driver.hurry)

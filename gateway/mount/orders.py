@@ -98,7 +98,7 @@ class Orders:
         self, operation: op.Operation, stops: int | None, life: HostActivity | None, patience: float
     ) -> Any:
         """Whatever is no question that everybody shares."""
-        if isinstance(operation, op.Stop):
+        if isinstance(operation, op.AbortMotion):
             return await self._reconciler.stop()
         if isinstance(operation, MOTIONS):
             value = await ended(self._taking.begin(operation, stops, life, patience))

@@ -68,7 +68,7 @@ def stop_commands(driver: Driver, dialogue: ReplyRules, ends_only: bool = False)
     for name, value in vars(driver).items():
         if isinstance(value, dict | set):
             setattr(twin, name, value.copy())
-    steps, commands = twin.perform(op.Stop()), []
+    steps, commands = twin.perform(op.AbortMotion()), []
     with contextlib.suppress(Exception):  # it ends with StopIteration, or where an answer would be needed to go on
         step = next(steps)
         while True:

@@ -31,7 +31,7 @@ _ONLY_GPS: Refusals = {
 }
 _NO_SWITCHES: Refusals = {"SetHome": "Unsupported", "Home": "Unsupported"}
 #: Where :GW is not known, the letters that switch tracking off would cost the alignment.
-_ALWAYS_TRACKS: Refusals = {"SetTracking": "Unsupported", "Sleep": "Unsupported"}
+_ALWAYS_TRACKS: Refusals = {"SetTracking": "Unsupported", "Hibernate": "Unsupported"}
 
 MEADE: dict[str, Refusals] = {
     "autostar": _NO_SIDES | _NO_QUESTIONS | _ONLY_GPS | _NO_SWITCHES | {"PeriodicError": "Unsupported"},
@@ -63,7 +63,7 @@ _OLD: Refusals = {"SetSite": "Kept", "SetClock": "Kept"}
 _ANCIENT: Refusals = _OLD | {
     "SetTracking": "Unsupported",
     "Park": "KeepsTracking",
-    "Sleep": "Unsupported",
+    "Hibernate": "Unsupported",
     "Wake": "Unsupported",
     "GetGps": "Unsupported",
     "ClockFromGps": "Unsupported",
@@ -171,7 +171,7 @@ def test_every_operation_and_every_model_and_version_is_in_the_tables() -> None:
         return {kind}.union(*(below(one) for one in kind.__subclasses__()))
 
     operations = {kind for kind in below(op.Operation) if kind.__module__.startswith(op.__name__)}
-    for_its_kind = {op.Verbatim, op.Own, op.Choose}  # tests/integration/sharing/test_transparent.py
+    for_its_kind = {op.PassThrough, op.Own, op.Choose}  # tests/integration/sharing/test_transparent.py
     assert operations - {op.Operation, op.Read} - for_its_kind - set(PLACES) == set(CHECKS)  # those are the hub's own
     assert set(MEADE) == set(load("lx200").models)
     assert {model: list(rows) for model, rows in NEXSTAR.items()} == {

@@ -89,7 +89,7 @@ class Judge:
         self._entered = {"low": 0.0, "high": 0.0, "sun": 0.0}
         self._slewed = self._moves = False
         self._before: tuple[float, tuple[float, float], tuple[float, float]] | None = None
-        bridge.transcript.sinks.append(self._hear)
+        bridge.wire_log.sinks.append(self._hear)
 
     def complain(self, text: str) -> None:
         self.complaints.append(f"{self.bridge.clock() - self.began:.1f} s: {text}")

@@ -146,7 +146,7 @@ def test_an_impossible_zone_of_a_hand_control_is_not_told(zone: int, dst: int) -
             bytes((12, 0, 0, 1, 15, 26, zone, dst)) + b"#" if data in (b"h", b"i") else good(data)
         )
         async with bridge:
-            assert bridge.observatory.mount_clock is None
+            assert bridge.site_clock.mount_clock is None
             moment = await bridge.controller.perform(op.GetClock())
             assert moment.offset == 0.0
 

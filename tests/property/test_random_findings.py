@@ -199,7 +199,7 @@ def test_of_two_motors_the_one_that_turns_faster_is_stopped_first(axis: int, fir
             if other:
                 await bridge.controller.perform(op.MoveAxis(3 - (axis - 15), 1, op.Rate(key=other)))
             before = len(bridge.sent())
-            await bridge.controller.perform(op.Stop())
+            await bridge.controller.perform(op.AbortMotion())
             stops = [sent for sent in bridge.sent()[before:] if sent.startswith(b"P\x02") and sent[4] == 0]
             assert stops[0] == first
             assert len(stops) == 2

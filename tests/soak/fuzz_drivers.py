@@ -119,7 +119,7 @@ _FIELDS: dict[str, list[Any]] = {
 _RATES = [op.Rate(name="guide"), op.Rate(name="max"), op.Rate(key=1), op.Rate(key=9), op.Rate(degrees=0.0001),
           op.Rate(degrees=2.0), op.Rate(degrees=99.0), op.Rate(name="max", degrees=4.0)]  # fmt: skip
 #: Those for a mount's own kind need a command of its protocol.
-FOR_ITS_KIND = (op.Verbatim, op.Own, op.Choose)
+FOR_ITS_KIND = (op.PassThrough, op.Own, op.Choose)
 KINDS = [kind for name in sorted(vars(op)) if (kind := op.named(name)) and kind not in FOR_ITS_KIND]
 
 
@@ -155,7 +155,7 @@ def _horizontal(value: Any) -> bool:
 
 
 _RIGHT: dict[type[op.Operation], Callable[[Any], bool]] = {
-    op.Position: _equatorial, op.OfDate: _equatorial, op.OfCatalog: _equatorial, op.Zenith: _equatorial,
+    op.Position: _equatorial, op.ToEquinoxOfDate: _equatorial, op.ToJ2000: _equatorial, op.Zenith: _equatorial,
     op.PlanetPlace: _equatorial, op.MoonPlace: _equatorial, op.HorizontalPosition: _horizontal,
     op.AxisPosition: lambda value: isinstance(value, op.Horizontal) and _between(value.az, 0, 360)
     and _between(value.alt, -180, 180),
@@ -219,7 +219,7 @@ async def lie(driven: str, mount: str, rng: Random, size: int, findings: Finding
         lambda _, context: findings.say(f"{driven}: left over: {context.get('exception') or context['message']!r}",
                                         f"{label} {context!r}"))  # fmt: skip
     bridge = Bridge(mount, driven=driven, latency=0.0)
-    bridge.transcript.sinks[:] = [lambda entry: _hear(entry, driven, findings)]
+    bridge.wire_log.sinks[:] = [lambda entry: _hear(entry, driven, findings)]
     liar = Liar(bridge.sim.feed, rng)
     bridge.controller.line.wire = liar  # type: ignore[assignment]
     if rng.random() < 0.3:

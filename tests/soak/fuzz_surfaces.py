@@ -123,7 +123,7 @@ class Judge:
             ("inbox", len(client._inbox), INBOX), ("memo", len(client._cache._replies), MEMO), ("framer", pending, 64),
             ("kept", len(repr(client.session.kept)), KEPT), ("shared", len(repr(client.session.shared)), KEPT),
             ("told", len(client._cache._told), 40), ("deferred", len(client.runner._deferred), 4),
-            ("said", len(bridge.transcript._said), MOST), ("tasks", len(bridge.controller.context.tasks), 600),
+            ("said", len(bridge.wire_log._said), MOST), ("tasks", len(bridge.controller.context.tasks), 600),
             ("line", len(bridge.controller.line.queue), 600), ("hosts", len(bridge.reception._left), 200),
         ):  # fmt: skip
             if size > most:
@@ -151,7 +151,7 @@ async def throw(case: Case, kind: str, rng: Random, size: int, judge: Judge) -> 
     face.surface.verbatim = case.presented == case.driven
     bridge.reception.face = face
     bridge.controller.astrometry.sky = SKY
-    bridge.transcript.sinks[:] = [judge.hear]
+    bridge.wire_log.sinks[:] = [judge.hear]
     done, longest, number = 0, 0.0, 0
     clients: list[CommandProcessor] = []
     async with bridge:
@@ -192,7 +192,7 @@ def growth(seed: int, size: int = 60_000) -> dict[str, float]:
     async def program(case: Case) -> float:
         rng = Random(seed)
         bridge = Bridge(case.mount, driven=case.driven, presented=case.presented, surface=case.model)
-        bridge.transcript.sinks.clear()
+        bridge.wire_log.sinks.clear()
         asyncio.get_running_loop().set_exception_handler(lambda *_: None)  # that is looked for elsewhere
         async with bridge:
             visitor, marks = bridge.client(), []

@@ -93,7 +93,7 @@ class Trial:
                 self.wire.proving = False
 
         line.recovery.in_step = proving  # type: ignore[method-assign]
-        self.bridge.transcript.sinks.append(self.wire.follow)
+        self.bridge.wire_log.sinks.append(self.wire.follow)
         self.trail: deque[tuple[float, float, float]] = deque(maxlen=4000)
         self.wrong: Counter[str] = Counter()
         self.notes: list[str] = []
@@ -155,7 +155,7 @@ class Trial:
         rate, wire.rate = wire.rate, 0.0
         async with bridge:
             self.identity = await bridge.controller.read(op.GetIdentity())
-            self.site = bridge.observatory.mount_site
+            self.site = bridge.site_clock.mount_site
             wire.rate = rate
             tasks = [
                 asyncio.ensure_future(work)
@@ -320,11 +320,11 @@ class Trial:
             self._is_wrong("horizon", str(value))
 
     def _check_settings(self, now: float) -> None:
-        observatory, controller = self.bridge.observatory, self.bridge.controller
-        place = observatory.mount_site
+        site_clock, controller = self.bridge.site_clock, self.bridge.controller
+        place = site_clock.mount_site
         if place != self.site:
             self._is_wrong("site", f"{place}, not {self.site}")
-        clock = observatory.clock()
+        clock = site_clock.clock()
         utc = self.sim.utc() + (self.bridge.clock() - self.sim.now)
         if clock is not None and abs(clock.unix - utc) > 2.7:
             self._is_wrong("clock", f"off by {clock.unix - utc:.1f} s")

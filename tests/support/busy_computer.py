@@ -15,7 +15,7 @@ from gateway.app.recording.recorder import Recorder
 from gateway.app.recording.turns import TurnLoop, Wait
 from gateway.app.simulated import make_simulator
 from gateway.cli.serve.recorded import record
-from gateway.core.wire_log import Transcript
+from gateway.core.wire_log import WireLog
 from gateway.mount.link.line import MountLink
 from gateway.transport import ConnectionHandler
 from gateway.transport.wires import SimulatedTransport
@@ -63,7 +63,7 @@ class Recorded:
         self.loop, self.ahead = loop, 0.0
         clock = HostClock(loop, lambda: EVENING + loop.passed + self.ahead, lambda: loop.passed)
         surfaces = [SurfaceConfig(at=f"{presented}@tcp://:0", **surface)]
-        self.gateway = Gateway(MountConfig(at=f"{mount}@sim"), surfaces, Transcript(clock), clock=clock)
+        self.gateway = Gateway(MountConfig(at=f"{mount}@sim"), surfaces, WireLog(clock), clock=clock)
         self.wire = Pluggable("sim", make_simulator(self.gateway.mount, clock=clock, speed=3.0).connection, 0.0131)
         self.recorder: Recorder = record(str(path), self.gateway, longest)
         entrance = self.gateway.entrance

@@ -82,8 +82,8 @@ class Mount:
         if isinstance(operation, op.GetGps | op.GuideRate):
             raise Unsupported
         if type(operation) in PLACES:
-            observatory = SiteClock(lambda: self.clock.unix, lambda: self.clock.unix, self.site)
-            return PLACES[type(operation)](SiteAstrometry(self.sky, observatory, "jnow"), operation)
+            site_clock = SiteClock(lambda: self.clock.unix, lambda: self.clock.unix, self.site)
+            return PLACES[type(operation)](SiteAstrometry(self.sky, site_clock, "jnow"), operation)
         if isinstance(operation, op.SiderealTime):
             return self.sky.sidereal_time(self.clock.unix, self.site.longitude)
         if isinstance(operation, op.Goto):
@@ -99,7 +99,7 @@ class Mount:
             self.slewing = True
         elif isinstance(operation, op.Sync):
             check_sync(self.limits, self.position, op.Equatorial(operation.ra, operation.dec))
-        elif isinstance(operation, op.Stop | op.CancelGoto):
+        elif isinstance(operation, op.AbortMotion | op.AbortSlew):
             self.slewing = False
         elif isinstance(operation, op.SetTracking):
             own = op.Tracking.EQ_NORTH if self.status.equatorial else op.Tracking.ALTAZ

@@ -199,7 +199,7 @@ async def night(
     """Spend a night of so many seconds; ``hourly`` is called at every full hour."""
     chance, record = random.Random(seed), Record()
     bridge = Bridge(plan.mount, driven=plan.driven, presented=plan.presented, surface=None, latency=LATENCY)
-    bridge.transcript.sinks.clear()  # nothing may be kept that grows
+    bridge.wire_log.sinks.clear()  # nothing may be kept that grows
     async with bridge:
         truth, client = Truth(bridge, plan), bridge.client()
         program = Lx200(client) if plan.presented == "lx200" else NexStar(client)

@@ -177,7 +177,7 @@ async def _moves(b: Bridge, operation: op.Operation, axis: int) -> bool:
     before = _axes(b)
     await b.controller.perform(operation)
     await asyncio.sleep(4.0)
-    await b.controller.perform(op.Halt(axis))
+    await b.controller.perform(op.StopAxis(axis))
     await asyncio.sleep(2.0)
     after = _axes(b)
     rest = 0.0, 90.0
@@ -203,7 +203,7 @@ async def halt(b: Bridge) -> bool:
 async def stop(b: Bridge) -> bool:
     await b.controller.perform(op.Goto(*_high(b, 70.0)))
     await asyncio.sleep(2.0)
-    await b.controller.perform(op.Stop())
+    await b.controller.perform(op.AbortMotion())
     await asyncio.sleep(1.5)
     return not b.sim.slewing
 
@@ -211,7 +211,7 @@ async def stop(b: Bridge) -> bool:
 async def cancel_goto(b: Bridge) -> bool:
     await b.controller.perform(op.Goto(*_high(b, -70.0)))
     await asyncio.sleep(2.0)
-    await b.controller.perform(op.CancelGoto())
+    await b.controller.perform(op.AbortSlew())
     await asyncio.sleep(1.5)
     return not b.sim.slewing
 
@@ -288,7 +288,7 @@ async def home_state(b: Bridge) -> bool:
 
 
 async def sleep(b: Bridge) -> bool:
-    await b.controller.perform(op.Sleep())
+    await b.controller.perform(op.Hibernate())
     return not b.sim.tracking
 
 
@@ -377,12 +377,12 @@ CHECKS: dict[type[op.Operation], Check] = {
     op.GetIdentity: identity, op.GetStatus: status, op.Position: position, op.HorizontalPosition: horizon,
     op.AxisPosition: axis_position, op.Slewing: slewing, op.GetSite: site, op.GetClock: clock, op.GetGps: gps,
     op.SiderealTime: sidereal, op.PierSide: pier_side, op.GuideRate: guide_rate, op.Goto: goto, op.Sync: sync,
-    op.Move: move, op.Halt: halt, op.MoveAxis: move_axis, op.Pulse: pulse, op.PulseAxis: pulse_axis, op.Stop: stop,
-    op.CancelGoto: cancel_goto, op.GotoHorizontal: goto_horizontal, op.GotoAxes: goto_axes,
+    op.Move: move, op.StopAxis: halt, op.MoveAxis: move_axis, op.Pulse: pulse, op.PulseAxis: pulse_axis,
+    op.AbortMotion: stop, op.AbortSlew: cancel_goto, op.GotoHorizontal: goto_horizontal, op.GotoAxes: goto_axes,
     op.DriveRate: drive_rate, op.SetTracking: set_tracking, op.TrackRate: track_rate,
     op.SetGuideRate: set_guide_rate, op.Backlash: backlash,
     op.PeriodicError: periodic_error, op.Focus: focus, op.ClockFromGps: clock_from_gps, op.HomeState: home_state,
-    op.SetHome: set_home, op.Home: home, op.Park: park, op.Unpark: unpark, op.Sleep: sleep, op.Wake: wake,
+    op.SetHome: set_home, op.Home: home, op.Park: park, op.Unpark: unpark, op.Hibernate: sleep, op.Wake: wake,
     op.SetSite: set_site, op.SetClock: set_clock,
 }  # fmt: skip
 

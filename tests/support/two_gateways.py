@@ -10,7 +10,7 @@ from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.astro.ephemeris import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.core import operations as op
-from gateway.core.wire_log import Entry, Transcript
+from gateway.core.wire_log import Entry, WireLog
 from gateway.mount.controller import MountController
 from gateway.mount.link.line import MountLink
 from gateway.mount.policy import Policy
@@ -55,15 +55,15 @@ class Chain:
     def __init__(self, inner: Bridge, link: str, presented: str, surface: str | None = None) -> None:
         self.inner, self._link = inner, link
         loop = asyncio.get_running_loop()
-        self.transcript = Transcript(inner.clock)
+        self.wire_log = WireLog(inner.clock)
         self.entries: list[Entry] = []
-        self.transcript.sinks.append(self.entries.append)
+        self.wire_log.sinks.append(self.entries.append)
         driver, follow_ups, dialogue = make_driver(Endpoint(link, "-"), MountConfig(at="-"), loop.time)
         self.driver: Any = driver
-        line = MountLink(GuestWire(inner.reception), dialogue, self.transcript)
-        observatory = SiteClock(loop.time, inner.clock, None)
+        line = MountLink(GuestWire(inner.reception), dialogue, self.wire_log)
+        site_clock = SiteClock(loop.time, inner.clock, None)
         limits = Limits(lowest=-90.0, sun=0.0)  # the inner gateway and the mount have limits of their own
-        self.controller = MountController(driver, follow_ups, line, Sky(), observatory, self.transcript, Policy(limits))
+        self.controller = MountController(driver, follow_ups, line, Sky(), site_clock, self.wire_log, Policy(limits))
         face = make_surface(Endpoint(presented, "-", surface), SurfaceConfig(at="-"), limits)
         self.reception = ConnectionAcceptor(self.controller, face, Shared(), inner.clock)
 

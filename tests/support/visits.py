@@ -15,7 +15,7 @@ from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.core import operations as op
 from gateway.core.errors import Fault
-from gateway.core.wire_log import Transcript
+from gateway.core.wire_log import WireLog
 from gateway.mount.fair_scheduler import FairScheduler
 from gateway.mount.readings.cache import MISSING
 from gateway.mount.safety.limits import Limits
@@ -30,7 +30,7 @@ class Still:
     def __init__(self, mount: Mount) -> None:
         self.mount, self.loop = mount, asyncio.get_running_loop()
         self.now = self.loop.time
-        self.transcript = Transcript(self.clock)
+        self.wire_log = WireLog(self.clock)
         self.presence = Presence(self.now)
         self.version = self.stops = 0
         self.closed = False
@@ -76,7 +76,7 @@ class Still:
 
     def begin_stop(self) -> None:
         self.stops += 1
-        self.spawn(self.perform(op.Stop()))
+        self.spawn(self.perform(op.AbortMotion()))
 
     def begin(
         self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: HostActivity

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from gateway.app.config import Source, make_config, parse_endpoint
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer, Stopped
-from gateway.core.wire_log import Entry, Transcript
+from gateway.core.wire_log import Entry, WireLog
 
 if TYPE_CHECKING:
     from gateway.app.gateway import Gateway
@@ -117,12 +117,12 @@ async def open_gateway(
     from gateway.astro.ephemeris import Sky
 
     loop, sky = asyncio.get_running_loop(), Sky()
-    transcript = Transcript(time.time)
+    wire_log = WireLog(time.time)
     if watch is not None:
-        transcript.sinks.append(watch)
+        wire_log.sinks.append(watch)
     real = parse_endpoint(mount).where != "sim"
     guard = Watchdog(warn or (lambda text: None)) if watchdog and real and available() else None
-    opened = Gateway(config.mount[0], config.surface, transcript, sky, warn=warn, watchdog=guard)
+    opened = Gateway(config.mount[0], config.surface, wire_log, sky, warn=warn, watchdog=guard)
 
     def exact() -> None:
         with contextlib.suppress(RuntimeError):  # the loop is closed already: nobody needs the sky any more

@@ -123,9 +123,9 @@ def _allowed(controller: MountController) -> Iterator[str]:
 
 def _lately(controller: MountController) -> Iterator[str]:
     """What was refused in the last minute, and what was done with the mount for a reason; the same words counted."""
-    now = controller.transcript.clock()
+    now = controller.wire_log.clock()
     counted: dict[tuple[str, str], tuple[int, float]] = {}
-    for word in controller.transcript.lately:
+    for word in controller.wire_log.lately:
         if now - word.time <= LATELY:
             key = word.side, word.text
             counted[key] = (counted.pop(key, (0, 0.0))[0] + 1, word.time)

@@ -77,7 +77,7 @@ class Desk:
             return f"{DONE} {await self._do(wish, begun)}"
         except Fault as fault:
             controller = self._controller
-            controller.transcript.refused(begun.life.who, f"{type(wish).__name__}: {fault}")
+            controller.wire_log.refused(begun.life.who, f"{type(wish).__name__}: {fault}")
             return f"{FAILED} {no(fault, controller.policy.limits)}"
 
     def _remember(self, number: str, who: str) -> Begun:
@@ -143,7 +143,7 @@ class Desk:
         elif not (-90.0 <= where.dec <= 90.0 and 0.0 <= where.ra <= 360.0):
             raise Invalid("There is no such place on the sky.")
         elif where.j2000:
-            reads = op.OfDate(where.ra % 360.0, where.dec)
+            reads = op.ToEquinoxOfDate(where.ra % 360.0, where.dec)
         else:
             return op.Equatorial(where.ra % 360.0, where.dec)
         return await self._controller.perform(reads)
@@ -163,7 +163,7 @@ class Desk:
             lasted, stopped = controller.now() - since, begun.stops != controller.stops
         finally:
             if self._moves(begun):
-                await controller.perform(op.Halt(operation.axis), None, begun.life)
+                await controller.perform(op.StopAxis(operation.axis), None, begun.life)
         if stopped:
             raise Stopped
         return f"it was moved {WORDS[wish.direction]} for {lasted:.1f} s"
@@ -185,7 +185,7 @@ class Desk:
         """End what was pressed. Raises Fault."""
         begun.ended.set()
         if begun.pressed is not None and self._moves(begun):
-            await self._controller.perform(op.Halt(begun.pressed[0].axis), None, begun.life)
+            await self._controller.perform(op.StopAxis(begun.pressed[0].axis), None, begun.life)
         return "let go"
 
     async def _track(self, wish: commands.Track, begun: Begun) -> str:
@@ -231,12 +231,12 @@ class Desk:
             return f"{DONE} nothing that was begun here is under way"
         wanted = controller.wanted.value
         halts: list[op.Operation] = (
-            [op.Halt(axis) for axis, motion in wanted.motion if motion.by is begun.life]
+            [op.StopAxis(axis) for axis, motion in wanted.motion if motion.by is begun.life]
             if isinstance(wanted.motion, ByHand)
             else []
         )
         if not halts and all(order.by is begun.life for order in wanted.waiting_gotos):  # else another takes its place
-            halts = [op.CancelGoto()]
+            halts = [op.AbortSlew()]
         try:
             for halt in halts:
                 await controller.perform(halt, None, begun.life)

@@ -31,7 +31,7 @@ def record(path: str, gateway: Gateway, longest: int = LONGEST) -> Recorder:
     recorder = Recorder(
         Path(path), loop.time, msgspec.to_builtins(settings), longest, gateway.config.record_keep, gateway.warn, loop
     )
-    gateway.transcript.sinks.append(recorder.put)
+    gateway.wire_log.sinks.append(recorder.put)
     if isinstance(loop, TurnLoop):
         gateway.entrance = RecordedEntrance(loop, recorder)
         if isinstance(clock, HostClock):

@@ -69,7 +69,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     from gateway.app.gateway import Gateway
     from gateway.astro.ephemeris import Sky
     from gateway.cli.serve.recorded import host_clock, record
-    from gateway.core.wire_log import Transcript
+    from gateway.core.wire_log import WireLog
 
     done, sky = until_signal(), Sky()
     # beside the conversation of --log a line that is rewritten would only be in the way
@@ -81,7 +81,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     recorders: list[Recorder] = []
     onlookers: list[asyncio.Task[None]] = []
     console = None
-    announcement = Announcement(screen.warn, lambda text: gateways[0].transcript.note("mount", text))
+    announcement = Announcement(screen.warn, lambda text: gateways[0].wire_log.note("mount", text))
 
     def offers() -> list[Offer]:
         names = [name for gateway in gateways for name in gateway.names()] if config.discovery else []
@@ -90,11 +90,11 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     if words := make_room(_programs(config), len(config.mount) + len(config.surface)):
         screen.warn(words)
     for mount in config.mount:
-        transcript = Transcript(time.time)
+        wire_log = WireLog(time.time)
         if config.log:
-            transcript.sinks.append(_log(config, mount))
+            wire_log.sinks.append(_log(config, mount))
         clock = host_clock() if mount.record else time.time
-        gateways.append(Gateway(mount, config.of(mount), transcript, sky, clock, screen.warn, watchdog))
+        gateways.append(Gateway(mount, config.of(mount), wire_log, sky, clock, screen.warn, watchdog))
         gateways[-1].remember()
         if mount.record:
             recorders.append(record(mount.record, gateways[-1]))
@@ -112,7 +112,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
             gc.freeze()
             sky.use()
             for gateway in gateways:
-                gateway.transcript.note("mount", SKY_READY)
+                gateway.wire_log.note("mount", SKY_READY)
 
         # once, when the first mount is found or not waited for
         start_sky = cache(lambda: sky.start(_from_the_thread(sky_ready)))

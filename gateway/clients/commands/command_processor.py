@@ -19,8 +19,8 @@ from gateway.clients.commands.reply_cache import ReplyCache
 from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Turn
 from gateway.clients.commands.turn_runner import TurnRunner
 from gateway.core.errors import NoAnswer
-from gateway.core.operations import Operation, Stop
-from gateway.core.wire_log import Transcript
+from gateway.core.operations import AbortMotion, Operation
+from gateway.core.wire_log import WireLog
 from gateway.mount.controller import MountController
 from gateway.mount.safety.rules.dead_man import HostActivity
 from gateway.protocols.base.ends import Ending
@@ -42,13 +42,13 @@ class CommandProcessor:
         session: Session,
         framing: Framing,
         write: Write,
-        transcript: Transcript,
+        wire_log: WireLog,
         life: HostActivity,
     ) -> None:
         self.life = life
         self.controller, self.surface, self.session = controller, surface, session
         self.framing, self.write = framing, write
-        self.log = ClientLog(name, transcript)
+        self.log = ClientLog(name, wire_log)
         self._inbox, self._cache = Inbox(self.log), ReplyCache()
         self.runner = TurnRunner(controller, surface, session, life, self.log, self._cache)
         #: The command that waits for the mount; those that nobody waits for any more.
@@ -134,7 +134,7 @@ class CommandProcessor:
     def _end(self, frame: bytes, ending: Ending) -> None:
         """End a motion before everything that waits here, and take back what would begin it."""
         self._inbox.take_back(ending.takes_back, frame)
-        if isinstance(ending.operation, Stop):
+        if isinstance(ending.operation, AbortMotion):
             self.controller.begin_stop()
         else:
             self.runner.begun.begin(ending.operation, self.controller.stops)

@@ -9,7 +9,7 @@ import asyncio
 
 from gateway.clients.commands.client_log import ClientLog
 from gateway.core.motion_kinds import MOVING, ends_focus
-from gateway.core.operations import CancelGoto, Halt, Operation
+from gateway.core.operations import AbortSlew, Operation, StopAxis
 from gateway.mount.controller import MountController
 from gateway.mount.safety.rules.dead_man import HostActivity
 
@@ -32,7 +32,7 @@ class Begun:
         controller, name = self._controller, type(operation).__name__
         if isinstance(operation, MOVING) and stops != controller.stops:  # a stop came since, or nobody is there
             return
-        halts = isinstance(operation, Halt | CancelGoto)
+        halts = isinstance(operation, StopAxis | AbortSlew)
         if halts and controller.orders.again(operation):
             return
         ends = halts or ends_focus(operation)

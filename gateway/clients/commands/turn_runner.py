@@ -16,7 +16,7 @@ from gateway.clients.commands.turn import NO_IN_TIME, WAIT_FOR_MOUNT, Turn
 from gateway.clients.equinox import Equinox
 from gateway.core.errors import Busy, Fault
 from gateway.core.motion_kinds import BY_HAND, begins_motion
-from gateway.core.operations import CancelGoto, ClockFromGps, Halt, Operation, Own, Read, Sync
+from gateway.core.operations import AbortSlew, ClockFromGps, Operation, Own, Read, StopAxis, Sync
 from gateway.mount.controller import MountController
 from gateway.mount.link.scheduling import AT_ONCE, LATE
 from gateway.mount.readings.cache import FRESH, MISSING
@@ -107,7 +107,7 @@ class TurnRunner:
         turn.plain = False
         if self._refused(operation, turn.came):
             return
-        turn.halting = isinstance(operation, Halt | CancelGoto)
+        turn.halting = isinstance(operation, StopAxis | AbortSlew)
         if turn.ending is None or operation != turn.ending.operation:
             self.begun.begin(self._inward(operation), turn.stops)
 

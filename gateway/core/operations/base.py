@@ -25,9 +25,9 @@ Fields = tuple[tuple[str, object], ...]
 
 
 class Operation(Struct, Generic[AnswerT], frozen=True):
-    """Base of all operations. What ``outlives_stop`` is no motion: a stop leaves it alone."""
+    """Base of all operations. What ``survives_abort`` is no motion: a stop leaves it alone."""
 
-    outlives_stop: ClassVar[bool] = False
+    survives_abort: ClassVar[bool] = False
 
 
 class Read(Operation[AnswerT], frozen=True):

@@ -76,13 +76,13 @@ class MoveAxis(Operation[None], frozen=True):
     rate: Rate
 
 
-class Halt(Operation[None], frozen=True):
+class StopAxis(Operation[None], frozen=True):
     """End the motion of one axis (1 or 2)."""
 
     axis: int
 
 
-class Stop(Operation[None], frozen=True):
+class AbortMotion(Operation[None], frozen=True):
     """End every motion and goto; tracking stays as it was."""
 
 
@@ -102,14 +102,14 @@ class PulseAxis(Operation[Pulsed | None], frozen=True):
     rate: float | None = None
 
 
-class CancelGoto(Operation[None], frozen=True):
+class AbortSlew(Operation[None], frozen=True):
     """End the goto under way; hand motion goes on."""
 
 
 class SetTracking(Operation[None], frozen=True):
     """Tracking on in the mount's own mode, or in the one named, or off."""
 
-    outlives_stop = True
+    survives_abort = True
 
     on: bool
     mode: Tracking | None = None
@@ -118,7 +118,7 @@ class SetTracking(Operation[None], frozen=True):
 class TrackRate(Operation[None], frozen=True):
     """A drive rate: ``sidereal``, ``solar``, ``lunar``, or a multiple of sidereal."""
 
-    outlives_stop = True
+    survives_abort = True
 
     name: str | None = None
     factor: float | None = None
@@ -139,22 +139,22 @@ class SetHome(Operation[None], frozen=True):
 class Unpark(Operation[None], frozen=True):
     """Take up service again: tracking on, the mount's state read anew."""
 
-    outlives_stop = True
+    survives_abort = True
 
 
-class Sleep(Operation[None], frozen=True):
+class Hibernate(Operation[None], frozen=True):
     """Hibernate, or tracking off where the mount cannot; whatever moves is ended before."""
 
-    outlives_stop = True
+    survives_abort = True
 
 
 class Wake(Operation[None], frozen=True):
     """Wake up, or tracking on where the mount cannot hibernate."""
 
-    outlives_stop = True
+    survives_abort = True
 
 
-class Verbatim(Operation[Values | None], frozen=True):
+class PassThrough(Operation[Values | None], frozen=True):
     """A command of the mount's own protocol that means nothing here -> the reply's fields.
 
     Only where client and mount speak the same protocol. ``fields`` are the request's field values, in order.
@@ -172,7 +172,7 @@ class Choose(Operation[Chosen], frozen=True):
     ``ra`` and ``dec`` are the target so far, which stays where nothing is found.
     """
 
-    outlives_stop = True
+    survives_abort = True
 
     command: str
     fields: Fields = ()

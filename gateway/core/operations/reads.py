@@ -69,14 +69,14 @@ class DriveRate(Read[float], frozen=True):
 # --- places, worked out from site and clock -------------------------------------------------------------------
 
 
-class OfDate(Read[Equatorial], frozen=True):
+class ToEquinoxOfDate(Read[Equatorial], frozen=True):
     """-> Equatorial: a J2000 catalogue place as coordinates of date."""
 
     ra: float
     dec: float
 
 
-class OfCatalog(Read[Equatorial], frozen=True):
+class ToJ2000(Read[Equatorial], frozen=True):
     """-> Equatorial: a place of date as J2000, which is how catalogues count."""
 
     ra: float

@@ -14,7 +14,7 @@ from gateway.app.config import Endpoint, MountConfig
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer
 from gateway.core.operations import Values
-from gateway.core.wire_log import Transcript
+from gateway.core.wire_log import WireLog
 from gateway.diagnostics.detect.capabilities import ways
 from gateway.diagnostics.detect.port_listener import PortListener
 from gateway.mount.link.line import MountLink
@@ -73,7 +73,7 @@ async def identify(protocol: str, ear: PortListener, model: str | None = None, v
     """Let the protocol's driver find out what is on an open wire. Raises Fault when it does not get that far."""
     now = asyncio.get_running_loop().time
     driver, _, dialogue = make_driver(Endpoint(protocol, ear.name, model, version), MountConfig(at="-"), now)
-    line = MountLink(ear, dialogue, Transcript(time.time))
+    line = MountLink(ear, dialogue, WireLog(time.time))
     talk = _Talk(driver, line)
     line.start()
     try:

@@ -141,7 +141,7 @@ class Player:
         surface, handle = stage.face.surface, stage.face.surface.handle
         surface.subscriptions = lambda session: ()  # what is heard is the answer
         surface.handle = lambda session, frame: self._told(session, handle(session, frame))  # type: ignore[method-assign]
-        stage.transcript.sinks.append(self._note)
+        stage.wire_log.sinks.append(self._note)
 
     async def play(self, frame: bytes, before: Before = Before(), watched: float = WATCHED_SETTING) -> Play:
         """Say ``before``, one after the other, then the frame; ``watched`` seconds are looked on after its answer."""
@@ -189,7 +189,7 @@ class Player:
 
     def _known(self) -> str:
         """The same of the driver and of who knows site and time."""
-        return repr((vars(self.driver), vars(self.stage.observatory)))
+        return repr((vars(self.driver), vars(self.stage.site_clock)))
 
     def _told(self, session: Session, steps: Handling) -> Handling:
         """The same command, each operation noted as it is asked for."""

@@ -21,7 +21,7 @@ from gateway.clients.access import Access
 from gateway.clients.equinox import J2000
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
-from gateway.core.wire_log import Entry, Transcript
+from gateway.core.wire_log import Entry, WireLog
 from gateway.mount.controller import MountController
 from gateway.mount.link.line import MountLink
 from gateway.mount.site.site_clock import SiteClock
@@ -80,27 +80,27 @@ class Stage:
                 endpoint, clock=self.clock, site=site, aligned=aligned, speed=speed, ramps=ramps, **(simulated or {})
             )
         )
-        self.transcript = Transcript(self.clock)
+        self.wire_log = WireLog(self.clock)
         self.entries: list[Entry] = []
-        self.transcript.sinks.append(self.entries.append)
+        self.wire_log.sinks.append(self.entries.append)
         known = endpoint if named else Endpoint(driven, "sim")
         driver, follow_ups, dialogue = make_driver(known, self.settings, loop.time)
         self.driver: Driver = driver
         driver.hurry = speed
         self.wire: list[bytes] = []
         line = MountLink(
-            SimulatedTransport("sim", self._listening(self.sim.connection), latency), dialogue, self.transcript
+            SimulatedTransport("sim", self._listening(self.sim.connection), latency), dialogue, self.wire_log
         )
         given = self.settings.site
-        self.observatory = SiteClock(loop.time, self.host, op.Place(*given) if given else None)
+        self.site_clock = SiteClock(loop.time, self.host, op.Place(*given) if given else None)
         self.controller = MountController(
-            driver, follow_ups, line, sky or Sky(), self.observatory, self.transcript, policy(self.settings)
+            driver, follow_ups, line, sky or Sky(), self.site_clock, self.wire_log, policy(self.settings)
         )
         shown = Endpoint(presented, "-", surface, surface_version)
         self.face: SurfaceBinding = make_surface(shown, SurfaceConfig(at="-"), self.settings.limits)
         self.face.surface.verbatim = presented == driven
         if self.face.counts_in == "j2000":
-            self.face = replace(self.face, equinox=J2000(self.controller.astrometry.sky, self.observatory.unix))
+            self.face = replace(self.face, equinox=J2000(self.controller.astrometry.sky, self.site_clock.unix))
         if shows_itself(Endpoint(driven, "sim"), shown):
             self.controller.identification.told.connect(lambda _: own_face(self.controller, self.face))
         self.shared = self.remember()

@@ -10,7 +10,7 @@ from typing import Any
 
 from gateway.app.recording.format import MOUNT, Event
 from gateway.core.errors import Fault
-from gateway.core.wire_log import Transcript
+from gateway.core.wire_log import WireLog
 from gateway.diagnostics.virtual_time import VirtualLoop
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import Request, RequestQueue
@@ -143,7 +143,7 @@ class RecordedQueue(RequestQueue):
 class RecordedLine(MountLink):
     """A line that sends what was sent then, when it was sent."""
 
-    def __init__(self, wire: RecordedWire, dialogue: ReplyRules, transcript: Transcript) -> None:
+    def __init__(self, wire: RecordedWire, dialogue: ReplyRules, wire_log: WireLog) -> None:
         recorded = RecordedQueue(wire, dialogue)
-        super().__init__(wire, dialogue, transcript, recorded)
+        super().__init__(wire, dialogue, wire_log, recorded)
         self.allow = recorded.allow

@@ -21,7 +21,7 @@ from gateway.app.state.store import PreviousRun
 from gateway.core import operations as op
 from gateway.core.about import VERSION
 from gateway.core.errors import UserError
-from gateway.core.wire_log import SKY_READY, Entry, Transcript
+from gateway.core.wire_log import SKY_READY, Entry, WireLog
 from gateway.diagnostics.replay.recorded_mount import ROUNDED, RecordedLine, RecordedLoop, RecordedWire
 from gateway.diagnostics.replay.retraced import RetracedLoop
 from gateway.diagnostics.replay.retracing import Difference, Retracing, surface_and_host
@@ -112,8 +112,8 @@ async def _replay(recording: Recording, events: list[Event]) -> Outcome:
     gateway = _gateway(recording, lambda: float(recording.settings["began"]) + now())
     lines: list[RecordedLine] = []
 
-    def line(dialogue: ReplyRules, transcript: Transcript) -> MountLink:
-        lines.append(RecordedLine(wire, dialogue, transcript))
+    def line(dialogue: ReplyRules, wire_log: WireLog) -> MountLink:
+        lines.append(RecordedLine(wire, dialogue, wire_log))
         return lines[0]
 
     gateway.prepare(line)
@@ -172,10 +172,10 @@ async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> 
         for row in rows.take(entry):
             show(plain(row))
 
-    gateway.transcript.sinks.append(put)
+    gateway.wire_log.sinks.append(put)
     simulator = make_simulator(gateway.mount, clock=clock, site=gateway.config.site or DEFAULT_SITE)
     gateway.prepare(
-        lambda dialogue, transcript: MountLink(SimulatedTransport("sim", simulator.connection), dialogue, transcript)
+        lambda dialogue, wire_log: MountLink(SimulatedTransport("sim", simulator.connection), dialogue, wire_log)
     )
     gateway.sky.load()
     clients = _Clients(gateway)

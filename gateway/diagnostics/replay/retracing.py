@@ -91,7 +91,7 @@ class Retracing:
         """Play it to its end, or as far as it goes. Raises UserError."""
         self._host = float(recording.settings["began"])
         self._loop.elapsed = float(recording.settings.get("elapsed", 0.0))
-        self.gateway.prepare(lambda dialogue, transcript: MountLink(self.wire, dialogue, transcript))
+        self.gateway.prepare(lambda dialogue, wire_log: MountLink(self.wire, dialogue, wire_log))
         try:
             await self._loop.follow(turns(recording), self._begin, self._play)
             self._compare()

@@ -13,7 +13,7 @@ from typing import Any
 
 from gateway.core.errors import Busy, Fault, NoAnswer, Silence
 from gateway.core.signals import Signal
-from gateway.core.wire_log import Transcript
+from gateway.core.wire_log import WireLog
 from gateway.mount.link.queue import Request, RequestQueue
 from gateway.mount.link.recovery import Recovery
 from gateway.mount.link.scheduling import READ, STOP
@@ -39,11 +39,11 @@ class MountLink:
     """Owns the wire, and serves the exchanges that wait for it. ``came_up`` tells when it comes up."""
 
     def __init__(
-        self, wire: Transport, dialogue: ReplyRules, transcript: Transcript, queue: RequestQueue | None = None
+        self, wire: Transport, dialogue: ReplyRules, wire_log: WireLog, queue: RequestQueue | None = None
     ) -> None:
-        self.dialogue, self.transcript = dialogue, transcript
+        self.dialogue, self.wire_log = dialogue, wire_log
         self.queue = RequestQueue() if queue is None else queue  # an empty one counts as false
-        self.talk = Transaction(wire, self.queue, dialogue, transcript)
+        self.talk = Transaction(wire, self.queue, dialogue, wire_log)
         #: The port was lost, perhaps in the middle of an exchange.
         self.lost = self.talk.wire_lost
         self.recovery = Recovery(self.talk)
@@ -168,13 +168,13 @@ class MountLink:
                 await self.wire.open(*self._callbacks(self._opened))
             except Exception as error:  # pyserial has more kinds of failure than OSError
                 reason = str(getattr(error, "strerror", None) or error)
-                self.transcript.put("mount", "v", note=reason)
+                self.wire_log.put("mount", "v", note=reason)
                 self._down(f"cannot open {self.wire.name}: {reason}")
                 await asyncio.sleep(BACK_OFF[min(failures, len(BACK_OFF) - 1)])
                 failures += 1
                 continue
             failures = 0
-            self.transcript.put("mount", "^")
+            self.wire_log.put("mount", "^")
             self.talk.drop("came before the line was lost")
             if self.talk.wrote > 0:  # something was said on this line before: it may still be answered
                 await self._reopened()
@@ -183,7 +183,7 @@ class MountLink:
             try:
                 await self._serve()
             except Exception as error:  # a defect here must not leave the mount without a line for ever
-                self.transcript.note("mount", f"internal error, please report it: {error!r}")
+                self.wire_log.note("mount", f"internal error, please report it: {error!r}")
                 self._down("internal error")
                 await asyncio.sleep(BACK_OFF[0])
             await self.wire.close()
@@ -282,6 +282,6 @@ class MountLink:
     def _down(self, reason: str) -> None:
         """Fail everything that waits; from now on every exchange fails at once."""
         if (self.state, self.reason) != ("down", reason):
-            self.transcript.note("mount", reason)
+            self.wire_log.note("mount", reason)
         self._state, self.reason = "down", reason
         self.queue.fail_all()

@@ -12,7 +12,7 @@ from typing import Any
 
 from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
 from gateway.core.signals import Signal
-from gateway.core.wire_log import Transcript
+from gateway.core.wire_log import WireLog
 from gateway.mount.link.answer_times import AnswerTimes
 from gateway.mount.link.late_replies import LATEST, LateReplies
 from gateway.mount.link.queue import RequestQueue
@@ -45,9 +45,9 @@ class Transaction:
     short that some mounts need after a command.
     """
 
-    def __init__(self, wire: Transport, queue: RequestQueue, dialogue: ReplyRules, transcript: Transcript) -> None:
+    def __init__(self, wire: Transport, queue: RequestQueue, dialogue: ReplyRules, wire_log: WireLog) -> None:
         self.wire, self._queue = wire, queue
-        self.dialogue, self.transcript = dialogue, transcript
+        self.dialogue, self.wire_log = dialogue, wire_log
         self.lost = False
         self.wire_lost: Signal[None] = Signal()
         #: The line was lost in the middle of an exchange: perhaps with half a command on the other side.
@@ -82,7 +82,7 @@ class Transaction:
 
     def hear(self, data: bytes) -> None:
         """Bytes have come."""
-        self.transcript.put("mount", "raw", data)
+        self.wire_log.put("mount", "raw", data)
         self._buffer = (self._buffer + data)[-4096:]
         self.heard_ever = True
         self._heard = self._now()
@@ -91,7 +91,7 @@ class Transaction:
     def lose(self, reason: str) -> None:
         """The wire is gone, whoever noticed it first."""
         if not self.lost:
-            self.transcript.put("mount", "v", note=reason)
+            self.wire_log.put("mount", "v", note=reason)
             self.wire_lost.emit(None)
         self.lost = True
         self._arrived.set()
@@ -104,7 +104,7 @@ class Transaction:
 
     def send(self, request: bytes) -> bool:
         """Write to the wire -> whether it was there."""
-        self.transcript.put("mount", ">", request)
+        self.wire_log.put("mount", ">", request)
         self.request = request
         try:
             self.wire.write(request)
@@ -259,7 +259,7 @@ class Transaction:
 
     def _cut(self, length: int, note: str = "") -> None:
         """The bytes of an answer leave the buffer."""
-        self.transcript.put("mount", "<", self._buffer[:length], note)
+        self.wire_log.put("mount", "<", self._buffer[:length], note)
         self._buffer = self._buffer[length:]
 
     def drop(self, why: str) -> None:

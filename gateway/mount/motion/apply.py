@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Refused
-from gateway.core.motion_kinds import BEGUN_ANEW, ENDS, GOTOS, axis_moved, ends_focus, outlives_stop
+from gateway.core.motion_kinds import BEGUN_ANEW, ENDS, GOTOS, axis_moved, ends_focus, survives_abort
 from gateway.mount.motion.patience import without_older_gotos
 from gateway.mount.motion.wanted import AGAIN, FIRST, IN_ORDER, RESUMED, Order, Press, Wanted
 from gateway.protocols.base.driver import Schedule
@@ -32,7 +32,7 @@ def stopped(wanted: Wanted) -> Wanted:
     pending = tuple(
         order
         for order in wanted.pending
-        if outlives_stop(order.operation) or (order.urgent and order.number == wanted.active)
+        if survives_abort(order.operation) or (order.urgent and order.number == wanted.active)
     )
     return replace(wanted, pending=pending, pulses=(), pressed=(), owed=True, stops=wanted.stops + 1)
 
@@ -80,7 +80,7 @@ def planned(wanted: Wanted, later: Schedule, number: int, now: float) -> Wanted:
 
 def too_late(wanted: Wanted, operation: op.Operation, stops: int | None) -> bool:
     """Whether a stop has come since it was asked for; ``stops`` is how many there had been then."""
-    lasts = isinstance(operation, op.Halt) or outlives_stop(operation)
+    lasts = isinstance(operation, op.StopAxis) or survives_abort(operation)
     return stops is not None and stops != wanted.stops and not lasts
 
 
@@ -102,9 +102,9 @@ def interrupted(wanted: Wanted, halt: Order) -> Wanted:
 def _ends(operation: op.Operation, order: Order, active: bool) -> bool:
     other = order.operation
     match operation:
-        case op.Halt(axis=axis):
+        case op.StopAxis(axis=axis):
             return axis_moved(other) == axis or pulses(order) == axis
-        case op.CancelGoto():
+        case op.AbortSlew():
             return isinstance(other, GOTOS)
         case op.Move() | op.MoveAxis() | op.TrackRate():
             return not active and (axis_moved(other), type(other)) == (axis_moved(operation), type(operation))
@@ -118,7 +118,7 @@ def pulses(order: Order) -> int | None:
             return direction.axis
         case op.PulseAxis(axis=axis):
             return axis
-        case op.Halt(axis=axis) if order.follow_up:
+        case op.StopAxis(axis=axis) if order.follow_up:
             return axis
     return None
 
@@ -221,7 +221,7 @@ def _end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
 
 def axis_ended(operation: op.Operation) -> int | None:
     """The axis whose motion an operation ends."""
-    return operation.axis if isinstance(operation, op.Halt) else None
+    return operation.axis if isinstance(operation, op.StopAxis) else None
 
 
 def _focus(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
@@ -245,8 +245,8 @@ _ROWS: dict[type[op.Operation], Callable[[Wanted, Order, float, bool], Wanted]] 
     op.MoveAxis: _by_hand,
     op.Pulse: _pulse,
     op.PulseAxis: _pulse,
-    op.Halt: _halt,
-    op.CancelGoto: _end,
+    op.StopAxis: _halt,
+    op.AbortSlew: _end,
     op.Focus: _focus,
-    op.Sleep: _sleep,
+    op.Hibernate: _sleep,
 }

@@ -63,7 +63,7 @@ class OrderRunner:
         self.admitted = order.number
         if isinstance(operation, MOVING):
             await self._before_motion.announce()
-        elif isinstance(operation, op.Sleep) and (self._movement.anything or self._driver.tracking_suspended):
+        elif isinstance(operation, op.Hibernate) and (self._movement.anything or self._driver.tracking_suspended):
             await stop()
         rank = MOTION if not isinstance(operation, ENDS) else SETTING if order.hammered else STOP
         return operation, await self._runner.drive(self._driver.perform(operation), rank, since)

@@ -90,13 +90,13 @@ def taken(wanted: Wanted, order: Order, operation: op.Operation, now: float, spe
             return _with(
                 _without_pulses(wanted, operation.axis), operation.axis, AxisMotion(operation, order.by, now, speed)
             )
-        case op.Halt() if order.follow_up:
+        case op.StopAxis() if order.follow_up:
             return wanted
-        case op.Halt():
+        case op.StopAxis():
             return _with(wanted, operation.axis, None)
-        case op.CancelGoto():
+        case op.AbortSlew():
             return replace(wanted, motion=Theirs()) if isinstance(wanted.motion, Slew) else wanted
-        case op.Sleep():
+        case op.Hibernate():
             return replace(wanted, motion=Theirs())
         case op.Focus(direction=direction):
             return replace(wanted, focus=FocusMotion(operation, order.by, now) if direction else None)
@@ -120,7 +120,7 @@ def pulsed(wanted: Wanted, order: Order, pulse: op.Pulsed, number: int, now: flo
     others = tuple(one for one in wanted.pulses if one.axis != axis)
     wanted = replace(wanted, pulses=(*others, GuidePulse(axis, until)))
     if not pulse.ends:
-        end = Order(number, op.Halt(axis), rank=FIRST, at=until, follow_up=True, urgent=True)
+        end = Order(number, op.StopAxis(axis), rank=FIRST, at=until, follow_up=True, urgent=True)
         return replace(wanted, pending=(*wanted.pending, end))
     if pulse.left:
         operation = replace(order.operation, ms=pulse.left)

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, NoAnswer
-from gateway.core.motion_kinds import ENDS, GOTOS, ends_focus, outlives_stop
+from gateway.core.motion_kinds import ENDS, GOTOS, ends_focus, survives_abort
 from gateway.core.shared_work import result_of
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
@@ -82,7 +82,7 @@ class Reconciler:
     @property
     def busy(self) -> bool:
         """Whether anything moves, is about to, or is to be ended later: all that a stop would end or put right."""
-        coming = any(not outlives_stop(order.operation) for order in self.wanted.pending)
+        coming = any(not survives_abort(order.operation) for order in self.wanted.pending)
         return self.wanted.owed or coming or self._movement.anything or self._driver.tracking_suspended
 
     # --- orders -----------------------------------------------------------------------------------------------------
@@ -287,7 +287,7 @@ class Reconciler:
         speed = self._driver.speed(operation.rate) if isinstance(operation, op.Move | op.MoveAxis) else 0.0
         self._want(outcomes.taken(before, order, operation, self._loop.time(), speed))
         self.done.emit(Done(operation, before))
-        if isinstance(operation, op.Halt) and self.wanted.by_hand:
+        if isinstance(operation, op.StopAxis) and self.wanted.by_hand:
             self._context.tasks.spawn(self._orders.go_on_alone(self.begin_stop))
         self.lasting.emit(None)
 

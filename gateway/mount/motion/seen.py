@@ -138,7 +138,7 @@ def axis_sample(
 ) -> Sample:
     """A position as the readings of the two axes that are ended one by one."""
     digit = COARSE_DIGIT if coarse else DIGIT
-    if status is None or status.equatorial or astrometry.observatory.site() is None:
+    if status is None or status.equatorial or astrometry.site_clock.site() is None:
         return Sample(now, (place.ra, place.dec), digit)
     there = astrometry.horizon(place)
     return Sample(now, (there.az, there.alt), digit)

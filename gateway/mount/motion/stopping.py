@@ -13,7 +13,7 @@ from typing import Any
 
 from gateway.core.errors import Busy, Fault, NoAnswer
 from gateway.core.motion_kinds import MOVING
-from gateway.core.operations import Halt, Stop
+from gateway.core.operations import AbortMotion, StopAxis
 from gateway.core.shared_work import heed
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
@@ -63,7 +63,7 @@ class Stopping:
             await asyncio.wait({given_up})
         for attempt in range(TRIES):
             try:
-                await self._runner.perform(Stop(), STOP)
+                await self._runner.perform(AbortMotion(), STOP)
                 break
             except Fault as fault:
                 self._context.note(f"stop: {fault}")
@@ -78,7 +78,7 @@ class Stopping:
     async def halt_again(self, axis: int) -> None:
         """Send the end of one axis once more."""
         with contextlib.suppress(Fault):  # it is sent again when the next position shows no difference
-            await self._runner.perform(Halt(axis), STOP)
+            await self._runner.perform(StopAxis(axis), STOP)
 
     def _ended(self, task: asyncio.Task[None]) -> None:
         heed(task)

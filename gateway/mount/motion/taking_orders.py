@@ -80,5 +80,5 @@ class TakingOrders:
     def _only_a_stop_is_heard(self, operation: op.Operation) -> bool:
         """Whether an arrow is released that the mount would go on with for seconds."""
         wanted = self._reconciler.wanted
-        ends = isinstance(operation, op.Halt) and operation.axis in wanted.by_hand
+        ends = isinstance(operation, op.StopAxis) and operation.axis in wanted.by_hand
         return ends and self._link.occupied and not wanted.waiting_gotos

@@ -70,7 +70,7 @@ class TargetLimits:
         status = cache.value(op.GetStatus)
         side = driver.tube_side(cache.value(op.PierSide) or "") if driver.german else None
         known = status is not None and status.equatorial and driver.german is not None and (side or not driver.german)
-        if limit is None or not known or self._movement.slewing or self._astrometry.observatory.site() is None:
+        if limit is None or not known or self._movement.slewing or self._astrometry.site_clock.site() is None:
             return lambda ra, dec: True
         sidereal = self._astrometry.sidereal_time()
         return lambda ra, _: past_meridian(sidereal - ra, side) <= limit

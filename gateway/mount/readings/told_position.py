@@ -94,10 +94,10 @@ class ToldPosition:
         """The mount has acknowledged this; to be called before anything goes by it. ``restless``: it is seen to move
         though nobody here has told it to.
         """
-        if isinstance(operation, op.Stop | op.Halt | op.CancelGoto):
+        if isinstance(operation, op.AbortMotion | op.StopAxis | op.AbortSlew):
             if not (self._movement.anything or self._stirred or restless):
                 return
-            self._stirred = not isinstance(operation, op.Stop) and self._movement.anything
+            self._stirred = not isinstance(operation, op.AbortMotion) and self._movement.anything
         elif isinstance(operation, op.Move | op.MoveAxis):
             if self._wanted.by_hand.get(operation.axis) == operation:
                 return  # it goes on

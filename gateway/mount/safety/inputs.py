@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 from gateway.core import operations as op
-from gateway.core.wire_log import Transcript
+from gateway.core.wire_log import WireLog
 from gateway.mount.motion.moving import Moving
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.rules.sun import SunAvoidance
@@ -38,7 +38,7 @@ class MountInputs(NamedTuple):
     moving: Callable[[], Moving]
     limits: Callable[[], Limits]
     exchange: Callable[[], float]
-    transcript: Transcript
+    wire_log: WireLog
     period: float
     own_park: bool = False
     unaligned: str = "refuse"
@@ -51,7 +51,7 @@ class MountInputs(NamedTuple):
 
     @property
     def site_known(self) -> bool:
-        return self.astrometry.observatory.site() is not None
+        return self.astrometry.site_clock.site() is not None
 
     @property
     def fastest(self) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 from gateway.core.errors import Fault
-from gateway.core.operations import Focus, Halt, Operation
+from gateway.core.operations import Focus, Operation, StopAxis
 from gateway.mount.motion.wanted import ByHand, Wanted
 from gateway.mount.safety.rules.dead_man import EVERY, TRACKING, Presence, Supervised, missing
 
@@ -74,7 +74,7 @@ def supervised(wanted: Wanted) -> list[Supervised]:
     found = []
     if isinstance(wanted.motion, ByHand):
         found += [
-            Supervised(Halt(axis), motion.by, motion.since)
+            Supervised(StopAxis(axis), motion.by, motion.since)
             for axis, motion in wanted.motion
             if motion.by is not None and motion.speed > TRACKING
         ]

@@ -186,7 +186,7 @@ class LimitWatch:
             self._reader.shared(op.GetStatus())
         elif change:
             tilt = self.altitude_axis.tilt
-            self._mount.transcript.note(
+            self._mount.wire_log.note(
                 "mount",
                 f"the altitude axis stands {tilt:+.1f} degrees from what position, "
                 "site and clock tell; the altitude limits go by the axis",
@@ -202,7 +202,7 @@ class LimitWatch:
         return replace(sample, altitude=sample.altitude + tilt) if tilt and sample.altitude is not None else sample
 
     def _not_aligned(self) -> None:
-        self._mount.transcript.note_once("mount", UNWATCHED)
+        self._mount.wire_log.note_once("mount", UNWATCHED)
         if self._status_age > STATUS_AGE:
             self._reader.shared(op.GetStatus())
 
@@ -296,5 +296,5 @@ class LimitWatch:
             self.carried_to_limit.emit(reason)
 
     def _stop(self, words: str) -> None:
-        self._mount.transcript.note("mount", words)
+        self._mount.wire_log.note("mount", words)
         self.must_stop.emit(None)

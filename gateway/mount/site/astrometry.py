@@ -28,8 +28,8 @@ class SiteAndTime(Protocol):
 class SiteAstrometry:
     """Astronomy at this mount's site and by its clock. ``equinox`` is what the mount's coordinates mean."""
 
-    def __init__(self, sky: Sky, observatory: SiteAndTime, equinox: str) -> None:
-        self.sky, self.observatory, self.equinox = sky, observatory, equinox
+    def __init__(self, sky: Sky, site_clock: SiteAndTime, equinox: str) -> None:
+        self.sky, self.site_clock, self.equinox = sky, site_clock, equinox
 
     def means(self, equinox: str) -> None:
         """The mount has told its version: this is what its coordinates mean."""
@@ -37,32 +37,32 @@ class SiteAstrometry:
 
     def place(self) -> op.Place:
         """The site in force. Raises Unsupported."""
-        place = self.observatory.site()
+        place = self.site_clock.site()
         if place is None:
             raise Unsupported("The site is not known.")
         return place
 
     def sidereal_time(self) -> float:
         """Local apparent sidereal time, degrees."""
-        return self.sky.sidereal_time(self.observatory.unix(), self.place().longitude)
+        return self.sky.sidereal_time(self.site_clock.unix(), self.place().longitude)
 
     def altitude(self, ra: float, dec: float) -> float | None:
         """Degrees above the horizon now; None while the site is unknown."""
-        place = self.observatory.site()
+        place = self.site_clock.site()
         if place is None:
             return None
-        return self.sky.horizon(ra, dec, place.latitude, place.longitude, self.observatory.unix())[1]
+        return self.sky.horizon(ra, dec, place.latitude, place.longitude, self.site_clock.unix())[1]
 
     def horizon(self, seen: op.Equatorial) -> op.Horizontal:
         """Azimuth and altitude of a place of date."""
         place = self.place()
-        unix = self.observatory.unix()
+        unix = self.site_clock.unix()
         return op.Horizontal(*self.sky.horizon(seen.ra, seen.dec, place.latitude, place.longitude, unix))
 
     def equatorial(self, wanted: op.GotoHorizontal) -> op.Goto:
         """The goto that brings an equatorial mount to an azimuth and altitude."""
         place = self.place()
-        unix = self.observatory.unix()
+        unix = self.site_clock.unix()
         ra, dec = self.sky.equatorial(wanted.az, wanted.alt, place.latitude, place.longitude, unix)
         return op.Goto(ra, dec, fastest=wanted.fastest)
 
@@ -82,11 +82,11 @@ class SiteAstrometry:
         """A place of date in the mount's own equinox."""
         if self.equinox != "j2000":
             return operation
-        ra, dec = self.sky.to_j2000(operation.ra, operation.dec, self.observatory.unix())
+        ra, dec = self.sky.to_j2000(operation.ra, operation.dec, self.site_clock.unix())
         return replace(operation, ra=ra, dec=dec)
 
     def from_mount(self, seen: op.Equatorial) -> op.Equatorial:
         """The mount's place as one of date."""
         if self.equinox != "j2000":
             return seen
-        return op.Equatorial(*self.sky.to_of_date(seen.ra, seen.dec, self.observatory.unix()))
+        return op.Equatorial(*self.sky.to_of_date(seen.ra, seen.dec, self.site_clock.unix()))

@@ -13,24 +13,24 @@ from gateway.core.errors import BelowHorizon, Unsupported
 from gateway.mount.site.astrometry import SiteAstrometry
 
 
-def of_date(astrometry: SiteAstrometry, wanted: op.OfDate) -> op.Equatorial:
+def of_date(astrometry: SiteAstrometry, wanted: op.ToEquinoxOfDate) -> op.Equatorial:
     """A catalogue place, precession and nutation counted."""
-    return op.Equatorial(*astrometry.sky.to_of_date(wanted.ra, wanted.dec, astrometry.observatory.unix()))
+    return op.Equatorial(*astrometry.sky.to_of_date(wanted.ra, wanted.dec, astrometry.site_clock.unix()))
 
 
-def of_catalog(astrometry: SiteAstrometry, wanted: op.OfCatalog) -> op.Equatorial:
+def of_catalog(astrometry: SiteAstrometry, wanted: op.ToJ2000) -> op.Equatorial:
     """The other way round."""
-    return op.Equatorial(*astrometry.sky.to_j2000(wanted.ra, wanted.dec, astrometry.observatory.unix()))
+    return op.Equatorial(*astrometry.sky.to_j2000(wanted.ra, wanted.dec, astrometry.site_clock.unix()))
 
 
 def zenith(astrometry: SiteAstrometry, wanted: op.Zenith) -> op.Equatorial:
     """The sidereal time and the latitude, as a J2000 place."""
-    return of_catalog(astrometry, op.OfCatalog(astrometry.sidereal_time(), astrometry.place().latitude))
+    return of_catalog(astrometry, op.ToJ2000(astrometry.sidereal_time(), astrometry.place().latitude))
 
 
 def planet(astrometry: SiteAstrometry, wanted: op.PlanetPlace) -> op.Equatorial:
     """From the Earth's centre: parallax (0.5' for Venus at its nearest) is less than what the series are good to."""
-    seen = astrometry.sky.planet(wanted.name, astrometry.observatory.unix())
+    seen = astrometry.sky.planet(wanted.name, astrometry.site_clock.unix())
     if seen is None:
         raise Unsupported("The positions of the planets are not available yet.")
     return op.Equatorial(*seen)
@@ -38,7 +38,7 @@ def planet(astrometry: SiteAstrometry, wanted: op.PlanetPlace) -> op.Equatorial:
 
 def on_moon(astrometry: SiteAstrometry, wanted: op.MoonPlace) -> op.Equatorial:
     """Only while the middle of the Moon is above the horizon."""
-    site, unix = astrometry.place(), astrometry.observatory.unix()
+    site, unix = astrometry.place(), astrometry.site_clock.unix()
     ra, dec, _ = astrometry.sky.moon(unix, site.latitude, site.longitude)
     if astrometry.sky.horizon(ra, dec, site.latitude, site.longitude, unix)[1] < 0.0:
         raise BelowHorizon("The Moon is below the horizon.")
@@ -48,5 +48,6 @@ def on_moon(astrometry: SiteAstrometry, wanted: op.MoonPlace) -> op.Equatorial:
 
 
 PLACES: dict[type[op.Operation], Callable[[SiteAstrometry, Any], op.Equatorial]] = {
-    op.OfDate: of_date, op.OfCatalog: of_catalog, op.Zenith: zenith, op.PlanetPlace: planet, op.MoonPlace: on_moon,
+    op.ToEquinoxOfDate: of_date, op.ToJ2000: of_catalog, op.Zenith: zenith, op.PlanetPlace: planet,
+    op.MoonPlace: on_moon,
 }  # fmt: skip

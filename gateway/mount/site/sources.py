@@ -49,8 +49,8 @@ class Contradiction(NamedTuple):
 class BestSources:
     """Site and time by the best source there is; what ``SiteAstrometry`` and the rules ask."""
 
-    def __init__(self, observatory: SiteClock) -> None:
-        self._observatory = observatory
+    def __init__(self, site_clock: SiteClock) -> None:
+        self._observatory = site_clock
 
     def sites(self) -> list[Site]:
         """Every site that is known, the best first."""

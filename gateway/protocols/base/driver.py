@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gateway.core.errors import Fault, Unsupported
-from gateway.core.operations import GotoAxes, Identity, Operation, Own, Rate, Read, Stop, Values, Verbatim
+from gateway.core.operations import AbortMotion, GotoAxes, Identity, Operation, Own, PassThrough, Rate, Read, Values
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import Model, Version, Way
@@ -151,7 +151,7 @@ class Driver:
     @property
     def ends(self) -> frozenset[str]:
         """The commands that end a motion and do nothing else, where a stop consists of more."""
-        way = self.way(Stop)
+        way = self.way(AbortMotion)
         return frozenset() if way is None else frozenset(way.ends)
 
     def impossible(self, operation: Operation) -> Fault | None:
@@ -214,7 +214,7 @@ class Driver:
         return self._perform(operation)
 
     def _perform(self, operation: Operation) -> Steps:
-        if isinstance(operation, Verbatim):
+        if isinstance(operation, PassThrough):
             if not self.knows(operation.command):
                 raise Unsupported
             patience = self.patience if self.protocol.commands[operation.command].replies else None

@@ -14,7 +14,7 @@ from functools import cached_property
 from gateway.core import operations
 from gateway.core.errors import Disturbed, Fault, Invalid, NoTarget, Silence, Unsupported
 from gateway.core.motion_kinds import begins_motion, may_begin_motion
-from gateway.core.operations import Operation, Own, Stop, Values, Verbatim
+from gateway.core.operations import AbortMotion, Operation, Own, PassThrough, Values
 from gateway.protocols.base.ends import Ending, Ends
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.base.replies import fields_of, needs, refusal
@@ -68,7 +68,8 @@ class Surface:
             return None
         row = self.protocol.surface[command.name]
         return Ending(
-            self._operation(session, row, {}) if command.urgent == "axis" else Stop(), self.ends.takes_back(command)
+            self._operation(session, row, {}) if command.urgent == "axis" else AbortMotion(),
+            self.ends.takes_back(command),
         )
 
     def handle(self, session: Session, frame: bytes) -> Handling:
@@ -156,7 +157,7 @@ class Surface:
         if keep == "library":
             answer = yield from self.call("own_library", session, command, values)
         elif keep == "order":
-            answer = yield Verbatim(command.name, tuple(values.items()))
+            answer = yield PassThrough(command.name, tuple(values.items()))
         else:
             try:
                 answer = yield Own(command.name, tuple(values.items()), keep)
@@ -167,7 +168,7 @@ class Surface:
     def _pass_on(self, session: Session, command: Command, row: SurfaceRow | None, values: Values) -> Handling:
         """To a mount of the same protocol; one that lacks it leaves it to this surface."""
         try:
-            return (yield Verbatim(command.name, tuple(values.items())))
+            return (yield PassThrough(command.name, tuple(values.items())))
         except Unsupported:
             if row is None or not row.passes:
                 raise

@@ -124,7 +124,7 @@ class CommandSet:
     def _check_way(self, where: str, key: str, way: Way) -> None:
         if bool(way.send) == bool(way.call):
             raise MappingError(where, key, "one of send, call is needed")
-        if key == "Stop" and not way.ends:
+        if key == "AbortMotion" and not way.ends:
             raise MappingError(where, key, "it needs ends: its commands that end a motion and do nothing else")
         for name in (*way.commands, *way.ends):
             if name not in self.commands:

@@ -252,7 +252,7 @@ def test_north_is_north_and_motors_keep_their_sense_on_a_polar_fork(driven: str,
                 ra, dec = bridge.sim.truth()
                 await bridge.controller.perform(operation)
                 await asyncio.sleep(2.0)
-                await bridge.controller.perform(op.Halt(axis))
+                await bridge.controller.perform(op.StopAxis(axis))
                 after = bridge.sim.truth()
                 return (after[0] - ra + 180.0) % 360.0 - 180.0, after[1] - dec
 

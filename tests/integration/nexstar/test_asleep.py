@@ -218,7 +218,7 @@ def test_a_mount_that_was_woken_at_its_keys_can_be_sent_to_sleep_again() -> None
             assert bridge.sim.asleep
             client.tell(b":hN#")  # once more, though it sleeps and does not answer
             await asyncio.sleep(2 * SILENCE)
-            assert not [entry.note for entry in bridge.entries if entry.note.startswith("Sleep")]
+            assert not [entry.note for entry in bridge.entries if entry.note.startswith("Hibernate")]
 
     run(program())
 

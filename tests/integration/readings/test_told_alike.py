@@ -79,7 +79,7 @@ async def goes_and_is_stopped(bridge: Bridge) -> None:
 async def moves_by_hand(bridge: Bridge) -> None:
     """Arrows that come and go, one of them twice."""
     north, west = (op.Move(way, op.Rate(name="max")) for way in (op.Direction.NORTH, op.Direction.WEST))
-    for operation in (north, west, op.Halt(2), west, op.Halt(1)):
+    for operation in (north, west, op.StopAxis(2), west, op.StopAxis(1)):
         await bridge.controller.perform(operation)
         await asyncio.sleep(1.1)
 
@@ -202,9 +202,9 @@ def test_a_place_from_the_satellites_is_told_at_once() -> None:
         async with Bridge(**HAS_GPS, surface=None, config={"lowest": -90.0, "sun": 0.0}) as bridge:
             seen = await bridge.controller.read(op.Position())
             await bridge.controller.perform(op.Sync((seen.ra + 1.0) % 360.0, seen.dec))
-            bridge.observatory.mount_site = None
+            bridge.site_clock.mount_site = None
             await compared(bridge, LX200, finds_its_satellites)
-            assert bridge.observatory.gps_site is not None
+            assert bridge.site_clock.gps_site is not None
 
     run(program())
 

@@ -92,7 +92,7 @@ def test_woken_below_the_limit_it_does_not_sink_on() -> None:
 
     async def program() -> None:
         async with standing("cpc", SINKING, 30.0, "4.21", config={"lowest": 35.0}) as bridge:
-            await bridge.controller.perform(op.Sleep())
+            await bridge.controller.perform(op.Hibernate())
             await asyncio.sleep(5.0)
             await bridge.controller.perform(op.Wake())
             for _ in range(60):

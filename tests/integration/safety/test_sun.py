@@ -238,7 +238,7 @@ def test_both_suns_count_when_the_dates_differ() -> None:
 def test_without_a_date_the_log_warns_once() -> None:
     async def program() -> None:
         async with Bridge("gt", "104.0", start=JUNE, config={"site": (45.0, 10.0), "mode": "alt-az"}) as bridge:
-            bridge.observatory.mount_clock = None
+            bridge.site_clock.mount_clock = None
             client = bridge.client()
             for _ in range(2):
                 assert (await client.ask(TO_IT, until=b"Sun.#")).endswith(NO)

@@ -69,7 +69,7 @@ def test_the_clock_is_not_read_while_the_mount_moves(early: float) -> None:
     async def program() -> None:
         async with Bridge("lx200gps", driven="lx200", latency=0.2) as bridge:
             client = bridge.client()
-            said = bridge.observatory.mount_clock
+            said = bridge.site_clock.mount_clock
             assert said is not None
             while bridge.controller.now() < said[1] + OWN_AGE - early - 0.5:
                 client.tell(b":GR#")
@@ -91,7 +91,7 @@ def test_the_clock_is_not_read_while_the_mount_moves(early: float) -> None:
             for _ in range(16):  # one that is seen to run on is watched for three seconds more
                 client.tell(b":GR#")
                 await asyncio.sleep(0.5)
-            assert bridge.controller.now() - bridge.observatory.mount_clock[1] < 10.0  # but it is read when it rests
+            assert bridge.controller.now() - bridge.site_clock.mount_clock[1] < 10.0  # but it is read when it rests
 
     run(program())
 
@@ -138,7 +138,7 @@ def test_commands_without_an_answer_do_not_make_a_slow_line_look_quick() -> None
             for _ in range(20):
                 await bridge.controller.reader.shared(op.Position())
             for _ in range(8):
-                await bridge.controller.perform(op.Halt(2))
+                await bridge.controller.perform(op.StopAxis(2))
             assert bridge.controller.line.typical > 0.19
 
     run(program())

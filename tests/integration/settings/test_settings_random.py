@@ -85,7 +85,7 @@ class Night:
             assert here == pytest.approx(self.site, abs=0.02)
         if self.clock is not None:
             assert sim.utc() == pytest.approx(self.bridge.clock() + self.clock, abs=3.0)
-        told = self.bridge.observatory
+        told = self.bridge.site_clock
         assert (told.site().latitude, told.site().longitude) == pytest.approx(here, abs=0.02)
         assert told.clock().unix == pytest.approx(sim.utc(), abs=3.0)
 

@@ -88,10 +88,13 @@ def test_on_a_serial_line_it_is_done_and_over_a_network_everybody_may_wake_it(mo
 def test_it_is_refused_by_what_is_asked_for_not_by_how_it_is_said() -> None:
     every = {kind for kind in vars(op).values() if isinstance(kind, type) and issubclass(kind, op.Operation)}
     rights = Rights(hibernate=False)
-    assert rights.refusal(op.Sleep()) is not None and rights.refusal(op.Wake()) is None
-    assert Rights().refusal(op.Sleep()) is None
-    assert rights.refusal(op.Stop()) is None and Rights(read_only=True, hibernate=False).refusal(op.Sleep()) is not None
-    assert {op.Sleep, op.Wake, op.Stop} <= every
+    assert rights.refusal(op.Hibernate()) is not None and rights.refusal(op.Wake()) is None
+    assert Rights().refusal(op.Hibernate()) is None
+    assert (
+        rights.refusal(op.AbortMotion()) is None
+        and Rights(read_only=True, hibernate=False).refusal(op.Hibernate()) is not None
+    )
+    assert {op.Hibernate, op.Wake, op.AbortMotion} <= every
 
 
 @pytest.mark.parametrize(("keys", "asleep"), [({}, False), ({"hibernate": True}, True), ({"hibernate": False}, False)])
@@ -109,7 +112,7 @@ def test_the_key_of_the_mount_counts_on_every_port_of_a_network(keys: dict[str, 
             if (sent or "Sleep refused" in entry.note) and not decided.done():
                 decided.set_result(sent)
 
-        gateway.transcript.sinks.append(look)
+        gateway.wire_log.sinks.append(look)
         await gateway.open()
         try:
             async with asyncio.timeout(20):

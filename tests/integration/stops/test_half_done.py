@@ -98,7 +98,7 @@ def test_a_goto_that_is_refused_before_it_touches_anything_leaves_the_arrow_alon
     run(program())
 
 
-@pytest.mark.parametrize("instead", [op.Goto(120.0, 30.0), op.CancelGoto()])
+@pytest.mark.parametrize("instead", [op.Goto(120.0, 30.0), op.AbortSlew()])
 def test_a_way_home_that_was_broken_off_is_told_so(instead: op.Operation) -> None:
     async def program() -> None:
         async with Bridge("cge") as bridge:

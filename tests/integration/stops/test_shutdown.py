@@ -189,9 +189,9 @@ def test_a_log_that_cannot_be_written_costs_the_log() -> None:
 
     async def program() -> None:
         async with Bridge() as bridge:
-            bridge.transcript.sinks.append(full)
+            bridge.wire_log.sinks.append(full)
             assert (await bridge.client().ask(b":GR#")).endswith(b"#")
-            assert full not in bridge.transcript.sinks
+            assert full not in bridge.wire_log.sinks
 
     run(program())
 

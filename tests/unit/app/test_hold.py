@@ -25,12 +25,12 @@ RATE = op.Rate(name="max")
 #: All that takes its turn among the motions, and whether a held mount does it.
 DONE: dict[op.Operation, bool] = {
     op.Goto(10.0, 20.0): False, op.GotoHorizontal(10.0, 50.0): False, op.GotoAxes(10.0, 20.0): False,
-    op.Park(): False, op.Home(): False, op.CancelGoto(): True, op.Sync(10.0, 20.0): True,
-    op.Move(op.Direction.NORTH, RATE): False, op.MoveAxis(1, 1, RATE): False, op.Halt(1): True,
+    op.Park(): False, op.Home(): False, op.AbortSlew(): True, op.Sync(10.0, 20.0): True,
+    op.Move(op.Direction.NORTH, RATE): False, op.MoveAxis(1, 1, RATE): False, op.StopAxis(1): True,
     op.Pulse(op.Direction.NORTH, 100): False, op.PulseAxis(1, 1, 100): False,
     op.SetTracking(on=True): False, op.SetTracking(on=True, mode=op.Tracking.ALTAZ): False,
     op.SetTracking(on=False): True, op.TrackRate("sidereal"): True, op.SetHome(): False, op.Unpark(): False,
-    op.Sleep(): True, op.Wake(): False, op.Focus(1): True, op.Choose("LM"): True,
+    op.Hibernate(): True, op.Wake(): False, op.Focus(1): True, op.Choose("LM"): True,
 }  # fmt: skip
 MOUNTS = [("nexstar", "6-8se"), ("nexstar", "cge"), ("lx200", "lx200"), ("lx200", "autostar"), ("lx200", "lx200gps")]
 

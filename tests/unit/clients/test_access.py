@@ -31,7 +31,7 @@ def serve(program: Callable[[Gateway, list[str]], Awaitable[None]], at: str = "t
     async def main() -> None:
         said: list[str] = []
         gateway = Gateway(MountConfig(at="nexstar@sim"), [SurfaceConfig(at=f"lx200@{at}", **keys)], warn=said.append)
-        gateway.transcript.sinks.append(lambda entry: said.append(entry.note) if entry.arrow == "!" else None)
+        gateway.wire_log.sinks.append(lambda entry: said.append(entry.note) if entry.arrow == "!" else None)
         await gateway.open()
         try:
             async with asyncio.timeout(20):
@@ -191,8 +191,8 @@ def test_nobody_comes_to_a_serial_line_from_a_network(key: str) -> None:
 
 def test_reading_and_stopping_are_harmless_and_nothing_else_is() -> None:
     every = {kind for kind in vars(op).values() if isinstance(kind, type) and issubclass(kind, op.Operation)}
-    allowed = {kind for kind in every if issubclass(kind, op.Read)} | {op.Stop, op.Halt, op.CancelGoto}
-    examples = {op.Focus: [op.Focus(1), op.Focus(-1)], op.Verbatim: [op.Verbatim("x")]}
+    allowed = {kind for kind in every if issubclass(kind, op.Read)} | {op.AbortMotion, op.StopAxis, op.AbortSlew}
+    examples = {op.Focus: [op.Focus(1), op.Focus(-1)], op.PassThrough: [op.PassThrough("x")]}
     for kind in every - {op.Operation}:
         for one in examples.get(kind, [kind(*[None] * len(fields(kind)))]):  # the kind decides, not its fields
             assert harmless(one) is (kind in allowed), kind

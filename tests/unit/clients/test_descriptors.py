@@ -61,7 +61,7 @@ def test_who_comes_when_no_file_is_left_is_turned_away_with_one_line_and_later_l
 ) -> None:
     async def program(gateway: Gateway) -> None:
         notes: list[str] = []
-        gateway.transcript.sinks.append(lambda entry: notes.append(entry.note) if entry.arrow == "!" else None)
+        gateway.wire_log.sinks.append(lambda entry: notes.append(entry.note) if entry.arrow == "!" else None)
         here = await asyncio.open_connection(*address(gateway))
         assert await ask(here, b":GVP#")
         free = os.open(os.devnull, os.O_RDONLY)

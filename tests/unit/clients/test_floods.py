@@ -322,7 +322,7 @@ def test_what_a_client_costs_in_memory_is_bounded() -> None:
 
     async def program() -> None:
         async with Bridge() as bridge:
-            bridge.transcript.sinks.clear()
+            bridge.wire_log.sinks.clear()
             client = bridge.client()
 
             async def make() -> None:

@@ -16,7 +16,7 @@ from gateway.app.gateway import Gateway
 from gateway.app.recording.format import read
 from gateway.app.recording.recorder import Recorder
 from gateway.app.simulated import make_simulator
-from gateway.core.wire_log import Transcript
+from gateway.core.wire_log import WireLog
 from gateway.diagnostics.replay.replaying import replay
 from gateway.mount.link.line import MountLink
 from gateway.transport.wires import SimulatedTransport
@@ -151,7 +151,7 @@ def test_an_evening_with_strangers_replays(presented: str, tmp_path: Path) -> No
     async def evening() -> None:
         loop = asyncio.get_running_loop()
         config, surfaces = MountConfig(at="nexstar:cpc@sim"), [SurfaceConfig(at=f"{presented}@tcp://:0")]
-        transcript = Transcript(lambda: EVENING + loop.time())
+        transcript = WireLog(lambda: EVENING + loop.time())
         gateway = Gateway(config, surfaces, transcript, clock=transcript.clock)
         wire = SimulatedTransport("sim", make_simulator(gateway.mount, clock=transcript.clock).connection, 0.05)
         head = {"began": transcript.clock(), "config": {"mount": config, "surface": surfaces}, "past": gateway.past}

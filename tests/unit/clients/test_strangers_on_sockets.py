@@ -28,7 +28,7 @@ def serve(program: Callable[[list[int], list[str]], Awaitable[None]]) -> None:
     async def main() -> None:
         gateway = Gateway(MountConfig(at="nexstar@sim"), [SurfaceConfig(at=at) for at in SURFACES])
         said: list[str] = []
-        gateway.transcript.sinks.append(
+        gateway.wire_log.sinks.append(
             lambda entry: said.append(f"{entry.side} {entry.note}") if entry.arrow == "!" else None
         )
         await gateway.open()

@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from gateway.core.errors import NoAnswer
-from gateway.core.operations import GetStatus, Goto, Position, Slewing, Stop
+from gateway.core.operations import AbortMotion, GetStatus, Goto, Position, Slewing
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -275,7 +275,7 @@ def test_slewing_holds_from_the_moment_it_was_asked_for() -> None:
             assert bridge.controller.peek(Slewing()) is True
             await task
             assert bridge.controller.peek(Slewing()) is True
-            await bridge.controller.perform(Stop())
+            await bridge.controller.perform(AbortMotion())
             assert bridge.controller.peek(Slewing()) is False
             assert (await bridge.controller.perform(GetStatus())).aligned
 

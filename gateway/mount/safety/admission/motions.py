@@ -177,7 +177,7 @@ class Admission:
         mount = self._mount
         altitude = mount.astrometry.altitude(goal.ra, goal.dec)
         if altitude is None:
-            mount.transcript.note_once("mount", "site unknown: gotos are not checked against the horizon")
+            mount.wire_log.note_once("mount", "site unknown: gotos are not checked against the horizon")
             return
         limits.check_altitude(altitude + await tilt(self._mount, self._ask, self._watch))
         status = mount.readings.value(op.GetStatus)
@@ -196,7 +196,7 @@ class Admission:
         try:
             goal = mount.astrometry.from_axes(wanted, wedge=not mount.driver.german)
         except Unsupported:
-            mount.transcript.note_once("mount", "site unknown: axis gotos are not checked")
+            mount.wire_log.note_once("mount", "site unknown: axis gotos are not checked")
             return
         limits.check_altitude(mount.astrometry.horizon(op.Equatorial(goal.ra, goal.dec)).alt)
         if mount.driver.german:
@@ -244,7 +244,7 @@ class Admission:
         that was synced there may take it for the first way, so there both count.
         """
         mount = self._mount
-        site = mount.astrometry.observatory.site()
+        site = mount.astrometry.site_clock.site()
         if not mount.driver.german or site is None:
             return {False, not mount.driver.german and await over(self._mount, self._ask, self._watch)}
         # under way it tells the side of its goal

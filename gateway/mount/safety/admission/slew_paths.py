@@ -34,7 +34,7 @@ def circles(astrometry: SiteAstrometry, limits: Limits, equatorial: bool, over: 
     """The forbidden ones. A fork in alt-az goes straight up or down: only back over the zenith (``over``) it comes
     higher than both ends of its way.
     """
-    if astrometry.observatory.site() is None:
+    if astrometry.site_clock.site() is None:
         return []
     zenith, nadir = (0.0, 90.0), (0.0, -90.0)
     if equatorial:
@@ -49,7 +49,7 @@ def reading(astrometry: SiteAstrometry, sun: op.Equatorial, equatorial: bool) ->
     """The Sun as the axes of this mount would read, pointing at it the first of the two ways."""
     if equatorial:
         return _geometry(astrometry, Build.GERMAN).axes(_hour_angle(astrometry, sun), sun.dec, False)
-    seen = astrometry.horizon(sun) if astrometry.observatory.site() is not None else op.Horizontal(sun.ra, sun.dec)
+    seen = astrometry.horizon(sun) if astrometry.site_clock.site() is not None else op.Horizontal(sun.ra, sun.dec)
     return seen.az, seen.alt
 
 
@@ -68,7 +68,7 @@ def possible(
     """
     if not equatorial:
         return [way for other in others for way in _either_way_round(_fork(astrometry, here, goal, axes, other))]
-    german = german and astrometry.observatory.site() is not None
+    german = german and astrometry.site_clock.site() is not None
     geometry = _geometry(astrometry, Build.GERMAN if german else Build.WEDGE)
     ways = [_polar(astrometry, geometry, here, goal, axes, other) for other in others]
     return ways if german else [round_ for way in ways for round_ in _either_way_round(way)]
@@ -76,7 +76,7 @@ def possible(
 
 def _fork(astrometry: SiteAstrometry, here: op.Equatorial, goal: op.Equatorial, axes: Pair | None, other: bool) -> Way:
     """Of an alt-az fork; without a site, as if on a wedge. At the zenith only ``axes`` tell where it turns to."""
-    if astrometry.observatory.site() is None:
+    if astrometry.site_clock.site() is None:
         start, end = op.Horizontal(here.ra, here.dec), op.Horizontal(goal.ra, goal.dec)
     else:
         start = astrometry.horizon(here)
@@ -119,10 +119,10 @@ def _either_way_round(way: Way) -> Iterator[Way]:
 
 
 def _geometry(astrometry: SiteAstrometry, build: Build) -> Geometry:
-    place = astrometry.observatory.site()
+    place = astrometry.site_clock.site()
     return Geometry(build, place.latitude if place is not None else 0.0)
 
 
 def _hour_angle(astrometry: SiteAstrometry, seen: op.Equatorial) -> float:
     """From the meridian; without a site, from some hour circle."""
-    return wrap180((astrometry.sidereal_time() if astrometry.observatory.site() is not None else 0.0) - seen.ra)
+    return wrap180((astrometry.sidereal_time() if astrometry.site_clock.site() is not None else 0.0) - seen.ra)

@@ -7,10 +7,20 @@ drive that is on follows the sky, and the focuser, which hangs on the mount and 
 from __future__ import annotations
 
 from gateway.core.errors import Held
-from gateway.core.operations import CancelGoto, Choose, Focus, Halt, Operation, SetTracking, Sleep, Sync, TrackRate
+from gateway.core.operations import (
+    AbortSlew,
+    Choose,
+    Focus,
+    Hibernate,
+    Operation,
+    SetTracking,
+    StopAxis,
+    Sync,
+    TrackRate,
+)
 
 #: Of all that takes its turn among the motions this alone; whatever is new is refused until it is written here.
-STILL = (CancelGoto, Choose, Focus, Halt, Sleep, Sync, TrackRate)
+STILL = (AbortSlew, Choose, Focus, StopAxis, Hibernate, Sync, TrackRate)
 
 
 class Hold:

@@ -28,7 +28,7 @@ class MeantSky:
     def is_another(self, now: float, restless: bool) -> bool:
         """Whether a position of now cannot be compared with the one before."""
         mount, (place, ahead) = self._mount, self._frame
-        known = mount.astrometry.observatory
+        known = mount.astrometry.site_clock
         self._frame = known.site(), known.unix() - now
         changed = place is not None and (place != self._frame[0] or abs(ahead - self._frame[1]) > SET_ANEW)
         if changed or mount.being_set():

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
-from gateway.core.wire_log import Transcript
+from gateway.core.wire_log import WireLog
 from gateway.mount.safety.view import ALLOWED, Verdict, View
 from gateway.mount.site.astrometry import SiteAstrometry
 
@@ -30,9 +30,9 @@ class SunAvoidance:
     """
 
     def __init__(
-        self, astrometry: SiteAstrometry, transcript: Transcript, limit: float, settled: Callable[[], bool]
+        self, astrometry: SiteAstrometry, wire_log: WireLog, limit: float, settled: Callable[[], bool]
     ) -> None:
-        self._astrometry, self._transcript, self.limit, self._settled = astrometry, transcript, limit, settled
+        self._astrometry, self._wire_log, self.limit, self._settled = astrometry, wire_log, limit, settled
         self._key: tuple[object, ...] = ()
         self._up: list[op.Equatorial] = []
 
@@ -40,19 +40,19 @@ class SunAvoidance:
         """The places of date of every Sun that counts now."""
         if not self.limit:
             return []
-        observatory = self._astrometry.observatory
-        if observatory.clock() is None and self._settled():
-            self._transcript.note_once(
+        site_clock = self._astrometry.site_clock
+        if site_clock.clock() is None and self._settled():
+            self._wire_log.note_once(
                 "mount", "WARNING: nobody has told a date: the Sun is avoided by this computer's date and time"
             )
-        mount, host, site = observatory.unix(), observatory.host(), observatory.site()
+        mount, host, site = site_clock.unix(), site_clock.host(), site_clock.site()
         key = mount // KEPT, host // KEPT, site
         if key != self._key:
             self._key = key
             moments = [mount]
             if abs(mount - host) > DAY:
                 moments.append(host)
-                self._transcript.note_once(
+                self._wire_log.note_once(
                     "mount", "WARNING: the mount's date is not this computer's: the Sun is avoided by both"
                 )
             self._up = [place for place in (self._place(unix, site) for unix in moments) if place is not None]

@@ -11,9 +11,9 @@ from gateway.core.operations import (
     Backlash,
     DriveRate,
     Focus,
+    Hibernate,
     PeriodicError,
     SetTracking,
-    Sleep,
     Tracking,
     TrackRate,
     Wake,
@@ -49,7 +49,7 @@ def set_tracking(mount: Lx200Driver, operation: SetTracking) -> Steps:
     mount.tracking, mount.land = wanted, not operation.on
 
 
-def rest(mount: Lx200Driver, _: Sleep) -> Steps:
+def rest(mount: Lx200Driver, _: Hibernate) -> Steps:
     """A telescope that cannot sleep: tracking off."""
     yield from set_tracking(mount, SetTracking(on=False))
 

@@ -24,7 +24,7 @@ MOUNT, FOCUSER = (1, 2), 3
 class EndAgain(Operation, frozen=True):
     """Internal: this command once more, unless something newer was begun. Ranks as a stop; no stop takes it back."""
 
-    outlives_stop = True
+    survives_abort = True
 
     command: str
 

@@ -10,13 +10,13 @@ import contextlib
 
 from gateway.core.errors import Busy, Fault, NoAnswer, Unsupported
 from gateway.core.operations import (
+    Hibernate,
     Home,
     HomeState,
     Operation,
     Park,
     SetHome,
     SetTracking,
-    Sleep,
     Tracking,
     Unpark,
     Wake,
@@ -96,7 +96,7 @@ def unpark(mount: Lx200Driver, _: Unpark) -> Steps:
         yield from set_tracking(mount, SetTracking(on=True))
 
 
-def sleep(mount: Lx200Driver, _: Sleep) -> Steps:
+def sleep(mount: Lx200Driver, _: Hibernate) -> Steps:
     """:hN - from then on nothing is sent that would turn a motor: a telescope that sleeps says yes and stays."""
     yield from ask(mount, "hN")
     mount.asleep_as_told = True

@@ -11,7 +11,18 @@ from __future__ import annotations
 import math
 
 from gateway.core.errors import Refused
-from gateway.core.operations import Halt, Move, MoveAxis, Pulse, PulseAxis, Pulsed, Rate, SetGuideRate, Stop, Tracking
+from gateway.core.operations import (
+    AbortMotion,
+    Move,
+    MoveAxis,
+    Pulse,
+    PulseAxis,
+    Pulsed,
+    Rate,
+    SetGuideRate,
+    StopAxis,
+    Tracking,
+)
 from gateway.protocols.base.driver import Remark, Steps
 from gateway.protocols.lx200.driver import put_back
 from gateway.protocols.lx200.driver.drive import drive_at, put_drive_back
@@ -147,7 +158,7 @@ def set_guide_rate(mount: Lx200Driver, operation: SetGuideRate) -> Steps:
         yield from put_back.guide_at(mount, mount.guide_rate)
 
 
-def halt(mount: Lx200Driver, operation: Halt) -> Steps:
+def stop_axis(mount: Lx200Driver, operation: StopAxis) -> Steps:
     """:Q… of the arrow that was pressed; both of the axis when none is known to be."""
     pulsed, moved = mount.pulsing.pop(operation.axis, None), mount.moving.pop(operation.axis, None)
     letter = moved or pulsed
@@ -160,7 +171,7 @@ def halt(mount: Lx200Driver, operation: Halt) -> Steps:
     yield from put_back.later(mount)
 
 
-def stop(mount: Lx200Driver, _: Stop) -> Steps:
+def abort_motion(mount: Lx200Driver, _: AbortMotion) -> Steps:
     """:Q"""
     moved = mount.goto is not None or mount.seeking or bool(mount.moving or mount.pulsing)
     mount.goto = None

@@ -7,7 +7,7 @@ import math
 from gateway.astro.spherical import fold_declination
 from gateway.core.errors import Fault, Garbled, NoAnswer, Refused, Silence
 from gateway.core.operations import (
-    CancelGoto,
+    AbortSlew,
     Equatorial,
     Goto,
     GotoAxes,
@@ -167,7 +167,7 @@ def stop_current_motion(mount: Lx200Driver) -> Steps:
         mount.pulsing.clear()
 
 
-def cancel_goto(mount: Lx200Driver, _: CancelGoto) -> Steps:
+def abort_slew(mount: Lx200Driver, _: AbortSlew) -> Steps:
     """:Q, when a goto or a search for home is under way: it would end hand motion, too."""
     if mount.goto is not None or mount.seeking:
         mount.goto = None

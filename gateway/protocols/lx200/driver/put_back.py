@@ -20,7 +20,7 @@ SAME = 0.003
 class PutBack(Operation, frozen=True):
     """Internal: the rates are to be what they were, unless something moves again."""
 
-    outlives_stop = True
+    survives_abort = True
 
 
 def later(mount: Lx200Driver) -> Steps:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from gateway.astro.catalog import Entry, Wanted, deepsky, describe, search, stars
 from gateway.astro.spherical import separation
 from gateway.core.errors import Invalid, Unsupported
-from gateway.core.operations import Equatorial, MoonPlace, OfCatalog, PlanetPlace, Position, Values, Zenith
+from gateway.core.operations import Equatorial, MoonPlace, PlanetPlace, Position, ToJ2000, Values, Zenith
 from gateway.protocols.base.wants import Handling
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.lx200.surface import selected
@@ -130,7 +130,7 @@ def identify(session: LxSession, command: Command, values: Values) -> Handling:
         candidates = deepsky.matching(_wanted(session))
         visible, _ = yield from _sky(session)
         seen: Equatorial = yield Position()
-        centre: Equatorial = yield OfCatalog(seen.ra, seen.dec)
+        centre: Equatorial = yield ToJ2000(seen.ra, seen.dec)
         radius = session.kept.search.field / 120.0
         found = [c for c in search.in_field(candidates, centre.ra, centre.dec, radius) if visible(*c[1:])]
         nearest = f" {describe(deepsky.by_row(found[0][0]))}" if found else ""

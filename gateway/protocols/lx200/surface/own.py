@@ -7,7 +7,7 @@ for it; so two programs that look things up do not go to each other's objects.
 from __future__ import annotations
 
 from gateway.core.errors import Fault
-from gateway.core.operations import Choose, Chosen, Own, Values, Verbatim
+from gateway.core.operations import Choose, Chosen, Own, PassThrough, Values
 from gateway.protocols.base.wants import Handling
 from gateway.protocols.lx200.session import Draft, LxSession
 from gateway.protocols.lx200.surface import selected
@@ -32,7 +32,7 @@ def own_library(session: LxSession, command: Command, values: Values) -> Handlin
     if command.name in _CATALOGUES:
         others = {name: fields for name, fields in kept.own_catalogs.items() if name != command.name}
         try:
-            answer = yield Verbatim(command.name, tuple(values.items()))
+            answer = yield PassThrough(command.name, tuple(values.items()))
         except Fault:
             kept.own_catalogs = others
             raise

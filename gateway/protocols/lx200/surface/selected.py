@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from gateway.astro.catalog import Entry, describe
 from gateway.core.errors import Fault
-from gateway.core.operations import Equatorial, MoonPlace, OfDate, PlanetPlace
+from gateway.core.operations import Equatorial, MoonPlace, PlanetPlace, ToEquinoxOfDate
 from gateway.protocols.base.wants import Handling
 from gateway.protocols.lx200.session import LxSession
 
@@ -27,7 +27,7 @@ def fail(session: LxSession, words: str) -> None:
 
 def select(session: LxSession, entry: Entry) -> Handling:
     """A catalogue's object becomes the target."""
-    place: Equatorial = yield OfDate(entry.ra, entry.dec)
+    place: Equatorial = yield ToEquinoxOfDate(entry.ra, entry.dec)
     drop(session)
     kept = session.kept
     kept.ra, kept.dec, kept.entry, kept.object = place.ra, place.dec, entry, describe(entry)

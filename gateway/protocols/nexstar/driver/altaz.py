@@ -86,7 +86,7 @@ def pulse(mount: NexStar, operation: Pulse) -> Steps:
     return Pulsed(max(0.0, lasts - (mount.now() - heard) - max(0.0, (mount.apart or 0.0) - BETWEEN)), ends=False)
 
 
-def halt(mount: NexStar, axis: int) -> Steps:
+def stop_axis(mount: NexStar, axis: int) -> Steps:
     """Take one share away. What is left goes on; an arrow's end is rate 0, a pulse's the bare tracking rate."""
     pulsed = axis in mount.pulsing
     mount.riding.pop(axis)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from gateway.core.errors import Fault, NoAnswer, NotAligned, Unsupported
 from gateway.core.operations import (
-    CancelGoto,
+    AbortSlew,
     Goto,
     GotoAxes,
     Home,
@@ -124,7 +124,7 @@ def stop_current_motion(mount: NexStar) -> Steps:
         mount.suspended = None
 
 
-def cancel_goto(mount: NexStar, _: CancelGoto) -> Steps:
+def abort_slew(mount: NexStar, _: AbortSlew) -> Steps:
     """``M``: a goto ends, hand motion goes on, and a special drive rate comes back."""
     going = mount.goto
     if mount.goto is not None and mount.goto.seeks:

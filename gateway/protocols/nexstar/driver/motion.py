@@ -10,10 +10,10 @@ from __future__ import annotations
 from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core.errors import Busy, Fault, Unsupported
 from gateway.core.operations import (
+    AbortMotion,
     Backlash,
     Direction,
     Focus,
-    Halt,
     Move,
     MoveAxis,
     Operation,
@@ -23,7 +23,7 @@ from gateway.core.operations import (
     PulseAxis,
     Pulsed,
     Rate,
-    Stop,
+    StopAxis,
     Tracking,
 )
 from gateway.protocols.base.driver import Schedule, Send, Steps
@@ -126,7 +126,7 @@ def _guide(mount: NexStar, axis: int, sign: int) -> Steps:
     mount.moving[axis] = mount.guide_rates[axis] * SIDEREAL
 
 
-def halt(mount: NexStar, operation: Halt) -> Steps:
+def stop_axis(mount: NexStar, operation: StopAxis) -> Steps:
     """Rate 0 on one axis; after the last one tracking comes back, once."""
     stepped = mount.steps.pop(operation.axis, None)
     if mount.stepping:
@@ -134,7 +134,7 @@ def halt(mount: NexStar, operation: Halt) -> Steps:
             yield Send("M")  # the last small goto may lead far in azimuth; the other axis takes its next one by itself
         return
     if operation.axis in mount.riding:
-        yield from altaz.halt(mount, operation.axis)
+        yield from altaz.stop_axis(mount, operation.axis)
         return
     replaced = mount.drive == "replaced" and operation.axis == 1
     yield from guide_speed.end(mount, operation.axis)
@@ -151,7 +151,7 @@ def halt(mount: NexStar, operation: Halt) -> Steps:
         yield from tracking.keep_rate(mount)
 
 
-def stop(mount: NexStar, _: Stop) -> Steps:
+def abort_motion(mount: NexStar, _: AbortMotion) -> Steps:
     """Rate 0 on both axes and ``M``: the one ends hand motion, the other a goto; tracking stays as it was.
 
     What moves fastest comes first.

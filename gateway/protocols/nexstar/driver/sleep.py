@@ -7,7 +7,7 @@ something else about tracking meanwhile.
 from __future__ import annotations
 
 from gateway.core.errors import NoAnswer
-from gateway.core.operations import Operation, SetTracking, Sleep, Unpark, Wake
+from gateway.core.operations import Hibernate, Operation, SetTracking, Unpark, Wake
 from gateway.protocols.base.driver import Schedule, Send, Steps
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.goto import unpark
@@ -17,7 +17,7 @@ from gateway.protocols.nexstar.driver.state import NexStar
 AWAKE = 2.0
 
 
-def sleep(mount: NexStar, _: Sleep) -> Steps:
+def sleep(mount: NexStar, _: Hibernate) -> Steps:
     """``x`` where the firmware has it, else tracking off."""
     if mount.knows("x"):
         try:
@@ -35,7 +35,7 @@ def sleep(mount: NexStar, _: Sleep) -> Steps:
 class Awake(Operation, frozen=True):
     """Internal: it was woken, and goes on tracking; not where it was told something else about that meanwhile."""
 
-    outlives_stop = True
+    survives_abort = True
 
 
 def awake(mount: NexStar, _: Awake) -> Steps:

@@ -191,7 +191,7 @@ def keep_rate(mount: NexStar) -> Steps:
 class VerifyTracking(Operation, frozen=True):
     """Internal: a hand control may ignore ``T`` sent right after motion."""
 
-    outlives_stop = True
+    survives_abort = True
 
     mode: str
 

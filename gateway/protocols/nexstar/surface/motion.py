@@ -9,15 +9,15 @@ from gateway.core.operations import (
     Backlash,
     GetStatus,
     GuideRate,
-    Halt,
+    Hibernate,
     MoveAxis,
     PeriodicError,
     PulseAxis,
     Rate,
     SetGuideRate,
     SetTracking,
-    Sleep,
     Status,
+    StopAxis,
     Tracking,
     TrackRate,
     Values,
@@ -50,7 +50,7 @@ def fixed(session: NexStarSession, command: Command, values: Values) -> Handling
     """AUX 0x24, 0x25 - a hand-control key 1-9; 0 stops the axis. Raises Invalid for a key that there is not."""
     axis, sense = _axis_and_sense(command)
     if values["rate"] == 0:
-        yield FireAndForget(Halt(axis))
+        yield FireAndForget(StopAxis(axis))
     elif values["rate"] <= _KEYS:
         yield from begin(MoveAxis(axis, sense, _key(session, values["rate"])))
     else:
@@ -78,7 +78,7 @@ def _rate(axis: int, sense: int, degrees: float, tracking: str | None) -> Handli
     if tracking is not None:
         yield from begin(TrackRate(name=tracking))
     elif degrees == 0:
-        yield FireAndForget(Halt(axis))
+        yield FireAndForget(StopAxis(axis))
     else:
         yield from begin(MoveAxis(axis, sense, Rate(degrees=degrees)))
 
@@ -191,7 +191,7 @@ def periodic_error(session: NexStarSession, command: Command, values: Values) ->
 
 def hibernate(session: NexStarSession, command: Command, values: Values) -> Handling:
     """x"""
-    yield from begin(Sleep())
+    yield from begin(Hibernate())
 
 
 def wake(session: NexStarSession, command: Command, values: Values) -> Handling:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from gateway.astro.spherical import fold_declination, wrap180
 from gateway.core.errors import Asleep, Fault, NoAnswer, Unsupported
-from gateway.core.operations import CancelGoto, GetStatus, Goto, PierSide, SiderealTime, Slewing, Sync, Values
+from gateway.core.operations import AbortSlew, GetStatus, Goto, PierSide, SiderealTime, Slewing, Sync, Values
 from gateway.protocols.base.wants import FireAndForget, Handling
 from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.nexstar.surface.acknowledged import begin
@@ -56,7 +56,7 @@ def slewing(session: NexStarSession, command: Command, values: Values) -> Handli
 
 def cancel(session: NexStarSession, command: Command, values: Values) -> Handling:
     """M - gotos only: motion at a rate goes on until rate 0."""
-    yield FireAndForget(CancelGoto())
+    yield FireAndForget(AbortSlew())
 
 
 def aligned(session: NexStarSession, command: Command, values: Values) -> Handling:

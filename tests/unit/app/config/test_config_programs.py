@@ -33,7 +33,7 @@ def house(**keys: str) -> tuple[House, list[Entry]]:
     face = replace(built.reception.face, manners=tuple(manners("lx200", surface, j2000)))
     built.reception.face = face
     entries: list[Entry] = []
-    built.controller.transcript.sinks.append(entries.append)
+    built.controller.wire_log.sinks.append(entries.append)
     return built, entries
 
 

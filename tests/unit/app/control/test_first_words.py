@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from gateway.app.control.first_words import first_words, last_words
-from gateway.core.operations import Stop
+from gateway.core.operations import AbortMotion
 from tests.support.in_process_gateway import Bridge
 from tests.support.process import GATEWAY, PATIENCE, Running, ask
 from tests.support.virtual import run
@@ -149,7 +149,7 @@ def test_a_stop_that_was_not_heard_is_no_good_end() -> None:
             assert told is not None
             assert told.warns
             assert told.text.startswith("the mount has not acknowledged the stop: look at it")
-            await bridge.controller.perform(Stop())
+            await bridge.controller.perform(AbortMotion())
 
     run(program())
 

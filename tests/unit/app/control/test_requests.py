@@ -95,7 +95,7 @@ def test_the_limits_hold_and_the_refusal_is_in_words() -> None:
 def test_what_a_program_was_refused_is_told_without_a_log() -> None:
     async def program() -> None:
         async with Bridge() as bridge:
-            bridge.transcript.sinks.clear()
+            bridge.wire_log.sinks.clear()
             client = bridge.client("192.168.1.23")
             for _ in range(2):
                 await client.ask(b":Sr05:34:32#:Sd-80*00:00#:MS#", until=b"#")
@@ -104,7 +104,7 @@ def test_what_a_program_was_refused_is_told_without_a_log() -> None:
                 "192.168.1.23: Goto: Object Below Horizon. (2 times)"
             ]
             assert state.programs == ("192.168.1.23",)
-            bridge.transcript.sinks.append(bridge.entries.append)
+            bridge.wire_log.sinks.append(bridge.entries.append)
 
     run(program())
 

@@ -40,7 +40,7 @@ def test_the_mark_is_there_before_the_motion_and_gone_after_it(tmp_path: Path, m
     async def program() -> None:
         async with Bridge(mount, state=tmp_path, surface="lx200gps", speed=20, in_thread=brisk) as bridge:
             seen: list[bool] = []
-            bridge.transcript.sinks.append(
+            bridge.wire_log.sinks.append(
                 lambda entry: (
                     seen.append(_mark(tmp_path) is not None)
                     if entry.side == "mount" and entry.arrow == ">" and entry.data[:1] in b"rbP"

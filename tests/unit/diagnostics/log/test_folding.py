@@ -21,7 +21,7 @@ class Log:
     def __init__(self, bridge: Bridge, shown: str = "all") -> None:
         self.rows: list[Row] = []
         rows = Rows("nexstar", ["lx200"], speech, shown)
-        bridge.transcript.sinks.append(lambda entry: self.rows.extend(rows.take(entry)))
+        bridge.wire_log.sinks.append(lambda entry: self.rows.extend(rows.take(entry)))
 
     def of(self, side: str) -> list[str]:
         """What is told of one side: arrow and bytes, or arrow and words."""

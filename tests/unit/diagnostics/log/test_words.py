@@ -119,7 +119,7 @@ def test_only_what_does_nothing_else_counts_as_a_question(protocol: str) -> None
         if not command.question and any(picture.fields for _, picture in command.replies)
     }
     assert acting == ({"CM", "P", "MS", "SC"} if protocol == "lx200" else set())
-    does = ("Set", "Goto", "Move", "Sync", "Stop", "Halt", "Park", "Cancel", "Pulse", "Focus")
+    does = ("Set", "Goto", "Move", "Sync", "Stop", "Abort", "Park", "Pulse", "Focus")
     for name, row in table.surface.items():
         if table.commands[name].question:
             assert not [one for one in row.operations if one.startswith(does)]

@@ -15,7 +15,7 @@ from gateway.app.gateway import Gateway
 from gateway.app.recording.format import read
 from gateway.app.recording.recorder import Recorder
 from gateway.app.simulated import make_simulator
-from gateway.core.wire_log import Transcript
+from gateway.core.wire_log import WireLog
 from gateway.diagnostics.replay.replaying import Outcome, replay
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
@@ -82,7 +82,7 @@ def _live(path: Path, mount: str, presented: str) -> bytes:
             return EVENING + loop.time() - began
 
         config, surfaces = MountConfig(at=f"{mount}@sim"), [SurfaceConfig(at=f"{presented}@tcp://:0")]
-        transcript = Transcript(clock)
+        transcript = WireLog(clock)
         gateway = Gateway(config, surfaces, transcript, clock=clock)
         wire = _Mute("sim", make_simulator(gateway.mount, clock=clock, speed=3.0).connection, 0.0731)
         settings = {"began": clock(), "config": {"mount": config, "surface": surfaces}, "past": gateway.past}

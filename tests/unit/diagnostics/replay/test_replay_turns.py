@@ -93,7 +93,7 @@ def _live(path: Path, pair: str, *, seconds: float = 5.0, many: int = 30, longes
             recorded.wire.lose()
             recorded.ahead = 3600.0  # somebody sets the computer's clock
             recorded.gateway.sky.load()
-            loop.enter(recorded.gateway.transcript.note, "mount", SKY_READY)
+            loop.enter(recorded.gateway.wire_log.note, "mount", SKY_READY)
             await asyncio.sleep(seconds / 3)
             assert recorded.gateway.controller is not None
             with contextlib.suppress(Exception):

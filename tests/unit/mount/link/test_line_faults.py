@@ -10,7 +10,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import Garbled, NoAnswer
-from gateway.core.wire_log import Transcript
+from gateway.core.wire_log import WireLog
 from gateway.mount.link.line import HALF_COMMAND, MountLink
 from gateway.mount.link.scheduling import READ, STOP
 from gateway.protocols.base.driver import Send
@@ -135,7 +135,7 @@ def test_a_mute_port_is_opened_anew() -> None:
 
     async def program() -> None:
         wire = Wire(lambda data: hand_control(data) if wire.opened == 2 else [])
-        line = MountLink(wire, NexStarReplyRules(), Transcript(lambda: 0.0))
+        line = MountLink(wire, NexStarReplyRules(), WireLog(lambda: 0.0))
         line.start()
         await asyncio.sleep(0.01)
         with pytest.raises(NoAnswer):

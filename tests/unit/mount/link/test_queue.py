@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from gateway.core.errors import NoAnswer, NoDevice, Silence
-from gateway.core.wire_log import Transcript
+from gateway.core.wire_log import WireLog
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.scheduling import MOTION, POSITION, READ, SETTING, STOP
 from gateway.protocols.base.driver import Send
@@ -63,7 +63,7 @@ def hand_control(data: bytes) -> list[tuple[float, bytes]]:
 
 async def opened(answers: Callable[[bytes], list[tuple[float, bytes]]]) -> tuple[MountLink, Wire]:
     wire = Wire(answers)
-    line = MountLink(wire, NexStarReplyRules(), Transcript(lambda: 0.0))
+    line = MountLink(wire, NexStarReplyRules(), WireLog(lambda: 0.0))
     line.start()
     await asyncio.sleep(0.01)
     return line, wire
@@ -133,7 +133,7 @@ def test_an_answer_knows_how_long_it_took_though_a_stop_follows_at_once() -> Non
 
     async def program() -> None:
         wire = Wire(lambda data: [(1.0, b"12:00:00#")] if data == b":GR#" else [])
-        line = MountLink(wire, Lx200ReplyRules(), Transcript(lambda: 0.0))
+        line = MountLink(wire, Lx200ReplyRules(), WireLog(lambda: 0.0))
         line.start()
         await asyncio.sleep(0.01)
         slow = asyncio.ensure_future(line.timed(Send("GR"), POSITION))

@@ -28,12 +28,12 @@ KINDS = [
     op.Park(),
     PULSE,
     op.Pulse(op.Direction.SOUTH, 200),
-    op.Halt(1),
-    op.Halt(2),
-    op.CancelGoto(),
+    op.StopAxis(1),
+    op.StopAxis(2),
+    op.AbortSlew(),
     op.SetTracking(on=False),
     op.TrackRate(name="lunar"),
-    op.Sleep(),
+    op.Hibernate(),
     op.Wake(),
     op.Focus(1),
     op.Sync(1.0, 2.0),
@@ -86,8 +86,8 @@ def waiting(desk: Desk) -> list[op.Operation]:
 def test_what_was_asked_for_is_done_in_that_order_and_ends_come_first() -> None:
     desk = Desk().ask(op.SetTracking(on=False), NORTH, EAST)
     assert desk.do() == op.SetTracking(on=False)
-    desk.ask(op.Halt(2))
-    assert desk.do() == op.Halt(2)
+    desk.ask(op.StopAxis(2))
+    assert desk.do() == op.StopAxis(2)
     assert desk.do() == EAST
     assert desk.wanted.by_hand == {1: EAST}
     assert desk.begin() is None and next_moment(desk.wanted) is None
@@ -114,7 +114,7 @@ def test_a_stop_ends_all_but_what_is_no_motion() -> None:
     assert not outcomes.at_rest(desk.wanted).owed
 
 
-@pytest.mark.parametrize("halt", [op.Halt(1), op.Halt(2)])
+@pytest.mark.parametrize("halt", [op.StopAxis(1), op.StopAxis(2)])
 def test_a_halt_without_an_arrow_ends_a_goto_as_a_whole(halt: op.Operation) -> None:
     for under_way in (False, True):
         desk = Desk().ask(GOTO)
@@ -131,9 +131,9 @@ def test_the_release_of_an_arrow_from_before_the_goto_changes_nothing() -> None:
     desk.do()
     desk.ask(GOTO, by=hand)
     desk.do()
-    desk.ask(op.Halt(2), by=hand)
+    desk.ask(op.StopAxis(2), by=hand)
     assert isinstance(desk.wanted.motion, Slew) and not desk.wanted.owed
-    desk.ask(op.Halt(2), by=other)
+    desk.ask(op.StopAxis(2), by=other)
     assert desk.wanted.owed
 
 
@@ -142,34 +142,34 @@ def test_an_arrow_is_released_after_all_when_the_goto_was_refused() -> None:
     desk = Desk().ask(NORTH, by=hand)
     desk.do()
     goto = desk.ask(GOTO, by=hand).begin()
-    desk.ask(op.Halt(2), by=hand)
+    desk.ask(op.StopAxis(2), by=hand)
     assert goto is not None and not desk.wanted.owed
     desk.finish(goto, failed=True)
-    assert desk.do() == op.Halt(2)
+    assert desk.do() == op.StopAxis(2)
     assert desk.wanted.motion == Theirs()
 
 
 def test_equal_halts_are_one_and_one_that_is_hammered_waits_for_its_turn() -> None:
-    desk = Desk().ask(op.Halt(1), op.Halt(1), op.Halt(1))
-    assert waiting(desk) == [op.Halt(1)]
+    desk = Desk().ask(op.StopAxis(1), op.StopAxis(1), op.StopAxis(1))
+    assert waiting(desk) == [op.StopAxis(1)]
     ranks = []
     for _ in range(4):
-        order = desk.ask(op.Halt(1)).begin()
+        order = desk.ask(op.StopAxis(1)).begin()
         assert order is not None
         ranks.append(order.hammered)
         desk.finish(order)
     assert ranks == [False, False, True, True]
-    desk.ask(NORTH, op.Halt(1))
-    assert does_for(desk.wanted, op.Halt(1)) is not None
+    desk.ask(NORTH, op.StopAxis(1))
+    assert does_for(desk.wanted, op.StopAxis(1)) is not None
     assert not desk.wanted.pending[-1].hammered
 
 
 def test_an_arrow_that_is_being_prepared_is_begun_anew_behind_the_halt_of_the_other_axis() -> None:
     desk = Desk().ask(EAST)
     desk.begin()
-    desk.ask(op.Halt(2))
+    desk.ask(op.StopAxis(2))
     assert desk.wanted.active == 0
-    assert desk.do() == op.Halt(2)
+    assert desk.do() == op.StopAxis(2)
     assert desk.do() == EAST
 
 
@@ -180,7 +180,7 @@ def test_pulses_of_one_axis_follow_one_another_and_end_in_time() -> None:
     assert desk.begin() is None
     assert next_moment(desk.wanted) == 0.5
     desk.now = 0.5
-    assert desk.do() == op.Halt(1)
+    assert desk.do() == op.StopAxis(1)
     assert desk.do(op.Pulsed(0.3, ends=True)) == op.PulseAxis(1, -1, 300)
 
 
@@ -190,8 +190,8 @@ def test_the_rest_of_a_long_pulse_follows_and_a_halt_ends_it() -> None:
     desk.do(op.Pulsed(2.55, ends=True, left=3450))
     desk.now = 2.55
     assert desk.do(op.Pulsed(2.55, ends=True, left=900)) == op.PulseAxis(1, 1, 3450)
-    desk.ask(op.Halt(1))
-    assert waiting(desk) == [op.Halt(1)] and desk.wanted.pulses == ()
+    desk.ask(op.StopAxis(1))
+    assert waiting(desk) == [op.StopAxis(1)] and desk.wanted.pulses == ()
 
 
 def test_an_arrow_takes_the_place_of_a_pulse_whose_end_does_not_end_it() -> None:
@@ -229,7 +229,7 @@ def test_whatever_comes_a_stop_leaves_nothing_that_moves(story: list[tuple[op.Op
             desk.finish(order, pulsed, failed=not well)
             assert order.number not in {one.number for one in desk.wanted.pending}
     still = stopped(desk.wanted)
-    assert all(order.operation.outlives_stop or order.number == still.active for order in still.pending)
+    assert all(order.operation.survives_abort or order.number == still.active for order in still.pending)
     assert not any(isinstance(order.operation, GOTOS) for order in still.pending)
     desk.wanted = replace(desk.wanted, active=0)
     for _ in range(len(desk.wanted.pending) * 2 + 2):
@@ -242,11 +242,11 @@ def test_whatever_comes_a_stop_leaves_nothing_that_moves(story: list[tuple[op.Op
     assert len(numbers) == len(set(numbers))
 
 
-@given(st.lists(st.sampled_from(KINDS), max_size=12), st.sampled_from([op.Halt(1), op.Halt(2), op.CancelGoto()]))
+@given(st.lists(st.sampled_from(KINDS), max_size=12), st.sampled_from([op.StopAxis(1), op.StopAxis(2), op.AbortSlew()]))
 def test_what_is_taken_back_is_what_the_halt_would_end(asked: list[op.Operation], halt: op.Operation) -> None:
     wanted = Wanted(pending=tuple(Order(number, one) for number, one in enumerate(asked, 1)))
     left = [order.operation for order in take_back(wanted, halt).pending]
-    if isinstance(halt, op.Halt):
+    if isinstance(halt, op.StopAxis):
         assert not [
             one
             for one in left
@@ -266,6 +266,6 @@ def test_motion_by_hand_is_one_value_of_two_axes() -> None:
     desk.do()
     assert isinstance(desk.wanted.motion, ByHand)
     assert {axis for axis, _ in desk.wanted.motion} == {1, 2}
-    desk.ask(op.Halt(2))
+    desk.ask(op.StopAxis(2))
     desk.do()
     assert {axis for axis, _ in desk.wanted.motion} == {1}

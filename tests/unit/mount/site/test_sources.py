@@ -202,16 +202,16 @@ def test_what_is_changed_at_the_hand_control_is_noticed_within_a_minute(
 
 
 def test_the_best_source_is_the_mount_then_its_gps_the_configuration_or_this_computer_a_program_last() -> None:
-    observatory = SiteClock(lambda: 0.0, lambda: EVENING, None)
-    best = BestSources(observatory)
-    observatory.keep_site(op.SetSite(1.0, 1.0))
-    observatory.keep_clock(op.SetClock(EVENING + 1e4, 0.0))
+    site_clock = SiteClock(lambda: 0.0, lambda: EVENING, None)
+    best = BestSources(site_clock)
+    site_clock.keep_site(op.SetSite(1.0, 1.0))
+    site_clock.keep_clock(op.SetClock(EVENING + 1e4, 0.0))
     assert [site.source for site in best.sites()] == [PROGRAM]
     assert [time.source for time in best.times()] == [COMPUTER, PROGRAM]
-    observatory.configured = op.Place(2.0, 2.0)
-    observatory.gps_says(op.Gps(linked=True, place=op.Place(3.0, 3.0), unix=EVENING + 2e4))
-    observatory.mount_says_site(op.Place(4.0, 4.0))
-    observatory.mount_says_clock(op.Moment(EVENING + 3e4, 0.0))
+    site_clock.configured = op.Place(2.0, 2.0)
+    site_clock.gps_says(op.Gps(linked=True, place=op.Place(3.0, 3.0), unix=EVENING + 2e4))
+    site_clock.mount_says_site(op.Place(4.0, 4.0))
+    site_clock.mount_says_clock(op.Moment(EVENING + 3e4, 0.0))
     assert [(site.source, site.place.latitude) for site in best.sites()] == [
         (MOUNT, 4.0),
         (GPS, 3.0),
@@ -228,19 +228,19 @@ def test_the_best_source_is_the_mount_then_its_gps_the_configuration_or_this_com
 
 
 def test_a_computer_that_has_lost_its_clock_counts_less_than_a_program() -> None:
-    observatory = SiteClock(lambda: 0.0, lambda: 3600.0, None)  # 1970
-    best = BestSources(observatory)
+    site_clock = SiteClock(lambda: 0.0, lambda: 3600.0, None)  # 1970
+    best = BestSources(site_clock)
     assert best.unix() == 3600.0
-    observatory.keep_clock(op.SetClock(EVENING, 1.0))
+    site_clock.keep_clock(op.SetClock(EVENING, 1.0))
     assert best.unix() == EVENING
 
 
 def test_a_receiver_without_a_fix_and_small_differences_say_nothing() -> None:
-    observatory = SiteClock(lambda: 0.0, lambda: EVENING + 60.0, op.Place(45.1, 10.1))
-    best = BestSources(observatory)
-    observatory.gps_says(op.Gps(linked=False, place=op.Place(0.0, 0.0), unix=0.0))
-    observatory.mount_says_site(op.Place(45.0, 10.0))
-    observatory.mount_says_clock(op.Moment(EVENING, 0.0))
+    site_clock = SiteClock(lambda: 0.0, lambda: EVENING + 60.0, op.Place(45.1, 10.1))
+    best = BestSources(site_clock)
+    site_clock.gps_says(op.Gps(linked=False, place=op.Place(0.0, 0.0), unix=0.0))
+    site_clock.mount_says_site(op.Place(45.0, 10.0))
+    site_clock.mount_says_clock(op.Moment(EVENING, 0.0))
     assert [site.source for site in best.sites()] == [MOUNT, CONFIGURED]
     assert not list(best.contradictions())
 
@@ -248,7 +248,7 @@ def test_a_receiver_without_a_fix_and_small_differences_say_nothing() -> None:
 @pytest.mark.parametrize(("ahead", "contradicts"), [(-7200.0, True), (43200.0, True), (-20 * 86400.0, False)])
 def test_a_computer_that_is_off_by_days_contradicts_nobody(ahead: float, contradicts: bool) -> None:
     """A Raspberry Pi without a clock of its own begins where it was switched off."""
-    observatory = SiteClock(lambda: 0.0, lambda: EVENING + ahead, None)
-    observatory.mount_says_site(op.Place(45.0, 10.0))
-    observatory.mount_says_clock(op.Moment(EVENING, 0.0))
-    assert bool(list(BestSources(observatory).contradictions())) is contradicts
+    site_clock = SiteClock(lambda: 0.0, lambda: EVENING + ahead, None)
+    site_clock.mount_says_site(op.Place(45.0, 10.0))
+    site_clock.mount_says_clock(op.Moment(EVENING, 0.0))
+    assert bool(list(BestSources(site_clock).contradictions())) is contradicts

@@ -75,8 +75,8 @@ def test_what_ends_motions() -> None:
 
 
 def test_what_a_stop_must_not_do_without() -> None:
-    assert [way.ends for way in LX200.driver["Stop"]] == [["Q"]]
-    assert [way.ends for way in NEXSTAR.driver["Stop"]] == [["M", "slew_azm_pos", "slew_alt_pos", "pulse"]]
+    assert [way.ends for way in LX200.driver["AbortMotion"]] == [["Q"]]
+    assert [way.ends for way in NEXSTAR.driver["AbortMotion"]] == [["M", "slew_azm_pos", "slew_alt_pos", "pulse"]]
 
 
 def test_a_stop_without_its_ends_is_named(tmp_path: Path) -> None:

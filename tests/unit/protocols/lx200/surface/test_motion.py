@@ -78,8 +78,8 @@ def test_the_guide_rate_is_a_fraction_of_sidereal_on_both_axes() -> None:
 
 
 def test_a_stop_ends_everything_and_a_directions_stop_its_axis() -> None:
-    assert asked(b":Q#") == [op.Stop()]
-    assert asked(b":Qn#:Qs#:Qe#:Qw#") == [op.Halt(2), op.Halt(2), op.Halt(1), op.Halt(1)]
+    assert asked(b":Q#") == [op.AbortMotion()]
+    assert asked(b":Qn#:Qs#:Qe#:Qw#") == [op.StopAxis(2), op.StopAxis(2), op.StopAxis(1), op.StopAxis(1)]
 
 
 @pytest.mark.parametrize(
@@ -169,7 +169,7 @@ def test_park_home_and_sleep() -> None:
         op.Park(),
         op.Home(),
         op.SetHome(),
-        op.Sleep(),
+        op.Hibernate(),
         op.Wake(),
     ]
     assert Talk().send(b":h?#") == b"0"

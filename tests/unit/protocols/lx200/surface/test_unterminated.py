@@ -114,7 +114,7 @@ def test_a_stop_inside_or_behind_is_carried_out(stop: bytes, way: str) -> None:
         talk = aimed()
         say(talk, sent, way)
         (ended,) = done(talk)
-        assert isinstance(ended, op.Stop | op.Halt) or ended == op.Focus(0), sent
+        assert isinstance(ended, op.AbortMotion | op.StopAxis) or ended == op.Focus(0), sent
 
 
 @pytest.mark.parametrize("cut", range(1, 15))
@@ -124,7 +124,7 @@ def test_a_stop_is_carried_out_however_the_line_pauses(cut: int) -> None:
     say(talk, sent[:cut])
     talk.now += QUIET
     say(talk, sent[cut:])
-    assert [type(operation) for operation in done(talk)] == [op.Stop]
+    assert [type(operation) for operation in done(talk)] == [op.AbortMotion]
 
 
 @given(
@@ -145,7 +145,7 @@ def test_every_stop_is_known_to_the_framing() -> None:
     ends = {
         command.request.encode({})
         for name, command in lx200.commands.items()
-        if lx200.surface[name].operations and set(lx200.surface[name].operations) <= {"Stop", "Halt"}
+        if lx200.surface[name].operations and set(lx200.surface[name].operations) <= {"AbortMotion", "StopAxis"}
     }
     assert ends | {b":FQ#"} == set(stops())
 

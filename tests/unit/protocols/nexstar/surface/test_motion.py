@@ -44,7 +44,7 @@ def test_motor_sense_is_kept(model: str, latitude: float, device: int, command: 
         assert round(asked.rate.degrees, 6) == KEYS[key - 1]
         mount.asked.clear()
         assert talk.send(bytes((80, 2, device, command, 0, 0, 0, 0))) == b"#"
-        assert mount.asked == [op.Halt(axis)]
+        assert mount.asked == [op.StopAxis(axis)]
 
 
 def test_a_key_that_there_is_not_moves_nothing() -> None:
@@ -88,10 +88,10 @@ def test_24_bits(device: int, axis: int, command: int, sense: int, code: int, ar
 
 @pytest.mark.parametrize("command", [6, 7])
 def test_variable_rate_0_halts_that_axis(command: int) -> None:
-    assert asked(bytes((80, 3, 16, command, 0, 0, 0, 0))) == [op.Halt(1)]
-    assert asked(bytes((80, 3, 17, command, 0, 0, 0, 0))) == [op.Halt(2)]
-    assert asked(bytes((80, 4, 16, command, 0, 0, 0, 0))) == [op.Halt(1)]
-    assert asked(bytes((80, 4, 17, command, 0, 0, 0, 0))) == [op.Halt(2)]
+    assert asked(bytes((80, 3, 16, command, 0, 0, 0, 0))) == [op.StopAxis(1)]
+    assert asked(bytes((80, 3, 17, command, 0, 0, 0, 0))) == [op.StopAxis(2)]
+    assert asked(bytes((80, 4, 16, command, 0, 0, 0, 0))) == [op.StopAxis(1)]
+    assert asked(bytes((80, 4, 17, command, 0, 0, 0, 0))) == [op.StopAxis(2)]
 
 
 @pytest.mark.parametrize("command", [6, 7])
@@ -273,7 +273,7 @@ def test_pier_side_of_a_mount_that_cannot_tell_it() -> None:
 
 
 def test_hibernation_and_the_rest() -> None:
-    assert asked(b"x", b"y") == [op.Sleep(), op.Wake()]
+    assert asked(b"x", b"y") == [op.Hibernate(), op.Wake()]
     assert asked(b"P\2\x10\x0d\1\0\0\0", b"P\2\x10\x0d\0\0\0\0", model="cge") == [
         op.PeriodicError(1, True),
         op.PeriodicError(1, False),
