@@ -59,7 +59,9 @@ def make_surface(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> S
     if spec.make_surface is None:
         raise UserError(f"no {endpoint.protocol} surface; write {' or '.join(surfaces())}")
     made = spec.make_surface(
-        SurfaceSettings(endpoint.model, endpoint.version, config.precision, config.sync_text, limits)
+        SurfaceSettings(
+            endpoint.model, endpoint.version, config.precision, config.sync_text, limits, config.equinox or spec.equinox
+        )
     )
     return SurfaceBinding(
         spec.title,

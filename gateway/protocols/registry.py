@@ -7,11 +7,12 @@ stands next is what is driven, where nobody says otherwise.
 from __future__ import annotations
 
 from gateway.protocols.base.spec import ProtocolSpec
+from gateway.protocols.alpaca.spec import SPEC as ALPACA
 from gateway.protocols.lx200.spec import SPEC as LX200
 from gateway.protocols.nexstar.spec import SPEC as NEXSTAR
 from gateway.protocols.stellarium.spec import SPEC as STELLARIUM
 
-PROTOCOLS: dict[str, ProtocolSpec] = {spec.name: spec for spec in (LX200, NEXSTAR, STELLARIUM)}
+PROTOCOLS: dict[str, ProtocolSpec] = {spec.name: spec for spec in (LX200, NEXSTAR, STELLARIUM, ALPACA)}
 
 
 def surfaces() -> list[str]:

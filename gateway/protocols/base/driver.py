@@ -132,6 +132,8 @@ class Driver:
     patience: float | None = None
     #: Whether the mount was sent to sleep.
     asleep = False
+    #: Whether it stands at its park position, to which it was sent, and nobody has taken it up again.
+    parked = False
 
     def __init__(self, handlers: Mapping[str, Handler]) -> None:
         self.handlers = handlers
@@ -161,6 +163,21 @@ class Driver:
     def speed(self, rate: Rate) -> float:
         """How fast the mount moves at a hand rate, degrees a second."""
         raise NotImplementedError
+
+    @property
+    def homeless(self) -> bool:
+        """Whether there is no home position to go to: it has none by itself, and was told none."""
+        return False
+
+    @property
+    def guides(self) -> tuple[float, float]:
+        """What guide pulses go at on either axis, a fraction of sidereal."""
+        raise NotImplementedError
+
+    def speeds(self) -> tuple[tuple[float, float], ...]:
+        """The speeds of its axes that can be asked for in degrees a second, each from and to: those of the keys."""
+        keys = sorted({self.speed(Rate(key=key)) for key in range(1, 10)})
+        return tuple((speed, speed) for speed in keys)
 
     def destination(self, operation: Operation) -> GotoAxes | None:
         """The axis readings that Park or Home leads to; None where only the mount itself knows them."""

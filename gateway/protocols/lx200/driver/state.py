@@ -211,6 +211,10 @@ class Lx200Driver(Driver):
         return SPEEDS[rate_command(rate)]
 
     @property
+    def guides(self) -> tuple[float, float]:
+        return self.guide_rate, self.guide_rate
+
+    @property
     def abilities(self) -> Abilities:
         """What there is to choose a speed from."""
         low, high = self.facts["max_rates"]

@@ -205,6 +205,18 @@ class NexStar(HandControl):
             return None
         return min(rate.degrees, float(self.rates["fastest"]))
 
+    @property
+    def homeless(self) -> bool:
+        return self.home is None and not (self.settings.aux_home and self.has("home"))
+
+    @property
+    def guides(self) -> tuple[float, float]:
+        return self.guide_rates[1], self.guide_rates[2]
+
+    def speeds(self) -> tuple[tuple[float, float], ...]:
+        """Any, in quarters of an arcsecond a second."""
+        return ((0.25 / 3600.0, float(self.rates["fastest"])),)
+
     def impossible(self, operation: Operation) -> Fault | None:
         """A guide pulse by motor sense, where the motors cannot be guided now."""
         return self.unguided() if isinstance(operation, PulseAxis) else None
