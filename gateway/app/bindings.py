@@ -18,7 +18,10 @@ from gateway.protocols.base.frames import Framing
 from gateway.protocols.base.plain_replies import PlainReplies
 from gateway.protocols.base.reply_rules import Replies
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSettings
+from gateway.protocols.base.web import WebDevice
 from gateway.protocols.registry import PROTOCOLS, mounts, surfaces
+from gateway.transport import Listener, open_port
+from gateway.transport.handler import Arrive
 from gateway.transport.tcp import exposed
 from gateway.transport.wires import SerialTransport, Transport
 
@@ -73,6 +76,14 @@ def make_surface(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> S
         counts_in=spec.equinox,
         fit=made.fit,
     )
+
+
+async def open_surface(endpoint: Endpoint, baud: int | None, arrive: Arrive, title: str, mount: str) -> Listener:
+    """The port of a surface; programs that speak HTTP are told the mount by its ``title``. Raises UserError."""
+    web = PROTOCOLS[endpoint.protocol].web
+    if web is None:
+        return await open_port(endpoint.where, arrive, baud)
+    return await web().open_port(endpoint.where, WebDevice(arrive, title, mount))
 
 
 def speech(protocol: str) -> tuple[Cutting, Replies]:

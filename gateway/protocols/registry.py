@@ -6,8 +6,8 @@ stands next is what is driven, where nobody says otherwise.
 
 from __future__ import annotations
 
-from gateway.protocols.base.spec import ProtocolSpec
 from gateway.protocols.alpaca.spec import SPEC as ALPACA
+from gateway.protocols.base.spec import ProtocolSpec
 from gateway.protocols.lx200.spec import SPEC as LX200
 from gateway.protocols.nexstar.spec import SPEC as NEXSTAR
 from gateway.protocols.stellarium.spec import SPEC as STELLARIUM

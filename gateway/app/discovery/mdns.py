@@ -11,9 +11,9 @@ import socket
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from gateway.app.discovery.addresses import held
 from gateway.app.discovery.offer import EVERYWHERE, Offer
 from gateway.core.about import VERSION
+from gateway.system.own_names import held
 
 if TYPE_CHECKING:
     from zeroconf import ServiceInfo

@@ -1,7 +1,6 @@
 """What the gateway knows of a mount without asking it: what moves by its orders, and what the mount can do.
 
-Abilities follow from the tables, by the model and version that the mount has told. A way that ends in a refusal is no
-way here: who is told that something can be done may ask for it.
+Abilities follow from the tables, by the model and version that the mount has told.
 """
 
 from __future__ import annotations
@@ -15,10 +14,6 @@ from gateway.mount.context import Context
 from gateway.mount.motion.wanted import ByHand, Slew, Wanted, WantedState
 from gateway.mount.readings.reader import Reader
 from gateway.mount.site.astrometry import SiteAstrometry
-from gateway.protocols.base.driver import Driver
-
-#: Outcomes of ways by which nothing is done.
-IN_VAIN = ("refused", "silent")
 
 
 class Standing:
@@ -58,8 +53,7 @@ class Standing:
 
     async def _abilities(self, _: op.GetAbilities) -> op.Abilities:
         equatorial = (await self._reader.read(op.GetStatus())).equatorial
-        driver = self._context.driver
-        return op.Abilities(able(driver, equatorial), driver.speeds(), driver.guides, driver.german)
+        return self._context.driver.can_do(equatorial)
 
     async def _tube_side(self, _: op.TubeSide) -> str:
         driver = self._context.driver
@@ -74,17 +68,3 @@ class Standing:
 def _parks(operation: op.Operation) -> bool:
     """Whether this is the rest of a park: the tube is there, and tracking is not off yet."""
     return getattr(operation, "then", "") == "park"
-
-
-def able(driver: Driver, equatorial: bool) -> frozenset[str]:
-    """The operations that this mount has a way for, by name."""
-    traits = driver.protocol.traits(driver.model or "", equatorial and not driver.german)
-    return frozenset(
-        name
-        for name, ways in driver.protocol.driver.items()
-        for way in ways
-        if way.outcome not in IN_VAIN
-        and (way.part is None or way.part in traits)
-        and not (name == op.Home.__name__ and driver.homeless)
-        and all(driver.knows(command) for command in (*way.send, *way.needs))
-    )

@@ -31,6 +31,13 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     return MadeSurface(AlpacaSurface(load(NAME)), model, ClientSettings(settings.limits))
 
 
+def _hint(frame: bytes) -> str:
+    """What may be wrong with a request that nobody has."""
+    if load(NAME).find(frame + b"\n") is not None:
+        return "a request ends with a line feed: write \\x0a behind it"
+    return "requests are written like 'get rightascension\\x0a' and 'put tracking Tracking=true\\x0a'"
+
+
 def _web() -> Web:
     from gateway.protocols.alpaca.http.face import AlpacaWeb
 
@@ -49,5 +56,7 @@ SPEC = ProtocolSpec(
     opening=re.compile(rb"(?:(?:get|put) [^\n]*\n)*"),
     make_surface=_make_surface,
     web=_web,
+    target=("put connected Connected=true\\x0a",),
+    hint=_hint,
     recognises=lambda sent: 1.0 if re.match(rb"(?:get|put) [a-z]+[ \n]", sent) else 0.0,
 )

@@ -12,7 +12,18 @@ from collections.abc import Callable, Generator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gateway.core.errors import Fault, Unsupported
-from gateway.core.operations import AbortMotion, GotoAxes, Identity, Operation, Own, PassThrough, Rate, Read, Values
+from gateway.core.operations import (
+    Abilities,
+    AbortMotion,
+    GotoAxes,
+    Identity,
+    Operation,
+    Own,
+    PassThrough,
+    Rate,
+    Read,
+    Values,
+)
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import Model, Version, Way
@@ -27,6 +38,8 @@ else:
     ResultT = TypeVar("ResultT")
 
 _T = TypeVar("_T")
+#: Outcomes of ways by which nothing is done.
+IN_VAIN = ("refused", "silent")
 
 
 class Send(NamedTuple):
@@ -164,20 +177,19 @@ class Driver:
         """How fast the mount moves at a hand rate, degrees a second."""
         raise NotImplementedError
 
-    @property
-    def homeless(self) -> bool:
-        """Whether there is no home position to go to: it has none by itself, and was told none."""
-        return False
-
-    @property
-    def guides(self) -> tuple[float, float]:
-        """What guide pulses go at on either axis, a fraction of sidereal."""
-        raise NotImplementedError
-
-    def speeds(self) -> tuple[tuple[float, float], ...]:
-        """The speeds of its axes that can be asked for in degrees a second, each from and to: those of the keys."""
+    def can_do(self, equatorial: bool) -> Abilities:
+        """What it can do by the tables, as it stands; a way that ends in a refusal is none."""
+        traits = self.protocol.traits(self.model or "", equatorial and not self.german)
+        can = (
+            name
+            for name, ways in self.protocol.driver.items()
+            for way in ways
+            if way.outcome not in IN_VAIN
+            and (way.part is None or way.part in traits)
+            and all(self.knows(command) for command in (*way.send, *way.needs))
+        )
         keys = sorted({self.speed(Rate(key=key)) for key in range(1, 10)})
-        return tuple((speed, speed) for speed in keys)
+        return Abilities(frozenset(can), tuple((speed, speed) for speed in keys), german=self.german)
 
     def destination(self, operation: Operation) -> GotoAxes | None:
         """The axis readings that Park or Home leads to; None where only the mount itself knows them."""

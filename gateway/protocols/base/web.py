@@ -28,5 +28,5 @@ class Web(Protocol):
     async def open_port(self, where: str, device: WebDevice, names: Sequence[str] = ()) -> Listener:
         """A port of its own. ``names`` are further names by which programs may call this computer. Raises UserError."""
 
-    def add_routes(self, app: Any, devices: Sequence[WebDevice]) -> Callable[[], None]:
+    def add_routes(self, app: Any, devices: Sequence[WebDevice], names: Sequence[str] = ()) -> Callable[[], None]:
         """Serve the devices as a part of an aiohttp application -> what ends that."""

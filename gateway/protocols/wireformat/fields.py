@@ -12,7 +12,8 @@ import re
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from gateway.protocols.wireformat import numerals, sexagesimal as sx
+from gateway.protocols.wireformat import numerals
+from gateway.protocols.wireformat import sexagesimal as sx
 
 
 class Codec(NamedTuple):
