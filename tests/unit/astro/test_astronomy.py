@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.astro.ephemeris import Sky, earth
+from gateway.astro.ephemeris import earth
 from gateway.astro.ephemeris.by_astropy import ut1_utc as of_day
+from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.mount.site.astrometry import SiteAstrometry
