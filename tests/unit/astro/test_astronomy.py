@@ -33,7 +33,7 @@ def exact() -> Iterator[Sky]:
     sky.load()
     assert sky.ready and not sky.failure
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gateway.astro.ephemeris._FRAMES_KEPT", 2 * COUNT)
+        patch.setattr("gateway.astro.ephemeris.sky._FRAMES_KEPT", 2 * COUNT)
         patch.setattr("gateway.astro.ephemeris.tables._TABLES_KEPT", 4 * COUNT)
         yield sky
 
