@@ -46,7 +46,8 @@ NEXSTAR = (
 )
 SERVE = """
 import asyncio, sys
-from gateway.cli import main, recorded
+from gateway.cli import main
+from gateway.cli.serve import recorded
 recorded.LONGEST = int(sys.argv.pop(1))
 recorded.record.__defaults__ = (recorded.LONGEST,)
 sys.exit(main())

@@ -67,7 +67,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     """
     from gateway.app.discovery import Announcement, offered
     from gateway.app.gateway import Gateway
-    from gateway.astro.ephemeris import Sky
+    from gateway.astro.ephemeris.sky import Sky
     from gateway.cli.serve.recorded import host_clock, record
     from gateway.core.wire_log import WireLog
 

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from gateway.app.bindings import shows_itself, speech
 from gateway.app.config import Endpoint, parse_device
 from gateway.app.recording.format import unescape
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.core.errors import UserError
 from gateway.core.operations import GetStatus
 from gateway.core.wire_log import show

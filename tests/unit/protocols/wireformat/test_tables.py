@@ -14,8 +14,8 @@ import pytest
 from gateway.core.errors import MappingError, UserError
 from gateway.diagnostics import command_outcomes, command_tables
 from gateway.diagnostics.rehearsal.explain import explain
-from gateway.protocols.lx200.surface import HANDLERS as LX200_HANDLERS
-from gateway.protocols.nexstar.driver import HANDLERS as NEXSTAR_HANDLERS
+from gateway.protocols.lx200.surface.handlers import HANDLERS as LX200_HANDLERS
+from gateway.protocols.nexstar.driver.handlers import HANDLERS as NEXSTAR_HANDLERS
 from gateway.protocols.registry import PROTOCOLS as SPECS
 from gateway.protocols.registry import pairs
 from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_folder
