@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable, Coroutine, Sequence
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.app.config import Config, MountConfig, parse_endpoint
@@ -156,15 +157,14 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
 
 
 def _host_clock() -> Callable[[], float]:
-    from gateway.cli.serve.recorded import host_clock
+    from gateway.app.recording.recorded_gateway import host_clock
 
     return host_clock()
 
 
 def _recorder(path: str, gateway: Gateway) -> Recorder:
-    from gateway.cli.serve.recorded import record
 
-    return record(path, gateway)
+    return record_whole(Path(path), gateway)
 
 
 def _from_elsewhere(names: Sequence[str]) -> list[str]:
