@@ -32,12 +32,21 @@ class Client(Protocol):
     async def publish(self, topic: str, /, payload: bytes, qos: int, retain: bool) -> None: ...
 
 
+class Flooded(Exception):
+    """The broker sends more than anybody has a use for."""
+
+
+def too_much(size: int) -> Flooded:
+    """A message is too long."""
+    return Flooded(f"it sent a message of {size} bytes, and {LARGEST} are the most")
+
+
 #: Makes a connection, with the message that the broker publishes when it is lost.
 Connect = Callable[[Message | None], AbstractAsyncContextManager[Client]]
 
 
 def connecting(access: Access) -> Connect:
-    """Connections to a broker. What they raise is an OSError, a ValueError or aiomqtt's MqttError."""
+    """Connections to a broker. They raise Flooded, an OSError, a ValueError or aiomqtt's MqttError."""
 
     @asynccontextmanager
     async def connect(will: Message | None) -> AsyncIterator[Client]:
@@ -62,24 +71,30 @@ def connecting(access: Access) -> Connect:
             socket_options=[(socket.SOL_SOCKET, socket.SO_RCVBUF, LARGEST)],
         )
         paho: Any = client._client
-        _limit(paho)
+        too_long: list[int] = []
+        _limit(paho, too_long)
         try:
             async with client:
                 yield client
+        except Exception:
+            if too_long:
+                raise too_much(too_long[0]) from None
+            raise
         finally:
             _cut(paho)
 
     return connect
 
 
-def _limit(paho: Any) -> None:
-    """Cut the connection when a packet says that it is too long: after some of its bytes, and long before all."""
+def _limit(paho: Any, too_long: list[int]) -> None:
+    """Cut the connection when a packet says that it is too long: after a few megabytes, however many it has."""
     read = paho.loop_read
 
     def loop_read(*arguments: Any) -> Any:
         outcome = read(*arguments)
         packet = paho._in_packet
         if packet["have_remaining"] and packet["remaining_length"] > LARGEST:
+            too_long.append(packet["remaining_length"])
             _cut(paho)
         return outcome
 

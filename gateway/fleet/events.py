@@ -10,7 +10,7 @@ import json
 from collections.abc import Callable
 from datetime import UTC, datetime
 
-from gateway.core.wire_log import Entry, show
+from gateway.core.wire_log import SKY_READY, Entry, show
 
 #: Arrows of the wire log that are told, and what they are called.
 KINDS = {"+": "connected", "-": "disconnected", "^": "port opened", "v": "port lost", "!": "refused"}
@@ -29,7 +29,7 @@ class Events:
     def put(self, entry: Entry) -> None:
         """One thing that has happened on the line or at a surface."""
         kind = KINDS.get(entry.arrow)
-        if kind is None:
+        if kind is None or entry.note == SKY_READY:
             return
         if entry.arrow == "!" and entry.side == MOUNT:
             kind = "note"

@@ -15,7 +15,7 @@ from concurrent.futures import Executor
 from typing import Any, TypeVar, TypeVarTuple
 
 from gateway.fleet.access import Access
-from gateway.fleet.client import Client, Connect, connecting
+from gateway.fleet.client import LARGEST, Client, Connect, Flooded, connecting, too_much
 from gateway.fleet.outbox import Outbox
 from gateway.fleet.topics import Heard, Message
 
@@ -30,10 +30,6 @@ LONG_AWAY, SELDOM = 300, 5.0
 AT_A_TIME, FLOOD = 10, 500
 #: Seconds that the last words may take at the end.
 PARTING = 1.0
-
-
-class Flooded(Exception):
-    """The broker sends more than anybody has a use for."""
 
 
 class _Loop(asyncio.SelectorEventLoop):
@@ -129,12 +125,9 @@ class BrokerLink:
                 async with self._connect(self._parting[0] if self._parting else None) as client:
                     vain = 0
                     await self._session(client)
-            except Flooded:
-                pause = SELDOM
-                self._away(f"it sent more than {self._flood} messages in a second and is left alone for a while")
             except Exception as error:  # of three libraries; whatever it is, it is tried again
-                refused = type(error).__name__ == "MqttConnectError"
-                pause = SELDOM if refused else pause
+                if isinstance(error, Flooded) or type(error).__name__ == "MqttConnectError":  # it refuses
+                    pause = SELDOM
                 self._away(_why(error))
             await self._unless_ending(pause * random.uniform(0.8, 1.2))
 
@@ -168,8 +161,10 @@ class BrokerLink:
                 since, count = loop.time(), 0
             count += 1
             if count > self._flood:
-                raise Flooded
+                raise Flooded(f"it sent more than {self._flood} messages in a second")
             payload = message.payload if isinstance(message.payload, bytes) else b""
+            if len(payload) > LARGEST:
+                raise too_much(len(payload))
             self._at_home(self._hear, Heard(str(message.topic), payload, bool(message.retain)))
 
     async def _write(self, client: Client) -> None:
