@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable, Coroutine, Sequence
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.app.config import Config, MountConfig, parse_endpoint
@@ -68,8 +69,8 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     """
     from gateway.app.discovery import Announcement, offered
     from gateway.app.gateway import Gateway
+    from gateway.app.recording.recorded_gateway import host_clock, record_whole
     from gateway.astro.ephemeris.sky import Sky
-    from gateway.cli.serve.recorded import host_clock, record
     from gateway.core.wire_log import WireLog
 
     access = let_in(config)
@@ -99,7 +100,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         gateways.append(Gateway(mount, config.of(mount), wire_log, sky, clock, screen.warn, watchdog))
         gateways[-1].remember()
         if mount.record:
-            recorders.append(record(mount.record, gateways[-1]))
+            recorders.append(record_whole(Path(mount.record), gateways[-1]))
     before_suspension(lambda: _stand_still(gateways, screen))
     try:
         for gateway in gateways:
