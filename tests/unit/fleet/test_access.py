@@ -13,6 +13,8 @@ from gateway.fleet import access as accesses
 from gateway.fleet.access import PASSWORD, access
 from gateway.fleet.topics import Topics, own_id
 
+pytest.importorskip("aiomqtt")
+
 WHOLE = {"mount": [{"at": "nexstar@sim"}], "surface": [{"at": "lx200@tcp://:4030"}]}
 
 
