@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from gateway.app.config import Config, MountConfig, parse_endpoint
 from gateway.app.recording.turns import TurnLoop
+from gateway.cli.serve.broker import let_in, open_broker
 from gateway.cli.serve.console import announced, open_console
 from gateway.cli.serve.finding import serve
 from gateway.cli.serve.live import Screen, find_terminal, look_on
@@ -71,6 +72,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     from gateway.astro.ephemeris.sky import Sky
     from gateway.core.wire_log import WireLog
 
+    access = let_in(config)
     done, sky = until_signal(), Sky()
     # beside the conversation of --log a line that is rewritten would only be in the way
     terminal = find_terminal() if config.status and not config.log else None
@@ -80,7 +82,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     gateways: list[Gateway] = []
     recorders: list[Recorder] = []
     onlookers: list[asyncio.Task[None]] = []
-    console = None
+    console = broker = None
     announcement = Announcement(screen.warn, lambda text: gateways[0].wire_log.note("mount", text))
 
     def offers() -> list[Offer]:
@@ -106,6 +108,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         if banner:
             screen.say(banner)
         onlookers = look_on(gateways, screen)
+        broker = open_broker(config, access, gateways, screen)
         patient = config.wait or len(gateways) > 1
 
         def sky_ready() -> None:
@@ -146,6 +149,8 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
             await console.close()
         moved = [gateway.controller is not None and gateway.controller.reconciler.busy for gateway in gateways]
         await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
+        if broker is not None:
+            await broker.close()
         if done.is_set():
             for gateway, busy in zip(gateways, moved, strict=True):
                 _part(gateway, busy, screen, len(gateways) > 1)
