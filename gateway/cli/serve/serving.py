@@ -168,6 +168,7 @@ def _host_clock() -> Callable[[], float]:
 
 
 def _recorder(path: str, gateway: Gateway) -> Recorder:
+    from gateway.app.recording.recorded_gateway import record_whole
 
     return record_whole(Path(path), gateway)
 
