@@ -18,11 +18,11 @@ from gateway.protocols.base.frames import Framing
 from gateway.protocols.base.plain_replies import PlainReplies
 from gateway.protocols.base.reply_rules import Replies
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSettings
-from gateway.protocols.base.web import WebDevice
 from gateway.protocols.registry import PROTOCOLS, mounts, surfaces
 from gateway.transport import Listener, open_port
 from gateway.transport.handler import Arrive
 from gateway.transport.tcp import exposed
+from gateway.transport.web_port import WebDevice
 from gateway.transport.wires import SerialTransport, Transport
 
 Cutting = Callable[[Callable[[], float]], Framing]

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable
-from typing import Protocol, cast
+from collections.abc import Awaitable, Callable, Sequence
+from typing import Any, Protocol, cast
 
+from msgspec import Struct
+
+from gateway.transport.handler import Arrive, Listener
 from gateway.transport.listening import listen
 
 #: Bytes of one connection that are kept until the server is there; no honest request is longer.
@@ -90,3 +93,24 @@ class _Waiting(asyncio.Protocol):
         talker.connection_made(self._transport)
         if self._heard:
             talker.data_received(self._heard)
+
+
+# --- what a protocol adds whose programs speak HTTP ----------------------------------------------------------------
+
+
+class WebDevice(Struct, frozen=True):
+    """One mount that is offered: how lines of its programs come in, what it is called, and its lasting ``key``."""
+
+    arrive: Arrive
+    title: str
+    key: str
+
+
+class Web(Protocol):
+    """The face of a protocol towards HTTP: it turns requests into lines that the protocol's framing cuts, and back."""
+
+    async def open_port(self, where: str, device: WebDevice, names: Sequence[str] = ()) -> Listener:
+        """A port of its own. ``names`` are further names by which programs may call this computer. Raises UserError."""
+
+    def add_routes(self, app: Any, devices: Sequence[WebDevice], names: Sequence[str] = ()) -> Callable[[], None]:
+        """Serve the devices as a part of an aiohttp application -> what ends that."""

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from gateway.protocols.base.session import Kept, Session
 
 
-@dataclass(slots=True)
 class AlpacaKept(Kept):
     """``ra``, ``dec`` are the target, degrees; ``elevation`` is in metres. None: not set yet."""
 

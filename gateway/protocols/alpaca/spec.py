@@ -11,7 +11,7 @@ from gateway.protocols.wireformat.command_set import load
 
 if TYPE_CHECKING:
     from gateway.protocols.base.frames import Framing
-    from gateway.protocols.base.web import Web
+    from gateway.transport.web_port import Web
 
 NAME = "alpaca"
 
@@ -24,7 +24,7 @@ def _framing(now: Callable[[], float]) -> Framing:
 
 
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:
-    from gateway.protocols.alpaca.surface import AlpacaSurface
+    from gateway.protocols.alpaca.surface.handlers import AlpacaSurface
     from gateway.protocols.base.session import ClientSettings
 
     model = {"name": NAME, "equinox": settings.equinox}

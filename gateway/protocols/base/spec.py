@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from gateway.protocols.base.reply_rules import ReplyRules
     from gateway.protocols.base.session import AltitudeLimits, ClientSettings
     from gateway.protocols.base.surface import Surface
-    from gateway.protocols.base.web import Web
     from gateway.protocols.mechanics.truth import Simulator
+    from gateway.transport.web_port import Web
 
 
 class SurfaceSettings(Struct, frozen=True):

@@ -118,14 +118,8 @@ def test_a_third_protocol_is_a_folder_a_folder_of_mappings_and_one_entry(tmp_pat
 
 
 def test_what_the_list_says() -> None:
-    assert pairs() == [
-        ("lx200", "nexstar"),
-        ("nexstar", "lx200"),
-        ("stellarium", "lx200"),
-        ("stellarium", "nexstar"),
-        ("alpaca", "lx200"),
-        ("alpaca", "nexstar"),
-    ]
+    assert pairs()[:2] == [("lx200", "nexstar"), ("nexstar", "lx200")]
+    assert pairs()[2:] == [(face, mount) for face in ("stellarium", "alpaca") for mount in ("lx200", "nexstar")]
     assert (other_surface("lx200"), other_surface("nexstar")) == ("nexstar", "lx200")
     assert guess(bytes((20, 0, 0, 0, *bytes(16)))) == "stellarium"
     assert (guess(b""), guess(b":GR#"), guess(b"\x06"), guess(b"#:GR#"), guess(b"e")) == (

@@ -12,7 +12,7 @@ from gateway.protocols.alpaca.faults import number
 from gateway.protocols.alpaca.http.programs import NoAnswerInTime, Program, Programs
 from gateway.protocols.alpaca.http.requests import Asked
 from gateway.protocols.alpaca.members import member
-from gateway.protocols.base.web import WebDevice
+from gateway.transport.web_port import WebDevice
 
 #: Seconds between two looks at whether a goto has ended, and how many of them one may last.
 LOOK, LONGEST = 0.25, 900.0

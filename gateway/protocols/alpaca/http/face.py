@@ -8,9 +8,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from gateway.core.errors import UserError
-from gateway.protocols.base.web import WebDevice
 from gateway.transport.handler import Listener
-from gateway.transport.web_port import WebPort, WebServer
+from gateway.transport.web_port import WebDevice, WebPort, WebServer
 
 if TYPE_CHECKING:
     from gateway.protocols.alpaca.http.server import AlpacaServer

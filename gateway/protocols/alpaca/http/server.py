@@ -18,9 +18,9 @@ from gateway.core.about import VERSION
 from gateway.protocols.alpaca.http.answers import Device, numbered
 from gateway.protocols.alpaca.http.requests import BadRequest, Pairs, understood, who_asks
 from gateway.protocols.alpaca.http.unique import unique_id
-from gateway.protocols.base.web import WebDevice
 from gateway.system.own_names import known_host
 from gateway.transport.handler import ConnectionRefused
+from gateway.transport.web_port import WebDevice
 
 #: The longest body of a request, bytes.
 LONGEST = 8192
