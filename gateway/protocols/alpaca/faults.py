@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from functools import cache
+
+import msgspec
 
 from gateway.core.errors import Fault, MappingError
 from gateway.protocols.wireformat.command_set import load
@@ -44,4 +45,4 @@ def number(fault: Fault) -> int:
 def refusal(frame: bytes, fault: Fault | None) -> bytes:
     """The answer to a request that is not carried out, or that nobody has."""
     told = fault or Fault("There is no such member.")
-    return json.dumps({"ErrorNumber": number(told), "ErrorMessage": str(told)}).encode() + b"\n"
+    return msgspec.json.encode({"ErrorNumber": number(told), "ErrorMessage": str(told)}) + b"\n"

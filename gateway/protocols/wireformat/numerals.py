@@ -6,10 +6,11 @@ Numbers go out in full, so that nothing is lost on the way. What comes in is tak
 
 from __future__ import annotations
 
-import json
 import math
 from datetime import UTC, datetime, timedelta
 from urllib.parse import quote, unquote
+
+import msgspec
 
 _TRUTH = {b"true": True, b"false": False}
 _BEGINNING = datetime(1970, 1, 1, tzinfo=UTC)
@@ -75,8 +76,11 @@ def moment(unix: float) -> bytes:
 
 def parse_moment(raw: bytes) -> float:
     """Unix seconds; a time without a zone is UTC."""
-    at = datetime.fromisoformat(unquote(raw.decode("ascii")))
-    return (at if at.tzinfo else at.replace(tzinfo=UTC)).timestamp()
+    try:
+        at = datetime.fromisoformat(unquote(raw.decode("ascii")))
+        return (at if at.tzinfo else at.replace(tzinfo=UTC)).timestamp()
+    except OverflowError as error:
+        raise ValueError(str(error)) from None
 
 
 def quoted(text: str) -> bytes:
@@ -91,9 +95,13 @@ def parse_quoted(raw: bytes) -> str:
 
 def json_text(value: object) -> bytes:
     """Any value as JSON on one line."""
-    return json.dumps(value).encode("ascii")
+    return msgspec.json.encode(value)
 
 
 def parse_json(raw: bytes) -> object:
     """The value of one line of JSON."""
-    return json.loads(raw)
+    try:
+        found: object = msgspec.json.decode(raw)
+    except msgspec.DecodeError as error:
+        raise ValueError(str(error)) from None
+    return found
