@@ -18,7 +18,7 @@ from gateway.app.config.places import right
 from gateway.app.config.programs import programs
 from gateway.clients.access import Access, Networks, networks
 from gateway.core.errors import UserError
-from gateway.protocols.registry import PROTOCOLS
+from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken
 
 _EVERY_ADDRESS = ("0.0.0.0", "::")
 #: What a surface listens on, rather than opens.
@@ -56,7 +56,7 @@ def _park(number: int, mount: MountConfig) -> Iterator[Mistake]:
     """Some mounts have a park position of their own, and no other; the others have none."""
     try:
         spec = PROTOCOLS[parse_endpoint(mount.at).protocol]
-    except UserError:
+    except (UserError, KeyError):
         return  # that is told of the endpoint
     if mount.park == "mount" and not spec.parks_itself:
         words = f"{spec.a_mount} has no park position of its own; write AZ,ALT or nothing"
@@ -76,6 +76,9 @@ def _endpoints(config: Config) -> Iterator[Mistake]:
             if meant := right(where, place[0] == "surface"):
                 yield Mistake(place, f"{at}: write {at.partition('@')[0]}@{meant}")
                 continue
+            if place[0] == "mount" and at.startswith(f"{ANY}@"):
+                listed = " or ".join(f"{name}@" for name in mounts())
+                yield Mistake(place, f"{at}: {ANY} is for surfaces; write {listed} before a mount")
             if place[0] == "surface" and where.startswith(_LISTENING):
                 from gateway.transport.tcp import split_address
 
@@ -118,7 +121,8 @@ def _clients(config: Config) -> Iterator[Mistake]:
     for number, surface in enumerate(config.surface):
         if surface.client in ("auto", "any"):
             continue
-        known = [*programs(parse_endpoint(surface.at).protocol), "auto", "any"]
+        spoke = spoken(parse_endpoint(surface.at).protocol)
+        known = [*(name for protocol in spoke for name in programs(protocol)), "auto", "any"]
         if surface.client not in known:
             words = f"{surface.client!r}: no such program is known; {nearest(surface.client, known)}"
             yield Mistake(("surface", number, "client"), words)

@@ -69,6 +69,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     from gateway.app.gateway import Gateway
     from gateway.astro.ephemeris import Sky
     from gateway.cli.serve.recorded import host_clock, record
+    from gateway.clients.any_protocol.web import Web
     from gateway.core.wire_log import WireLog
 
     done, sky = until_signal(), Sky()
@@ -81,6 +82,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     recorders: list[Recorder] = []
     onlookers: list[asyncio.Task[None]] = []
     console = None
+    web = Web(asyncio.get_running_loop().call_later) if config.page is not None else Web()
     announcement = Announcement(screen.warn, lambda text: gateways[0].wire_log.note("mount", text))
 
     def offers() -> list[Offer]:
@@ -95,6 +97,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
             wire_log.sinks.append(_log(config, mount))
         clock = host_clock() if mount.record else time.time
         gateways.append(Gateway(mount, config.of(mount), wire_log, sky, clock, screen.warn, watchdog))
+        gateways[-1].web = web
         gateways[-1].remember()
         if mount.record:
             recorders.append(record(mount.record, gateways[-1]))
@@ -134,6 +137,10 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         gc.freeze()  # what was made so far lives on: looking through it for garbage would hold up a stop
         if not done.is_set():
             console = await open_console(config, gateways, screen)
+            if console is not None:
+                web.open(console.serve)
+            else:
+                web.close()
         pages = announced(console) if config.discovery else []
         announcement.publish([*offers(), *pages])  # by now it is known which model fits the mount
         await done.wait()
@@ -142,6 +149,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         for task in onlookers:
             task.cancel()
         screen.clear()
+        web.close()
         if console is not None:
             await console.close()
         moved = [gateway.controller is not None and gateway.controller.reconciler.busy for gateway in gateways]
