@@ -80,6 +80,10 @@ def make_surface(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> S
     )
 
 
+def _nobody(words: str) -> None:
+    """Which type was chosen in a program does not matter where every protocol is spoken: nobody is told."""
+
+
 class Acceptors:
     """Makes what accepts the connections of each surface of one gateway.
 
@@ -108,11 +112,11 @@ class Acceptors:
         """For a surface, counted from 1. Raises UserError."""
         if endpoint.protocol != ANY:
             return self._one(number, endpoint, surface, self._warn)
-        speaking = {}
+        speaking, titles = {}, ", ".join(PROTOCOLS[name].title for name in spoken(ANY))
         for protocol in spoken(ANY):
             part = settled(msgspec.structs.replace(surface, at=f"{protocol}@{endpoint.where}"))
-            # which type was chosen in a program does not matter here, so nobody is told of a wrong one
-            speaking[protocol] = self._one(number, Endpoint(protocol, endpoint.where), part, lambda text: None)
+            speaking[protocol] = one = self._one(number, Endpoint(protocol, endpoint.where), part, _nobody)
+            one.face = msgspec.structs.replace(one.face, speaks=titles)
         return AnyAcceptor(speaking, self._web)
 
     def _one(
