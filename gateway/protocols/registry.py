@@ -15,6 +15,8 @@ PROTOCOLS: dict[str, ProtocolSpec] = {spec.name: spec for spec in (LX200, NEXSTA
 
 #: What stands in the place of a surface's protocol where each connection is told by its first bytes.
 ANY = "any"
+#: The TCP port that is suggested for such a surface.
+ANY_PORT = 4040
 
 
 def spoken(protocol: str) -> list[str]:

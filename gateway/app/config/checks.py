@@ -73,12 +73,13 @@ def _endpoints(config: Config) -> Iterator[Mistake]:
     for place, at in _all(config):
         try:
             where = parse_endpoint(at).where
-            if meant := right(where, place[0] == "surface"):
-                yield Mistake(place, f"{at}: write {at.partition('@')[0]}@{meant}")
-                continue
             if place[0] == "mount" and at.startswith(f"{ANY}@"):
                 listed = " or ".join(f"{name}@" for name in mounts())
                 yield Mistake(place, f"{at}: {ANY} is for surfaces; write {listed} before a mount")
+                continue
+            if meant := right(where, place[0] == "surface"):
+                yield Mistake(place, f"{at}: write {at.partition('@')[0]}@{meant}")
+                continue
             if place[0] == "surface" and where.startswith(_LISTENING):
                 from gateway.transport.tcp import split_address
 
@@ -122,7 +123,7 @@ def _clients(config: Config) -> Iterator[Mistake]:
         if surface.client in ("auto", "any"):
             continue
         spoke = spoken(parse_endpoint(surface.at).protocol)
-        known = [*(name for protocol in spoke for name in programs(protocol)), "auto", "any"]
+        known = [*dict.fromkeys(name for protocol in spoke for name in programs(protocol)), "auto", "any"]
         if surface.client not in known:
             words = f"{surface.client!r}: no such program is known; {nearest(surface.client, known)}"
             yield Mistake(("surface", number, "client"), words)

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import msgspec
 
 from gateway.app.config import called
+from gateway.app.config.places import right
 from gateway.astro.offline import go_offline
 from gateway.core.errors import UserError
 from gateway.protocols.base.spec import ProtocolSpec
@@ -47,10 +48,12 @@ def _of_any(what: str, where: str) -> Endpoint:
     if what != ANY:
         raise UserError(f"{what!r}: a surface for every protocol presents no single model; write {ANY}@{where}")
     if not where.startswith("tcp://"):
-        listed = " or ".join(f"{name}@{where}" for name in surfaces())
+        one = " or ".join(f"{name}@" for name in surfaces())
+        mount = " or ".join(f"{name}@" for name in mounts())
         raise UserError(
-            f"{ANY}@{where}: programs are told from each other by the first bytes of a connection, and a connection "
-            f"begins and ends on tcp:// only; write {ANY}@tcp://HOST:PORT, or {listed}"
+            f"{ANY}@{where}: {ANY} tells programs by the first bytes of a connection, which there is on tcp:// alone; "
+            f"write {ANY}@{right(where, True) or 'tcp://HOST:PORT'}, "
+            f"or one protocol: {one} where programs connect, {mount} for a mount"
         )
     return Endpoint(ANY, where)
 
