@@ -9,7 +9,7 @@ import msgspec
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.app.config.programs import as_settings, programs, recognisable, settled, wanted_by
 from gateway.app.watchdog import WatchedMount
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Access, networks
 from gateway.clients.any_protocol.acceptor import AnyAcceptor
