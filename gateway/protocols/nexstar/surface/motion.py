@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Busy, Invalid, NoAnswer, Unsupported
