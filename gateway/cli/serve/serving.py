@@ -69,7 +69,6 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     """
     from gateway.app.discovery import Announcement, offered
     from gateway.app.gateway import Gateway
-    from gateway.app.recording.recorded_gateway import host_clock, record_whole
     from gateway.astro.ephemeris.sky import Sky
     from gateway.core.wire_log import WireLog
 
@@ -96,11 +95,11 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         wire_log = WireLog(time.time)
         if config.log:
             wire_log.sinks.append(_log(config, mount))
-        clock = host_clock() if mount.record else time.time
+        clock = _host_clock() if mount.record else time.time
         gateways.append(Gateway(mount, config.of(mount), wire_log, sky, clock, screen.warn, watchdog))
         gateways[-1].remember()
         if mount.record:
-            recorders.append(record_whole(Path(mount.record), gateways[-1]))
+            recorders.append(_recorder(mount.record, gateways[-1]))
     before_suspension(lambda: _stand_still(gateways, screen))
     try:
         for gateway in gateways:
@@ -160,6 +159,18 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         for recorder in recorders:
             recorder.close()
     return 0
+
+
+def _host_clock() -> Callable[[], float]:
+    from gateway.app.recording.recorded_gateway import host_clock
+
+    return host_clock()
+
+
+def _recorder(path: str, gateway: Gateway) -> Recorder:
+    from gateway.app.recording.recorded_gateway import record_whole
+
+    return record_whole(Path(path), gateway)
 
 
 def _from_elsewhere(names: Sequence[str]) -> list[str]:
