@@ -61,6 +61,8 @@ class WireLog:
         self._said: set[tuple[str, str]] = set()
         #: The last of them, with a log or without one.
         self.lately: deque[Word] = deque(maxlen=REMEMBERED)
+        #: How many refusals there were, said or not.
+        self.refusals = 0
 
     def leave(self, sink: Sink) -> None:
         """Take a sink out, if it is still there: one that fails is taken out by itself."""
@@ -92,6 +94,7 @@ class WireLog:
     def refused(self, side: str, text: str, once_of: str | None = None) -> None:
         """Something that a program asked for is not done; ``once_of`` names who hears of it once only."""
         self.lately.append(Word(self.clock(), side, text))
+        self.refusals += 1
         if once_of is None:
             self.note(side, text)
         else:
