@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.clients.any_protocol.deciding import HTTP, decide, may_change, undecided, waiting
-from gateway.clients.strangers import METHODS
+from gateway.core.tables import read_table
 from gateway.protocols.registry import PROTOCOLS, surfaces
 from gateway.protocols.wireformat.command_set import load
 
@@ -67,8 +67,8 @@ def test_methods_that_begin_with_a_command_of_a_hand_control_are_its() -> None:
     """One byte is a whole command of it: ``L`` is answered, and what follows shows a stranger."""
     whole = [
         method
-        for methods in METHODS.values()
-        for method in methods.split()
+        for methods in read_table("strangers.toml")["methods"].values()
+        for method in methods
         if PROTOCOLS["nexstar"].opening.fullmatch(method[:1].encode())
     ]
     assert not {"GET", "HEAD", "POST", "PUT", "OPTIONS", "DELETE", "PATCH"} & set(whole)
