@@ -14,10 +14,25 @@ from gateway.protocols.stellarium.spec import SPEC as STELLARIUM
 
 PROTOCOLS: dict[str, ProtocolSpec] = {spec.name: spec for spec in (LX200, NEXSTAR, STELLARIUM, ALPACA)}
 
+#: What stands in the place of a surface's protocol where each connection is told by its first bytes.
+ANY = "any"
+#: The TCP port that is suggested for such a surface.
+ANY_PORT = 4040
+
+
+def spoken(protocol: str) -> list[str]:
+    """The protocols of a surface: its own, or all whose programs speak on a stream; HTTP goes to the web server."""
+    return streams() if protocol == ANY else [protocol]
+
 
 def surfaces() -> list[str]:
     """The protocols that programs may speak."""
     return [name for name, spec in PROTOCOLS.items() if spec.make_surface is not None]
+
+
+def streams() -> list[str]:
+    """Those of them that are spoken on a stream of bytes, and not over HTTP."""
+    return [name for name in surfaces() if PROTOCOLS[name].web is None]
 
 
 def mounts() -> list[str]:
