@@ -19,6 +19,7 @@ from gateway.console.recording import Recording
 from gateway.console.talk import Talk
 from gateway.core.about import VERSION
 from gateway.core.operations import GetIdentity, Identity
+from gateway.protocols.registry import spoken
 from gateway.protocols.wireformat.command_set import load
 from gateway.system.own_commands import own_words
 
@@ -99,7 +100,7 @@ class Mounts:
 
     async def explain(self, gateway: Gateway, surface: str, command: str) -> tuple[bool, str]:
         """What ``explain`` says of a command on this mount: played in a process of its own, one at a time."""
-        face = surface or gateway.names()[0].partition("@")[0]
+        face = spoken(surface or gateway.names()[0].partition("@")[0])[0]
         words = [*own_words(), "explain", "--", face, _called(gateway), command]
         async with self._explaining:
             process = await asyncio.create_subprocess_exec(
