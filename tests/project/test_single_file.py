@@ -73,14 +73,17 @@ def test_its_watchdog_stops_the_mount(one: str, tmp_path: Path, started: list[Ru
     truth = tmp_path / "truth.jsonl"
     started.append(sim := Running("sim", "nexstar:6-8se", "--at", "tcp://127.0.0.1:0", "--truth", str(truth), by=[one]))
     mount = f"nexstar@socket://{sim.ready().removeprefix('tcp://')}"
-    started.append(run := Running("run", "--mount", mount, "--surface", "lx200@tcp://127.0.0.1:0", by=[one]))
-    ask(run.ready(), b":RM#:Mn#:GD#")
-    wait_for_moving(truth, True)
-    [child] = Path(f"/proc/{run.process.pid}/task/{run.process.pid}/children").read_text().split()
-    os.kill(int(child), signal.SIGKILL)
-    wait_for_moving(truth, False)
-    run.end()
-    assert "the mount is told to stop" in run.said
+    try:
+        started.append(run := Running("run", "--mount", mount, "--surface", "lx200@tcp://127.0.0.1:0", by=[one]))
+        ask(run.ready(), b":RM#:Mn#:GD#")
+        wait_for_moving(truth, True)
+        [child] = Path(f"/proc/{run.process.pid}/task/{run.process.pid}/children").read_text().split()
+        os.kill(int(child), signal.SIGKILL)
+        wait_for_moving(truth, False)
+        run.end()
+        assert "the mount is told to stop" in run.said
+    finally:
+        assert sim.end() == 0  # asked, not killed: what was unpacked would go on without the file that it came from
 
 
 def wait_for_moving(truth: Path, moving: bool) -> None:
