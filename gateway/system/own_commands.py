@@ -11,7 +11,7 @@ import os
 import shutil
 import sys
 
-#: What the single file runs a script by; ``docs/tools/single_file.py`` writes the other half.
+#: What the single file runs a script by; what makes this file in docs/tools/ writes the other half.
 RUN_SCRIPT = "--run-script"
 
 
