@@ -14,7 +14,7 @@ from typing import Any, Protocol, cast
 from msgspec import Struct
 
 from gateway.transport.handler import Arrive, Listener
-from gateway.transport.listening import listen
+from gateway.transport.listening import SERVED, listen
 
 #: Bytes of one connection that are kept until the server is there; no honest request is longer.
 MOST = 16384
@@ -61,6 +61,15 @@ class WebPort:
                 self._loading.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await (await self._loading).close()
+
+
+class Elsewhere:
+    """Open as long as that web server is."""
+
+    where = SERVED
+
+    async def close(self) -> None:
+        """It is not ours."""
 
 
 class _Waiting(asyncio.Protocol):
@@ -112,5 +121,9 @@ class Web(Protocol):
     async def open_port(self, where: str, device: WebDevice, names: Sequence[str] = ()) -> Listener:
         """A port of its own. ``names`` are further names by which programs may call this computer. Raises UserError."""
 
-    def add_routes(self, app: Any, devices: Sequence[WebDevice], names: Sequence[str] = ()) -> Callable[[], None]:
-        """Serve the devices as a part of an aiohttp application -> what ends that."""
+    def add_routes(
+        self, app: Any, devices: Sequence[WebDevice], names: Sequence[str], may_act: Callable[[Any], bool]
+    ) -> Callable[[], None]:
+        """Serve the devices as a part of an aiohttp application -> what ends that. ``may_act`` tells of a request
+        whether it may do more than look and stop.
+        """

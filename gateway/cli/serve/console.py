@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from gateway.app.config import Config
+from gateway.app.config import Config, MountConfig, SurfaceConfig
 from gateway.app.config.sections.console import ConsoleConfig
 from gateway.cli.serve.live import Screen
-from gateway.protocols.registry import ANY
+from gateway.protocols.registry import ANY, PROTOCOLS
+from gateway.transport.listening import SERVED
 
 if TYPE_CHECKING:
     from gateway.app.discovery import Offer
@@ -40,6 +41,19 @@ async def open_console(config: Config, gateways: Sequence[Gateway], screen: Scre
     for line in from_elsewhere(page):
         screen.say(line)
     return page
+
+
+def answered_there(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
+    """The surfaces of programs that speak HTTP, which the console's server answers by the console's rules."""
+    page = config.page
+    if page is None:
+        return []
+    looks = page.read_only if page.pin is None else True
+    return [
+        SurfaceConfig(at=f"{name}@{SERVED}", mount=mount.name, allow=page.allow, read_only=looks)
+        for name, spec in PROTOCOLS.items()
+        if spec.web is not None
+    ]
 
 
 def _doors(gateways: Sequence[Gateway]) -> dict[int, Access]:

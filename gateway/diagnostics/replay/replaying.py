@@ -29,6 +29,7 @@ from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
 from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.transport import ConnectionHandler
+from gateway.transport.listening import networked
 from gateway.transport.wires import SimulatedTransport
 
 #: Turns of the event loop in which everything has come to rest that one event has set going.
@@ -260,7 +261,7 @@ class _Clients:
         now = bytearray()
         reception = self._gateway.receptions[number - 1]
         talk = _Talk(event.side, reception.come(event.side, host, now.extend), now)  # it was not turned away then
-        if self._gateway.endpoints[number - 1].where.startswith(("tcp://", "rfc2217://")):
+        if networked(self._gateway.endpoints[number - 1].where):
             talk.guest.network(lambda last: None)  # a stranger's bytes are in no recording
         self._here[event.side] = talk
         self.all.append(talk)

@@ -21,6 +21,7 @@ from gateway.core.wire_log import SKY_READY
 from gateway.diagnostics.replay.retraced import TOLD, RetracedEntrance, RetracedLoop, RetracedWire, Turn, turns
 from gateway.mount.link.line import MountLink
 from gateway.transport import ConnectionHandler
+from gateway.transport.listening import networked
 
 #: What the gateway is given to end after the last turn, seconds.
 AFTERWARDS = 1.0
@@ -199,7 +200,7 @@ class Retracing:
         reception = self.gateway.receptions[number - 1]
         name = host.removeprefix("pty:")
         talk.guest = reception.come(name if name.replace(" ", "_") == talk.name else talk.name, host, talk.now.extend)
-        if self.gateway.endpoints[number - 1].where.startswith(("tcp://", "rfc2217://")):
+        if networked(self.gateway.endpoints[number - 1].where):
             talk.guest.network(lambda last: None)
         self._here[talk.name] = talk
         self.clients += 1
