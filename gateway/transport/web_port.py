@@ -127,3 +127,6 @@ class Web(Protocol):
         """Serve the devices as a part of an aiohttp application -> what ends that. ``may_act`` tells of a request
         whether it may do more than look and stop.
         """
+
+    async def answer_discovery(self, places: Sequence[tuple[str, int]]) -> Callable[[], None]:
+        """Let programs find these addresses and ports -> what ends that. Raises OSError."""

@@ -90,6 +90,14 @@ def offer(page: Console) -> Offer:
     return Offer("http", "mount-gateway", "tcp", page.host, page.port)
 
 
+def to_be_found(page: Console | None) -> list[Offer]:
+    """The same server as programs that speak HTTP look for it."""
+    from gateway.app.discovery.offer import Offer
+
+    speaking = [name for name, spec in PROTOCOLS.items() if spec.web is not None]
+    return [Offer(name, "", "tcp", one.host, one.port) for one in announced(page) for name in speaking]
+
+
 def announced(page: Console | None) -> list[Offer]:
     """What is told on the network of a console: nothing of one that only this computer reaches."""
     return [found] if page is not None and (found := offer(page)).wide else []

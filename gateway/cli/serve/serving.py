@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from gateway.app.config import Config, MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.recording.turns import TurnLoop
 from gateway.cli.serve.broker import let_in, open_broker
-from gateway.cli.serve.console import announced, answered_there, open_console
+from gateway.cli.serve.console import announced, answered_there, open_console, to_be_found
 from gateway.cli.serve.finding import serve
 from gateway.cli.serve.live import Screen, find_terminal, look_on
 from gateway.cli.serve.signals import before_suspension, until_signal
@@ -87,9 +87,11 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     web = Web(asyncio.get_running_loop().call_later) if config.page is not None else Web()
     announcement = Announcement(screen.warn, lambda text: gateways[0].wire_log.note("mount", text))
 
+    def surfaces() -> list[Offer]:
+        return offered(name for gateway in gateways for name in gateway.names()) if config.discovery else []
+
     def offers() -> list[Offer]:
-        names = [name for gateway in gateways for name in gateway.names()] if config.discovery else []
-        return [offer for offer in offered(names) if offer.wide]
+        return [offer for offer in surfaces() if offer.wide]
 
     if words := make_room(_programs(config), len(config.mount) + len(config.surface)):
         screen.warn(words)
@@ -145,6 +147,8 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
             else:
                 web.close()
         pages = announced(console) if config.discovery else []
+        if config.discovery:
+            await announcement.let_find([*surfaces(), *to_be_found(console)])
         announcement.publish([*offers(), *pages])  # by now it is known which model fits the mount
         await done.wait()
     finally:

@@ -42,3 +42,9 @@ class AlpacaWeb:
         server = AlpacaServer(devices, names, may_act, console=True)
         server.add_to(app)
         return server.close
+
+    async def answer_discovery(self, places: Sequence[tuple[str, int]]) -> Callable[[], None]:
+        """By ASCOM's own way -> what ends that. Raises OSError."""
+        from gateway.protocols.alpaca.http.discovery import answer_discovery
+
+        return await answer_discovery(places)
