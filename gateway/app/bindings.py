@@ -87,14 +87,14 @@ def make_surface(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> S
     )
 
 
-async def open_surface(endpoint: Endpoint, baud: int | None, arrive: Arrive, title: str, mount: str) -> Listener:
+async def open_surface(endpoint: Endpoint, baud: int | None, arrive: Arrive, title: str) -> Listener:
     """The port of a surface; programs that speak HTTP are told the mount by its ``title``. Raises UserError."""
     spec = PROTOCOLS.get(endpoint.protocol)
     if endpoint.where == SERVED:
         return Elsewhere()
     if spec is None or spec.web is None:
         return await open_port(endpoint.where, arrive, baud)
-    return await spec.web().open_port(endpoint.where, WebDevice(arrive, title, mount))
+    return await spec.web().open_port(endpoint.where, WebDevice(arrive, title))
 
 
 def _nobody(words: str) -> None:

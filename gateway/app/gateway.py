@@ -107,7 +107,7 @@ class Gateway:
         for endpoint, surface, reception in zip(self.endpoints, self.surfaces, self.receptions, strict=True):
             try:
                 arrive = self.entrance.arrive(reception)
-                self.ports.append(await open_surface(endpoint, surface.baud, arrive, self.title, str(self.mount)))
+                self.ports.append(await open_surface(endpoint, surface.baud, arrive, self.title))
             except UserError:
                 await self.close()
                 raise
@@ -244,7 +244,7 @@ class Gateway:
     def served(self) -> dict[str, WebDevice]:
         """What a web server of somebody else's is to serve, by protocol."""
         return {
-            endpoint.protocol: WebDevice(self.entrance.arrive(reception), self.title, str(self.mount))
+            endpoint.protocol: WebDevice(self.entrance.arrive(reception), self.title)
             for endpoint, reception in zip(self.endpoints, self.receptions, strict=True)
             if endpoint.where == SERVED
         }

@@ -108,11 +108,10 @@ class _Waiting(asyncio.Protocol):
 
 
 class WebDevice(Struct, frozen=True):
-    """One mount that is offered: how lines of its programs come in, what it is called, and its lasting ``key``."""
+    """One mount that is offered: how lines of its programs come in, and what it is called, now and later."""
 
     arrive: Arrive
     title: str
-    key: str
 
 
 class Web(Protocol):

@@ -131,7 +131,7 @@ class AlpacaServer:
     async def _configured(self, request: web.Request) -> web.StreamResponse:
         return _value(request, [
             {"DeviceName": device.web.title, "DeviceType": "Telescope", "DeviceNumber": number,
-             "UniqueID": unique_id(device.web.key)}
+             "UniqueID": unique_id(device.web.title)}
             for number, device in enumerate(self._devices)
         ])  # fmt: skip
 
