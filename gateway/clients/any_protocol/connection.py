@@ -151,7 +151,8 @@ class AnyConnection:
     def _speak_http(self, sent: bytes) -> None:
         self._part()
         self.sent, self.feed, self._browses = sent, self._wait_for_web, True
-        self._controller.wire_log.note_once(self._name, "speaks HTTP: for the console, the mount hears nothing of it")
+        words = "speaks HTTP: for the console, the mount hears nothing of it"
+        self._controller.wire_log.note_once(self._name, words, of=self._host)
         self._web.enter(self)
 
     def _wait_for_web(self, data: bytes) -> None:
