@@ -143,6 +143,22 @@ def test_stellarium_mobile_begins_with_an_echo_and_goes_on_in_either() -> None:
     play(program)
 
 
+def test_stellarium_mobile_is_recognised_by_all_that_it_has_said() -> None:
+    """It counts in J2000; a program that says the same without the echo does not."""
+
+    async def program(bridge: AnyBridge) -> None:
+        bridge.controller.astrometry.sky.load()
+        mobile, other = bridge.call("10.0.0.1"), bridge.call("10.0.0.2")
+        for caller, said in ((mobile, [b"Ka", b"##", b"#\x06"]), (other, [b"##", b"#\x06"])):
+            for words in said:
+                await caller.ask(words, 0.9)
+        assert (mobile.heard, other.heard) == (b"a#A", b"A")
+        assert await mobile.ask(b":GR#") != await other.ask(b":GR#")
+        assert [one.profile for one in bridge.any.connections()].count("Stellarium Mobile PLUS") == 1
+
+    play(program)
+
+
 def test_half_a_command_that_is_not_continued_is_forgotten() -> None:
     """As on a surface of its own protocol: the digits of a goto whose letter came long ago move nothing."""
 
