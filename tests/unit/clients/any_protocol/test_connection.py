@@ -238,6 +238,20 @@ def test_the_dead_man_stops_an_arrow_whose_program_is_gone() -> None:
     play(program)
 
 
+def test_positions_that_are_told_hold_no_arrow() -> None:
+    """Who only listens says nothing: the arrow of another connection of the same computer ends without that one."""
+
+    async def program(bridge: AnyBridge) -> None:
+        caller, listener = bridge.call(), bridge.call()
+        caller.tell(b":RS#:Mn#")
+        await asyncio.sleep(4.0)
+        assert bridge.controller.wanted.axes and listener.heard
+        await asyncio.sleep(4.0)
+        assert not bridge.controller.wanted.axes
+
+    play(program, config={"dead_man": 6.0})
+
+
 def test_closing_while_nothing_is_known() -> None:
     async def program(bridge: AnyBridge) -> None:
         for sent in (b"", b"#", b"P"):
