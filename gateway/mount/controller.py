@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar, cast
 
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.core import operations as op
 from gateway.core.errors import Fault
 from gateway.core.wire_log import WireLog

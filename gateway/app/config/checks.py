@@ -16,10 +16,13 @@ from gateway.app.config.keys import Config, MountConfig
 from gateway.app.config.lines import Place
 from gateway.app.config.places import right
 from gateway.app.config.programs import programs
+from gateway.app.config.sections.broker import parse_broker
 from gateway.clients.access import Access, Networks, networks
 from gateway.core.errors import UserError
-from gateway.protocols.registry import PROTOCOLS
+from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken
 
+#: What stands in the place of a gateway's name where all of them are meant.
+EVERY = "all"
 _EVERY_ADDRESS = ("0.0.0.0", "::")
 #: What a surface listens on, rather than opens.
 _LISTENING = ("tcp://", "rfc2217://")
@@ -45,6 +48,7 @@ def mistakes(config: Config) -> Iterator[Mistake]:
     yield from _clients(config)
     yield from _access(config)
     yield from _console(config)
+    yield from _mqtt(config)
     yield from _taken_twice(config)
     if not config.surface:
         yield Mistake(
@@ -56,7 +60,7 @@ def _park(number: int, mount: MountConfig) -> Iterator[Mistake]:
     """Some mounts have a park position of their own, and no other; the others have none."""
     try:
         spec = PROTOCOLS[parse_endpoint(mount.at).protocol]
-    except UserError:
+    except (UserError, KeyError):
         return  # that is told of the endpoint
     if mount.park == "mount" and not spec.parks_itself:
         words = f"{spec.a_mount} has no park position of its own; write AZ,ALT or nothing"
@@ -73,6 +77,10 @@ def _endpoints(config: Config) -> Iterator[Mistake]:
     for place, at in _all(config):
         try:
             where = parse_endpoint(at).where
+            if place[0] == "mount" and at.startswith(f"{ANY}@"):
+                listed = " or ".join(f"{name}@" for name in mounts())
+                yield Mistake(place, f"{at}: {ANY} is for surfaces; write {listed} before a mount")
+                continue
             if meant := right(where, place[0] == "surface"):
                 yield Mistake(place, f"{at}: write {at.partition('@')[0]}@{meant}")
                 continue
@@ -118,7 +126,8 @@ def _clients(config: Config) -> Iterator[Mistake]:
     for number, surface in enumerate(config.surface):
         if surface.client in ("auto", "any"):
             continue
-        known = [*programs(parse_endpoint(surface.at).protocol), "auto", "any"]
+        spoke = spoken(parse_endpoint(surface.at).protocol)
+        known = [*dict.fromkeys(name for protocol in spoke for name in programs(protocol)), "auto", "any"]
         if surface.client not in known:
             words = f"{surface.client!r}: no such program is known; {nearest(surface.client, known)}"
             yield Mistake(("surface", number, "client"), words)
@@ -175,6 +184,20 @@ def _console(config: Config) -> Iterator[Mistake]:
                 networks(value if isinstance(value, list) else [])
             except UserError as error:
                 yield Mistake(("console", 0, key), str(error))
+
+
+def _mqtt(config: Config) -> Iterator[Mistake]:
+    """A broker's address, and a name that is not that of all gateways together."""
+    for mqtt in config.mqtt:
+        try:
+            broker = parse_broker(mqtt.at)
+        except UserError as error:
+            yield Mistake(("mqtt", 0, "at"), str(error))
+            continue
+        if mqtt.ca and not broker.tls:
+            yield Mistake(("mqtt", 0, "ca"), f"certificates are for TLS: write mqtts://{broker.host} in at")
+        if mqtt.id == EVERY:
+            yield Mistake(("mqtt", 0, "id"), f"{EVERY!r} means every gateway on the broker; write another name")
 
 
 def _taken_twice(config: Config) -> Iterator[Mistake]:

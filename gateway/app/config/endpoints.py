@@ -10,11 +10,12 @@ from collections.abc import Sequence
 
 import msgspec
 
-from gateway.app.config import called
+from gateway.app.config.called import named, suggestion
+from gateway.app.config.places import right
 from gateway.astro.offline import go_offline
 from gateway.core.errors import UserError
 from gateway.protocols.base.spec import ProtocolSpec
-from gateway.protocols.registry import PROTOCOLS, mounts
+from gateway.protocols.registry import ANY, PROTOCOLS, mounts, surfaces
 
 
 class Endpoint(msgspec.Struct, frozen=True):
@@ -26,7 +27,12 @@ class Endpoint(msgspec.Struct, frozen=True):
     version: str | None = None
 
     def __str__(self) -> str:
-        return f"{PROTOCOLS[self.protocol].shown(self.model, self.version)}@{self.where}"
+        return f"{shown(self.protocol, self.model, self.version)}@{self.where}"
+
+
+def shown(protocol: str, model: str | None = None, version: str | None = None) -> str:
+    """What stands in front of the place."""
+    return protocol if protocol == ANY else PROTOCOLS[protocol].shown(model, version)
 
 
 def parse_endpoint(text: str) -> Endpoint:
@@ -34,12 +40,27 @@ def parse_endpoint(text: str) -> Endpoint:
     what, at, where = text.partition("@")
     if not at or not where:
         raise UserError(f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_whole(text.strip('@'))}")
-    return parse_device(what, where)
+    return _of_any(what, where) if what.partition(":")[0] == ANY else parse_device(what, where)
+
+
+def _of_any(what: str, where: str) -> Endpoint:
+    """The place of a surface for every protocol. Raises UserError."""
+    if what != ANY:
+        raise UserError(f"{what!r}: a surface for every protocol presents no single model; write {ANY}@{where}")
+    if not where.startswith("tcp://"):
+        one = " or ".join(f"{name}@" for name in surfaces())
+        mount = " or ".join(f"{name}@" for name in mounts())
+        raise UserError(
+            f"{ANY}@{where}: {ANY} tells programs by the first bytes of a connection, which there is on tcp:// alone; "
+            f"write {ANY}@{right(where, True) or 'tcp://HOST:PORT'}, "
+            f"or one protocol: {one} where programs connect, {mount} for a mount"
+        )
+    return Endpoint(ANY, where)
 
 
 def _whole(text: str) -> str:
     """Examples made of the half of an endpoint that was written."""
-    if called.device(text.partition("/")[0]):
+    if named(text.partition("/")[0]):
         return f"{text}@/dev/ttyUSB0"
     if text.startswith(("/dev/", "COM", "tcp://", "socket://", "rfc2217://", "pty:")) or text == "sim":
         return " or ".join(f"{name}@{text} ({PROTOCOLS[name].makers[0].title()})" for name in reversed(mounts()))
@@ -50,9 +71,9 @@ def parse_device(what: str, where: str = "") -> Endpoint:
     """``PROTOCOL[:MODEL[/VERSION]]``, or what owners call a mount in the place of either; a StarSense hand control is a
     version or a model of its own. Raises UserError."""
     name, slash, version = what.partition("/")
-    device = called.device(name)
+    device = named(name)
     if device is None:
-        raise UserError(f"{name!r} is no protocol ({', '.join(PROTOCOLS)}) and no model; {called.suggestion(name)}")
+        raise UserError(f"{name!r} is no protocol ({', '.join(PROTOCOLS)}) and no model; {suggestion(name)}")
     protocol, _, model = device.partition(":")
     spec = PROTOCOLS[protocol]
     if model in spec.version_words:
@@ -61,7 +82,7 @@ def parse_device(what: str, where: str = "") -> Endpoint:
     if (model or version) and not words:
         raise UserError(f"{what!r}: {protocol} has neither models nor versions; write {protocol}@{where or 'WHERE'}")
     if model and model not in words:
-        other = called.device(model)
+        other = named(model)
         right = f"write {other}" if other else nearest(model, words)
         raise UserError(f"{protocol} has no model {model!r}; {right}")
     return Endpoint(protocol, where, model or None, _version(spec, version) if version else None)

@@ -46,8 +46,7 @@ class ShownMount:
     def look_away(self) -> None:
         """Cost nothing any more."""
         for sink in (self.pulse.put, self._programs.put):
-            if sink in self.gateway.wire_log.sinks:
-                self.gateway.wire_log.sinks.remove(sink)
+            self.gateway.wire_log.leave(sink)
 
     async def state(self) -> dict[str, Any]:
         """Everything that a page is shown of it."""

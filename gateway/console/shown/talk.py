@@ -43,14 +43,13 @@ class Talk:
         """Somebody is shown it from now on, or nobody any more."""
         if on == self._listening:
             return
-        self._listening, sinks = on, self._gateway.wire_log.sinks
+        self._listening, wire_log = on, self._gateway.wire_log
         if on:
             self._rows, self._open, self._asked = self._fresh(), {}, None
-            sinks.append(self._entries.append)
+            wire_log.sinks.append(self._entries.append)
         else:
             self._entries.clear()
-            if self._entries.append in sinks:
-                sinks.remove(self._entries.append)
+            wire_log.leave(self._entries.append)
 
     def take(self) -> Iterator[dict[str, Any]]:
         """The rows of what was said since the last time, one by one."""

@@ -33,6 +33,8 @@ OLDEST, NEWEST, GT = (1, 2), (6, 0), 100
 GUIDE_RATE = 0.5
 #: The echo of a byte, which no Meade takes for anything.
 ECHO = b"Kx"
+#: The same with any byte: Stellarium Mobile begins so whatever it goes on with.
+ANY_ECHO = re.compile(rb"(?:K.)+", re.DOTALL)
 #: How sure it can be that bytes are in this protocol: it has no marks, nearly every byte may be a command of it.
 UNMARKED = 0.1
 #: What a program for hand controls may begin a connection with: bytes that are passed over, and well-formed commands.
@@ -69,9 +71,10 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.base.session import ClientSettings
     from gateway.protocols.base.surface import Surface
     from gateway.protocols.nexstar.session import NexStarSession
-    from gateway.protocols.nexstar.surface import HANDLERS, fitting, lacks, presented
     from gateway.protocols.nexstar.surface.devices import no_response, passes
+    from gateway.protocols.nexstar.surface.handlers import HANDLERS
     from gateway.protocols.nexstar.surface.own import stands_against
+    from gateway.protocols.nexstar.surface.presented import fitting, lacks, presented
 
     version = settings.version
     surface = Surface(load(NAME), HANDLERS, no_response)
@@ -82,7 +85,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 
 
 def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
-    from gateway.protocols.nexstar.driver import FOLLOW_UPS, HANDLERS
+    from gateway.protocols.nexstar.driver.handlers import FOLLOW_UPS, HANDLERS
     from gateway.protocols.nexstar.driver.state import NexStar, Settings
 
     chosen = Settings(
@@ -174,6 +177,7 @@ SPEC = ProtocolSpec(
     version_words={STARSENSE: _starsense},
     presented_version="4.21",
     recognises=_recognises,
+    also_others=ANY_ECHO,
     questions=(Question(1, ECHO, _answered_echo, late=True),),
     capabilities={
         "coordinates": {"e": "precise (e, r)", "E": "16 bits (E, R)"},

@@ -142,7 +142,7 @@ def test_a_classic_that_cannot_sleep_says_so_in_the_log(mount: str) -> None:
             assert await client.ask(b"x") == b"#"
             await asyncio.sleep(2.0)
             assert await client.ask(b"t") in (b"\x01#", b"\x02#"), "it tracks"
-            assert "Sleep: The mount keeps tracking" in notes(bridge)
+            assert "Hibernate: The mount keeps tracking" in notes(bridge)
 
     run(program())
 

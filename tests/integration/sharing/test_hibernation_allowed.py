@@ -29,7 +29,7 @@ QUESTION = {"nexstar": b"Kz", "lx200": b":GVP#"}
 
 
 def refusals(bridge: Bridge) -> list[str]:
-    return [entry.note for entry in bridge.entries if entry.arrow == "!" and "Sleep refused" in entry.note]
+    return [entry.note for entry in bridge.entries if entry.arrow == "!" and "Hibernate refused" in entry.note]
 
 
 @pytest.mark.parametrize("transport", ["tcp", "rfc2217"])
@@ -109,7 +109,7 @@ def test_the_key_of_the_mount_counts_on_every_port_of_a_network(keys: dict[str, 
 
         def look(entry: Entry) -> None:
             sent = entry.side == "mount" and entry.arrow == ">" and entry.data == b"x"
-            if (sent or "Sleep refused" in entry.note) and not decided.done():
+            if (sent or "Hibernate refused" in entry.note) and not decided.done():
                 decided.set_result(sent)
 
         gateway.wire_log.sinks.append(look)

@@ -5,7 +5,7 @@ What is under way already is ended by the best source alone: whoever is wrong mu
 
 from __future__ import annotations
 
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from gateway.core.errors import Fault, NearSun
 from gateway.core.operations import Equatorial
