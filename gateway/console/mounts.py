@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import sys
 from collections.abc import Sequence
 
 from gateway.app.gateway import Gateway
@@ -15,6 +14,7 @@ from gateway.core.about import VERSION
 from gateway.core.operations import GetIdentity, Identity
 from gateway.protocols.registry import spoken
 from gateway.protocols.wireformat.command_set import load
+from gateway.system.own_commands import own_words
 
 #: Seconds that an explanation may take; it is played through a whole gateway of its own, in another process.
 EXPLAIN = 20.0
@@ -48,7 +48,7 @@ class Mounts:
     async def explain(self, gateway: Gateway, surface: str, command: str) -> tuple[bool, str]:
         """What ``explain`` says of a command on this mount: played in a process of its own, one at a time."""
         face = spoken(surface or gateway.names()[0].partition("@")[0])[0]
-        words = [sys.executable, "-m", "gateway", "explain", "--", face, _called(gateway), command]
+        words = [*own_words(), "explain", "--", face, _called(gateway), command]
         async with self._explaining:
             process = await asyncio.create_subprocess_exec(
                 *words, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
