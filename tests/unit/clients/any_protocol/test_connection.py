@@ -89,6 +89,8 @@ def test_idle_bytes_decide_nothing(idle: bytes) -> None:
         for caller in (one, other):
             caller.tell(idle)
         await asyncio.sleep(10.0)
+        one.tell(idle * 1000)
+        assert len(one._guest.sent) <= 64, "however many come, few are kept"
         assert one.heard == b"" and bridge.spoken() == [] and bridge.any.programs() == 0
         assert len(await one.ask(b":GR#")) == 9
         assert len(await other.ask(b"e")) == 18
@@ -300,14 +302,13 @@ def test_whatever_comes_is_bounded_and_ends_well(pieces: list[bytes], pauses: li
         caller = bridge.call()
         for piece, pause in zip(pieces, pauses, strict=False):
             caller.tell(piece)
-            assert len(caller._guest.sent) < 8192
+            assert caller.gone or len(caller._guest.sent) < 200
             await asyncio.sleep(pause)
         other = bridge.call("10.0.0.9")
         assert len(await other.ask(b":GVP#")) == 9
-        caller._guest.close()
-        assert [entry.arrow for entry in bridge.entries if entry.side.startswith("127") and entry.arrow in "+-"] == [
-            "+",
-            "-",
-        ]
+        if not caller.gone:
+            caller._guest.close()
+        told = [entry.arrow for entry in bridge.entries if entry.side.startswith("127") and entry.arrow in "+-"]
+        assert told == ["+", "-"]
 
     play(program)
