@@ -64,9 +64,7 @@ def test_a_gateway_is_reached_when_its_folder_is_gone(
 
 
 @LINUX
-def test_a_gateway_that_could_write_nothing_is_reached(
-    started: list[Running], stop: Stop, seen: list[Process]
-) -> None:
+def test_a_gateway_that_could_write_nothing_is_reached(started: list[Running], stop: Stop, seen: list[Process]) -> None:
     """/proc takes files of nobody, not even of root; a full disk and a read-only one do neither."""
     moving = Moving(started, Path("/proc"))
     seen.append(Process(moving.gateway.process.pid, os.getuid()))
