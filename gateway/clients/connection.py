@@ -6,8 +6,9 @@ before anything of it is heard.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
+
+from msgspec.structs import replace
 
 from gateway.clients.access import Rights
 from gateway.clients.backlog import Backlog
@@ -142,7 +143,7 @@ class ClientConnection:
             return manner.first.startswith(self._begin)
         client, session = self.client, self.client.session
         client.runner.equinox = manner.equinox or client.runner.equinox
-        session.settings = dataclasses.replace(session.settings, **manner.settings)
+        session.settings = replace(session.settings, **manner.settings)
         session.kept.precision = manner.settings.get("precision", session.kept.precision)
         self.profile = manner.program
         client.log.note(f"recognised client {manner.program}: applying its profile")

@@ -21,6 +21,7 @@ from gateway.clients.access import Access
 from gateway.console import gate
 from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
+from gateway.diagnostics.metrics.exposition import Metrics, missing
 
 PAGE = Path(__file__).parent / "page"
 #: What the page consists of, by ending.
@@ -43,6 +44,7 @@ class Console:
         self._access, self._names = access, tuple(names)
         self._token = secrets.token_urlsafe(24)
         self._files = _files()
+        self._metrics = Metrics(gateways)
         self._pages: set[asyncio.Task[Any]] = set()
         self._runner: web.AppRunner | None = None
         self.host, self.port = "", 0
@@ -59,7 +61,7 @@ class Console:
         """Listen on a port, or on the next free one of ``others``. Raises OSError."""
         app = web.Application(middlewares=[self._gate()], client_max_size=1024)
         app.add_routes([
-            web.get("/", self._index), web.get("/socket", self._socket),
+            web.get("/", self._index), web.get("/socket", self._socket), web.get("/metrics", self._figures),
             web.get("/recording/{mount}/{name}", self._recording), web.get("/{path:.+}", self._file),
         ])  # fmt: skip
         self._runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=0.5)
@@ -85,6 +87,7 @@ class Console:
         if self._runner is not None:
             await self._runner.cleanup()
             self._runner = None
+        self._metrics.close()
         for recording in self._mounts.recordings:
             if recording.state is not None:
                 recording.end()
@@ -139,6 +142,11 @@ class Console:
             raise web.HTTPNotFound
         body, kind = found
         return web.Response(body=body, content_type=kind, charset="utf-8", headers={"Cache-Control": "no-cache"})
+
+    async def _figures(self, request: web.Request) -> web.StreamResponse:
+        if (text := await self._metrics.text()) is None:
+            raise web.HTTPNotImplemented(reason=missing())
+        return web.Response(body=text, headers={"Content-Type": "text/plain; version=0.0.4; charset=utf-8"})
 
     async def _recording(self, request: web.Request) -> web.StreamResponse:
         if not gate.same_token(request.query.get("token"), self._token):

@@ -60,6 +60,13 @@ class WireLog:
         self._said: set[tuple[str, str]] = set()
         #: The last of them, with a log or without one.
         self.lately: deque[Word] = deque(maxlen=REMEMBERED)
+        #: How many refusals there were, said or not.
+        self.refusals = 0
+
+    def leave(self, sink: Sink) -> None:
+        """Take a sink out, if it is still there: one that fails is taken out by itself."""
+        if sink in self.sinks:
+            self.sinks.remove(sink)
 
     def put(self, side: str, arrow: str, data: bytes = b"", note: str = "") -> None:
         """Record bytes that passed, or a note."""
@@ -69,7 +76,7 @@ class WireLog:
                 try:
                     sink(entry)
                 except OSError:  # a log that cannot be written any more must not cost the mount its line
-                    self.sinks.remove(sink)
+                    self.leave(sink)
 
     def note(self, side: str, text: str) -> None:
         """Record a fault or a decision in words."""
@@ -86,6 +93,7 @@ class WireLog:
     def refused(self, side: str, text: str, once_of: str | None = None) -> None:
         """Something that a program asked for is not done; ``once_of`` names who hears of it once only."""
         self.lately.append(Word(self.clock(), side, text))
+        self.refusals += 1
         if once_of is None:
             self.note(side, text)
         else:

@@ -20,6 +20,8 @@ ROOT = Path(gateway.__file__).parent
 FOLDERS = sorted(path.parent for path in ROOT.rglob("__init__.py"))
 #: Entries of a folder, lines of a module, and classes of a mount that reach each other at run time.
 ENTRIES, LINES, BALL = 14, 300, 6
+#: What lies in a folder and is nothing that anybody reads.
+NO_PARTS = ("__pycache__", "py.typed")
 
 
 def _name(path: Path) -> str:
@@ -32,7 +34,7 @@ def test_there_are_no_import_circles() -> None:
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=_name)
 def test_a_folder_is_not_crowded(folder: Path) -> None:
-    entries = sorted(path.name for path in folder.iterdir() if path.name != "__pycache__")
+    entries = sorted(path.name for path in folder.iterdir() if path.name not in NO_PARTS)
     assert len(entries) <= ENTRIES, entries
 
 

@@ -47,9 +47,8 @@ NEXSTAR = (
 SERVE = """
 import asyncio, sys
 from gateway.cli import main
-from gateway.cli.serve import recorded
-recorded.LONGEST = int(sys.argv.pop(1))
-recorded.record.__defaults__ = (recorded.LONGEST,)
+from gateway.app.recording.recorded_gateway import record_whole
+record_whole.__defaults__ = (int(sys.argv.pop(1)),)
 sys.exit(main())
 """
 
