@@ -18,7 +18,7 @@ from gateway.clients.profiles import ClientProfile, SurfaceBinding
 from gateway.clients.strangers import Greeting, page
 from gateway.clients.wrong_preset import FirstWords
 from gateway.transport.baud_trial import BaudTrial
-from gateway.transport.handler import HangUp
+from gateway.transport.handler import HandOver, HangUp
 
 #: Why the first bytes of a connection were dropped when it ended before it was known who had sent them.
 HALF_A_WORD = "no command of this surface's protocol begins so"
@@ -152,7 +152,7 @@ class ClientConnection:
     def serial(self, change_rate: Callable[[int], int]) -> None:
         self.client.rate = BaudTrial(change_rate)
 
-    def network(self, hang_up: HangUp) -> None:
+    def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
         """From here on nothing is heard before it is known that no stranger says it."""
         client, now = self.client, self._controller.now
         self._hang_up, self._after = hang_up, self._take

@@ -19,7 +19,8 @@ class Entry(NamedTuple):
     """One thing that happened.
 
     ``arrow`` is ``>`` for a command towards the mount, ``<`` for a reply, ``raw`` for bytes as they arrived, ``!`` for
-    a note, ``+`` and ``-`` for a connection that comes and goes, ``^`` and ``v`` for the mount's port opened and lost,
+    a note, ``+`` and ``-`` for a connection that comes and goes, ``~`` for the protocol
+    that it turns out to speak (with the reason behind a comma), ``^`` and ``v`` for the mount's port opened and lost,
     ``r`` for the controller's decision to read something anew, ``x`` for bytes of a program that are dropped, with the
     reason.
     """
