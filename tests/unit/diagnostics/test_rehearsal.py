@@ -41,7 +41,7 @@ SOME = [
 ]  # fmt: skip
 
 
-@pytest.mark.sampled(every=3)
+@pytest.mark.sampled(every=4)
 @pytest.mark.parametrize(("face", "mount"), SOME)
 def test_the_tables_say_what_the_wire_carries(face: str, mount: str) -> None:
     plays, found = wire.rehearse(wire.Pair(parse_device(face), parse_device(mount)))
