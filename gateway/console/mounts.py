@@ -6,7 +6,6 @@ The state of the mounts is made once for all pages that look, at most five times
 from __future__ import annotations
 
 import asyncio
-import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -22,6 +21,7 @@ from gateway.core.about import VERSION
 from gateway.core.operations import GetIdentity, Identity
 from gateway.protocols.registry import spoken
 from gateway.protocols.wireformat.command_set import load
+from gateway.system.own_commands import own_words
 
 #: Seconds for which a state is the newest one, and for which the Sun, the Moon and the planets stay where they were.
 FRESH, BODIES_FRESH = 0.15, 10.0
@@ -101,7 +101,7 @@ class Mounts:
     async def explain(self, gateway: Gateway, surface: str, command: str) -> tuple[bool, str]:
         """What ``explain`` says of a command on this mount: played in a process of its own, one at a time."""
         face = spoken(surface or gateway.names()[0].partition("@")[0])[0]
-        words = [sys.executable, "-m", "gateway", "explain", "--", face, _called(gateway), command]
+        words = [*own_words(), "explain", "--", face, _called(gateway), command]
         async with self._explaining:
             process = await asyncio.create_subprocess_exec(
                 *words, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
