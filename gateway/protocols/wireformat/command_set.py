@@ -45,6 +45,7 @@ class CommandSet:
         self._own: dict[str, OwnRow] | None = None
         self._driver: dict[str, list[Way]] | None = None
         self._models: dict[str, Model] | None = None
+        self._extra: dict[str, dict[str, Model]] = {}
 
     def _where(self, file: str) -> str:
         return f"mappings/{self.name}/{file}"
@@ -147,7 +148,9 @@ class CommandSet:
 
     def extra(self, file: str) -> dict[str, Model]:
         """A further table of this protocol, such as ``rates.toml``."""
-        return self._read(file, Model)
+        if file not in self._extra:
+            self._extra[file] = self._read(file, Model)
+        return self._extra[file]
 
     def find(self, frame: bytes) -> tuple[Command, FrameTemplate] | None:
         """The command whose template fits the whole frame, longest literal beginning first."""

@@ -8,7 +8,6 @@ import json
 import os
 import socket
 import subprocess
-import sys
 import threading
 import time
 import tty
@@ -30,8 +29,8 @@ from gateway.diagnostics.detect.ports import here, holder, lasting_name
 from gateway.diagnostics.detect.probe import Patience
 from gateway.transport.pty import speed
 from gateway.transport.uart import misread
+from tests.support.process import GATEWAY
 
-GATEWAY = [sys.executable, "-bb", "-m", "gateway"]
 PATIENCE = 20.0
 #: For devices that are known to answer at once, and for those that never do.
 HURRY = Patience(quiet=0.05, restless=0.2, first=0.1, answer=0.4)
