@@ -13,7 +13,7 @@ from gateway.core.motion_kinds import GOTOS, MOTIONS, begins_motion
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink
-from gateway.mount.link.scheduling import SETTING
+from gateway.mount.link.queue import SETTING
 from gateway.mount.motion.awaited import ended
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.taking_orders import TakingOrders

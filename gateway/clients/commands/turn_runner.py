@@ -18,7 +18,7 @@ from gateway.core.errors import Busy, Fault
 from gateway.core.motion_kinds import BY_HAND, begins_motion
 from gateway.core.operations import AbortSlew, ClockFromGps, Operation, Own, Read, StopAxis, Sync
 from gateway.mount.controller import MountController
-from gateway.mount.link.scheduling import AT_ONCE, LATE
+from gateway.mount.link.queue import AT_ONCE, LATE
 from gateway.mount.readings.cache import FRESH, MISSING
 from gateway.mount.safety.rules.dead_man import HostActivity
 from gateway.protocols.base.session import Session

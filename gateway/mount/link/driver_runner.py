@@ -15,7 +15,7 @@ from gateway.core.operations import Operation
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.hibernation import HibernationGate
-from gateway.mount.link.scheduling import AT_ONCE, LATE, MOTION, STOP
+from gateway.mount.link.queue import AT_ONCE, LATE, MOTION, STOP
 from gateway.mount.link.verification import ReplyVerifier
 from gateway.protocols.base.driver import Schedule, Send, Steps
 from gateway.protocols.base.run_driver import carry_out

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from gateway.core.errors import Asleep
 from gateway.mount.context import Context
-from gateway.mount.link.scheduling import POSITION, STOP
+from gateway.mount.link.queue import POSITION, STOP
 from gateway.mount.motion.wanted import WantedState
 from gateway.protocols.base.driver import Send
 

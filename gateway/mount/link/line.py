@@ -14,9 +14,8 @@ from typing import Any
 from gateway.core.errors import Busy, Fault, NoAnswer, Silence
 from gateway.core.signals import Signal
 from gateway.core.wire_log import WireLog
-from gateway.mount.link.queue import Request, RequestQueue
+from gateway.mount.link.queue import READ, STOP, Request, RequestQueue
 from gateway.mount.link.recovery import Recovery
-from gateway.mount.link.scheduling import READ, STOP
 from gateway.mount.link.transaction import QUIET, Transaction
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import ReplyRules

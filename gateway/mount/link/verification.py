@@ -18,7 +18,7 @@ from msgspec import Struct
 from gateway.astro.spherical import wrap180
 from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
 from gateway.mount.link.line import MountLink
-from gateway.mount.link.scheduling import AT_ONCE, STOP
+from gateway.mount.link.queue import AT_ONCE, STOP
 from gateway.protocols.base.driver import Send
 
 #: Degrees that a position may differ from the last one and be believed at once.

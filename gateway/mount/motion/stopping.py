@@ -19,7 +19,7 @@ from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink
-from gateway.mount.link.scheduling import STOP
+from gateway.mount.link.queue import STOP
 from gateway.mount.motion.wanted import WantedState
 
 #: How often a stop is sent again on a line that is up, when its answer was lost.
