@@ -33,6 +33,8 @@ CLOCK = 1.6
 PROMPT, SLOW_TRIES = 0.5, 3
 #: How often something is asked, and how often when the answer was garbled.
 TRIES, GARBLED_TRIES = 9, 3
+#: Timers come up to so much too early: who waits for the rest of it waits at least so long.
+TICK = 0.001
 #: An order waits so long, in seconds, until older ones like it can no longer be answered.
 DOUBTFUL = 12.0
 #: Answers to older questions that are reckoned with at a time: of one more that agree, one is no stranger.
@@ -60,12 +62,13 @@ class ReplyVerifier:
 
     def __init__(self, line: MountLink, now: Callable[[], float], hurry: float = 1.0) -> None:
         self._line, self._now, self._fastest = line, now, FASTEST * hurry
+        self._late = line.talk.late
         self._known: dict[tuple[Any, ...], Heard] = {}
         self._latitudes: dict[str, float] = {}
 
     async def exchange(self, ask: Send, rank: int) -> tuple[Heard, int]:
         """An answer that can be believed, and how many exchanges that took. Raises Fault."""
-        kind = self._line.dialogue.kind(ask)
+        kind = self._line.dialogue.expected(ask).kind
         if kind is None:
             asked = self._now()
             return Heard(await self._order(ask, rank), None, asked, self._now()), 1
@@ -75,7 +78,7 @@ class ReplyVerifier:
         times = 0
         while times < TRIES:
             times += 1
-            strangers = max(strangers, self._line.doubt(ask))
+            strangers = max(strangers, self._late.count(ask, self._now()))
             heard = await self._hear(ask, rank)
             mute = isinstance(heard.fault, Silence)  # which takes its time always
             if mute and not ask.raw:
@@ -115,13 +118,14 @@ class ReplyVerifier:
         if rank != STOP:
             try:
                 async with asyncio.timeout(AT_ONCE if ask.prompt else DOUBTFUL):
-                    await self._line.clear_of_doubt(ask)
+                    while (left := self._late.until(ask, self._now()) - self._now()) > 0:
+                        await asyncio.sleep(max(left, TICK))
             except TimeoutError:  # others like it go on failing: nobody is kept waiting for the end of that
                 raise NoAnswer from None
             return await self._line.exchange(ask, rank)
         times = 0
         while True:
-            strangers = self._line.doubt(ask)
+            strangers = self._late.count(ask, self._now())
             answer = await self._line.exchange(ask, rank)
             times += 1
             if times > min(strangers, MOST_STRANGERS):
