@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Busy, Fault, Held, NoAnswer
@@ -26,6 +26,8 @@ from gateway.mount.safety.rules.held import Hold
 from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.ephemeris_reads import PLACES
 from gateway.mount.site.settings import SiteAndClock
+
+_T = TypeVar("_T")
 
 
 class Orders:
@@ -73,11 +75,11 @@ class Orders:
 
     async def perform(
         self,
-        operation: op.Operation,
+        operation: op.Operation[_T],
         stops: int | None = None,
         life: HostActivity | None = None,
         patience: float = math.inf,
-    ) -> Any:
+    ) -> _T:
         """Carry out an operation for ``life``. ``stops`` is the count of stops when it was asked for. Raises Fault.
 
         Nobody is told what came of it after ``patience`` seconds.
@@ -85,11 +87,11 @@ class Orders:
         if type(operation) in FRESH:
             if self._context.driver.asleep:
                 await self._taking.woken()
-            return await self._reader.tell(operation)
+            return cast(_T, await self._reader.tell(operation))
         if isinstance(operation, op.Own):
-            return await self._own.read(operation)
+            return cast(_T, await self._own.read(operation))
         try:
-            return await self._order(operation, stops, life, patience)
+            return cast(_T, await self._order(operation, stops, life, patience))
         finally:
             if not isinstance(operation, op.Read):
                 self._own.forget()

@@ -12,18 +12,19 @@ from gateway.mount.context import Context
 from gateway.mount.link.line import MountLink
 from gateway.mount.motion.apply import apply, does_for, interrupted, take_back, too_late
 from gateway.mount.motion.awaited import Outcome, over_before, refused
-from gateway.mount.motion.moving import Movement
 from gateway.mount.motion.reconciler import Reconciler
-from gateway.mount.motion.wanted import FIRST, IN_ORDER, Order
+from gateway.mount.motion.wanted import FIRST, IN_ORDER, Movement, Order, WantedState
 from gateway.mount.safety.rules.dead_man import HostActivity
 
 
 class TakingOrders:
     """``begin`` takes an order; the reconciler brings about what is wanted then."""
 
-    def __init__(self, context: Context, link: MountLink, movement: Movement, reconciler: Reconciler) -> None:
+    def __init__(
+        self, context: Context, link: MountLink, wanted: WantedState, movement: Movement, reconciler: Reconciler
+    ) -> None:
         self._context, self._driver = context, context.driver
-        self._link, self._movement, self._reconciler = link, movement, reconciler
+        self._link, self._wanted, self._movement, self._reconciler = link, wanted, movement, reconciler
 
     def begin(
         self, operation: op.Operation, stops: int | None, by: HostActivity | None, patience: float = inf
@@ -33,17 +34,17 @@ class TakingOrders:
         Whoever asked waits for the outcome for ``patience`` seconds: a goto is not begun after that.
         """
         reconciler = self._reconciler
-        before, now = reconciler.wanted, self._context.now()
+        before, now = self._wanted.value, self._context.now()
         if reconciler.closed or too_late(before, operation, stops):
             return over_before()
-        if self._only_a_stop_is_heard(operation):
+        if isinstance(operation, op.StopAxis) and self._only_a_stop_is_heard(operation.axis):
             self._context.note(
                 "the mount is busy calculating and accepts nothing but a full stop: both axes are stopped"
             )
             return reconciler.begin_stop()
         wakes = isinstance(operation, op.Wake) and self._driver.asleep  # what is before it would not be heard
         order = Order(
-            reconciler.number(),
+            next(reconciler.numbers),
             operation,
             by,
             rank=FIRST if wakes else IN_ORDER,
@@ -58,16 +59,16 @@ class TakingOrders:
 
     def impossible(self, operation: op.Operation) -> Fault | None:
         """Why the mount would refuse this, where that is known: nothing waits that may change how it stands."""
-        wanted = self._reconciler.wanted
+        wanted = self._wanted.value
         same = all(isinstance(order.operation, op.Pulse | op.PulseAxis) for order in wanted.pending)
         return self._driver.impossible(operation) if same and not wanted.owed else None
 
     def again(self, operation: op.Operation) -> bool:
         """Take back what a halt ends -> whether an equal one that is not done does for this one, too."""
         reconciler = self._reconciler
-        if self._movement.slewing or reconciler.wanted.waiting_gotos:
+        if self._movement.slewing or self._wanted.value.waiting_gotos:
             return False
-        wanted = take_back(reconciler.wanted, operation)
+        wanted = take_back(self._wanted.value, operation)
         same = does_for(wanted, operation)
         reconciler.want(wanted if same is None else interrupted(wanted, same))
         return same is not None
@@ -77,8 +78,7 @@ class TakingOrders:
         if waking := self._reconciler.outcomes_of(op.Wake):
             await asyncio.wait(waking)
 
-    def _only_a_stop_is_heard(self, operation: op.Operation) -> bool:
+    def _only_a_stop_is_heard(self, axis: int) -> bool:
         """Whether an arrow is released that the mount would go on with for seconds."""
-        wanted = self._reconciler.wanted
-        ends = isinstance(operation, op.StopAxis) and operation.axis in wanted.by_hand
-        return ends and self._link.occupied and not wanted.waiting_gotos
+        wanted = self._wanted.value
+        return axis in wanted.by_hand and self._link.occupied and not wanted.waiting_gotos

@@ -99,14 +99,3 @@ class ReadingsCache:
     def polled(self, kind: Kind, now: float) -> bool:
         """Whether somebody has asked for it lately."""
         return now - self._asked.get(kind, -1e9) <= POLLING
-
-
-class Version:
-    """``number`` grows whenever something that answers are made of changes: replies made of older ones are outdated."""
-
-    def __init__(self) -> None:
-        self.number = 0
-
-    def grow(self, _: object = None) -> None:
-        """A listener for whatever such answers are made of."""
-        self.number += 1

@@ -18,8 +18,7 @@ from gateway.mount.fair_scheduler import FairScheduler
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import POSITION, READ
-from gateway.mount.motion.moving import Movement
-from gateway.mount.motion.wanted import Slew, WantedState
+from gateway.mount.motion.wanted import Movement, Slew, WantedState
 from gateway.mount.readings.arrival import missed
 from gateway.mount.readings.at_hand import AtHand
 from gateway.mount.readings.cache import MISSING, Kind, ReadingsCache

@@ -17,8 +17,7 @@ from gateway.core.motion_kinds import GOTOS
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.verification import FASTEST
-from gateway.mount.motion.moving import Movement
-from gateway.mount.motion.wanted import Slew, WantedState
+from gateway.mount.motion.wanted import Movement, Slew, WantedState
 from gateway.mount.readings.at_hand import AtHand
 from gateway.mount.readings.cache import LAST_POSITION, MISSING, Kind, ReadingsCache
 from gateway.mount.readings.reckoning import EARLIER, SOONEST, Course, Inside, Pair, Reading, course, place

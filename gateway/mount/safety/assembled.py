@@ -6,7 +6,7 @@ from gateway.core import operations as op
 from gateway.mount.context import Context
 from gateway.mount.link.line import MountLink
 from gateway.mount.motion.end_watch import EndWatch
-from gateway.mount.motion.moving import Movement
+from gateway.mount.motion.wanted import Movement
 from gateway.mount.readings.cache import RENEW, ReadingsCache
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.motions import Admission

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Protocol
 
 from gateway.core import operations as op
 from gateway.core.wire_log import WireLog
-from gateway.mount.motion.moving import Moving
+from gateway.mount.motion.wanted import Moving
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.rules.sun import SunAvoidance
 from gateway.mount.safety.stop_timing import StopTiming

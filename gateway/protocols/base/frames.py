@@ -8,7 +8,6 @@ tells two commands apart when nothing else does.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Protocol
 
 
@@ -78,27 +77,3 @@ class Framer(Protocol):
     def feed(self, data: bytes, now: float) -> list[bytes]: ...
 
     def end(self) -> list[Unterminated]: ...
-
-
-class Framing:
-    """A framer with the clock by which bytes arrive: bytes as they came -> the commands that are complete now."""
-
-    def __init__(self, framer: Framer, now: Callable[[], float]) -> None:
-        self.framer, self._now = framer, now
-
-    def __call__(self, data: bytes) -> list[bytes]:
-        return self.framer.feed(data, self._now())
-
-    @property
-    def idle(self) -> bool:
-        """Whether the next bytes can be understood without those before."""
-        return self.framer.idle
-
-    @property
-    def dropped(self) -> dict[str, bytearray]:
-        """What of the bytes that were fed last, or before the end, is of no use, and why."""
-        return self.framer.dropped.reasons
-
-    def end(self) -> list[Unterminated]:
-        """Nothing more comes -> what was refused for lack of its end."""
-        return self.framer.end()

@@ -63,7 +63,7 @@ class Surface:
 
     def ending(self, session: Session, frame: bytes) -> Ending | None:
         """What a command ends when it comes, before it has its turn; None for all that wait for theirs."""
-        command = self.ends.command(frame)
+        command = self.ends.at_once.get(frame)
         if command is None:
             return None
         row = self.protocol.surface[command.name]
@@ -75,9 +75,10 @@ class Surface:
     def handle(self, session: Session, frame: bytes) -> Handling:
         """One framed command -> its reply (empty: none). Yields operations; never raises for what a client sent."""
         if isinstance(frame, Unterminated):
-            return self._refuse(session, frame)
-        steps = self._handle(session, frame)
-        return relayed(steps, _without_motion) if isinstance(frame, Suspect) else steps
+            return (yield from self._refuse(session, frame))
+        if isinstance(frame, Suspect):
+            return (yield from relayed(self._handle(session, frame), _without_motion))
+        return (yield from self._handle(session, frame))
 
     def _handle(self, session: Session, frame: bytes) -> Handling:
         if self.lacks(session.model, frame):

@@ -6,8 +6,8 @@ import pytest
 from msgspec.structs import replace
 
 from gateway.core import operations as op
-from gateway.mount.motion.moving import Moving
 from gateway.mount.motion.seen import PositionSample, Seen, begin, first, see
+from gateway.mount.motion.wanted import Moving
 from gateway.mount.safety.allow import allow, first_stretch
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.rules.aligned import needs_alignment
