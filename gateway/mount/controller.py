@@ -24,7 +24,6 @@ from gateway.mount.link.line import MountLink
 from gateway.mount.link.verification import ReplyVerifier
 from gateway.mount.motion.order_runner import BeforeMotion, OrderRunner
 from gateway.mount.motion.reconciler import Reconciler
-from gateway.mount.motion.taking_orders import TakingOrders
 from gateway.mount.motion.wanted import Movement, WantedState
 from gateway.mount.orders import Orders
 from gateway.mount.policy import Policy
@@ -45,8 +44,7 @@ from gateway.mount.shutdown import end_motion
 from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.settings import SiteAndClock
 from gateway.mount.site.settings_sync import SyncSettings
-from gateway.mount.site.site_clock import SiteClock
-from gateway.mount.site.sources import BestSources
+from gateway.mount.site.site_clock import BestSources, SiteClock
 from gateway.protocols.base.driver import Driver
 
 _T = TypeVar("_T")
@@ -78,7 +76,7 @@ class MountController:
         self.sources = BestSources(site_clock)
         astrometry = self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox)
         self.told_astrometry = SiteAstrometry(sky, site_clock, policy.equinox)
-        self.suns = SunAvoidance(astrometry, wire_log, policy.limits.sun, context.milestones.settled.is_set)
+        self.suns = SunAvoidance(sky, self.sources, wire_log, policy.limits.sun, context.milestones.settled.is_set)
         # Exchanges with the mount.
         gate = HibernationGate(context, wanted)
         self.verifier = ReplyVerifier(line, self.now, driver.hurry)
@@ -101,7 +99,6 @@ class MountController:
         self.before_motion = BeforeMotion()
         carried_out = OrderRunner(context, follow_ups, runner, movement, safety.admission, self.before_motion)
         reconciler = self.reconciler = Reconciler(context, line, runner, wanted, movement, carried_out)
-        taking = TakingOrders(context, line, wanted, movement, reconciler)
         #: Emitted when something that outlives the gateway may have changed.
         self.changed = reconciler.lasting
         Consequences(context, gate, cache, told, wanted, astrometry, safety).listen(reconciler)
@@ -110,7 +107,7 @@ class MountController:
         reader.goto_over.connect(reconciler.arrived)
         # Whoever asks for something, and whoever looks after what was begun.
         self.orders = Orders(
-            context, line, runner, reader, self.own, self.settings, reconciler, taking, wanted, self.hold, astrometry,
+            context, line, runner, reader, self.own, self.settings, reconciler, movement, wanted, self.hold, astrometry,
             self.told_astrometry,
         )  # fmt: skip
         self.perform, self.begin, self.impossible = self.orders.perform, self.orders.begin, self.orders.impossible

@@ -36,8 +36,9 @@ SETTLE = 0.02
 #: A long piece of work of the mount may take that many seconds before what waits behind it is refused.
 BUSY_AFTER = 1.0
 
-#: What was answered, and how many bytes of it.
-Taken = tuple[dict[str, Any] | Fault, int]
+#: What was answered, and that with how many bytes it takes.
+Answer = dict[str, Any] | Fault
+Taken = tuple[Answer, int]
 
 
 class Transaction:
@@ -138,28 +139,27 @@ class Transaction:
                 return 0.0
         return left
 
-    async def carry_out(self, ask: Send, stop: bool) -> dict[str, Any] | Fault:
+    async def carry_out(self, ask: Send, stop: bool) -> Answer:
         """The exchange whose turn it is; a pause that was cut short for a stop is kept after it."""
         hurried, self._cut_short = self._cut_short, False
         try:
-            outcome = await self.exchange(ask, firm=hurried)
+            outcome = await self.exchange(ask, firm=hurried, stop=stop)
             if hurried and stop and self.dialogue.expected(ask).pace:
-                outcome = await self.exchange(ask)  # a scope that needs its pause may have missed it
+                outcome = await self.exchange(ask, stop=True)  # a scope that needs its pause may have missed it
             return outcome
         finally:
             self.busy = False
 
-    async def exchange(self, ask: Send, firm: bool = False, proof: bool = False) -> dict[str, Any] | Fault:
+    async def exchange(self, ask: Send, firm: bool = False, proof: bool = False, stop: bool = False) -> Answer:
         """One request and its reply, or the Fault that came instead. A ``firm`` pause after it is kept to its end; a
-        ``proof`` is waited for as long as the protocol says.
+        ``proof`` is waited for as long as the protocol says. A ``stop`` waits for no quiet before it.
         """
         try:
             request = self.dialogue.encode(ask)
         except Fault as fault:
             return fault
         expected = self.dialogue.expected(ask)
-        # a stop does not wait before, so it must look longer after
-        settle = 0.0 if not expected.bare else GAP if self.gap(ask) else SETTLE
+        settle = GAP if stop and self.gap(ask) else SETTLE  # what did not wait before must look longer after
         self.drop("nobody asked")
         self._arrived.clear()
         self._last = ask
@@ -206,7 +206,7 @@ class Transaction:
     async def _reply(self, ask: Send, expected: Expected, began: float, settle: float, proof: bool) -> Taken | None:
         """The reply and its length, once it is complete; None when it is not in time, or the wire was lost.
 
-        One that settles is ``bare``: it is complete when nothing follows it for so many seconds.
+        A bare one is complete when nothing follows it for so many seconds (``settle``).
         """
         place = expected.kind == "position" and not proof
         deadline, busy_at = began + (ask.patience or self.times.patience(expected.timeout, place)), began + BUSY_AFTER
@@ -222,7 +222,7 @@ class Transaction:
                 self._cut(taken[1], "busy: the stop was not heard")
                 self._arrived.set()
             elif taken is not None:
-                if taken[1] and settle and not self._hurried:
+                if taken[1] and expected.bare and not self._hurried:
                     self._settling = True
                     if await self._something_within(settle):
                         taken = self._take(ask) or taken

@@ -85,7 +85,8 @@ class ReplyVerifier:
                 break  # whoever asks so knows what to make of it
             if ask.light:
                 break
-            if slow < SLOW_TRIES and not mute and heard.came - heard.asked > max(PROMPT, 2.5 * self._line.typical):
+            took = heard.came - heard.asked
+            if slow < SLOW_TRIES and not mute and took > PROMPT and took > 2.5 * self._line.typical:
                 slow += 1
                 continue
             if not (row and self._agree(kind, row[-1], heard)):

@@ -8,8 +8,7 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-from gateway.core.errors import Stopped
-from gateway.core.shared_work import heed, result_of
+from gateway.core.shared_work import heed
 
 Outcome = asyncio.Future[Any]
 
@@ -40,13 +39,3 @@ def over_before() -> Outcome:
     outcome = new()
     outcome.cancel()
     return outcome
-
-
-async def ended(outcome: Outcome) -> Any:
-    """Wait for an outcome; who gives up ends it for nobody. Raises Fault, and Stopped where it is over undone."""
-    try:
-        return await result_of(outcome)
-    except asyncio.CancelledError:
-        if outcome.cancelled():
-            raise Stopped from None
-        raise

@@ -37,5 +37,7 @@ class AtHand:
         if kind is op.Slewing and self._wanted.goto_waits:
             return True
         now = self._now()
-        self._cache.touch((kind,), now)
+        value = self._cache.asked(kind, now)
+        if value is not MISSING:
+            return value
         return self._cache.fresh(kind, now, EXCHANGES * self._link.typical, self._link.state != "up")

@@ -19,7 +19,7 @@ from gateway.mount.safety.rules.sync_sum import SyncTotal
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.settings_sync import SyncSettings
-from gateway.mount.site.sources import BestSources
+from gateway.mount.site.site_clock import BestSources
 
 
 class Safety:
@@ -45,12 +45,10 @@ class Safety:
             astrometry,
             suns,
             movement.now,
-            lambda: context.policy.limits,
+            context.policy,
             lambda: link.typical,
             context.log,
             RENEW[op.Position],
-            context.policy.own_park,
-            context.policy.unaligned,
             lambda: sync.sets_sky,
         )
         self.hold, self.synced = Hold(), SyncTotal()

@@ -44,7 +44,7 @@ class HandAdmission:
         start = await self._start()
         if start is None:
             return
-        limits = mount.limits()
+        limits = mount.policy.limits
         if isinstance(operation, op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
         by_hand = {**mount.moving().by_hand, operation.axis: operation}
@@ -56,11 +56,11 @@ class HandAdmission:
         start = await self._start()
         if start is not None:
             motion, degrees = as_motion(pulse)
-            await self._check(self._mount.limits(), start, {motion.axis: motion}, {motion.axis: degrees})
+            await self._check(self._mount.policy.limits, start, {motion.axis: motion}, {motion.axis: degrees})
 
     async def check_tracking(self) -> None:
         """Tracking that is off and would lead farther beyond a limit. Raises BelowHorizon, TooHigh or PastMeridian."""
-        mount, limits = self._mount, self._mount.limits()
+        mount, limits = self._mount, self._mount.policy.limits
         start = await self._start()
         if start is None or start.status.tracking is not op.Tracking.OFF or mount.moving().anything:
             return
@@ -102,9 +102,10 @@ class HandAdmission:
             seen = await self._ask.read(op.Position())
         elif mount.now() - age < self._watch.rests_since and not mount.moving().by_hand:  # it was seen on its way
             seen = await self._ask.anew(op.Position())
-        watched = mount.limits().hour_angle is not None and status.equatorial and mount.driver.german
+        watched = mount.policy.limits.hour_angle is not None and status.equatorial and mount.driver.german
         side = await self._ask.tube_side() if watched else None
-        return Start(seen, status, await tilt(mount, self._ask, self._watch), side)
+        tells = self._watch.altitude_axis.tells
+        return Start(seen, status, await tilt(mount, self._ask, self._watch) if tells else 0.0, side)
 
     async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
         """-1 where what is positive for a motor is not so on the sky: in the south, beyond the pole or the zenith."""

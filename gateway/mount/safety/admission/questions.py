@@ -20,10 +20,8 @@ class Questions(NamedTuple):
 
 
 async def tilt(mount: MountInputs, ask: Questions, watch: LimitWatch) -> float:
-    """By how many degrees the altitude axis differs from what is reckoned; after a sync it is asked at once."""
+    """By how many degrees an axis that tells the altitude differs from what is reckoned; after a sync it is asked."""
     axis = watch.altitude_axis
-    if not axis.tells:
-        return 0.0
     if axis.synced and not mount.moving().anything:
         await ask.anew(op.GetStatus())
         await ask.read(op.Position())
