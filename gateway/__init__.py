@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 def __getattr__(name: str) -> object:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from gateway.app import api
+    from gateway.app.api import embedding, frames
+    from gateway.core import errors
 
-    return getattr(api, name)
+    return next(getattr(module, name) for module in (embedding, frames, errors) if hasattr(module, name))

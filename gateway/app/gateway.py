@@ -32,7 +32,7 @@ from gateway.app.state.file import FORMAT, MarkerContent, SavedState, to_shared
 from gateway.app.state.mount_claim import MountClaim
 from gateway.app.state.store import PreviousRun, StateStore, recall, selected_site
 from gateway.app.watchdog import Watchdog, WatchedMount
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.equinox import J2000
 from gateway.clients.profiles import SurfaceBinding

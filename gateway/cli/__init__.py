@@ -1,8 +1,6 @@
 """The command line, a module for every command.
 
 One line per open endpoint goes to stdout; a mistake is one line on stderr and exit code 2.
-In every module ``add`` puts it into the parser, and the rest of the file carries it out. Only the one
-that is asked for is loaded: a gateway should be there soon after power-on.
 """
 
 from __future__ import annotations
@@ -10,38 +8,10 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections.abc import Sequence
-from importlib import import_module
 
-from gateway.cli.help import EXIT_CODES, Parser, endpoints
-from gateway.core.about import VERSION
+from gateway.cli.command_line import COMMANDS, commands_of, parser
 from gateway.core.errors import UserError
 from gateway.system import journal, streams
-
-#: Every command, in the order in which ``--help`` lists them, and the module that it lies in.
-COMMANDS = {
-    "demo": "serve.demo",
-    "detect": "inspect.detect",
-    "doctor": "inspect.doctor",
-    "run": "serve.run",
-    "status": "mount.status",
-    "watch": "mount.watch",
-    "goto": "mount.goto",
-    "sync": "mount.sync",
-    "move": "mount.move",
-    "park": "mount.park",
-    "unpark": "mount.unpark",
-    "stop": "mount.stop",
-    "config": "config",
-    "service": "serve.service",
-    "sim": "serve.sim",
-    "tables": "inspect.tables",
-    "explain": "inspect.explain",
-    "replay": "inspect.replay",
-    "decode": "inspect.decode",
-    "report": "inspect.report",
-    "completion": "completion",
-}
 
 #: What may stand in the place of a command.
 ABOUT = ("-h", "--help", "--version")
@@ -51,20 +21,6 @@ ALONE = ("--log", "--read-only")
 POINTING = ("goto", "sync")
 #: Of a message, in characters: three lines of a terminal, paths included.
 LONGEST = 500
-
-FIRST = """\
-Lets Meade LX200 software drive a Celestron NexStar mount, and the reverse.
-
-First steps:
-  mount-gateway demo      without a mount: simulates one, and prints where your program can connect
-  mount-gateway detect    with a mount: finds its port, and prints the command that starts the gateway
-  mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@tcp://127.0.0.1:4030
-                          starts it: your program connects to port 4030 as if to a Meade
-  mount-gateway goto Polaris
-                          while it runs, from another terminal: moves the mount without any program
-
-mount-gateway COMMAND --help tells more, with examples.
-"""
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -143,19 +99,3 @@ def _bound(argv: list[str]) -> list[str]:
         else:
             bound.append(word)
     return bound
-
-
-def parser(asked: Sequence[str] = ()) -> Parser:
-    """The whole command line, or only the command that is asked for."""
-    whole = Parser(prog="mount-gateway", description=FIRST, late=lambda: f"{endpoints()}\n\n{EXIT_CODES}")
-    whole.add_argument("--version", action="version", version=f"mount-gateway {VERSION}")
-    commands = whole.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for name in [name for name in COMMANDS if name in asked] or COMMANDS:
-        import_module(f"gateway.cli.{COMMANDS[name]}").add(commands)
-    return whole
-
-
-def commands_of(whole: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    """The parsers of all commands by name."""
-    [choices] = [action.choices for action in whole._actions if isinstance(action, argparse._SubParsersAction)]
-    return dict(choices)

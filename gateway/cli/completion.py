@@ -53,7 +53,7 @@ def script(shell: str) -> str:
     from gateway.app.config.describing import keys
     from gateway.app.control.objects import BODIES
     from gateway.astro.catalog.star_names import HIPPARCOS
-    from gateway.cli import parser
+    from gateway.cli.command_line import parser
     from gateway.diagnostics.command_outcomes import versions
     from gateway.protocols.registry import PROTOCOLS
     from gateway.protocols.wireformat.command_set import load

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from itertools import groupby
 from typing import Any, NoReturn, TypeAlias
 
-from gateway.cli import suggestions
+from gateway.cli.suggestions import example, plainly
 from gateway.core.errors import UserError
 
 EXIT_CODES = """\
@@ -58,7 +58,7 @@ class Parser(argparse.ArgumentParser):
         return super().format_help()
 
     def error(self, message: str) -> NoReturn:
-        raise UserError(suggestions.plainly(message, self.prog, suggestions.example(self._text_below(), self.prog)))
+        raise UserError(plainly(message, self.prog, example(self._text_below(), self.prog)))
 
     def _text_below(self) -> str:
         return self._late() if self._late is not None else self.epilog or ""

@@ -72,9 +72,8 @@ class Mounts:
         self._pages -= 1
         if not self._pages:
             for gateway, pulse, programs in zip(self.gateways, self.pulses, self.programs, strict=True):
-                for sink in (pulse.put, programs.put):
-                    if sink in gateway.wire_log.sinks:
-                        gateway.wire_log.sinks.remove(sink)
+                gateway.wire_log.leave(pulse.put)
+                gateway.wire_log.leave(programs.put)
 
     def states(self) -> list[dict[str, Any]]:
         """Every mount as pages are shown it."""

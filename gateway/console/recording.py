@@ -6,17 +6,14 @@ It begins while the gateway runs, so it can be read, decoded and reported on; pl
 
 from __future__ import annotations
 
-import asyncio
 import re
 import time
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
 from gateway.app.gateway import Gateway
+from gateway.app.recording.recorded_gateway import record
 from gateway.app.recording.recorder import Recorder
-from gateway.core.about import VERSION
 from gateway.core.errors import UserError
 from gateway.system.files import directory
 
@@ -52,11 +49,7 @@ class Recording:
             raise UserError(f"cannot record to {folder}: {error.strerror}") from None
         name = re.sub(r"[^\w-]", "_", gateway.config.name or gateway.mount.protocol)
         self._path = folder / f"{name}-{time.strftime('%Y%m%d-%H%M%S', time.gmtime(gateway.clock()))}.rec"
-        config = {"mount": gateway.config, "surface": gateway.surfaces}
-        settings = {"began": gateway.clock(), "config": config, "past": gateway.past, "version": VERSION}
-        now = asyncio.get_running_loop().time
-        self._recorder = Recorder(self._path, now, msgspec.to_builtins(settings), say=gateway.warn)
-        gateway.wire_log.sinks.append(self._recorder.put)
+        self._recorder = record(self._path, gateway)
         self._since = gateway.clock()
         return f"recording to {self._path}"
 
@@ -65,8 +58,7 @@ class Recording:
         recorder, path = self._recorder, self._path
         if recorder is None or path is None:
             raise UserError("no recording is under way")
-        if recorder.put in self._gateway.wire_log.sinks:
-            self._gateway.wire_log.sinks.remove(recorder.put)
+        self._gateway.wire_log.leave(recorder.put)
         recorder.close()
         self._recorder = None
         return path

@@ -48,8 +48,8 @@ class Talk:
 
     def _leave(self, listener: Callable[[dict[str, Any]], None]) -> None:
         self._listeners.discard(listener)
-        if not self._listeners and self._put in self._gateway.wire_log.sinks:
-            self._gateway.wire_log.sinks.remove(self._put)
+        if not self._listeners:
+            self._gateway.wire_log.leave(self._put)
 
     def _put(self, entry: Entry) -> None:
         pair = self._pair(entry)

@@ -61,6 +61,11 @@ class WireLog:
         #: The last of them, with a log or without one.
         self.lately: deque[Word] = deque(maxlen=REMEMBERED)
 
+    def leave(self, sink: Sink) -> None:
+        """Take a sink out, if it is still there: one that fails is taken out by itself."""
+        if sink in self.sinks:
+            self.sinks.remove(sink)
+
     def put(self, side: str, arrow: str, data: bytes = b"", note: str = "") -> None:
         """Record bytes that passed, or a note."""
         if self.sinks:
@@ -69,7 +74,7 @@ class WireLog:
                 try:
                     sink(entry)
                 except OSError:  # a log that cannot be written any more must not cost the mount its line
-                    self.sinks.remove(sink)
+                    self.leave(sink)
 
     def note(self, side: str, text: str) -> None:
         """Record a fault or a decision in words."""

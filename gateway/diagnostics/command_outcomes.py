@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import CommandSet, load
@@ -21,46 +22,42 @@ STANDS_FOR = {
 }
 
 
-def outcome(
-    row: SurfaceRow | None,
-    mount: CommandSet,
-    model: str | None = None,
-    version: Version | None = None,
-    *,
-    aligned: bool | None = None,
-    wedge: bool = False,
-    face: frozenset[str] | None = None,
-) -> str:
-    """What becomes of a command on a mount, of any or of one model and version; ``face``: the presented one's traits.
+class Kind(NamedTuple):
+    """Which mounts are asked about: any, or those of a model and version.
 
     ``aligned`` asks for an aligned mount or for one before its alignment; without it the best of both is told.
     ``wedge`` asks for a fork on a wedge.
     """
+
+    model: str | None = None
+    version: Version | None = None
+    aligned: bool | None = None
+    wedge: bool = False
+
+
+ANY = Kind()
+
+
+def outcome(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY, *, face: frozenset[str] | None = None) -> str:
+    """What becomes of a command on such a mount; ``face``: the presented one's traits."""
     if row is None:
         return MISSING
     if row.models is not None and face is not None and face.isdisjoint(row.models):
         return row.elsewhere or MISSING
-    if row.apart and model is not None and not mount.traits(model, wedge).isdisjoint(row.apart):
+    if row.apart and kind.model is not None and not mount.traits(kind.model, kind.wedge).isdisjoint(row.apart):
         return row.elsewhere or MISSING
     if row.outcome:
         return row.outcome
     if not row.operations:
         return "synthesised" if row.say is not None else "kept"
-    ways = taken(row, mount, model, version, aligned=aligned, wedge=wedge)
+    ways = taken(row, mount, kind)
     return str(ways[0].outcome) if ways else row.without or MISSING
 
 
-def taken(
-    row: SurfaceRow | None,
-    mount: CommandSet,
-    model: str | None = None,
-    version: Version | None = None,
-    *,
-    aligned: bool | None = None,
-    wedge: bool = False,
-) -> list[Way]:
+def taken(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY) -> list[Way]:
     """The ways by which a mount carries out the operations of a row: of each the first whose commands it has."""
     found = []
+    model, version, aligned, wedge = kind
     for name in [] if row is None else row.operations:
         for way in mount.driver.get(name, ()):
             if way.part and model and way.part not in mount.traits(model, wedge):
@@ -75,39 +72,27 @@ def taken(
     return found
 
 
-def sent(
-    row: SurfaceRow | None,
-    mount: CommandSet,
-    model: str | None = None,
-    version: Version | None = None,
-    *,
-    aligned: bool | None = None,
-    wedge: bool = False,
-) -> list[str]:
+def sent(row: SurfaceRow | None, mount: CommandSet, kind: Kind = ANY) -> list[str]:
     """The mount commands a row may send (to one model and version, those that it has), each once."""
-    commands = [
-        c
-        for way in taken(row, mount, model, version, aligned=aligned, wedge=wedge)
-        for c in way.commands
-        if mount.commands[c].known_to(model, version)
-    ]
+    has = mount.commands
+    commands = [c for way in taken(row, mount, kind) for c in way.commands if has[c].known_to(kind.model, kind.version)]
     return list(dict.fromkeys(commands))
 
 
-def counts(client: str, mount: str, model: str | None = None, version: Version | None = None) -> Counter[str]:
+def counts(client: str, mount: str, kind: Kind = ANY) -> Counter[str]:
     """Outcome -> number of commands, beyond-the-manual ones included."""
     protocol, driven = load(client), load(mount)
     rows = protocol.surface
-    return Counter(outcome(rows.get(name), driven, model, version) for name in protocol.commands)
+    return Counter(outcome(rows.get(name), driven, kind) for name in protocol.commands)
 
 
 def missing(client: str, mount: str) -> list[str]:
     """The commands that have no outcome, on the newest mount or on one of the models and versions."""
     protocol, driven = load(client), load(mount)
     rows = protocol.surface
-    kinds = [(None, None), *((model, version) for model, _, version in versions(driven))]
+    kinds = [ANY, *(Kind(model, version) for model, _, version in versions(driven))]
     return [
-        name for name in protocol.commands if any(outcome(rows.get(name), driven, *kind) == MISSING for kind in kinds)
+        name for name in protocol.commands if any(outcome(rows.get(name), driven, kind) == MISSING for kind in kinds)
     ]
 
 

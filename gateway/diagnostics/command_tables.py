@@ -12,11 +12,22 @@ from collections import Counter
 from gateway.core.about import PACKAGE
 from gateway.core.errors import UserError
 from gateway.core.wire_log import show
-from gateway.diagnostics.command_outcomes import MISSING, STANDS_FOR, counts, missing, outcome, remarks, sent, taken
+from gateway.diagnostics.command_outcomes import (
+    ANY,
+    MISSING,
+    STANDS_FOR,
+    Kind,
+    counts,
+    missing,
+    outcome,
+    remarks,
+    sent,
+    taken,
+)
 from gateway.protocols.registry import PROTOCOLS, mounts, pairs, surfaces
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_folder
-from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, SurfaceRow, Version, Way
+from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, SurfaceRow, Way
 from gateway.protocols.wireformat.template import Source
 
 _HEAD = (
@@ -78,12 +89,12 @@ def one(device: str) -> str:
 def _table(client: str, mount: str, model: str, version: str) -> str:
     """What becomes of one protocol's commands on one mount. Raises UserError."""
     try:
-        counts_as = PROTOCOLS[mount].counts_as(version) if version else None
+        kind = Kind(model, PROTOCOLS[mount].counts_as(version) if version else None)
     except ValueError:
         raise UserError(f"{version!r} is no version; write it like 4.21") from None
     title = f"{model}{'/' if version else ''}{version}"
-    rows = "\n".join(_rows(client, mount, model, counts_as))
-    total = _summary(counts(client, mount, model, counts_as))
+    rows = "\n".join(_rows(client, mount, kind))
+    total = _summary(counts(client, mount, kind))
     return f"# {PROTOCOLS[client].title} commands on {title}\n\n{rows}\n\n{total}"
 
 
@@ -134,17 +145,17 @@ def _models(protocol: CommandSet) -> list[str]:
     ]
 
 
-def _rows(client: str, mount: str, model: str | None = None, version: Version | None = None) -> list[str]:
+def _rows(client: str, mount: str, kind: Kind = ANY) -> list[str]:
     """The table of all commands, on any mount or on one model and version."""
     protocol, driven = load(client), load(mount)
     rows = protocol.surface
     lines = ["| command | meaning | outcome | on the mount | remarks |", "|---|---|---|---|---|"]
     for name, command in protocol.commands.items():
         row = rows.get(name)
-        mounted = ", ".join(f"`{c}`" for c in sent(row, driven, model, version))
-        said = _remarks(command, row, taken(row, driven, model, version) if model else [])
-        becomes = outcome(row, driven, model, version)
-        if model and (wedged := outcome(row, driven, model, version, wedge=True)) != becomes:
+        mounted = ", ".join(f"`{c}`" for c in sent(row, driven, kind))
+        said = _remarks(command, row, taken(row, driven, kind) if kind.model else [])
+        becomes = outcome(row, driven, kind)
+        if kind.model and (wedged := outcome(row, driven, kind._replace(wedge=True))) != becomes:
             said += f"; on a wedge {wedged}"
         asked = f"`{_cell(wire(command.request.source))}`" if command.asked else f"unasked, every {command.pushed:g} s"
         lines.append(f"| {asked} | {command.help} | {becomes} | {mounted} | {_cell(said)} |")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,10 +10,11 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.protocols.base.session import NamedSite, Shared
+from tests.support.conversations import check_whole, degrees, play, receive
 from tests.support.fake_mount import Mount, Talk
 from tests.support.transcript_files import Conversation, files, read
 from tests.support.virtual import run
-from tests.support.visits import House
+from tests.support.visits import House, Visit
 
 FILES = files("lx200-*.txt")
 WAYS: dict[str, Callable[[bytes], list[bytes]]] = {
@@ -25,16 +25,11 @@ WAYS: dict[str, Callable[[bytes], list[bytes]]] = {
 }
 
 
-def _degrees(text: str) -> float:
-    whole, minutes, seconds = (float(part) for part in text.lstrip("+-").split(":"))
-    return (whole + minutes / 60 + seconds / 3600) * (-1 if text.startswith("-") else 1)
-
-
 def _set_up(mount: Mount, common: Shared, text: str) -> None:
     """Carry out a ``!`` line."""
     match text.split():
         case ["position", ra, dec]:
-            mount.position = op.Equatorial(_degrees(ra) * 15, _degrees(dec))
+            mount.position = op.Equatorial(degrees(ra) * 15, degrees(dec))
         case ["slewing", value]:
             mount.slewing = value == "1"
         case ["ack", "A"]:
@@ -54,46 +49,18 @@ def _settings(talk: Conversation) -> dict[str, Any]:
 def test_conversation(path: Path, way: str) -> None:
     conversation = read(path)
     talk = Talk(**_settings(conversation))
-    heard = b""
-    for line in conversation.lines:
-        if line.mark == ">":
-            if "connections" in conversation.settings:
-                talk.reconnect()
-            heard += b"".join(talk.send(chunk) for chunk in WAYS[way](line.data))
-        elif line.mark == "<":
-            assert heard == line.data, f"{path.name}:{line.number}"
-            heard = b""
-        elif line.mark == "@":
-            talk.wait(float(line.text))
-        else:
-            _set_up(talk.mount, talk.session.common, line.text)
-    assert heard == b""
+    play(conversation, talk, WAYS[way], lambda text: _set_up(talk.mount, talk.session.common, text))
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_conversation_through_the_reception(path: Path) -> None:
-    """The same with the product's own clients, and connections that come and go where the program does that."""
-    run(_received(path, read(path)))
+def test_conversation_with_clients(path: Path) -> None:
+    conversation = read(path)
 
+    async def program() -> None:
+        house = House(**_settings(conversation))
+        await receive(conversation, house, Visit.ask, lambda text: _set_up(house.mount, house.shared, text))
 
-async def _received(path: Path, conversation: Conversation) -> None:
-    house = House(**_settings(conversation))
-    visit, heard = house.visit(), b""
-    for line in conversation.lines:
-        if line.mark == ">":
-            if "connections" in conversation.settings:
-                visit.close()
-                visit = house.visit()
-            heard += await visit.ask(line.data)
-        elif line.mark == "<":
-            assert heard == line.data, f"{path.name}:{line.number}"
-            heard = b""
-        elif line.mark == "@":
-            await asyncio.sleep(float(line.text))
-        else:
-            _set_up(house.mount, house.shared, line.text)
-            house.controller.changed()
-    assert heard == b""
+    run(program())
 
 
 def test_there_is_a_conversation_for_every_program() -> None:
@@ -111,6 +78,4 @@ def test_there_is_a_conversation_for_every_program() -> None:
         "cartes-du-ciel",
     }
     for path in FILES:
-        lines = read(path).lines
-        assert [line.mark for line in lines].count("<") > 4
-        assert lines[-1].mark == "<", f"{path.name} ends before its last reply"
+        check_whole(path)

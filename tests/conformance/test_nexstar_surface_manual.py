@@ -8,7 +8,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, NoAnswer, SyncTooFar
-from gateway.protocols.nexstar.surface import lacks
+from gateway.protocols.nexstar.surface.presented import lacks
 from gateway.protocols.nexstar.versions import made_with, numbered
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import parse_version

@@ -15,7 +15,8 @@ from pathlib import Path
 import pytest
 
 from gateway.app import stop_command
-from gateway.cli import COMMANDS, main, parser
+from gateway.cli import main
+from gateway.cli.command_line import COMMANDS, parser
 from tests.support.pages import ROOT, blocks, commands, installed, spans
 from tests.support.process import GATEWAY, Running, ask
 

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.commands.command_processor import CommandProcessor
 from gateway.clients.commands.reply_cache import MEMO
 from gateway.clients.commands.turn import INBOX

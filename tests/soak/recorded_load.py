@@ -46,9 +46,9 @@ NEXSTAR = (
 )
 SERVE = """
 import asyncio, sys
-from gateway.cli import main, recorded
-recorded.LONGEST = int(sys.argv.pop(1))
-recorded.record.__defaults__ = (recorded.LONGEST,)
+from gateway.cli import main
+from gateway.app.recording.recorded_gateway import record_whole
+record_whole.__defaults__ = (int(sys.argv.pop(1)),)
 sys.exit(main())
 """
 

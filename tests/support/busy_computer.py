@@ -11,10 +11,10 @@ from typing import Any
 from gateway.app.config import MountConfig, SurfaceConfig
 from gateway.app.gateway import Gateway
 from gateway.app.recording.host_clock import HostClock
+from gateway.app.recording.recorded_gateway import record_whole
 from gateway.app.recording.recorder import Recorder
 from gateway.app.recording.turns import TurnLoop, Wait
 from gateway.app.simulated import make_simulator
-from gateway.cli.serve.recorded import record
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.line import MountLink
 from gateway.transport import ConnectionHandler
@@ -65,7 +65,7 @@ class Recorded:
         surfaces = [SurfaceConfig(at=f"{presented}@tcp://:0", **surface)]
         self.gateway = Gateway(MountConfig(at=f"{mount}@sim"), surfaces, WireLog(clock), clock=clock)
         self.wire = Pluggable("sim", make_simulator(self.gateway.mount, clock=clock, speed=3.0).connection, 0.0131)
-        self.recorder: Recorder = record(str(path), self.gateway, longest)
+        self.recorder: Recorder = record_whole(path, self.gateway, longest)
         entrance = self.gateway.entrance
         self.gateway.prepare(lambda dialogue, to: MountLink(entrance.wire(self.wire), dialogue, to))
         self._arrive = entrance.arrive(self.gateway.receptions[0])

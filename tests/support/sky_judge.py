@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import wrap180
 
 api = pytest.importorskip("skyfield.api")

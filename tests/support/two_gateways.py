@@ -7,7 +7,7 @@ from typing import Any
 
 from gateway.app.bindings import make_driver, make_surface
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.core import operations as op
 from gateway.core.wire_log import Entry, WireLog

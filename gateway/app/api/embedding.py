@@ -114,7 +114,7 @@ async def open_gateway(
     from gateway.app.gateway import Gateway
     from gateway.app.watchdog import Watchdog
     from gateway.app.watchdog.client import available
-    from gateway.astro.ephemeris import Sky
+    from gateway.astro.ephemeris.sky import Sky
 
     loop, sky = asyncio.get_running_loop(), Sky()
     wire_log = WireLog(time.time)

@@ -18,7 +18,7 @@ from gateway.protocols.wireformat.command_set import load
 ANY = "any"
 
 
-def device(text: str) -> str | None:
+def named(text: str) -> str | None:
     """``PROTOCOL[:MODEL]`` for what a person wrote in its place, without a version; None for no mount's name."""
     head, colon, rest = text.partition(":")
     if not colon:

@@ -16,10 +16,13 @@ from gateway.app.config.keys import Config, MountConfig
 from gateway.app.config.lines import Place
 from gateway.app.config.places import right
 from gateway.app.config.programs import programs
+from gateway.app.config.sections.broker import parse_broker
 from gateway.clients.access import Access, Networks, networks
 from gateway.core.errors import UserError
 from gateway.protocols.registry import PROTOCOLS
 
+#: What stands in the place of a gateway's name where all of them are meant.
+EVERY = "all"
 _EVERY_ADDRESS = ("0.0.0.0", "::")
 #: What a surface listens on, rather than opens.
 _LISTENING = ("tcp://", "rfc2217://")
@@ -45,6 +48,7 @@ def mistakes(config: Config) -> Iterator[Mistake]:
     yield from _clients(config)
     yield from _access(config)
     yield from _console(config)
+    yield from _mqtt(config)
     yield from _taken_twice(config)
     if not config.surface:
         yield Mistake(
@@ -175,6 +179,20 @@ def _console(config: Config) -> Iterator[Mistake]:
                 networks(value if isinstance(value, list) else [])
             except UserError as error:
                 yield Mistake(("console", 0, key), str(error))
+
+
+def _mqtt(config: Config) -> Iterator[Mistake]:
+    """A broker's address, and a name that is not that of all gateways together."""
+    for mqtt in config.mqtt:
+        try:
+            broker = parse_broker(mqtt.at)
+        except UserError as error:
+            yield Mistake(("mqtt", 0, "at"), str(error))
+            continue
+        if mqtt.ca and not broker.tls:
+            yield Mistake(("mqtt", 0, "ca"), f"certificates are for TLS: write mqtts://{broker.host} in at")
+        if mqtt.id == EVERY:
+            yield Mistake(("mqtt", 0, "id"), f"{EVERY!r} means every gateway on the broker; write another name")
 
 
 def _taken_twice(config: Config) -> Iterator[Mistake]:

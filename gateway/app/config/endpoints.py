@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from gateway.app.config import called
+from gateway.app.config.called import named, suggestion
 from gateway.astro.offline import go_offline
 from gateway.core.errors import UserError
 from gateway.protocols.base.spec import ProtocolSpec
@@ -39,7 +39,7 @@ def parse_endpoint(text: str) -> Endpoint:
 
 def _whole(text: str) -> str:
     """Examples made of the half of an endpoint that was written."""
-    if called.device(text.partition("/")[0]):
+    if named(text.partition("/")[0]):
         return f"{text}@/dev/ttyUSB0"
     if text.startswith(("/dev/", "COM", "tcp://", "socket://", "rfc2217://", "pty:")) or text == "sim":
         return " or ".join(f"{name}@{text} ({PROTOCOLS[name].makers[0].title()})" for name in reversed(mounts()))
@@ -50,9 +50,9 @@ def parse_device(what: str, where: str = "") -> Endpoint:
     """``PROTOCOL[:MODEL[/VERSION]]``, or what owners call a mount in the place of either; a StarSense hand control is a
     version or a model of its own. Raises UserError."""
     name, slash, version = what.partition("/")
-    device = called.device(name)
+    device = named(name)
     if device is None:
-        raise UserError(f"{name!r} is no protocol ({', '.join(PROTOCOLS)}) and no model; {called.suggestion(name)}")
+        raise UserError(f"{name!r} is no protocol ({', '.join(PROTOCOLS)}) and no model; {suggestion(name)}")
     protocol, _, model = device.partition(":")
     spec = PROTOCOLS[protocol]
     if model in spec.version_words:
@@ -61,7 +61,7 @@ def parse_device(what: str, where: str = "") -> Endpoint:
     if (model or version) and not words:
         raise UserError(f"{what!r}: {protocol} has neither models nor versions; write {protocol}@{where or 'WHERE'}")
     if model and model not in words:
-        other = called.device(model)
+        other = named(model)
         right = f"write {other}" if other else nearest(model, words)
         raise UserError(f"{protocol} has no model {model!r}; {right}")
     return Endpoint(protocol, where, model or None, _version(spec, version) if version else None)

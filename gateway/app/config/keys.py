@@ -13,8 +13,9 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from gateway.app.config.console_keys import ConsoleConfig
 from gateway.app.config.declaring import OFF, Plain, key
+from gateway.app.config.sections.console import ConsoleConfig
+from gateway.app.config.sections.mqtt import MqttConfig
 from gateway.mount.safety.limits import Limits
 
 _Latitude = Annotated[float, Meta(ge=-90.0, le=90.0)]
@@ -239,6 +240,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
     mount: list[MountConfig]
     surface: list[SurfaceConfig] = []
     console: list[ConsoleConfig] = []
+    mqtt: list[MqttConfig] = []
     wait: Annotated[bool, key("keep looking for a mount that does not answer; programs can connect meanwhile")] = False
     discovery: Annotated[bool, key("announce surfaces that other computers can reach (SkySafari, mDNS)")] = True
     watchdog: Annotated[
@@ -282,4 +284,6 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
 
 
 #: Every table and what its keys are; the keys outside any table last.
-TABLES: dict[str, type[Struct]] = {"mount": MountConfig, "surface": SurfaceConfig, "console": ConsoleConfig, "": Config}
+TABLES: dict[str, type[Struct]] = {
+    "mount": MountConfig, "surface": SurfaceConfig, "console": ConsoleConfig, "mqtt": MqttConfig, "": Config
+}  # fmt: skip

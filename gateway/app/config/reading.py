@@ -39,7 +39,7 @@ _BEYOND: dict[type[Exception], str] = {
 
 
 #: Tables that a file writes once, and that are lists of one here.
-SINGLE = ("mount", "console")
+SINGLE = ("mount", "console", "mqtt")
 
 
 class Source(msgspec.Struct):

@@ -6,12 +6,12 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from gateway.app.config.console_keys import ConsoleConfig
 from gateway.app.config.describing import Key, keys
 from gateway.app.config.keys import Config, SurfaceConfig
 from gateway.app.config.lines import Place
 from gateway.app.config.programs import settled, wanted_by
 from gateway.app.config.reading import Source
+from gateway.app.config.sections.console import ConsoleConfig
 
 
 def effective(config: Config, source: Source) -> str:
@@ -20,6 +20,8 @@ def effective(config: Config, source: Source) -> str:
     lines += [_line(key, getattr(config, key.name), source.origin((key.name,))) for key in keys("")]
     console = config.console[0] if config.console else ConsoleConfig()
     lines += ["", "[console]", *_table("console", console, source, ("console", 0))]
+    for mqtt in config.mqtt:
+        lines += ["", "[mqtt]", *_table("mqtt", mqtt, source, ("mqtt", 0))]
     for number, mount in enumerate(config.mount):
         lines += ["", "[mount]" if len(config.mount) == 1 else "[[mount]]"]
         lines += _table("mount", mount, source, ("mount", number))
@@ -62,6 +64,8 @@ def example() -> str:
         *_sample("mount"),
     ]
     lines += ["", "# The page that a browser shows.", "[console]", *_sample("console")]
+    lines += ["", "# An MQTT broker, and whether the mounts are shown there.", "#[mqtt]"]
+    lines += [line if line.startswith("#") else f"#{line}" for line in _sample("mqtt")]
     lines += ["", "# As many as there are places where programs connect.", "[[surface]]", *_sample("surface")]
     return "\n".join(lines) + "\n"
 
@@ -77,7 +81,13 @@ def _sample(table: str) -> Iterator[str]:
 def table() -> str:
     """Every key as a Markdown table."""
     lines = ["| table | key | what it says | it is | default |", "|---|---|---|---|---|"]
-    for name, title in (("", ""), ("mount", "`[mount]`"), ("surface", "`[[surface]]`"), ("console", "`[console]`")):
+    for name, title in (
+        ("", ""),
+        ("mount", "`[mount]`"),
+        ("surface", "`[[surface]]`"),
+        ("console", "`[console]`"),
+        ("mqtt", "`[mqtt]`"),
+    ):
         for key in keys(name):
             default = "needed" if key.required else "" if key.default is None else f"`{toml(key.default)}`"
             lines.append(f"| {title} | `{key.name}` | {key.words} | {key.right} | {default} |")

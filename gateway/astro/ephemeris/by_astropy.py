@@ -21,7 +21,7 @@ from astropy.time import Time
 from astropy.utils import iers
 
 from gateway.astro.ephemeris import earth
-from gateway.astro.ephemeris.tables import DAY, ROWS, STEP, DayTable
+from gateway.astro.ephemeris.day_table import DAY, ROWS, STEP, DayTable
 from gateway.astro.spherical import SIDEREAL_RATE
 
 JD_OF_UNIX_EPOCH = 2440587.5

@@ -1,50 +1,26 @@
-"""Tables of a day: one thing on the sky every three hours, a cubic between, and who works them out when.
+"""The tables of the days that are asked for, and who works them out when.
 
-Between the rows the cubic is within 0.004" of what astropy says (the Moon; the others far less), so a command costs
-microseconds whatever the rows have cost. After `start` nobody waits: a day without tables is asked for, and whoever
-asked does without. The thread works out that day and the next one, so that midnight finds its tables. After `load`
-alone (tests, a replay, a rehearsal) a table is worked out when it is asked for: the same question, the same answer.
+After `start` nobody waits: a day without tables is asked for, and whoever asked does without. The thread works out
+that day and the next one, so that midnight finds its tables. After `load` alone (tests, a replay, a rehearsal) a table
+is worked out when it is asked for: the same question, the same answer.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from operator import mul
 
+from gateway.astro.ephemeris.day_table import DAY, PARTS, DayTable
 from gateway.astro.offline import go_offline
 
 TYPE_CHECKING = False  # importing `typing` is more work than importing all this
 if TYPE_CHECKING:
     from queue import SimpleQueue
 
-#: Of the sky; each has a table of its own for each day.
-PARTS = ("frame", "Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
-DAY = 86400.0
-STEP = 10800.0
-ROWS = 9  # from 0h to 24h, both counted: no row lies beyond a leap second at midnight
 _FROM = -2208988800.0  # 1900-01-01
 _TO = 4102444800.0  # 2100-01-01
 _DAYS_ASKED = 4  # that may wait to be worked out: a program that sets clocks about piles up no work
 _TABLES_KEPT = 16 * len(PARTS)  # the days at hand: the host's clock, the mount's, a replayed transcript's
-
-
-Row = tuple[float, ...]
-
-
-class DayTable:
-    """Rows that begin at 0h; ``at`` answers for seconds of the day."""
-
-    def __init__(self, rows: list[Row]) -> None:
-        self._rows = rows
-
-    def at(self, seconds: float) -> Row:
-        """The numbers at a moment, by the four rows around it (Lagrange)."""
-        first = min(max(int(seconds / STEP) - 1, 0), ROWS - 4)
-        a = seconds / STEP - first
-        b, c, d = a - 1.0, a - 2.0, a - 3.0
-        weights = (-b * c * d / 6.0, a * c * d / 2.0, -a * b * d / 2.0, a * b * c / 6.0)
-        return tuple(sum(map(mul, weights, column)) for column in zip(*self._rows[first : first + 4], strict=True))
 
 
 class TableLoader:

@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from gateway.app.config import Config
-from gateway.app.config.console_keys import ConsoleConfig
+from gateway.app.config.sections.console import ConsoleConfig
 from gateway.cli.serve.live import Screen
 
 if TYPE_CHECKING:

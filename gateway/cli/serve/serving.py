@@ -13,10 +13,12 @@ import sys
 import time
 from collections.abc import Callable, Coroutine, Sequence
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.app.config import Config, MountConfig, parse_endpoint
 from gateway.app.recording.turns import TurnLoop
+from gateway.cli.serve.broker import let_in, open_broker
 from gateway.cli.serve.console import announced, open_console
 from gateway.cli.serve.finding import serve
 from gateway.cli.serve.live import Screen, find_terminal, look_on
@@ -67,10 +69,11 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     """
     from gateway.app.discovery import Announcement, offered
     from gateway.app.gateway import Gateway
-    from gateway.astro.ephemeris import Sky
-    from gateway.cli.serve.recorded import host_clock, record
+    from gateway.app.recording.recorded_gateway import host_clock, record_whole
+    from gateway.astro.ephemeris.sky import Sky
     from gateway.core.wire_log import WireLog
 
+    access = let_in(config)
     done, sky = until_signal(), Sky()
     # beside the conversation of --log a line that is rewritten would only be in the way
     terminal = find_terminal() if config.status and not config.log else None
@@ -80,7 +83,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     gateways: list[Gateway] = []
     recorders: list[Recorder] = []
     onlookers: list[asyncio.Task[None]] = []
-    console = None
+    console = broker = None
     announcement = Announcement(screen.warn, lambda text: gateways[0].wire_log.note("mount", text))
 
     def offers() -> list[Offer]:
@@ -97,7 +100,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         gateways.append(Gateway(mount, config.of(mount), wire_log, sky, clock, screen.warn, watchdog))
         gateways[-1].remember()
         if mount.record:
-            recorders.append(record(mount.record, gateways[-1]))
+            recorders.append(record_whole(Path(mount.record), gateways[-1]))
     before_suspension(lambda: _stand_still(gateways, screen))
     try:
         for gateway in gateways:
@@ -106,6 +109,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         if banner:
             screen.say(banner)
         onlookers = look_on(gateways, screen)
+        broker = open_broker(config, access, gateways, screen)
         patient = config.wait or len(gateways) > 1
 
         def sky_ready() -> None:
@@ -146,6 +150,8 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
             await console.close()
         moved = [gateway.controller is not None and gateway.controller.reconciler.busy for gateway in gateways]
         await asyncio.gather(*(gateway.close() for gateway in gateways), announcement.close())
+        if broker is not None:
+            await broker.close()
         if done.is_set():
             for gateway, busy in zip(gateways, moved, strict=True):
                 _part(gateway, busy, screen, len(gateways) > 1)

@@ -18,6 +18,7 @@ from gateway.app.config import Config, Source, make_config, read_tables
 from gateway.app.config.declaring import OFF
 from gateway.app.config.describing import Key, keys
 from gateway.app.config.endpoints import parse_site
+from gateway.cli.serve.broker import add_mqtt, put_mqtt
 from gateway.core.errors import UserError
 from gateway.system import journal, streams
 
@@ -87,6 +88,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     for key in of_surface():
         add_flag(groups[SURFACE], key)
     add_console(parser)
+    add_mqtt(parser)
 
 
 def add_console(parser: Any) -> None:
@@ -198,6 +200,7 @@ def _put_flags(arguments: argparse.Namespace, tables: dict[str, object], source:
         source.flags |= {("surface", number): "--surface" for number in range(len(arguments.surface))}
     _put_surface_flags(arguments, tables, source)
     put_console(arguments, tables, source)
+    put_mqtt(arguments, tables, source)
     for key in keys(""):
         value = getattr(arguments, key.name)
         if value is not None:

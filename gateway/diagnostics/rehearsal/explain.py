@@ -13,11 +13,11 @@ from msgspec.structs import replace
 from gateway.app.bindings import shows_itself, speech
 from gateway.app.config import Endpoint, parse_device
 from gateway.app.recording.format import unescape
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.core.errors import UserError
 from gateway.core.operations import GetStatus
 from gateway.core.wire_log import show
-from gateway.diagnostics.command_outcomes import STANDS_FOR, outcome, taken
+from gateway.diagnostics.command_outcomes import STANDS_FOR, Kind, outcome, taken
 from gateway.diagnostics.log.conversation import Side
 from gateway.diagnostics.log.words import in_words
 from gateway.diagnostics.rehearsal.play import Before, Play, Player, stage
@@ -135,18 +135,18 @@ def _name(at: Endpoint) -> str:
 
 def _said(row: SurfaceRow | None, driven: CommandSet, at: Endpoint, face: frozenset[str]) -> list[str]:
     """What the tables say becomes of it on this mount."""
-    model, version = at.model, counted(at)
-    said = outcome(row, driven, model, version, aligned=True, face=face)
+    kind = Kind(at.model, counted(at), aligned=True)
+    said = outcome(row, driven, kind, face=face)
     lines = [f"outcome on {_name(at)} mount: {_means(said)}"]
-    early = outcome(row, driven, model, version, aligned=False, face=face)
+    early = outcome(row, driven, kind._replace(aligned=False), face=face)
     if early != said:
         lines.append(f"  before the alignment: {early}")
-    wedged = outcome(row, driven, model, version, aligned=True, wedge=True, face=face)
+    wedged = outcome(row, driven, kind._replace(wedge=True), face=face)
     if wedged != said:
         lines.append(f"  on a wedge: {wedged}")
     if row is not None and row.why:
         lines.append(f"  {row.why}")
-    return lines + [f"  {way.why}" for way in taken(row, driven, model, version, aligned=True) if way.why]
+    return lines + [f"  {way.why}" for way in taken(row, driven, kind) if way.why]
 
 
 def _means(outcome: str) -> str:

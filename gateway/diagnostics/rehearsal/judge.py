@@ -13,13 +13,13 @@ from typing import NamedTuple
 from gateway.app.bindings import speech
 from gateway.core.errors import NoDevice, Unsupported
 from gateway.core.operations import Read, named
-from gateway.diagnostics.command_outcomes import outcome, remarks, sent, taken
+from gateway.diagnostics.command_outcomes import Kind, outcome, remarks, sent, taken
 from gateway.diagnostics.rehearsal.play import Play
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.surface import ACKNOWLEDGED, Surface
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
-from gateway.protocols.wireformat.rows import SurfaceRow, Version
+from gateway.protocols.wireformat.rows import SurfaceRow
 
 #: Notes that are about the mount or the site, not about a command.
 PRECISIONS = ("high", "low")
@@ -40,20 +40,14 @@ class Case(NamedTuple):
     #: The presented model's traits.
     face: frozenset[str]
     driven: CommandSet
-    model: str
-    version: Version | None
-    aligned: bool
-    #: The fork stands on a wedge.
-    wedge: bool
+    mount: Kind
     #: What is presented does not know it and passes over it.
     lacking: bool
 
     @property
     def said(self) -> str:
         """What the tables say becomes of it."""
-        return outcome(
-            self.row, self.driven, self.model, self.version, aligned=self.aligned, wedge=self.wedge, face=self.face
-        )
+        return outcome(self.row, self.driven, self.mount, face=self.face)
 
 
 def writes(row: SurfaceRow | None) -> bool:
@@ -71,7 +65,7 @@ def differences(case: Case, play: Play, surface: Surface, asked: frozenset[str])
             yield "the presented model does not know it, and something is done or answered"
         return
     said = case.said
-    listed = sent(case.row, case.driven, case.model, case.version, aligned=case.aligned, wedge=case.wedge)
+    listed = sent(case.row, case.driven, case.mount)
     changing = [found[0].name if (found := case.driven.find(data)) else repr(data) for data in play.wire]
     unlisted = sorted({name for name in changing if name not in listed})
     if said != "translated" and changing:
@@ -144,7 +138,7 @@ def _answered(case: Case, play: Play, surface: Surface, said: str) -> Iterator[s
         yield f"{said}, and yet there is no reply"
     elif said == "kept" and not command.replies and not (play.kept or (play.learnt and writes(row))):
         yield "kept, and nothing is kept"
-    ways = taken(row, case.driven, case.model, case.version, aligned=case.aligned, wedge=case.wedge)
+    ways = taken(row, case.driven, case.mount)
     if (notes or said == "refused") and not remarks(row, ways):
         yield f"no remark on it, and the log says: {'; '.join(notes) or 'nothing'}"
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from gateway.app.config import Endpoint
 from gateway.app.simulated import DEFAULT_SITE
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.core.operations import Read, named
 from gateway.core.wire_log import Entry
 from gateway.diagnostics.rehearsal.meaning import meaning

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from gateway.app.bindings import make_driver, make_surface, own_face, policy, shows_itself
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
 from gateway.app.simulated import DEFAULT_SITE, make_simulator
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Access
 from gateway.clients.equinox import J2000

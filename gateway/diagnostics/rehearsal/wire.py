@@ -14,7 +14,7 @@ from multiprocessing import get_context
 from typing import NamedTuple
 
 from gateway.app.config import Endpoint
-from gateway.diagnostics.command_outcomes import versions
+from gateway.diagnostics.command_outcomes import Kind, versions
 from gateway.diagnostics.rehearsal.explain import before, counted, sky, traits
 from gateway.diagnostics.rehearsal.judge import Case, differences, writes
 from gateway.diagnostics.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Before, Play, Player, stage
@@ -134,9 +134,7 @@ async def _one(
         row,
         traits(pair.face, command),
         driven,
-        pair.mount.model or "",
-        counted(pair.mount),
-        *state,
+        Kind(pair.mount.model or "", counted(pair.mount), *state),
         bool(surface.lacks(own.face.model, frame)),
     )
     where = f"{pair}{'' if state.aligned else ', not aligned'}{', on a wedge' if state.wedge else ''}"

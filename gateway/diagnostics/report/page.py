@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.diagnostics.report import answer_plots, sky_plots, summary, tables
 from gateway.diagnostics.report.night import Night
 from gateway.diagnostics.report.over_horizon import light, track

@@ -10,7 +10,7 @@ from typing import Protocol
 from msgspec.structs import replace
 
 from gateway.astro.axes import Build, Geometry
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import wrap360
 from gateway.core import operations as op
 from gateway.core.errors import Unsupported

@@ -48,7 +48,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.base.session import ClientSettings
     from gateway.protocols.base.surface import Surface
     from gateway.protocols.lx200.session import LxSession
-    from gateway.protocols.lx200.surface import HANDLERS
+    from gateway.protocols.lx200.surface.handlers import HANDLERS
     from gateway.protocols.lx200.surface.own import stands_against
 
     protocol = load(NAME)
@@ -63,7 +63,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 
 
 def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
-    from gateway.protocols.lx200.driver import FOLLOW_UPS, HANDLERS
+    from gateway.protocols.lx200.driver.handlers import FOLLOW_UPS, HANDLERS
     from gateway.protocols.lx200.driver.state import Lx200Driver
 
     driver = Lx200Driver(now, settings.model, settings.guide_rate, HANDLERS)

@@ -13,18 +13,10 @@ from collections.abc import Iterable
 from functools import lru_cache
 
 from gateway.core.errors import MappingError
-from gateway.protocols.base.frames import Dropped, Unterminated
+from gateway.protocols.base.by_length import LengthFramer
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load
 
-#: Seconds of quiet after which the rest of a command is no longer expected.
-QUIET_GAP = 1.0
-#: Seconds of quiet after which a byte may begin a command again, behind one that cannot.
-RESYNC_GAP = 0.1
-#: Why bytes are of no use.
-NOISE = "no command of a NexStar begins so; what follows counts again after 0.1 s of quiet"
-HALF = "half a command, whose rest did not come within a second"
-CUT_OFF = "half a command, whose rest did not come"
 #: Opcodes of later hand controls that nobody here answers, as programs send them. The length of ``c`` is not known.
 UNANSWERED = {ord("g"): 18, ord("n"): 1, ord("o"): 1, ord("Y"): 1}
 #: What programs put before and behind their commands: terminators, line ends, padding, what wakes the oldest mounts.
@@ -54,42 +46,24 @@ def all_lengths() -> dict[int, int]:
     return {**UNANSWERED, **lengths(load("nexstar").commands.values())}
 
 
-class Framer:
+class Framer(LengthFramer):
     """Bytes in, whole requests out, known to this hand control or not."""
 
+    noise = "no command of a NexStar begins so; what follows counts again after 0.1 s of quiet"
+    half = "half a command, whose rest did not come within a second"
+    cut_off = "half a command, whose rest did not come"
+
     def __init__(self) -> None:
+        super().__init__()
         self._lengths = all_lengths()
-        self._pending = bytearray()
-        #: Nothing counts until it is quiet.
-        self._lost = False
         #: Bytes that are dropped alone because of the request before, and how many more of them.
         self._behind, self._more = b"", 0
-        self._heard = 0.0
-        self.dropped = Dropped(NOISE)
 
-    @property
-    def idle(self) -> bool:
-        """Whether the next byte begins a command, whatever came before."""
-        return not (self._pending or self._lost)
-
-    def feed(self, data: bytes, now: float) -> list[bytes]:
-        """The requests that these bytes complete, in order. ``now`` is any clock, in seconds."""
-        if not data:
-            return []
-        self.dropped.forget()
-        quiet, self._heard = now - self._heard, now
-        if quiet >= QUIET_GAP and self._pending:
-            self.dropped.add(bytes(self._pending), HALF)
-            self._pending.clear()
-        if quiet >= RESYNC_GAP:
-            self._lost = False
+    def _cut(self, data: bytes) -> list[bytes]:
         frames: list[bytes] = []
         pending = self._pending
         rest = iter(data)
         for byte in rest:
-            if self._lost:
-                self.dropped.noise += bytes((byte, *rest))
-                break
             if pending or byte in self._lengths:
                 pending.append(byte)
                 if len(pending) == self._lengths[pending[0]]:
@@ -100,12 +74,5 @@ class Framer:
                 self._more -= 1
             elif byte not in STRAY:
                 self._lost = True
-                self.dropped.noise.append(byte)
+                self.dropped.noise += bytes((byte, *rest))
         return frames
-
-    def end(self) -> list[Unterminated]:
-        """Half a request asks for nothing."""
-        self.dropped.forget()
-        if self._pending:
-            self.dropped.add(bytes(self._pending), CUT_OFF)
-        return []

@@ -68,9 +68,10 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.base.session import ClientSettings
     from gateway.protocols.base.surface import Surface
     from gateway.protocols.nexstar.session import NexStarSession
-    from gateway.protocols.nexstar.surface import HANDLERS, fitting, lacks, presented
     from gateway.protocols.nexstar.surface.devices import no_response, passes
+    from gateway.protocols.nexstar.surface.handlers import HANDLERS
     from gateway.protocols.nexstar.surface.own import stands_against
+    from gateway.protocols.nexstar.surface.presented import fitting, lacks, presented
 
     version = settings.version
     surface = Surface(load(NAME), HANDLERS, no_response)
@@ -81,7 +82,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
 
 
 def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriver:
-    from gateway.protocols.nexstar.driver import FOLLOW_UPS, HANDLERS
+    from gateway.protocols.nexstar.driver.handlers import FOLLOW_UPS, HANDLERS
     from gateway.protocols.nexstar.driver.state import NexStar, Settings
 
     chosen = Settings(

@@ -10,7 +10,7 @@ import pytest
 from msgspec.structs import replace
 
 from gateway.astro.catalog import files
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from gateway.clients.equinox import J2000
 from gateway.core import operations as op

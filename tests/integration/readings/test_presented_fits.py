@@ -9,7 +9,7 @@ import pytest
 from gateway.astro.axes import Build
 from gateway.core import operations as op
 from gateway.core.errors import Unsupported
-from gateway.protocols.nexstar.surface import fitting
+from gateway.protocols.nexstar.surface.presented import fitting
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import NearSun

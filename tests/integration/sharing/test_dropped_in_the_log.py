@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from gateway.protocols.lx200 import framing as lx200
-from gateway.protocols.nexstar import framing as nexstar
+from gateway.protocols.nexstar.framing import Framer as NexStarFramer
 from tests.support.callers import Caller
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
@@ -42,9 +42,9 @@ def test_noise_on_an_lx200_surface(said: bytes, dropped: tuple[bytes, str]) -> N
 @pytest.mark.parametrize(
     ("said", "dropped"),
     [
-        (b":GR#", (b":GR#", nexstar.NOISE)),
-        (b"e\xffJ", (b"\xffJ", nexstar.NOISE)),
-        (b"GET / HTTP/1.0", (b"GET / HTTP/1.0", nexstar.NOISE)),
+        (b":GR#", (b":GR#", NexStarFramer.noise)),
+        (b"e\xffJ", (b"\xffJ", NexStarFramer.noise)),
+        (b"GET / HTTP/1.0", (b"GET / HTTP/1.0", NexStarFramer.noise)),
     ],
 )
 def test_noise_on_a_nexstar_surface(said: bytes, dropped: tuple[bytes, str]) -> None:
@@ -67,7 +67,7 @@ def test_half_a_nexstar_command_that_goes_no_further() -> None:
             client.tell(b"R34")
             client.close()
             await asyncio.sleep(0.5)
-            assert _dropped(bridge) == [(b"R34AB", nexstar.HALF), (b"R34", nexstar.CUT_OFF)]
+            assert _dropped(bridge) == [(b"R34AB", NexStarFramer.half), (b"R34", NexStarFramer.cut_off)]
 
     run(play())
 
@@ -119,8 +119,8 @@ def test_what_ends_nothing_and_asks_nothing_is_no_loss() -> None:
     run(play())
 
 
-@pytest.mark.parametrize("framer", [lx200.Framer, nexstar.Framer])
-def test_noise_for_hours_takes_no_memory(framer: type[lx200.Framer] | type[nexstar.Framer]) -> None:
+@pytest.mark.parametrize("framer", [lx200.Framer, NexStarFramer])
+def test_noise_for_hours_takes_no_memory(framer: type[lx200.Framer] | type[NexStarFramer]) -> None:
     cutting = framer()
     for _ in range(1000):
         cutting.feed(b"\xff" * 1000, 0.0)

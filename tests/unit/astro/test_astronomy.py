@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.astro.ephemeris import Sky, earth
+from gateway.astro.ephemeris import earth
 from gateway.astro.ephemeris.by_astropy import ut1_utc as of_day
+from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.mount.site.astrometry import SiteAstrometry
@@ -32,7 +33,7 @@ def exact() -> Iterator[Sky]:
     sky.load()
     assert sky.ready and not sky.failure
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gateway.astro.ephemeris._FRAMES_KEPT", 2 * COUNT)
+        patch.setattr("gateway.astro.ephemeris.sky._FRAMES_KEPT", 2 * COUNT)
         patch.setattr("gateway.astro.ephemeris.tables._TABLES_KEPT", 4 * COUNT)
         yield sky
 

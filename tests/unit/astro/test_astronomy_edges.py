@@ -14,9 +14,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.astro.ephemeris import Sky
 from gateway.astro.ephemeris.by_astropy import terrestrial
 from gateway.astro.ephemeris.by_astropy import ut1_utc as of_day
+from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import SIDEREAL_RATE, from_vector, separation, wrap180
 from tests.support import sky_judge as judge
 

@@ -9,7 +9,8 @@ import random
 import ephem
 import pytest
 
-from gateway.astro.ephemeris import Sky, lunar
+from gateway.astro.ephemeris import lunar
+from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import from_vector, rotate, separation, transpose, wrap180, wrap360
 
 UNIX_AT_DUBLIN = 2415020.0 - 2440587.5  # PyEphem counts days from 1899-12-31 noon

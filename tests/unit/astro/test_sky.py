@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.astro.ephemeris import Sky, earth
+from gateway.astro.ephemeris import earth
+from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation, wrap180
 
 ARCSECOND = 1.0 / 3600.0

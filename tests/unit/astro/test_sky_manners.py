@@ -12,7 +12,8 @@ from datetime import UTC, datetime
 
 import pytest
 
-from gateway.astro.ephemeris import Sky, closed_forms, tables
+from gateway.astro.ephemeris import closed_forms, tables
+from gateway.astro.ephemeris.sky import Sky
 
 GREENWICH_1987 = (13 + 10 / 60 + 46.1351 / 3600) * 15  # Meeus 12.a, apparent, 1987 April 10, 0h UT1
 UT1_UTC_1987 = -0.2910912  # the IERS, that day
@@ -208,7 +209,7 @@ sys.dont_write_bytecode = True
 sys.addaudithook(watch)
 """
 ASKED = """
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 sky = Sky()
 sky.load()
 for moment in (-1e9, 0.0, 1.7e9, 4.0e9):
@@ -254,7 +255,7 @@ def resident():
     with open("/proc/self/status") as status:
         return next(int(line.split()[1]) for line in status if line.startswith("VmRSS"))
 bare = resident()
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 sky = Sky()
 sky.load()
 for minute in range(100):

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from gateway.app.config.describing import keys
-from gateway.cli import COMMANDS, main, parser
+from gateway.cli import main
+from gateway.cli.command_line import COMMANDS, parser
 from gateway.cli.completion import SHELLS, script
 from gateway.cli.serve.settings import GROUPS
 from gateway.protocols.wireformat.command_set import load

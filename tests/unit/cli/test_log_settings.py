@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from gateway.cli import _bound, main, parser
+from gateway.cli import _bound, main
+from gateway.cli.command_line import parser
 from gateway.cli.serve.settings import settings
 from tests.support.process import Running, ask
 

@@ -7,6 +7,7 @@ from msgspec.structs import replace
 
 from gateway.app.config import Endpoint, parse_device
 from gateway.core.errors import UserError
+from gateway.diagnostics.command_outcomes import Kind
 from gateway.diagnostics.rehearsal import wire
 from gateway.diagnostics.rehearsal.explain import explain
 from gateway.diagnostics.rehearsal.judge import Case, differences
@@ -91,7 +92,7 @@ def test_a_mount_that_says_no_while_the_program_hears_yes_is_found() -> None:
     def words(answer: bytes, *notes: Event) -> list[str]:
         events = (Event("act", "", request), Event("answer", "", answer), *notes, Event("reply", ""))
         row = protocol.commands["Mn"], protocol.surface["Mn"]
-        case = Case(*row, frozenset(), nexstar, "cpc", (4, 21), True, False, False)
+        case = Case(*row, frozenset(), nexstar, Kind("cpc", (4, 21), aligned=True), False)
         return list(differences(case, Play(b":Mn#", events, b"", (request,), False, True), surface, frozenset()))
 
     assert words(b"#") == []

@@ -29,7 +29,7 @@ SAID_TO_PEOPLE = {
     "app/config/checks.py",
     "app/config/keys.py",
     "app/config/reading.py",
-    "cli/__init__.py",
+    "cli/command_line.py",
     "cli/help.py",
     "cli/inspect/detect.py",
     "cli/inspect/explain.py",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.wire_log import WireLog

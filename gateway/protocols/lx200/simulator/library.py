@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.core.operations import Values
 from gateway.protocols.lx200.simulator.motion import altitude
 from gateway.protocols.lx200.simulator.telescope import Handler, Telescope

@@ -18,7 +18,6 @@ model, what it answers is what real ones were seen to answer, quirks included. W
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from gateway.core.motion_kinds import may_begin_motion
@@ -28,10 +27,8 @@ from gateway.protocols.lx200.simulator import answers, library, motion, parts, s
 from gateway.protocols.lx200.simulator.forms import well_formed
 from gateway.protocols.lx200.simulator.line import ClassicFramer
 from gateway.protocols.lx200.simulator.telescope import Handler, Telescope
+from gateway.protocols.mechanics.simulated import Later
 from gateway.protocols.wireformat.command import Command
-
-#: Answers that come after a while: seconds, bytes.
-Later = Callable[[float, bytes], None]
 
 NAK = b"\x15"
 #: What is understood while the telescope is busy with itself.
@@ -55,16 +52,6 @@ class SimulatedLx200(Telescope):
 
     def framer(self) -> Framer:
         return ClassicFramer() if self.classic else Framer()
-
-    def feed(self, data: bytes, framer: Framer | None = None, later: Later | None = None) -> bytes:
-        """Bytes from the port -> what the telescope answers to them now; ``later`` is given what comes afterwards."""
-        self.come_to_now()
-        return b"".join([self._answer(frame, later) for frame in (framer or self._framer).feed(data, self.now)])
-
-    def connection(self, later: Later | None = None) -> Callable[[bytes], bytes]:
-        """One more way in, for another program on the same telescope: its half commands are its own."""
-        framer = self.framer()
-        return lambda data: self.feed(data, framer, later)
 
     def _answer(self, frame: bytes, later: Later | None) -> bytes:
         if isinstance(frame, Unterminated):

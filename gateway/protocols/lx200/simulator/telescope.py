@@ -16,6 +16,7 @@ from gateway.core.errors import UserError
 from gateway.core.operations import Values
 from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
 from gateway.protocols.mechanics.mount import Mechanics
+from gateway.protocols.mechanics.simulated import Simulated
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
 
@@ -30,7 +31,7 @@ STARTS_HIGH = {"lx200gps"}
 SITES = 4
 
 
-class Telescope:
+class Telescope(Simulated):
     """One simulated telescope. ``site`` is latitude and longitude east in degrees, ``utc_offset`` local minus UTC.
 
     ``clock`` gives Unix seconds and is the only source of time. The motors gather and lose speed as real ones do; with
@@ -57,8 +58,7 @@ class Telescope:
         self.model: str = model
         self.row: Model = self.protocol.models[model]
         self.classic: bool = model in ("lx200", "lx200-16")
-        self.clock: Callable[[], float] = clock
-        self.now: float = clock()
+        self.clock, self.now = clock, clock()
         self.sites: list[Pair] = [site] * SITES
         self.names = [f"SITE {number}" if not self.classic else f"ST{number}" for number in range(1, SITES + 1)]
         self.site_number = 0
@@ -144,25 +144,6 @@ class Telescope:
         if self.seeking and not self.mechanics.slewing(self.now):
             self.seeking, self.home, self.aligned = False, 1, True
             self.mechanics.correct(self.now, (0.0, 0.0))
-
-    # --- for whoever watches --------------------------------------------------------------------------------------
-
-    def truth(self) -> Pair:
-        """Right ascension and declination of date that the tube really points at."""
-        self.come_to_now()
-        return self.mechanics.truth(self.now)
-
-    @property
-    def tracking(self) -> bool:
-        """Whether the telescope follows the sky at this moment."""
-        self.come_to_now()
-        return self.mechanics.tracking(self.now)
-
-    @property
-    def slewing(self) -> bool:
-        """Whether a slew is under way."""
-        self.come_to_now()
-        return self.mechanics.slewing(self.now)
 
 
 #: Answers a command: (telescope, its name, its values) -> the reply, or None.

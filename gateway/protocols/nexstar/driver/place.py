@@ -6,13 +6,13 @@ time goes with it. Versions before 2.3 have neither; there the GPS unit, the clo
 
 from __future__ import annotations
 
-import calendar
 from datetime import UTC, datetime, timedelta
 
 from gateway.astro.spherical import wrap180
 from gateway.core.errors import Fault, NoDevice, Unsupported
 from gateway.core.operations import ClockFromGps, GetClock, GetGps, GetSite, Gps, Moment, Place, SetClock, SetSite
 from gateway.protocols.base.driver import Send, Steps
+from gateway.protocols.nexstar.clock_fields import fields_of, unix_of
 from gateway.protocols.nexstar.driver.state import NexStar
 
 #: A time that had to wait so many seconds for the line was late: it is set again, so often at most.
@@ -54,11 +54,6 @@ def _not_aligned(mount: NexStar) -> Steps:
     if mount.starsense and (yield Send("J"))["aligned"]:
         mount.aligned = True
         raise Unsupported("A StarSense that is told site or time while it is aligned loses its alignment.")
-
-
-def unix_of(year: int, month: int, day: int, hour: int, minute: int, second: int) -> float:
-    """Calendar fields -> Unix seconds as if they were UTC. Raises ValueError for an impossible date."""
-    return float(calendar.timegm(datetime(year, month, day, hour, minute, min(second, 59)).timetuple()))
 
 
 def get_clock(mount: NexStar, _: GetClock) -> Steps:
@@ -115,9 +110,7 @@ def _moment(fields: dict[str, int], zone: float, century: int = 2000) -> Moment:
     if fields.get("dst", 0) > 1 or not -FARTHEST < offset < FARTHEST:
         raise Unsupported(f"The hand control's zone is impossible: {zone:g} hours, daylight saving {fields['dst']}.")
     try:
-        local = unix_of(
-            century + fields["year"], fields["month"], fields["day"], fields["hour"], fields["minute"], fields["second"]
-        )
+        local = unix_of({**fields, "second": min(fields["second"], 59)}, century)
     except ValueError as error:
         raise Unsupported(f"The hand control's clock is impossible: {error}.") from None
     return Moment(unix=local - offset * 3600.0, offset=offset, dst=fields.get("dst"))
@@ -148,19 +141,7 @@ def set_clock(mount: NexStar, operation: SetClock) -> Steps:
         yield from _not_aligned(mount)
         asked = mount.now()
         local = datetime.fromtimestamp(round(operation.unix + asked - began), UTC) + timedelta(hours=zone + dst)
-        yield Send(
-            name,
-            {
-                "hour": local.hour,
-                "minute": local.minute,
-                "second": local.second,
-                "month": local.month,
-                "day": local.day,
-                "year": local.year % 100,
-                "dst": dst,
-                **fields,
-            },
-        )
+        yield Send(name, {**fields_of(local), "dst": dst, **fields})
         if mount.now() - asked < SET_LATE:
             return
 

@@ -12,6 +12,7 @@ from datetime import UTC, datetime, timedelta
 
 from gateway.astro.axes import Sky
 from gateway.core.operations import Values
+from gateway.protocols.nexstar.clock_fields import fields_of, unix_of
 from gateway.protocols.nexstar.simulator.mount import GPS, RTC, Handler, SimulatedMount
 
 WEST_MOST, EAST_MOST = -12, 14  # hours: the zones in use
@@ -27,15 +28,7 @@ def _utc(unix: float) -> datetime:
 def _local(sim: SimulatedMount, zone: float) -> Values:
     """Local date and time in a zone, as both clock commands write it."""
     local = _utc(sim.utc() + (zone + sim.daylight) * 3600)
-    return {
-        "hour": local.hour,
-        "minute": local.minute,
-        "second": local.second,
-        "month": local.month,
-        "day": local.day,
-        "year": local.year % 100,
-        "dst": sim.daylight,
-    }
+    return {**fields_of(local), "dst": sim.daylight}
 
 
 def get_time(sim: SimulatedMount, _: Values) -> Values:
@@ -54,19 +47,11 @@ def _set_time(sim: SimulatedMount, values: Values, zone: float) -> None:
     if not WEST_MOST <= zone <= EAST_MOST or values["dst"] > 1 or values["year"] > 99:
         return
     try:
-        local = datetime(
-            2000 + values["year"],
-            values["month"],
-            values["day"],
-            values["hour"],
-            values["minute"],
-            values["second"],
-            tzinfo=UTC,
-        )
+        local = unix_of(values)
     except ValueError:
         return
     sim.zone, sim.daylight = zone, values["dst"]
-    unix = local.timestamp() - (zone + sim.daylight) * 3600
+    unix = local - (zone + sim.daylight) * 3600
     sim.relocate(sim.mechanics.sky._replace(ahead=unix - sim.now))
 
 

@@ -8,10 +8,11 @@ second.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from typing import Any
 
+from gateway.protocols.mechanics.simulated import Framer as AnyFramer
+from gateway.protocols.mechanics.simulated import Later
 from gateway.protocols.nexstar.framing import Framer
 from gateway.protocols.nexstar.simulator.clock import CLOCKS
 from gateway.protocols.nexstar.simulator.commands import COMMANDS
@@ -34,24 +35,19 @@ class SimulatedHandControl(SimulatedMount):
     def __init__(self, model: str = "6-8se", version: str | None = None, **settings: Any) -> None:
         super().__init__(model, version, **settings)
         self._opcodes, self._pass_through = _known(model, self.version)
-        self._framer = Framer()
+        self._framer = self.framer()
 
-    def feed(self, data: bytes, framer: Framer | None = None) -> bytes:
-        """Bytes from the port -> what the hand control answers to them now."""
+    def framer(self) -> Framer:
+        return Framer()
+
+    def feed(self, data: bytes, framer: AnyFramer | None = None, later: Later | None = None) -> bytes:
+        """As every simulator; the hand control keeps in mind when it was spoken to. No answer comes ``later``."""
         self.come_to_now()
         if data:
             self.heard = self.now
-        return b"".join([self._answer(frame) for frame in (framer or self._framer).feed(data, self.now)])
+        return super().feed(data, framer, later)
 
-    def connection(self, later: Callable[[float, bytes], None] | None = None) -> Callable[[bytes], bytes]:
-        """One more way in, for another program on the same mount: its half commands are its own.
-
-        ``later`` is for simulators some of whose answers come after a while; a hand control has none such.
-        """
-        framer = Framer()
-        return lambda data: self.feed(data, framer)
-
-    def _answer(self, frame: bytes) -> bytes:
+    def _answer(self, frame: bytes, later: Later | None) -> bytes:
         if frame[0] not in self._opcodes or (self.asleep and frame[0] not in AWAKE_OR_NOT):
             return b""
         if frame[0] == PASS_THROUGH:

@@ -19,6 +19,7 @@ from gateway.core.errors import UserError
 from gateway.core.operations import Values
 from gateway.protocols.mechanics.axis_motor import RAMP_SECONDS
 from gateway.protocols.mechanics.mount import Mechanics
+from gateway.protocols.mechanics.simulated import Simulated
 from gateway.protocols.nexstar.versions import STARSENSE, numbered
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model, Version, parse_version
@@ -56,7 +57,7 @@ class FocuserMotor:
         self._rate = abs(rate) if self._goal > self._position else -abs(rate)
 
 
-class SimulatedMount:
+class SimulatedMount(Simulated):
     """A simulated mount and its hand control. ``site`` is latitude and longitude east, degrees; ``utc_offset`` hours.
 
     ``clock`` gives Unix seconds and is the only source of time. ``version`` is as the manual writes it, or
@@ -86,8 +87,7 @@ class SimulatedMount:
         self.row: Model = protocol.models[model]
         self._know_version(version, starsense)
         self.model, self.commands = model, protocol
-        self.clock: Callable[[], float] = clock
-        self.now: float = clock()
+        self.clock, self.now = clock, clock()
         self.heard = self.now
         rates = protocol.extra("rates.toml")[self.row["rates"]]
         self.keys = [*(times * SIDEREAL_RATE for times in rates["sidereal"]), *rates["degrees"]]
@@ -121,7 +121,7 @@ class SimulatedMount:
         start = GERMAN_START
         if not self.german:
             start = 180.0 if north else 0.0, 45.0 if build is Build.ALTAZ else 0.0
-        self.mechanics: Mechanics = Mechanics(build, Sky(*self.site), self.now, start)
+        self.mechanics = Mechanics(build, Sky(*self.site), self.now, start)
         self.mechanics.fastest, self.mechanics.speed = fastest, speed
         self.mechanics.acceleration = fastest / RAMP_SECONDS if ramps else math.inf
         self.encoder_offset = [0.0, 0.0]
@@ -169,25 +169,6 @@ class SimulatedMount:
             self.aligned = False
             self.mechanics.cancel(self.now)
             self.track(OFF)
-
-    # --- read-only view ---------------------------------------------------------------------------------
-
-    def truth(self) -> Pair:
-        """Right ascension and declination of date that the tube really points at, degrees."""
-        self.come_to_now()
-        return self.mechanics.truth(self.now)
-
-    @property
-    def tracking(self) -> bool:
-        """Whether the mount follows the sky at this moment."""
-        self.come_to_now()
-        return self.mechanics.tracking(self.now)
-
-    @property
-    def slewing(self) -> bool:
-        """Whether a goto is under way."""
-        self.come_to_now()
-        return self.mechanics.slewing(self.now)
 
     def come_to_now(self) -> None:
         """Let time pass, and the hand control restore its tracking when that is due."""

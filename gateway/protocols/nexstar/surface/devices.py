@@ -23,6 +23,7 @@ from gateway.core.operations import (
     Values,
 )
 from gateway.protocols.base.wants import FireAndForget, Handling, Possible
+from gateway.protocols.nexstar.clock_fields import fields_of
 from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.nexstar.surface.acknowledged import begin
 from gateway.protocols.wireformat.command import Command
@@ -113,14 +114,7 @@ def universal_time(session: NexStarSession, command: Command, values: Values) ->
 
 def _calendar(unix: float) -> dict[str, int]:
     now = datetime.fromtimestamp(unix, UTC)
-    return {
-        "month": now.month,
-        "day": now.day,
-        "year": now.year,
-        "hour": now.hour,
-        "minute": now.minute,
-        "second": now.second,
-    }
+    return {**fields_of(now), "year": now.year}
 
 
 def set_clock(session: NexStarSession, command: Command, values: Values) -> Handling:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gateway.core.errors import Asleep, Busy, Fault, Invalid, NoAnswer, Unsupported
+from gateway.core.errors import Busy, Invalid, NoAnswer, Unsupported
 from gateway.core.operations import (
     Backlash,
     GetStatus,
@@ -26,7 +26,7 @@ from gateway.core.operations import (
 from gateway.protocols.base.wants import FireAndForget, Handling
 from gateway.protocols.nexstar.rates import key_speed, rate_tables
 from gateway.protocols.nexstar.session import NexStarSession
-from gateway.protocols.nexstar.surface.acknowledged import begin
+from gateway.protocols.nexstar.surface.acknowledged import attempt, begin
 from gateway.protocols.nexstar.surface.devices import motor
 from gateway.protocols.nexstar.versions import STARSENSE_LONG_MODE, STARSENSE_VARIANT
 from gateway.protocols.wireformat.command import Command
@@ -106,14 +106,7 @@ def set_mode(session: NexStarSession, command: Command, values: Values) -> Handl
     if wanted is None:
         session.refused = f"{command.help}: there is no mode {values['mode']}"
         return
-    try:
-        yield SetTracking(on=wanted is not Tracking.OFF, mode=wanted)
-    except Asleep:
-        return
-    except NoAnswer:
-        raise
-    except Fault:
-        return
+    yield from attempt(SetTracking(on=wanted is not Tracking.OFF, mode=wanted))
 
 
 def pulse(session: NexStarSession, command: Command, values: Values) -> Handling:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import calendar
 from dataclasses import replace
 from datetime import UTC, datetime
 
 from gateway.core.errors import Fault
 from gateway.core.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite, Values
 from gateway.protocols.base.wants import Handling, Possible
+from gateway.protocols.nexstar.clock_fields import fields_of, unix_of
 from gateway.protocols.nexstar.session import NexStarSession
 from gateway.protocols.wireformat.command import Command
 
@@ -46,17 +46,7 @@ def clock(session: NexStarSession, command: Command, values: Values) -> Handling
     else:
         zone = round((offset - dst) * 4) / 4 if quarters else float(int(offset - dst + 100.5) - 100)
     local = datetime.fromtimestamp(moment.unix + (zone + dst) * 3600.0, UTC)
-    return {
-        "hour": local.hour,
-        "minute": local.minute,
-        "second": local.second,
-        "month": local.month,
-        "day": local.day,
-        "year": local.year % 100,
-        "zone": int(zone),
-        "quarters": round(zone * 4),
-        "dst": dst,
-    }
+    return {**fields_of(local), "zone": int(zone), "quarters": round(zone * 4), "dst": dst}
 
 
 def set_clock(session: NexStarSession, command: Command, values: Values) -> Handling:
@@ -67,14 +57,12 @@ def set_clock(session: NexStarSession, command: Command, values: Values) -> Hand
         session.refused = f"{command.help}: no such year, zone or daylight saving"
         return
     try:
-        local = datetime(
-            2000 + values["year"], values["month"], values["day"], values["hour"], values["minute"], values["second"]
-        )
+        local = unix_of(values)
     except ValueError as error:
         session.refused = f"{command.help}: {error}"
         return
     offset = zone + dst
-    wanted = SetClock(calendar.timegm(local.timetuple()) - offset * 3600.0, offset, dst)
+    wanted = SetClock(local - offset * 3600.0, offset, dst)
     yield Possible(wanted)
     try:
         yield wanted

@@ -7,11 +7,11 @@ equatorial hand control the azimuth and altitude commands read and move the moto
 from __future__ import annotations
 
 from gateway.astro.spherical import fold_declination, wrap180
-from gateway.core.errors import Asleep, Fault, NoAnswer, Unsupported
+from gateway.core.errors import Unsupported
 from gateway.core.operations import AbortSlew, GetStatus, Goto, PierSide, SiderealTime, Slewing, Sync, Values
 from gateway.protocols.base.wants import FireAndForget, Handling
 from gateway.protocols.nexstar.session import NexStarSession
-from gateway.protocols.nexstar.surface.acknowledged import begin
+from gateway.protocols.nexstar.surface.acknowledged import attempt, begin
 from gateway.protocols.nexstar.surface.devices import motor
 from gateway.protocols.nexstar.surface.frames import german, readings, to_mount
 from gateway.protocols.wireformat.command import Command
@@ -39,14 +39,7 @@ def goto_axes(session: NexStarSession, command: Command, values: Values) -> Hand
 def sync(session: NexStarSession, command: Command, values: Values) -> Handling:
     """S s - what cannot be done shows in the log alone."""
     if "fault" not in values:
-        try:
-            yield Sync(*fold_declination(values["ra"], values["dec"]))
-        except Asleep:
-            return
-        except NoAnswer:
-            raise
-        except Fault:
-            return
+        yield from attempt(Sync(*fold_declination(values["ra"], values["dec"])))
 
 
 def slewing(session: NexStarSession, command: Command, values: Values) -> Handling:

@@ -92,7 +92,8 @@ def test_the_example_has_every_key(tmp_path: Path) -> None:
     assert set(tables["mount"]) == {key.name for key in keys("mount")}
     assert set(tables["surface"][0]) == {key.name for key in keys("surface")}
     assert set(tables["console"]) == {key.name for key in keys("console")}
-    assert set(tables) == {"mount", "surface", "console"} | {key.name for key in keys("")}
+    assert set(tables["mqtt"]) == {key.name for key in keys("mqtt")}
+    assert set(tables) == {"mount", "surface", "console", "mqtt"} | {key.name for key in keys("")}
 
 
 def test_every_key_is_described() -> None:

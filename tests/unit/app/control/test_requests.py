@@ -10,7 +10,7 @@ import msgspec
 from gateway.app.control import commands
 from gateway.app.control.requests import Desk
 from gateway.app.status import State
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.cli.mount.status import lines
 from gateway.core.operations import Direction
 from gateway.protocols.mechanics.truth import truth_of

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from tests.programs.processes import requires
 

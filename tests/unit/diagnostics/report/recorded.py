@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.app.recording.format import MARK, WITHOUT_TURNS, escape
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 
 #: 20 November 2026, 17:30 UTC; a site near Munich; what is looked at, and from which minute on.
 BEGAN, SITE = 1795195800.0, (48.137, 11.575)

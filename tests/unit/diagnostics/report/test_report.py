@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gateway.app.recording.format import read
-from gateway.astro.ephemeris import Sky
+from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from gateway.cli import main
 from gateway.diagnostics.report.answer_plots import spreads

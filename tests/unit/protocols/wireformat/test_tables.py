@@ -14,8 +14,8 @@ import pytest
 from gateway.core.errors import MappingError, UserError
 from gateway.diagnostics import command_outcomes, command_tables
 from gateway.diagnostics.rehearsal.explain import explain
-from gateway.protocols.lx200.surface import HANDLERS as LX200_HANDLERS
-from gateway.protocols.nexstar.driver import HANDLERS as NEXSTAR_HANDLERS
+from gateway.protocols.lx200.surface.handlers import HANDLERS as LX200_HANDLERS
+from gateway.protocols.nexstar.driver.handlers import HANDLERS as NEXSTAR_HANDLERS
 from gateway.protocols.registry import PROTOCOLS as SPECS
 from gateway.protocols.registry import pairs
 from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_folder
@@ -179,5 +179,6 @@ def test_the_outcomes_on_the_oldest_hand_controls_are_what_happens(
     assert name is not None
     mount = load("nexstar")
     row = load("lx200").surface[name[0].name]
-    assert command_outcomes.outcome(row, mount, model, SPECS["nexstar"].counts_as(version)) == outcome
+    kind = command_outcomes.Kind(model, SPECS["nexstar"].counts_as(version))
+    assert command_outcomes.outcome(row, mount, kind) == outcome
     assert bool(run(program())) == (outcome == "translated")

@@ -1,0 +1,202 @@
+"""The connection to a broker, on a thread of its own: made anew for ever, and never waited for by a mount.
+
+What is to be sent is taken from the outbox, a few messages at a time, and the next ones go when the broker has
+acknowledged these. A broker that is slow gets the newest states, one that floods is left for a while.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import random
+import threading
+from collections.abc import Callable, Coroutine, Sequence
+from concurrent.futures import Executor
+from typing import Any, TypeVar, TypeVarTuple
+
+from gateway.fleet.access import Access
+from gateway.fleet.client import LARGEST, Client, Connect, Flooded, connecting, too_much
+from gateway.fleet.outbox import Outbox
+from gateway.fleet.topics import Heard, Message
+
+_T = TypeVar("_T")
+_Arguments = TypeVarTuple("_Arguments")
+
+#: Seconds before it is tried again, one after the other; the last one counts from then on.
+PAUSES = (0.25, 0.5, 1.0)
+#: The same after so many vain attempts, and where a broker refuses or floods.
+LONG_AWAY, SELDOM = 300, 5.0
+#: Messages that are under way at a time, and that a broker may send in a second.
+AT_A_TIME, FLOOD = 10, 500
+#: Seconds that the last words may take at the end.
+PARTING = 1.0
+
+
+class _Loop(asyncio.SelectorEventLoop):
+    """A loop that has its thread to itself: what blocks may block it, and no further thread has to be waited for."""
+
+    def run_in_executor(
+        self, executor: Executor | None, func: Callable[[*_Arguments], _T], *args: *_Arguments
+    ) -> asyncio.Future[_T]:
+        """Done at once."""
+        outcome: asyncio.Future[_T] = self.create_future()
+        try:
+            outcome.set_result(func(*args))
+        except Exception as error:
+            outcome.set_exception(error)
+        return outcome
+
+
+class BrokerLink:
+    """``greeting`` are the first messages of every connection, ``parting`` the last; the first is the will, too.
+
+    ``hear`` and ``told`` are called on the loop that the link was started on; ``told`` with whether the broker is there
+    from now on, and why not.
+    """
+
+    def __init__(
+        self,
+        access: Access,
+        subscriptions: Sequence[str],
+        hear: Callable[[Heard], None],
+        told: Callable[[bool, str], None],
+        greeting: Sequence[Message] = (),
+        parting: Sequence[Message] = (),
+        connect: Connect | None = None,
+        flood: int = FLOOD,
+    ) -> None:
+        self._connect = connect or connecting(access)
+        self._subscriptions = [(topic, 1) for topic in subscriptions]
+        self._hear, self._told, self._flood = hear, told, flood
+        self._greeting, self._parting = greeting, parting
+        self._outbox = Outbox()
+        self._home: asyncio.AbstractEventLoop | None = None
+        self._loop: _Loop | None = None
+        self._wake = asyncio.Event()
+        self._ending = asyncio.Event()
+        self._ended = threading.Event()
+
+    def start(self) -> None:
+        """Begin to connect."""
+        self._home, self._loop = asyncio.get_running_loop(), _Loop()
+        threading.Thread(target=self._run, name="mqtt", daemon=True).start()
+
+    def publish(self, message: Message) -> None:
+        """Have a message sent when the broker takes it."""
+        self._outbox.put(message)
+        self._on_thread(self._wake.set)
+
+    async def close(self) -> None:
+        """Say the last words, if the broker takes them at once."""
+        if self._loop is None:
+            return
+        self._on_thread(self._ending.set)
+        until = asyncio.get_running_loop().time() + PARTING
+        while not self._ended.is_set() and asyncio.get_running_loop().time() < until:
+            await asyncio.sleep(0.01)
+
+    def _on_thread(self, call: Callable[[], object]) -> None:
+        with contextlib.suppress(RuntimeError):  # the thread has ended
+            if self._loop is not None:
+                self._loop.call_soon_threadsafe(call)
+
+    def _at_home(self, call: Callable[..., object], *arguments: object) -> None:
+        with contextlib.suppress(RuntimeError):  # the gateway has ended
+            if self._home is not None:
+                self._home.call_soon_threadsafe(call, *arguments)
+
+    # --- on the thread ----------------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        assert self._loop is not None
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_until_complete(self._serve())
+        finally:
+            self._loop.close()
+            self._ended.set()
+
+    async def _serve(self) -> None:
+        vain = 0
+        while not self._ending.is_set():
+            pause = PAUSES[min(vain, len(PAUSES) - 1)] if vain < LONG_AWAY else SELDOM
+            vain += 1
+            try:
+                async with self._connect(self._parting[0] if self._parting else None) as client:
+                    vain = 0
+                    await self._session(client)
+            except Exception as error:  # of three libraries; whatever it is, it is tried again
+                if isinstance(error, Flooded) or type(error).__name__ == "MqttConnectError":  # it refuses
+                    pause = SELDOM
+                self._away(_why(error))
+            await self._unless_ending(pause * random.uniform(0.8, 1.2))
+
+    async def _unless_ending(self, seconds: float) -> None:
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(seconds):
+                await self._ending.wait()
+
+    async def _session(self, client: Client) -> None:
+        """One connection, until it is lost or everything ends."""
+        if self._subscriptions:
+            await client.subscribe(self._subscriptions)
+        for message in self._greeting:
+            await _send(client, message)
+        self._outbox.again()
+        self._at_home(self._told, True, "")
+        await _first_of(self._read(client), self._write(client), self._ending.wait())
+        if self._ending.is_set():
+            for message in (*self._outbox.take(AT_A_TIME), *self._parting):
+                await _send(client, message)
+
+    def _away(self, why: str) -> None:
+        if not self._ending.is_set():
+            self._at_home(self._told, False, why)
+
+    async def _read(self, client: Client) -> None:
+        loop = asyncio.get_running_loop()
+        since, count = loop.time(), 0
+        async for message in client.messages:
+            if loop.time() - since >= 1.0:
+                since, count = loop.time(), 0
+            count += 1
+            if count > self._flood:
+                raise Flooded(f"it sent more than {self._flood} messages in a second")
+            payload = message.payload if isinstance(message.payload, bytes) else b""
+            if len(payload) > LARGEST:
+                raise too_much(len(payload))
+            self._at_home(self._hear, Heard(str(message.topic), payload, bool(message.retain)))
+
+    async def _write(self, client: Client) -> None:
+        while True:
+            messages = self._outbox.take(AT_A_TIME)
+            if not messages:
+                await self._wake.wait()
+                self._wake.clear()
+                continue
+            await asyncio.gather(*(_send(client, message) for message in messages))
+
+
+async def _send(client: Client, message: Message) -> None:
+    await client.publish(message.topic, payload=message.payload, qos=1, retain=message.retain)
+
+
+async def _first_of(*works: Coroutine[Any, Any, object]) -> None:
+    """Until the first of them ends. Raises what it raises."""
+    tasks = [asyncio.ensure_future(work) for work in works]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+def _why(error: Exception) -> str:
+    """What happened, in a few words."""
+    words = str(error).removeprefix("[Errno ").strip() or type(error).__name__
+    if "[code:134]" in words or "[code:135]" in words or "uthori" in words:
+        return "it refuses: the user or the password is not what it knows"
+    return words.partition("] ")[2] or words if words[:1].isdecimal() else words

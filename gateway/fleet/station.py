@@ -1,0 +1,143 @@
+"""The mounts of one gateway on a broker: shown once a second where something has changed, and stopped from there.
+
+Looking costs the mounts no exchange. The looks are spread over the second, so that no program waits for ten of them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from gateway.app.config.checks import EVERY
+from gateway.app.config.sections.mqtt import MqttConfig
+from gateway.app.gateway import Gateway
+from gateway.fleet.access import Access
+from gateway.fleet.client import Connect
+from gateway.fleet.events import Events
+from gateway.fleet.home_assistant import discovery
+from gateway.fleet.link import BrokerLink
+from gateway.fleet.orders import WHO, Orders
+from gateway.fleet.presence import Presence
+from gateway.fleet.state import state
+from gateway.fleet.topics import UNNAMED, Heard, Message, Topics, own_id
+
+#: Seconds from one look at a mount to the next.
+EVERY_SECOND = 1.0
+OFF = "off"
+
+
+class _Shown:
+    """One mount: what the broker was told of it last."""
+
+    def __init__(self, station: Station, gateway: Gateway) -> None:
+        self.gateway, self.name = gateway, gateway.config.name or UNNAMED
+        self._station, self._state, self._about = station, {}, b""
+        topic = station.topics.of(self.name, "event")
+        self.events = Events(lambda told: station.link.publish(Message(topic, told)), gateway.clock)
+        self.orders = Orders(gateway, station.config.orders, station.doubt, self._has_become)
+        gateway.wire_log.sinks.append(self.events.put)
+
+    _state: dict[str, Any]
+
+    def _has_become(self, kind: str, words: str) -> None:
+        self.events.tell(kind, WHO, words)
+
+    def look(self) -> None:
+        """Tell what has changed."""
+        station, now = self._station, state(self.gateway)
+        if now == self._state:
+            return
+        self._state = now
+        told = json.dumps({**now, "time": round(self.gateway.clock(), 3)})
+        topic = station.topics.of(self.name, "state")
+        station.link.publish(Message(topic, told.encode(), retain=True, newest=True))
+        prefix = station.config.home_assistant
+        if prefix != OFF:
+            about = discovery(prefix, station.topics, self.name, now, station.config.orders)
+            if about.payload != self._about:
+                self._about = about.payload
+                station.link.publish(about)
+
+    def close(self) -> None:
+        """Nothing is told or obeyed any more."""
+        self.orders.close()
+        if self.events.put in self.gateway.wire_log.sinks:
+            self.gateway.wire_log.sinks.remove(self.events.put)
+
+
+class Station:
+    """``say`` and ``warn`` tell the person at the terminal."""
+
+    def __init__(
+        self,
+        config: MqttConfig,
+        access: Access,
+        gateways: Sequence[Gateway],
+        say: Callable[[str], None],
+        warn: Callable[[str], None],
+        connect: Connect | None = None,
+    ) -> None:
+        self.config, self._broker, self._say, self._warn = config, access.broker, say, warn
+        self.topics = Topics(config.prefix, config.id or own_id())
+        self._presence = Presence(self.topics, self._publish, warn)
+        own = [self.topics.availability, self.topics.gateway, self.topics.of("+", "command"), self.topics.everyone]
+        self.link = BrokerLink(
+            access, own, self._hear, self._told, self._presence.greeting, self._presence.parting, connect
+        )
+        self._shown = {(shown := _Shown(self, gateway)).name: shown for gateway in gateways}
+        self._there: bool | None = None
+        self._task: asyncio.Task[None] | None = None
+
+    def start(self) -> None:
+        """Connect, and go on from there."""
+        self.link.start()
+        self._task = asyncio.ensure_future(self._look_on())
+
+    async def close(self) -> None:
+        """Say that this gateway goes, if the broker listens."""
+        if self._task is not None:
+            self._task.cancel()
+        for shown in self._shown.values():
+            shown.close()
+        await self.link.close()
+
+    def doubt(self) -> str:
+        """Why only stops are obeyed; empty where all is well."""
+        return self._presence.clash
+
+    def _publish(self, message: Message) -> None:
+        self.link.publish(message)
+
+    async def _look_on(self) -> None:
+        while True:
+            for shown in list(self._shown.values()):
+                try:
+                    shown.look()
+                except Exception as error:  # a defect here must cost nothing but the sight of the mount
+                    shown.gateway.wire_log.note_once("mqtt", f"internal error, please report it: {error!r}")
+                await asyncio.sleep(EVERY_SECOND / len(self._shown))
+
+    def _hear(self, heard: Heard) -> None:
+        if self._presence.hear(heard):
+            return
+        to = [*self.topics.parts(heard.topic), ""]
+        if to[0] == EVERY:
+            for shown in self._shown.values():
+                shown.orders.take(heard.payload, heard.retained, EVERY)
+        elif (one := self._shown.get(to[1])) is not None:
+            one.orders.take(heard.payload, heard.retained, one.name)
+
+    def _told(self, there: bool, why: str) -> None:
+        """The broker is there, or it is not: said when that changes."""
+        if there and self._there is None:
+            self._say(f"ready broker {self._broker} as {self.topics.prefix}/{self.topics.id}")
+        elif there and not self._there:
+            self._warn(f"the broker {self._broker} is there again")
+        elif not there and self._there is not False:
+            self._warn(
+                f"the broker {self._broker} cannot be reached: {why}. The mounts and their programs are not "
+                "affected; it is tried again until it answers"
+            )
+        self._there = there

@@ -1,0 +1,90 @@
+"""A broker that is not there: what is sent to it is kept, and a test says what comes from it and what goes wrong."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from types import SimpleNamespace
+from typing import Any
+
+from gateway.app.config.sections.broker import Broker
+from gateway.fleet.access import Access
+from gateway.fleet.topics import Message
+
+NOWHERE = Access(Broker("broker.invalid", 1883, False))
+PATIENCE = 10.0
+
+
+class FakeBroker:
+    """``down``: no connection is had; ``mute``: nothing is acknowledged."""
+
+    def __init__(self) -> None:
+        self.published: list[Message] = []
+        self.subscribed: list[str] = []
+        self.wills: list[Message | None] = []
+        self.down: Exception | None = None
+        self.mute = False
+        self.client: _Client | None = None
+
+    @asynccontextmanager
+    async def connect(self, will: Message | None) -> AsyncIterator[Any]:
+        self.wills.append(will)
+        if self.down is not None:
+            raise self.down
+        self.client = _Client(self)
+        try:
+            yield self.client
+        finally:
+            self.client = None
+
+    def say(self, topic: str, payload: bytes, retain: bool = False, times: int = 1) -> None:
+        """A message arrives."""
+        self._put(*[SimpleNamespace(topic=topic, payload=payload, retain=retain)] * times)
+
+    def lose(self) -> None:
+        """The connection is lost."""
+        self._put(OSError("the connection is lost"))
+
+    def _put(self, *what: object) -> None:
+        client = self.client
+        assert client is not None
+        for one in what:
+            client.loop.call_soon_threadsafe(client.queue.put_nowait, one)
+
+    def told(self, topic: str) -> list[bytes]:
+        """What was published there, in order."""
+        return [message.payload for message in list(self.published) if message.topic == topic]
+
+
+class _Client:
+    def __init__(self, broker: FakeBroker) -> None:
+        self.broker, self.loop = broker, asyncio.get_running_loop()
+        self.queue: asyncio.Queue[Any] = asyncio.Queue()
+
+    @property
+    def messages(self) -> AsyncIterator[Any]:
+        return self._messages()
+
+    async def _messages(self) -> AsyncIterator[Any]:
+        while True:
+            one = await self.queue.get()
+            if isinstance(one, Exception):
+                raise one
+            yield one
+
+    async def subscribe(self, topics: list[tuple[str, int]]) -> None:
+        self.broker.subscribed = [topic for topic, _ in topics]
+
+    async def publish(self, topic: str, payload: bytes, qos: int, retain: bool) -> None:
+        assert qos == 1
+        while self.broker.mute:
+            await asyncio.sleep(0.005)
+        self.broker.published.append(Message(topic, payload, retain))
+
+
+async def until(holds: Any) -> None:
+    """Wait, no longer than is bearable."""
+    async with asyncio.timeout(PATIENCE):
+        while not holds():
+            await asyncio.sleep(0.005)

@@ -1,0 +1,61 @@
+"""What happens on a mount, as events: of which kind, and never more than a broker can use."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from gateway.core.wire_log import SKY_READY, WireLog
+from gateway.fleet.events import BURST, LONGEST, RATE, Events
+
+
+class There:
+    def __init__(self) -> None:
+        self.now, self.told = 1000.0, list[dict[str, Any]]()
+        self.log = WireLog(lambda: self.now)
+        self.events = Events(lambda told: self.told.append(json.loads(told)), lambda: self.now)
+        self.log.sinks.append(self.events.put)
+
+
+@pytest.mark.parametrize(
+    ("side", "arrow", "kind"),
+    [
+        ("127.0.0.1:5", "+", "connected"),
+        ("127.0.0.1:5", "-", "disconnected"),
+        ("127.0.0.1:5", "!", "refused"),
+        ("mount", "!", "note"),
+        ("mount", "^", "port opened"),
+        ("mount", "v", "port lost"),
+    ],
+)
+def test_what_happens_has_a_kind(side: str, arrow: str, kind: str) -> None:
+    there = There()
+    there.log.put(side, arrow, note="words")
+    assert there.told == [{"time": "1970-01-01T00:16:40.000Z", "kind": kind, "who": side, "words": "words"}]
+
+
+def test_the_conversation_is_no_event() -> None:
+    there = There()
+    for arrow in ("<", ">", "raw", "r", "x"):
+        there.log.put("mount", arrow, b"abc")
+    there.log.note("mount", SKY_READY)
+    assert not there.told
+
+
+def test_what_is_too_much_is_counted() -> None:
+    there = There()
+    for _ in range(int(BURST) + 40):
+        there.log.put("127.0.0.1:5", "+")
+    assert len(there.told) == BURST
+    there.now += 3.0 / RATE
+    there.log.put("127.0.0.1:5", "-")
+    assert [event["kind"] for event in there.told[-2:]] == ["left out", "disconnected"]
+    assert there.told[-2]["words"].startswith("40 events")
+
+
+def test_words_are_shortened_and_names_are_printable() -> None:
+    there = There()
+    there.events.tell("refused", "a\x1bb", "x" * 5000)
+    assert there.told[0]["who"] == "a\\x1bb" and len(there.told[0]["words"]) == LONGEST

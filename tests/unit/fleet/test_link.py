@@ -1,0 +1,170 @@
+"""The connection to a broker: what is lost is told again, what is too much is dropped, and nobody waits for it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Coroutine
+from contextlib import asynccontextmanager
+from typing import Any
+
+import pytest
+
+from gateway.fleet import link as links
+from gateway.fleet.client import LARGEST
+from gateway.fleet.link import BrokerLink
+from gateway.fleet.outbox import EVENTS, Outbox
+from gateway.fleet.topics import Heard, Message
+from tests.support.fake_broker import NOWHERE, FakeBroker, until
+
+HERE, GONE = Message("a/availability", b"online", retain=True), Message("a/availability", b"offline", retain=True)
+
+
+@pytest.fixture(autouse=True)
+def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(links, "PAUSES", (0.01,))
+    monkeypatch.setattr(links, "SELDOM", 0.02)
+
+
+class There:
+    """A link, its broker, and what it has told."""
+
+    def __init__(self, flood: int = links.FLOOD) -> None:
+        self.broker, self.heard, self.told = FakeBroker(), list[Heard](), list[tuple[bool, str]]()
+        self.link = BrokerLink(
+            NOWHERE, ["a/command"], self.heard.append, lambda there, why: self.told.append((there, why)), [HERE],
+            [GONE], self.broker.connect, flood,
+        )  # fmt: skip
+
+
+@asynccontextmanager
+async def linked(flood: int = links.FLOOD) -> AsyncIterator[There]:
+    there = There(flood)
+    there.link.start()
+    try:
+        await until(lambda: there.told)
+        yield there
+    finally:
+        await there.link.close()
+
+
+def play(work: Coroutine[Any, Any, None]) -> None:
+    asyncio.run(work)
+
+
+def state(payload: bytes) -> Message:
+    return Message("a/state", payload, retain=True, newest=True)
+
+
+def test_it_says_that_it_is_there_and_that_it_goes() -> None:
+    async def work() -> None:
+        async with linked() as there:
+            assert there.broker.wills == [GONE] and there.told == [(True, "")]
+            assert there.broker.subscribed == ["a/command"]
+        assert there.broker.told("a/availability") == [b"online", b"offline"]
+
+    play(work())
+
+
+def test_what_comes_is_heard_on_the_own_loop() -> None:
+    async def work() -> None:
+        async with linked() as there:
+            there.broker.say("a/command", b"stop", True)
+            await until(lambda: there.heard)
+            assert there.heard == [Heard("a/command", b"stop", True)]
+
+    play(work())
+
+
+def test_after_a_loss_the_newest_state_is_told_again() -> None:
+    async def work() -> None:
+        async with linked() as there:
+            there.link.publish(state(b"1"))
+            await until(lambda: there.broker.told("a/state") == [b"1"])
+            there.broker.down = OSError(111, "Connection refused")
+            there.broker.lose()
+            await until(lambda: len(there.told) > 2)
+            assert there.told[1:3] == [(False, "the connection is lost"), (False, "Connection refused")]
+            there.link.publish(state(b"2"))
+            there.link.publish(state(b"3"))
+            there.broker.down = None
+            await until(lambda: there.told[-1][0])
+            await until(lambda: there.broker.told("a/state") == [b"1", b"3"])
+            assert there.broker.told("a/availability") == [b"online", b"online"]
+
+    play(work())
+
+
+def test_a_broker_that_acknowledges_nothing_gets_the_newest_state_later() -> None:
+    async def work() -> None:
+        async with linked() as there:
+            there.broker.mute = True
+            for number in range(1000):
+                there.link.publish(state(b"%d" % number))
+                there.link.publish(Message("a/event", b"%d" % number))
+            await asyncio.sleep(0)
+            there.broker.mute = False
+            await until(lambda: there.broker.told("a/event")[-1:] == [b"999"])
+            assert there.broker.told("a/state")[-1] == b"999" and len(there.broker.told("a/state")) < 20
+            assert len(there.broker.told("a/event")) <= EVENTS + links.AT_A_TIME
+
+    play(work())
+
+
+def test_a_broker_that_floods_is_left_alone_for_a_while() -> None:
+    async def work() -> None:
+        async with linked(flood=5) as there:
+            there.broker.say("a/command", b"stop", times=50)
+            await until(lambda: (False, "it sent more than 5 messages in a second")
+                        in there.told)  # fmt: skip
+            assert len(there.heard) == 5
+            await until(lambda: there.told[-1] == (True, ""))
+
+    play(work())
+
+
+def test_a_message_that_is_too_long_is_not_taken() -> None:
+    async def work() -> None:
+        async with linked() as there:
+            there.broker.say("a/command", b"x" * (LARGEST + 1))
+            await until(lambda: len(there.told) == 3)
+            assert there.told[1:] == [(False, "it sent a message of 65537 bytes, and 65536 are the most"), (True, "")]
+            assert not there.heard
+
+    play(work())
+
+
+def test_the_end_does_not_wait_for_a_broker_that_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(links, "PARTING", 0.05)
+
+    async def work() -> None:
+        async with linked() as there:
+            there.broker.mute = True
+            async with asyncio.timeout(2.0):
+                await there.link.close()
+            there.broker.mute = False
+
+    play(work())
+
+
+@pytest.mark.parametrize(
+    ("error", "why"),
+    [
+        (OSError(111, "Connection refused"), "Connection refused"),
+        (OSError("[Errno 111] Connection refused"), "Connection refused"),
+        (ValueError("[code:135] Not authorized"), "it refuses: the user or the password is not what it knows"),
+        (TimeoutError(), "TimeoutError"),
+    ],
+)
+def test_why_it_is_away_is_told_in_words(error: Exception, why: str) -> None:
+    assert links._why(error) == why
+
+
+def test_an_outbox_never_grows() -> None:
+    outbox = Outbox()
+    for number in range(EVENTS * 3):
+        outbox.put(Message("a/event", b"%d" % number))
+        outbox.put(state(b"%d" % number))
+    assert [message.payload for message in outbox.take(3)] == [b"599", b"400", b"401"]
+    assert len(outbox.take(10_000)) == EVENTS - 2 and not outbox.take(1)
+    outbox.again()
+    assert [message.payload for message in outbox.take(3)] == [b"599"]

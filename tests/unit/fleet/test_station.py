@@ -1,0 +1,244 @@
+"""A gateway on a broker: what is shown of its mounts, what they may be told, and what is refused in words."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Coroutine
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.app.config import MountConfig, SurfaceConfig
+from gateway.app.config.sections.mqtt import MqttConfig
+from gateway.app.gateway import Gateway
+from gateway.fleet import station as stations
+from gateway.fleet.station import Station
+from tests.support.fake_broker import NOWHERE, PATIENCE, FakeBroker, until
+
+STATE, EVENT, COMMAND = (f"mount-gateway/pier/mount/{what}" for what in ("state", "event", "command"))
+
+
+class There:
+    """A gateway over a simulated mount, its station, and the broker."""
+
+    def __init__(self, gateway: Gateway, config: MqttConfig) -> None:
+        self.gateway, self.broker, self.said = gateway, FakeBroker(), list[str]()
+        self.station = Station(config, NOWHERE, [gateway], self.said.append, self.said.append, self.broker.connect)
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """As it was told last."""
+        told = self.broker.told(STATE)
+        return dict(json.loads(told[-1])) if told else {}
+
+    def happened(self, kind: str) -> list[str]:
+        """The words of such events."""
+        events = [json.loads(event) for event in self.broker.told(EVENT)]
+        return [event["words"] for event in events if event["kind"] == kind]
+
+
+@asynccontextmanager
+async def shown(folder: Path, name: str | None = None, **keys: Any) -> AsyncIterator[There]:
+    config = MountConfig(at="nexstar@sim", speed=6.0, sun=0.0, state=str(folder), name=name)
+    gateway = Gateway(config, [SurfaceConfig(at="lx200@tcp://127.0.0.1:0")], warn=lambda text: None)
+    await gateway.open()
+    there = There(gateway, MqttConfig(at="mqtt://broker.invalid", **{"id": "pier", **keys}))
+    try:
+        assert await gateway.found(PATIENCE)
+        there.station.start()
+        await until(lambda: name is not None or (there.state.get("aligned") and there.state["altitude_degrees"]))
+        yield there
+    finally:
+        await asyncio.gather(gateway.close(), there.station.close())
+
+
+@pytest.fixture(autouse=True)
+def _soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stations, "EVERY_SECOND", 0.05)
+
+
+def play(work: Coroutine[Any, Any, None]) -> None:
+    asyncio.run(work)
+
+
+def test_a_mount_is_shown_with_what_is_known_of_it(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with shown(tmp_path) as there:
+            told = there.state
+            assert {"ra_hours", "dec_degrees", "altitude_degrees", "azimuth_degrees", "tracking", "moving", "aligned",
+                    "online", "model", "line", "programs", "time"} <= set(told)  # fmt: skip
+            assert told["online"] is told["tracking"] is told["aligned"] is True and told["moving"] is False
+            assert 0.0 <= told["ra_hours"] < 24.0 and told["model"] == "6-8se" and told["programs"] == 0
+            assert all(message.retain for message in there.broker.published if message.topic == STATE)
+
+    play(work())
+
+
+def test_a_mount_that_does_not_change_is_not_told_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def work() -> None:
+        async with shown(tmp_path) as there:
+            looks, now = 0, there.state
+
+            def same(gateway: Gateway) -> dict[str, Any]:
+                nonlocal looks
+                looks += 1
+                return {**now, "time": None}
+
+            monkeypatch.setattr(stations, "state", same)
+            await until(lambda: looks > 1)
+            told = len(there.broker.told(STATE))
+            await until(lambda: looks > 6)
+            assert len(there.broker.told(STATE)) == told
+
+    play(work())
+
+
+def test_a_named_mount_has_its_own_topics(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with shown(tmp_path, name="east", prefix="club/domes", id="two") as there:
+            await until(lambda: there.broker.told("club/domes/two/east/state"))
+            assert there.broker.wills[0] is not None and there.broker.wills[0].topic == "club/domes/two/availability"
+            assert "club/domes/all/command" in there.broker.subscribed
+
+    play(work())
+
+
+@pytest.mark.parametrize("topic", [COMMAND, "mount-gateway/all/command"])
+def test_a_stop_stops_the_mount(tmp_path: Path, topic: str) -> None:
+    async def work() -> None:
+        async with shown(tmp_path) as there:
+            there.broker.say(COMMAND, b"park")
+            await until(lambda: there.state["moving"])
+            there.broker.say(topic, b"stop")
+            await until(lambda: "stop: stopped" in there.happened("done"))
+            await until(lambda: there.state["moving"] is False)
+            assert there.happened("done")[0] == "park: it goes to its park position"
+
+    play(work())
+
+
+def test_many_stops_reach_the_line_few_times_and_the_last_one_counts(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with shown(tmp_path) as there:
+            assert there.gateway.controller is not None
+            before = there.gateway.controller.stops
+            there.broker.say("mount-gateway/all/command", b"stop", times=200)
+            await until(lambda: len(there.happened("done")) == 2)
+            assert there.gateway.controller.stops == before + 2
+
+    play(work())
+
+
+@pytest.mark.parametrize(
+    ("topic", "payload", "retain", "why"),
+    [
+        (COMMAND, b"stop", True, "stop: it has the retain flag"),
+        (COMMAND, b"home", False, "home: the broker may not ask for this; orders"),
+        (COMMAND, b"goto Vega", False, "goto Vega: the broker may not ask for this"),
+        (COMMAND, b"goto", False, "goto: there is no such order: stop, park, wake"),
+        (COMMAND, b"park now", False, "park now: there is no such order"),
+        (COMMAND, b"dance", False, "dance: there is no such order"),
+        (COMMAND, b"", False, ": there is no such order"),
+        (COMMAND, b"\xff\x00", False, "there is no such order"),
+        (COMMAND, b"x" * 5000, False, "no order is longer than 100 characters"),
+        ("mount-gateway/all/command", b"park", False, "park: all mounts together can be told stop"),
+    ],
+)
+def test_what_is_not_obeyed_is_refused_in_words(
+    tmp_path: Path, topic: str, payload: bytes, retain: bool, why: str
+) -> None:
+    async def work() -> None:
+        async with shown(tmp_path) as there:
+            assert there.gateway.controller is not None
+            before = there.gateway.controller.stops
+            there.broker.say(topic, payload, retain)
+            await until(lambda: there.happened("refused"))
+            assert why in there.happened("refused")[0] and len(there.happened("refused")[0]) < 200
+            assert there.gateway.controller.stops == before and not there.happened("done")
+            assert why in there.gateway.wire_log.lately[-1].text
+
+    play(work())
+
+
+def test_what_the_configuration_allows_passes_the_limits_of_the_mount(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with shown(tmp_path, orders=["goto"]) as there:
+            there.broker.say(COMMAND, b"goto Acrux")  # never rises at the simulated site
+            await until(lambda: there.happened("failed"))
+            assert "Below Horizon" in there.happened("failed")[0]
+            there.broker.say(COMMAND, b"goto Vegaa")
+            await until(lambda: len(there.happened("failed")) == 2)
+            assert "there is no object 'Vegaa'" in there.happened("failed")[1]
+
+    play(work())
+
+
+def test_two_gateways_with_one_id_are_both_told_and_only_stops_are_obeyed(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with shown(tmp_path) as there:
+            topic, broker = "mount-gateway/pier/gateway", there.broker
+            [own] = broker.told(topic)
+            other = json.dumps({"instance": "other", "host": "dome", "process": 7}).encode()
+            broker.say(topic, own)
+            broker.say(topic, other, retain=True)  # of an earlier run, for all that is known
+            broker.say(topic, b"[] no JSON")
+            broker.say(topic, other)
+            broker.say(topic, other)
+            await until(lambda: len(broker.told(topic)) == 2)
+            broker.say(COMMAND, b"park")
+            await until(lambda: there.happened("refused"))
+            assert "park: another gateway (dome, process 7) has the ID 'pier'" in there.happened("refused")[0]
+            broker.say(COMMAND, b"stop")
+            await until(lambda: "stop: stopped" in there.happened("done"))
+            assert broker.told(topic) == [own, own], "the other one is answered once"
+            assert [words for words in there.said if "another gateway" in words] == [there.station.doubt()]
+
+            broker.say("mount-gateway/pier/availability", b"offline")  # it has gone, and said so for both
+            await until(lambda: broker.told("mount-gateway/pier/availability") == [b"online"] * 2)
+            broker.say(COMMAND, b"park")
+            await until(lambda: "park: it goes to its park position" in there.happened("done"))
+
+    play(work())
+
+
+def test_a_broker_that_comes_and_goes_is_told_of_once(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with shown(tmp_path) as there:
+            there.broker.down = OSError(111, "Connection refused")
+            there.broker.lose()
+            await until(lambda: len(there.broker.wills) > 3)
+            there.broker.down = None
+            await until(lambda: len(there.said) == 3)
+            assert there.said[0] == "ready broker mqtt://broker.invalid:1883 as mount-gateway/pier"
+            assert "are not affected" in there.said[1] and there.said[2].endswith("is there again")
+
+    play(work())
+
+
+def test_home_assistant_is_told_what_a_mount_has(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with shown(tmp_path) as there:
+            topic = "homeassistant/device/mount-gateway_pier_mount/config"
+            await until(lambda: b"6-8se" in b"".join(there.broker.told(topic)))
+            told = json.loads(there.broker.told(topic)[-1])
+            assert told["state_topic"] == STATE and told["device"]["model"] == "6-8se"
+            parts = told["components"]
+            assert {"ra_hours", "online", "stop", "park", "wake"} <= set(parts) and "home" not in parts
+            assert parts["stop"]["command_topic"] == COMMAND and parts["stop"]["payload_press"] == "stop"
+            ids = [part["unique_id"] for part in parts.values()]
+            assert len(set(ids)) == len(ids)
+            for key, part in parts.items():
+                assert part["platform"] == "button" or key in there.state
+
+    play(work())
+
+
+def test_home_assistant_is_told_nothing_where_it_is_off(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with shown(tmp_path, home_assistant="off") as there:
+            assert not [one.topic for one in there.broker.published if "config" in one.topic]
+
+    play(work())
