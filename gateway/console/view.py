@@ -15,8 +15,7 @@ from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
 from gateway.mount.motion.wanted import Slew
-from gateway.mount.safety.admission.contradictions import contradictions, shown
-from gateway.mount.site.site_clock import time_unknown
+from gateway.mount.safety.admission.contradictions import contradictions, shown, time_unknown
 
 #: Places over the horizon along the way of a goto, beginning and end counted.
 STEPS = 24

@@ -27,14 +27,13 @@ from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.wanted import Movement, WantedState
 from gateway.mount.orders import Orders
 from gateway.mount.policy import Policy
-from gateway.mount.readings.at_hand import AtHand
 from gateway.mount.readings.cache import Kind, ReadingsCache
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.poller import Poller
 from gateway.mount.readings.reader import Reader
 from gateway.mount.readings.rest import SIGHT, come_to_rest
 from gateway.mount.readings.target_limits import TargetLimits
-from gateway.mount.readings.told_position import ToldPosition
+from gateway.mount.readings.told_position import AtHand, ToldPosition
 from gateway.mount.safety.assembled import Safety
 from gateway.mount.safety.rules.dead_man import Presence
 from gateway.mount.safety.rules.sun import SunAvoidance
@@ -126,7 +125,7 @@ class MountController:
             context, line, gate, cache, reader, site_clock, self.settings, movement, self.watch, self.ends
         )
         #: What answers are made of, and whatever may outdate one.
-        self._changes = cache.changed, wanted.changed, site_clock.changed, told.changed
+        self._changes = cache.changed, wanted, site_clock.changed, told.changed
 
     def _stop_now(self, _: None) -> None:
         self.begin_stop()

@@ -13,13 +13,12 @@ from typing import Any, TypeVar, cast
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Busy, Fault, Held, NoAnswer, Stopped
 from gateway.core.motion_kinds import GOTOS, MOTIONS, begins_motion
-from gateway.core.shared_work import result_of
+from gateway.core.shared_work import Outcome, over_before, refused, result_of
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.queue import SETTING
 from gateway.mount.motion.apply import apply, does_for, interrupted, take_back, too_late
-from gateway.mount.motion.awaited import Outcome, over_before, refused
 from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.wanted import FIRST, IN_ORDER, Movement, Order, WantedState
 from gateway.mount.readings.cache import FRESH
@@ -67,7 +66,7 @@ class Orders:
         if link.occupied and begins_motion(operation) and not isinstance(operation, GOTOS):  # which wait for it
             return Busy()
         try:
-            if isinstance(operation, MOTIONS):
+            if self._hold.on and isinstance(operation, MOTIONS):
                 self._hold.admit(operation)
         except Held as fault:
             return fault

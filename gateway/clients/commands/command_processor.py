@@ -142,7 +142,7 @@ class CommandProcessor:
 
     def _tell_dropped(self) -> None:
         """For the log: bytes that are of no use, and why."""
-        for why, data in self.framer.dropped.reasons.items():
+        for why, data in self.framer.dropped.items():
             self.log.put("x", bytes(data), why)
 
     # --- commands in their order ------------------------------------------------------------------------------------

@@ -188,11 +188,13 @@ class MountLink:
 
     async def _serve(self) -> None:
         """Serve requests until the wire is lost."""
+        answered = False
         while not self.talk.lost:
             if self._spoken_on:
                 self._spoken_on = False
                 await self._recover()
-            request = await self.queue.next(self.typical, self.talk.gap)
+            request = await self.queue.next(self.typical, self.talk.gap, answered)
+            answered = False
             if request is None:
                 continue
             self._silent_since = self._silent_since or self._now()
@@ -209,7 +211,7 @@ class MountLink:
                     request.future.set_exception(outcome)
                 else:
                     request.future.set_result((outcome, self.talk.times.took))
-                await self.queue.what_follows()
+                answered = True
             if isinstance(outcome, Silence) and self.dialogue.expected(request.ask).leaves_open:
                 self.talk.send(self.dialogue.closing)
                 await self.talk.drain(max(QUIET, 2.0 * self.talk.times.typical))

@@ -108,16 +108,19 @@ class RequestQueue:
             return True
         return False
 
-    async def next(self, typical: float, gap: Callable[[Send], float]) -> Request | None:
+    async def next(self, typical: float, gap: Callable[[Send], float], answered: bool = False) -> Request | None:
         """The request whose turn it is; None when that was waited for, and must be looked at again.
 
-        ``typical`` is how long an exchange takes, ``gap`` how much quiet a question still wants before it.
+        ``typical`` is how long an exchange takes, ``gap`` how much quiet a question still wants before it. Whoever
+        was ``answered`` just now may ask on first.
         """
+        if answered:
+            await self._what_follows()
         now = self._loop.time()
         self._waiting = [request for request in self._waiting if not self._over(request, now)]
         if not self._waiting:
             await self.news()
-            await self.what_follows()  # what woke a read may have brought a stop as well
+            await self._what_follows()  # what woke a read may have brought a stop as well
             return None
         while self._urgent and self._urgent[0] < now - 0.05:
             heapq.heappop(self._urgent)
@@ -146,7 +149,7 @@ class RequestQueue:
         self._passed_over = 0 if first.rank == SETTING else self._passed_over + 1
 
     @types.coroutine
-    def what_follows(self) -> Iterator[None]:
+    def _what_follows(self) -> Iterator[None]:
         """Give whoever had an answer its turns, unless nothing or a stop waits."""
         for _ in range(TURNS):
             if not self._waiting or self.stop_waits:

@@ -15,8 +15,7 @@ from typing import Any
 from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
 from gateway.core.signals import Signal
 from gateway.core.wire_log import WireLog
-from gateway.mount.link.answer_times import AnswerTimes
-from gateway.mount.link.late_replies import LATEST, LateReplies
+from gateway.mount.link.answers import LATEST, AnswerTimes, LateReplies
 from gateway.mount.link.queue import RequestQueue
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import Expected, ReplyRules

@@ -15,16 +15,16 @@ from typing import Any
 from msgspec.structs import replace
 
 from gateway.core import operations as op
+from gateway.core import shared_work
 from gateway.core.errors import Busy, Fault, NoAnswer
 from gateway.core.motion_kinds import ENDS, GOTOS, ends_focus, survives_abort
-from gateway.core.shared_work import result_of
+from gateway.core.shared_work import Outcome, result_of
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink
 from gateway.mount.motion import outcomes
 from gateway.mount.motion.apply import does_for, next_moment, next_operation, planned, stopped
-from gateway.mount.motion.awaited import Outcome, done, new
 from gateway.mount.motion.order_runner import OrderRunner
 from gateway.mount.motion.outcomes import Done, may_have_begun
 from gateway.mount.motion.patience import forsaken, may_wait, patient, postponed
@@ -92,12 +92,12 @@ class Reconciler:
         """``after`` is what is wanted with this order -> its outcome; perhaps that of one that does for it, too."""
         asked = any(one.number == order.number for one in after.pending)
         if asked:
-            self._outcomes[order.number] = new()
+            self._outcomes[order.number] = shared_work.outcome()
         self._want(after)
         same = order if asked else does_for(after, order.operation)
         outcome = self._outcomes.get(same.number) if same is not None else None
         self._go_on()
-        return outcome if outcome is not None else done()
+        return outcome if outcome is not None else shared_work.done()
 
     def outcomes_of(self, kind: type[op.Operation]) -> list[Outcome]:
         """What whoever asked for such operations waits for."""
@@ -121,11 +121,11 @@ class Reconciler:
 
     def no_more(self) -> None:
         """What was asked for before now is not begun any more."""
-        self._state.replace(replace(self.wanted, stops=self.wanted.stops + 1))
+        self._put(replace(self.wanted, stops=self.wanted.stops + 1))
 
     def owe_stop(self) -> None:
         """Something that an earlier run of the gateway set moving is to stand still."""
-        self._state.replace(replace(self.wanted, owed=True))
+        self._put(replace(self.wanted, owed=True))
 
     def begin_stop(self) -> asyncio.Task[None]:
         """End every motion: what runs or waits dies now, and the stop goes to the line first.
@@ -154,10 +154,14 @@ class Reconciler:
 
     # --- carrying out -----------------------------------------------------------------------------------------------
 
+    def _put(self, wanted: Wanted) -> None:
+        self._state.value = wanted
+        self._state.count += 1
+
     def _want(self, wanted: Wanted) -> None:
         """Replace what is wanted; whoever asked for what is not any more is told, and work on it is given up."""
         before = self.wanted
-        self._state.replace(wanted)
+        self._put(wanted)
         if before.pending is not wanted.pending:
             left = {order.number for order in wanted.pending}
             for order in before.pending:
@@ -168,7 +172,7 @@ class Reconciler:
 
     def _go_on(self) -> None:
         """Begin what is due, unless something is being done; else look again when something is due."""
-        if self.closed or self._work is not None or self._stopping.under_way:
+        if self.closed or self._work is not None or self._stopping.task is not None:
             return
         order = next_operation(self.wanted, self._loop.time())
         while order is not None and self._link.occupied and patient(order):
@@ -178,7 +182,7 @@ class Reconciler:
             self._timer.cancel()
             self._timer = None
         if order is not None:
-            self._state.replace(replace(self.wanted, active=order.number))
+            self._put(replace(self.wanted, active=order.number))
             self._active = order.number
             self._work = self._loop.create_task(self._orders.carry_out(order, self.stop))
             self._work.add_done_callback(partial(self._has_ended, order))

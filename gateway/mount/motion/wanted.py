@@ -26,7 +26,6 @@ from gateway.core.operations import (
     Slewing,
     Wake,
 )
-from gateway.core.signals import Signal
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.safety.rules.dead_man import HostActivity
 
@@ -170,16 +169,13 @@ class Wanted(Struct, frozen=True):
 
 
 class WantedState:
-    """The one place where it is kept: ``value``, which everybody may read. ``changed`` tells when it was replaced."""
+    """The one place where it is kept: ``value``, which everybody may read and the reconciler alone replaces.
+
+    ``count`` is how often it did.
+    """
 
     def __init__(self) -> None:
-        self.value = Wanted()
-        self.changed: Signal[Wanted] = Signal()
-
-    def replace(self, wanted: Wanted) -> None:
-        """For the reconciler."""
-        self.value = wanted
-        self.changed.emit(wanted)
+        self.value, self.count = Wanted(), 0
 
     @property
     def by_hand(self) -> dict[int, Move | MoveAxis]:

@@ -272,8 +272,3 @@ def _same_place(one: Place, other: Place) -> bool:
     return (
         abs(one.latitude - other.latitude) <= SITE_EQUAL and abs(wrap180(one.longitude - other.longitude)) <= SITE_EQUAL
     )
-
-
-def time_unknown(best: Time) -> bool:
-    """Whether nobody tells the time: this computer has plainly lost its clock, and there is no other."""
-    return best.source == COMPUTER and best.unix < EARLIEST

@@ -42,28 +42,12 @@ class Suspect(bytes):
     """A command in one run of bytes with one that lost its end: it begins no motion."""
 
 
-class Dropped:
+class Dropped(dict[str, bytearray]):
     """What the bytes fed last have had dropped: reason -> bytes, for the log alone."""
-
-    def __init__(self, noise: str) -> None:
-        self._why = noise
-        self._reasons: dict[str, bytearray] = {}
-        #: Bytes that begin nothing, which may be many.
-        self.noise = bytearray()
-
-    @property
-    def reasons(self) -> dict[str, bytearray]:
-        """Everything since the last bytes."""
-        return {self._why: self.noise, **self._reasons} if self.noise else self._reasons
 
     def add(self, data: bytes, why: str) -> None:
         """More bytes of no use."""
-        self._reasons.setdefault(why, bytearray()).extend(data)
-
-    def forget(self) -> None:
-        """New bytes are fed."""
-        if self.noise or self._reasons:
-            self.noise, self._reasons = bytearray(), {}
+        self.setdefault(why, bytearray()).extend(data)
 
 
 class Framer(Protocol):

@@ -124,4 +124,4 @@ def test_noise_for_hours_takes_no_memory(framer: type[lx200.Framer] | type[NexSt
     cutting = framer()
     for _ in range(1000):
         cutting.feed(b"\xff" * 1000, 0.0)
-    assert sum(len(data) for data in cutting.dropped.reasons.values()) == 1000
+    assert sum(len(data) for data in cutting.dropped.values()) == 1000

@@ -104,8 +104,8 @@ class HandAdmission:
             seen = await self._ask.anew(op.Position())
         watched = mount.policy.limits.hour_angle is not None and status.equatorial and mount.driver.german
         side = await self._ask.tube_side() if watched else None
-        tells = self._watch.altitude_axis.tells
-        return Start(seen, status, await tilt(mount, self._ask, self._watch) if tells else 0.0, side)
+        axis = self._watch.altitude_axis
+        return Start(seen, status, await tilt(mount, self._ask, axis) if axis.tells else 0.0, side)
 
     async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
         """-1 where what is positive for a motor is not so on the sky: in the south, beyond the pole or the zenith."""

@@ -14,7 +14,7 @@ from gateway.core.errors import Fault, NearSun
 from gateway.core.operations import Equatorial, Place
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.rules.sun import SUN_IS_UP
-from gateway.mount.site.site_clock import COMPUTER, BestSources, Site, Time, time_unknown
+from gateway.mount.site.site_clock import COMPUTER, EARLIEST, BestSources, Site, Time
 
 #: Sources that differ by more than this contradict each other: degrees on the Earth, and seconds.
 SITE_MATTERS, CLOCK_MATTERS = 0.5, 120.0
@@ -36,8 +36,8 @@ class Contradiction(NamedTuple):
     words: str
 
 
-def check_contradictions(sources: BestSources, sky: Sky, limits: Limits, goal: Equatorial) -> None:
-    """A goto to ``goal`` by every source that contradicts the best one.
+def check_contradictions(sources: BestSources, sky: Sky, limits: Limits, goal: Equatorial, doubted: bool) -> None:
+    """A goto to ``goal`` by every source that contradicts the best one; its altitude only where that is ``doubted``.
 
     Raises BelowHorizon, TooHigh or NearSun, with who says what; NearSun also where nobody knows the time.
     """
@@ -51,7 +51,8 @@ def check_contradictions(sources: BestSources, sky: Sky, limits: Limits, goal: E
         sun = sky.sun(unix)
         risen = sky.horizon(*sun, place.latitude, place.longitude, unix)[1] >= SUN_IS_UP
         try:
-            limits.check_altitude(altitude)
+            if doubted:
+                limits.check_altitude(altitude)
             if risen and separation(goal.ra, goal.dec, *sun) < limits.sun:
                 raise NearSun
         except Fault as fault:
@@ -119,3 +120,8 @@ def _span(seconds: float) -> str:
         if minutes < 2880
         else (f"{minutes / 1440:.0f} days")
     )
+
+
+def time_unknown(best: Time) -> bool:
+    """Whether nobody tells the time: this computer has plainly lost its clock, and there is no other."""
+    return best.source == COMPUTER and best.unix < EARLIEST

@@ -61,7 +61,8 @@ class Admission:
         return await self._admit(operation)
 
     async def _admit(self, operation: op.Operation) -> op.Operation:
-        self._hold.admit(operation)
+        if self._hold.on:
+            self._hold.admit(operation)
         self._watch.dips = False
         await self._check_aligned(operation)
         if isinstance(operation, op.Move | op.MoveAxis):
@@ -145,8 +146,7 @@ class Admission:
         goal = op.Equatorial(operation.ra, operation.dec)
         await self._check_target(limits, goal, told)
         await self._check_way(limits, goal)
-        doubted = limits.at_any_altitude() if told or axis.tells else limits
-        check_contradictions(self._sources, mount.astrometry.sky, doubted, goal)
+        check_contradictions(self._sources, mount.astrometry.sky, limits, goal, not (told or axis.tells))
         return mount.astrometry.to_mount(operation)
 
     async def _admit_horizontal(self, operation: op.GotoHorizontal) -> op.Operation:
@@ -180,7 +180,7 @@ class Admission:
         if altitude is None:
             mount.wire_log.note_once("mount", "site unknown: gotos are not checked against the horizon")
             return
-        limits.check_altitude(altitude + (await tilt(mount, self._ask, self._watch) if told else 0.0))
+        limits.check_altitude(altitude + (await tilt(mount, self._ask, self._watch.altitude_axis) if told else 0.0))
         status = mount.readings.value(op.GetStatus)
         if status is not None and status.equatorial and mount.driver.tube_side("E") is None:
             check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.mount.safety.inputs import MountInputs
+from gateway.mount.safety.rules.axis_altitude import AltitudeAxis
 from gateway.mount.safety.watch import LimitWatch
 
 
@@ -19,9 +20,8 @@ class Questions(NamedTuple):
     tube_side: Callable[[], Awaitable[str | None]]
 
 
-async def tilt(mount: MountInputs, ask: Questions, watch: LimitWatch) -> float:
+async def tilt(mount: MountInputs, ask: Questions, axis: AltitudeAxis) -> float:
     """By how many degrees an axis that tells the altitude differs from what is reckoned; after a sync it is asked."""
-    axis = watch.altitude_axis
     if axis.synced and not mount.moving().anything:
         await ask.anew(op.GetStatus())
         await ask.read(op.Position())

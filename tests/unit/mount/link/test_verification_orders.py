@@ -6,7 +6,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer
-from gateway.mount.link.late_replies import LateReplies
+from gateway.mount.link.answers import LateReplies
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
