@@ -49,17 +49,22 @@ ALTERED = f"{READINGS}/test_altered_answers.py"
 TABLES = "mappings/*/commands.toml"
 MUTATIONS = [
     # --- replies that are told again
-    Mutation("no reply is ever told again", r"data in self\._memo and", "False and", f"{READINGS}/test_positions.py"),
+    Mutation(
+        "no reply is ever told again",
+        r"(return self\._replies\.get\(command\) if )",
+        r"\g<1>False and ",
+        f"{READINGS}/test_positions.py",
+    ),
     Mutation(
         "a change of what was read outdates no reply",
-        r"\.version \+= 1",
-        ".version += 0",
+        r"(self|_state)\.count \+= 1",
+        r"\g<1>.count += 0",
         f"{READINGS}/test_told_alike.py",
     ),
     Mutation(
         "a reply is told again however old it is",
-        r"self\._memo_until = min\(.*",
-        'self._memo_until = float("inf")',
+        r"self\._until = min\(.*",
+        'self._until = float("inf")',
         f"{READINGS}/test_told_alike.py {READINGS}/test_positions.py",
     ),
     # --- answers that are believed
@@ -137,8 +142,8 @@ MUTATIONS = [
     ),
     Mutation(
         "nothing is sent first when the line is back",
-        r"= self\.first_words\(\),",
-        "= [],",
+        r"self\.reopened\.emit\(words\)",
+        "pass",
         f"{STOPS}/test_line_back.py",
     ),
     # --- limits
