@@ -45,7 +45,7 @@ class Safety:
             astrometry,
             suns,
             movement.now,
-            context.policy,
+            context,
             lambda: link.typical,
             context.log,
             RENEW[op.Position],

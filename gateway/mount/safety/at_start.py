@@ -29,21 +29,21 @@ def _contradictions(sources: BestSources) -> Iterator[str]:
 
 def _park(mount: MountInputs) -> Iterator[str]:
     """Only where the mount can be parked at all."""
-    limits, status = mount.policy.limits, mount.readings.value(op.GetStatus)
+    limits, status = mount.context.policy.limits, mount.readings.value(op.GetStatus)
     if not mount.driver.way(op.Park) or status is None:
         return
     there = mount.driver.destination(op.Park())
     try:
         if there is not None:
             limits.check_altitude(_altitude(mount, there, status.equatorial))
-        elif not mount.policy.own_park:
+        elif not mount.context.policy.own_park:
             check_own_park(op.Park(), limits)
     except Unsupported:
         return  # without a site nobody knows
     except Fault:
         yield (
             "its park position lies beyond lowest or highest, where it is parked all the same"
-            if mount.policy.own_park
+            if mount.context.policy.own_park
             else "parking is refused, because its park position may lie beyond lowest or highest: see the key park"
         )
 

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, Protocol
 
 from gateway.core import operations as op
 from gateway.core.wire_log import WireLog
+from gateway.mount.context import Context
 from gateway.mount.motion.wanted import Moving
-from gateway.mount.policy import Policy
 from gateway.mount.safety.rules.sun import SunAvoidance
 from gateway.mount.safety.stop_timing import StopTiming
 from gateway.mount.site.astrometry import SiteAstrometry
@@ -33,7 +33,7 @@ class MountInputs(NamedTuple):
     astrometry: SiteAstrometry
     suns: SunAvoidance
     moving: Callable[[], Moving]
-    policy: Policy
+    context: Context
     exchange: Callable[[], float]
     wire_log: WireLog
     period: float

@@ -44,7 +44,7 @@ class HandAdmission:
         start = await self._start()
         if start is None:
             return
-        limits = mount.policy.limits
+        limits = mount.context.policy.limits
         if isinstance(operation, op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
         by_hand = {**mount.moving().by_hand, operation.axis: operation}
@@ -56,11 +56,11 @@ class HandAdmission:
         start = await self._start()
         if start is not None:
             motion, degrees = as_motion(pulse)
-            await self._check(self._mount.policy.limits, start, {motion.axis: motion}, {motion.axis: degrees})
+            await self._check(self._mount.context.policy.limits, start, {motion.axis: motion}, {motion.axis: degrees})
 
     async def check_tracking(self) -> None:
         """Tracking that is off and would lead farther beyond a limit. Raises BelowHorizon, TooHigh or PastMeridian."""
-        mount, limits = self._mount, self._mount.policy.limits
+        mount, limits = self._mount, self._mount.context.policy.limits
         start = await self._start()
         if start is None or start.status.tracking is not op.Tracking.OFF or mount.moving().anything:
             return
@@ -102,7 +102,7 @@ class HandAdmission:
             seen = await self._ask.read(op.Position())
         elif mount.now() - age < self._watch.rests_since and not mount.moving().by_hand:  # it was seen on its way
             seen = await self._ask.anew(op.Position())
-        watched = mount.policy.limits.hour_angle is not None and status.equatorial and mount.driver.german
+        watched = mount.context.policy.limits.hour_angle is not None and status.equatorial and mount.driver.german
         side = await self._ask.tube_side() if watched else None
         axis = self._watch.altitude_axis
         return Start(seen, status, await tilt(mount, self._ask, axis) if axis.tells else 0.0, side)

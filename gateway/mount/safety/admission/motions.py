@@ -82,7 +82,7 @@ class Admission:
         elif isinstance(operation, op.GotoAxes):
             if not self._mount.driver.way(op.AxisPosition) and (await self._status()).equatorial:
                 return await self._admit(self._mount.astrometry.from_axes(operation, not self._mount.driver.german))
-            await self._check_axes(operation, self._mount.policy.limits)
+            await self._check_axes(operation, self._mount.context.policy.limits)
         elif isinstance(operation, op.Goto):
             return await self._admit_goto(operation)
         elif isinstance(operation, op.Sync):
@@ -103,7 +103,7 @@ class Admission:
 
     async def _check_aligned(self, operation: op.Operation) -> None:
         """Raises NotAligned."""
-        if not needs_alignment(operation, self._mount.driver.sync_aligns, self._mount.policy.unaligned):
+        if not needs_alignment(operation, self._mount.driver.sync_aligns, self._mount.context.policy.unaligned):
             return
         if not (await self._status()).aligned:
             anew: op.Status = await self._ask.anew(op.GetStatus())  # it may be so since a moment ago
@@ -113,7 +113,7 @@ class Admission:
     # --- syncs ------------------------------------------------------------------------------------------------------
 
     async def _admit_sync(self, operation: op.Sync) -> op.Operation:
-        mount, limits = self._mount, self._mount.policy.limits
+        mount, limits = self._mount, self._mount.context.policy.limits
         await self._goto_ends()
         if mount.moving().anything:
             raise Refused("The mount is moving, so nothing is centred: sync when it has stopped.")
@@ -141,7 +141,7 @@ class Admission:
 
     async def _admit_goto(self, operation: op.Goto) -> op.Operation:
         mount, axis = self._mount, self._watch.altitude_axis
-        limits = mount.policy.limits.narrowed(operation.lowest, operation.highest)
+        limits = mount.context.policy.limits.narrowed(operation.lowest, operation.highest)
         told = axis.tells
         goal = op.Equatorial(operation.ra, operation.dec)
         await self._check_target(limits, goal, told)
@@ -151,7 +151,7 @@ class Admission:
 
     async def _admit_horizontal(self, operation: op.GotoHorizontal) -> op.Operation:
         mount = self._mount
-        mount.policy.limits.narrowed(operation.lowest, operation.highest).check_altitude(operation.alt)
+        mount.context.policy.limits.narrowed(operation.lowest, operation.highest).check_altitude(operation.alt)
         fork = not (await self._status()).equatorial
         if fork and mount.driver.way(op.GotoAxes) and not mount.driver.displaced:
             return await self._admit(op.GotoAxes(operation.az, operation.alt, operation.fastest))
@@ -159,10 +159,10 @@ class Admission:
 
     async def _check_own_place(self, operation: op.Park | op.Home) -> None:
         """Where park or home leads to. What the owner has chosen may lie at any altitude, but not near the Sun."""
-        mount, limits = self._mount, self._mount.policy.limits
+        mount, limits = self._mount, self._mount.context.policy.limits
         if isinstance(operation, op.Park):
             await self._status()  # how the mount stands decides where it is parked
-            if mount.policy.own_park:
+            if mount.context.policy.own_park:
                 limits = limits.at_any_altitude()
         there = mount.driver.destination(operation)
         if there is None:
