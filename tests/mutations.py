@@ -178,7 +178,7 @@ MUTATIONS = [
         "what is below knows what is above",
         r"(\Z)",
         "\n\ndef _main() -> object:\n    from gateway.cli import main\n\n    return main\n",
-        "tests/project/test_layers.py",
+        "tests/project/test_structure.py",
         "gateway/core/errors.py",
     ),
 ]

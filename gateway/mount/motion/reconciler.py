@@ -174,7 +174,7 @@ class Reconciler:
         """Begin what is due, unless something is being done; else look again when something is due."""
         if self.closed or self._work is not None or self._stopping.task is not None:
             return
-        order = next_operation(self.wanted, self._loop.time())
+        order = next_operation(self.wanted, self._loop.time()) if self.wanted.pending else None
         while order is not None and self._link.occupied and patient(order):
             self._postpone(order)
             order = next_operation(self.wanted, self._loop.time())
@@ -186,7 +186,7 @@ class Reconciler:
             self._active = order.number
             self._work = self._loop.create_task(self._orders.carry_out(order, self.stop))
             self._work.add_done_callback(partial(self._has_ended, order))
-        elif (moment := next_moment(self.wanted)) is not None:
+        elif self.wanted.pending and (moment := next_moment(self.wanted)) is not None:
             self._timer = self._loop.call_at(moment, self._go_on)
 
     def _postpone(self, order: Order) -> None:
