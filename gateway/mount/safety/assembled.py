@@ -10,7 +10,6 @@ from gateway.mount.motion.wanted import Movement
 from gateway.mount.readings.cache import RENEW, ReadingsCache
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.motions import Admission
-from gateway.mount.safety.admission.questions import Questions
 from gateway.mount.safety.at_start import doubts
 from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.rules.held import Hold
@@ -54,9 +53,8 @@ class Safety:
         self.hold, self.synced = Hold(), SyncTotal()
         self.ends = EndWatch(context.now, context.note)
         self.watch = LimitWatch(context, self.inputs, reader, self.ends, self.synced)
-        questions = Questions(reader.read, reader.anew, reader.tube_side)
         self.admission = Admission(
-            self.inputs, questions, self.watch, sources, self.synced, self.hold, context.milestones.settled
+            self.inputs, reader, self.watch, sources, self.synced, self.hold, context.milestones.settled
         )
         reader.goto_over.connect(self.watch.arrived)
         reader.position.connect(self.watch.look)

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.core import operations as op
 from gateway.core.errors import Fault, PastMeridian
+from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.first_stretch import (
     Start,
     as_motion,
@@ -19,7 +20,7 @@ from gateway.mount.safety.admission.first_stretch import (
     knows_meridian,
     turn,
 )
-from gateway.mount.safety.admission.questions import Questions, over, tilt
+from gateway.mount.safety.admission.questions import over, tilt
 from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.rules.altitude import leaving
@@ -35,7 +36,7 @@ A_WHILE = 60.0
 class HandAdmission:
     """Asked for every motion by hand, every guide pulse, and when tracking is to go on."""
 
-    def __init__(self, mount: MountInputs, ask: Questions, watch: LimitWatch) -> None:
+    def __init__(self, mount: MountInputs, ask: Reader, watch: LimitWatch) -> None:
         self._mount, self._ask, self._watch = mount, ask, watch
 
     async def check(self, operation: op.Move | op.MoveAxis) -> None:

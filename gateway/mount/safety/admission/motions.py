@@ -15,11 +15,12 @@ from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, NearSun, NotAligned, Refused, TooHigh, Unsupported
 from gateway.core.motion_kinds import GOTOS
+from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.by_hand import HandAdmission
 from gateway.mount.safety.admission.contradictions import check_contradictions
 from gateway.mount.safety.admission.path_shapes import clear
-from gateway.mount.safety.admission.questions import Questions, over, tilt
+from gateway.mount.safety.admission.questions import over, tilt
 from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.rules.held import Hold
@@ -41,7 +42,7 @@ class Admission:
     def __init__(
         self,
         mount: MountInputs,
-        ask: Questions,
+        ask: Reader,
         watch: LimitWatch,
         sources: BestSources,
         synced: SyncTotal,
