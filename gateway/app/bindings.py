@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
+import msgspec
+
 from gateway.app.config import Endpoint, MountConfig, SurfaceConfig
-from gateway.app.config.programs import as_settings, programs, recognisable, wanted_by
+from gateway.app.config.programs import as_settings, programs, recognisable, settled, wanted_by
 from gateway.app.watchdog import WatchedMount
+from gateway.astro.ephemeris.sky import Sky
+from gateway.clients.acceptor import ConnectionAcceptor
 from gateway.clients.access import Access, networks
+from gateway.clients.any_protocol.acceptor import AnyAcceptor
+from gateway.clients.any_protocol.web import Web
 from gateway.clients.equinox import J2000
 from gateway.clients.profiles import ClientProfile, SurfaceBinding
 from gateway.core.errors import UserError
@@ -17,8 +23,9 @@ from gateway.mount.safety.limits import Limits
 from gateway.protocols.base.frames import Framer
 from gateway.protocols.base.plain_replies import PlainReplies
 from gateway.protocols.base.reply_rules import Replies
+from gateway.protocols.base.session import Shared
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSettings
-from gateway.protocols.registry import PROTOCOLS, mounts, surfaces
+from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken, surfaces
 from gateway.transport.tcp import exposed
 from gateway.transport.wires import SerialTransport, Transport
 
@@ -30,7 +37,7 @@ def check_pair(mount: Endpoint, endpoints: Sequence[Endpoint]) -> None:
     if mount.protocol not in mounts():
         raise UserError(f"{mount}: {mount.protocol} mounts cannot be driven; {' or '.join(mounts())} can")
     for endpoint in endpoints:
-        if endpoint.protocol not in surfaces():
+        if not set(spoken(endpoint.protocol)) <= set(surfaces()):
             raise UserError(f"{endpoint}: no {endpoint.protocol} surface; write {' or '.join(surfaces())}")
 
 
@@ -71,6 +78,65 @@ def make_surface(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> S
         counts_in=spec.equinox,
         fit=made.fit,
     )
+
+
+def _nobody(words: str) -> None:
+    """Which type was chosen in a program does not matter where every protocol is spoken: nobody is told."""
+
+
+class Acceptors:
+    """Makes what accepts the connections of each surface of one gateway.
+
+    ``warn`` is told what the user should know at once, ``web`` has what speaks HTTP where every protocol is spoken.
+    """
+
+    def __init__(
+        self,
+        controller: MountController,
+        mount: Endpoint,
+        config: MountConfig,
+        shared: Shared,
+        clock: Callable[[], float],
+        sky: Sky,
+        warn: Callable[[str], None],
+        web: Web,
+    ) -> None:
+        self._controller, self._mount, self._config = controller, mount, config
+        self._shared, self._clock, self._warn, self._web = shared, clock, warn, web
+        self._j2000 = J2000(sky, controller.site_clock.unix)
+        #: Everything that is presented, and that of it which is the mount itself.
+        self.faces: list[tuple[str, SurfaceBinding]] = []
+        self.own: list[SurfaceBinding] = []
+
+    def make(self, number: int, endpoint: Endpoint, surface: SurfaceConfig) -> ConnectionAcceptor | AnyAcceptor:
+        """For a surface, counted from 1. Raises UserError."""
+        if endpoint.protocol != ANY:
+            return self._one(number, endpoint, surface, self._warn)
+        speaking, titles = {}, ", ".join(PROTOCOLS[name].title for name in spoken(ANY))
+        for protocol in spoken(ANY):
+            part = settled(msgspec.structs.replace(surface, at=f"{protocol}@{endpoint.where}"))
+            speaking[protocol] = one = self._one(number, Endpoint(protocol, endpoint.where), part, _nobody)
+            one.face = msgspec.structs.replace(one.face, speaks=titles)
+        return AnyAcceptor(speaking, self._web)
+
+    def _one(
+        self, number: int, endpoint: Endpoint, surface: SurfaceConfig, warn: Callable[[str], None]
+    ) -> ConnectionAcceptor:
+        face = make_surface(endpoint, surface, self._config.limits)
+        face.surface.verbatim = endpoint.protocol == self._mount.protocol
+        if shows_itself(self._mount, endpoint):
+            face = msgspec.structs.replace(face, fit=None)
+            self.own.append(face)
+        face = msgspec.structs.replace(
+            face,
+            equinox=self._j2000 if (surface.equinox or face.counts_in) == "j2000" else None,
+            manners=tuple(manners(endpoint.protocol, surface, self._j2000)),
+        )
+        self.faces.append((endpoint.protocol, face))
+        entry = access(surface, self._config)
+        return ConnectionAcceptor(
+            self._controller, face, self._shared, self._clock, number, entry, endpoint.where, warn
+        )
 
 
 def speech(protocol: str) -> tuple[Cutting, Replies]:
@@ -131,11 +197,6 @@ def tell_of_motions(controller: MountController, watched: WatchedMount) -> None:
 
     controller.before_motion.announce = before_motion
     controller.changed.connect(lambda _: watched.renew())
-
-
-def named(face: SurfaceBinding) -> str | None:
-    """The model that is presented; None where the protocol has none."""
-    return str(face.model["name"]) if face.surface.protocol.models else None
 
 
 def shows_itself(mount: Endpoint, surface: Endpoint) -> bool:

@@ -6,23 +6,18 @@ import asyncio
 import time
 from collections.abc import Callable, Sequence
 
-from msgspec.structs import replace
-
 from gateway.app.bindings import (
-    access,
+    Acceptors,
     check_pair,
     exposure,
     make_driver,
-    make_surface,
     make_wire,
-    manners,
-    named,
     own_face,
     policy,
-    shows_itself,
     tell_of_motions,
 )
 from gateway.app.config import MountConfig, SurfaceConfig, parse_endpoint
+from gateway.app.config.endpoints import shown
 from gateway.app.config.programs import settled
 from gateway.app.control import Control
 from gateway.app.control.orders import orders
@@ -34,7 +29,8 @@ from gateway.app.state.store import PreviousRun, StateStore, recall, selected_si
 from gateway.app.watchdog import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.acceptor import ConnectionAcceptor
-from gateway.clients.equinox import J2000
+from gateway.clients.any_protocol.acceptor import AnyAcceptor
+from gateway.clients.any_protocol.web import Web
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
 from gateway.core.errors import Fault, UserError
@@ -45,7 +41,6 @@ from gateway.mount.shutdown import stop_commands
 from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.protocols.base.session import Shared
-from gateway.protocols.registry import PROTOCOLS
 from gateway.system.runtime_folders import folders
 from gateway.transport import Listener, open_port
 from gateway.transport.wires import on_the_wire
@@ -76,9 +71,11 @@ class Gateway:
         self.mount = parse_endpoint(config.at)
         self.endpoints = [parse_endpoint(surface.at) for surface in surfaces]
         check_pair(self.mount, self.endpoints)
-        self.receptions: list[ConnectionAcceptor] = []
+        self.receptions: list[ConnectionAcceptor | AnyAcceptor] = []
         self.ports: list[Listener] = []
         self.faces: list[tuple[str, SurfaceBinding]] = []
+        #: What speaks HTTP where every protocol is spoken.
+        self.web = Web()
         self.fitted = asyncio.Event()
         self.controller: MountController | None = None
         #: What an earlier run has kept, and the files it is kept in; a replay has none.
@@ -112,7 +109,7 @@ class Gateway:
                 await self.close()
                 raise
         for port, surface, reception in zip(self.ports, self.surfaces, self.receptions, strict=True):
-            reception.presets.where = port.where  # with the number of the port that was taken
+            reception.located(port.where)  # with the number of the port that was taken
             if words := exposure(port.where, surface):
                 self.warn(words)
         if self.controller is not None and self.controller.hold.on:
@@ -173,33 +170,11 @@ class Gateway:
             tell_of_motions(self.controller, self.watched)
         self.desk = Desk(self.controller, self.config.name or "", str(self.mount), self.programs)
         self.controller.before_motion.announce = self.entrance.waiting(self.controller.before_motion.announce)
-        own: list[SurfaceBinding] = []
-        self.controller.identification.told.connect(lambda _: self._show_itself(own))
+        made = Acceptors(self.controller, self.mount, config, shared, self.clock, self.sky, self.warn, self.web)
+        self.faces = made.faces
+        self.controller.identification.told.connect(lambda _: self._show_itself(made.own))
         for number, (endpoint, surface) in enumerate(zip(self.endpoints, self.surfaces, strict=True), 1):
-            face = make_surface(endpoint, surface, config.limits)
-            face.surface.verbatim = endpoint.protocol == self.mount.protocol
-            if shows_itself(self.mount, endpoint):
-                face = replace(face, fit=None)
-                own.append(face)
-            j2000 = J2000(self.sky, site_clock.unix)
-            face = replace(
-                face,
-                equinox=j2000 if (surface.equinox or face.counts_in) == "j2000" else None,
-                manners=tuple(manners(endpoint.protocol, surface, j2000)),
-            )
-            self.receptions.append(
-                ConnectionAcceptor(
-                    self.controller,
-                    face,
-                    shared,
-                    self.clock,
-                    number,
-                    access(surface, config),
-                    endpoint.where,
-                    self.warn,
-                )
-            )
-            self.faces.append((endpoint.protocol, face))
+            self.receptions.append(made.make(number, endpoint, surface))
 
     def _show_itself(self, faces: list[SurfaceBinding]) -> None:
         """The mount has said what it is, for the first time or anew."""
@@ -258,8 +233,8 @@ class Gateway:
         """One ``PROTOCOL:MODEL@WHERE`` per open port, followed by the mount's name where it has one."""
         name = f" {self.config.name}" if self.config.name else ""
         return [
-            f"{PROTOCOLS[protocol].shown(named(face), None)}@{port.where}{name}"
-            for (protocol, face), port in zip(self.faces, self.ports, strict=True)
+            f"{shown(endpoint.protocol, reception.model)}@{port.where}{name}"
+            for endpoint, reception, port in zip(self.endpoints, self.receptions, self.ports, strict=True)
         ]
 
     @property

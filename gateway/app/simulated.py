@@ -12,7 +12,7 @@ from gateway.core.errors import UserError
 from gateway.protocols.mechanics.truth import Simulator
 from gateway.protocols.registry import PROTOCOLS, simulators
 from gateway.transport import Arrive, Listener, open_port
-from gateway.transport.handler import HangUp
+from gateway.transport.handler import HandOver, HangUp
 from gateway.transport.serial_pace import Pace
 from gateway.transport.wires import BAUD, SimulatedTransport
 
@@ -111,7 +111,7 @@ class _Caller:
     def serial(self, change_rate: Callable[[int], int]) -> None:
         """A simulated mount stays at the rate it was opened with."""
 
-    def network(self, hang_up: HangUp) -> None:
+    def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
         """A mount listens to whoever speaks to it."""
 
     def close(self) -> None:

@@ -27,6 +27,7 @@ COMMANDS = {
     "park": "mount.park",
     "unpark": "mount.unpark",
     "stop": "mount.stop",
+    "fleet": "fleet",
     "config": "config",
     "service": "serve.service",
     "sim": "serve.sim",

@@ -13,16 +13,15 @@ from copy import copy
 
 from msgspec.structs import replace
 
-from gateway.clients.access import MOST_HOSTS, Access, Rights
+from gateway.clients.access import Access, Admission, Rights
 from gateway.clients.commands.command_processor import CommandProcessor
 from gateway.clients.connection import ClientConnection
 from gateway.clients.profiles import SurfaceBinding
 from gateway.clients.wrong_preset import Presets
 from gateway.mount.controller import MountController
 from gateway.protocols.base.session import Kept, Shared
-from gateway.system.file_limits import scarce
 from gateway.transport import ConnectionHandler
-from gateway.transport.handler import ConnectionRefused, Write
+from gateway.transport.handler import Write
 
 INHERIT_FOR = 60.0
 #: A program on a serial line, or one that opens a connection for every command, is here so long after it was heard.
@@ -46,14 +45,18 @@ class ConnectionAcceptor:
         self.controller, self.face, self.shared, self.clock = controller, face, shared, host_clock
         #: Which of the gateway's surfaces this is, counted from 1.
         self.number = number
-        self.access = access
+        self.access, self._admission = access, Admission(access, number, controller.wire_log)
         self.presets = Presets(
             face.surface.protocol.name, face.framing, where, controller.now, controller.loop.call_later, warn
         )
         self._clients: set[CommandProcessor] = set()
-        self._turned: set[tuple[str, str]] = set()
         self._left: dict[str, tuple[float, Kept]] = {}
         self._visits: set[ClientConnection] = set()
+
+    @property
+    def model(self) -> str | None:
+        """The model that is presented; None where the protocol has none."""
+        return str(self.face.model["name"]) if self.face.surface.protocol.models else None
 
     def arrive(self, name: str, host: str, write: Write) -> ConnectionHandler:
         """A new connection. Raises ConnectionRefused."""
@@ -62,6 +65,12 @@ class ConnectionAcceptor:
 
     def come(self, name: str, host: str, write: Write) -> ConnectionHandler:
         """A new connection that has been admitted."""
+        wire_log = self.controller.wire_log
+        wire_log.put(name, "+", note=f"surface {self.number}, host {host}")
+        return self.take(name, host, write, lambda: wire_log.put(name, "-"))
+
+    def take(self, name: str, host: str, write: Write, left: Callable[[], None] = lambda: None) -> ConnectionHandler:
+        """A connection from now on; ``left`` is called at its end."""
         face = self.face
         session = face.surface.session(face.model, face.settings, self.clock, self.shared)
         at, kept = self._left.get(host, (-1e9, session.kept))
@@ -82,13 +91,12 @@ class ConnectionAcceptor:
         if self.access.only_looks(host):
             client.runner.rights = Rights(read_only=True)
             session.may_not_set = lambda: client.log.refused_once("a setting refused: read only")
-        self.controller.wire_log.put(name, "+", note=f"surface {self.number}, host {host}")
         rights = replace(client.runner.rights, hibernate=self.access.hibernate)
         visit = ClientConnection(
             client,
             face,
             self.presets.listen(name, host),
-            lambda: self._leave(name, host, client, visit),
+            lambda: self._leave(host, client, visit, left),
             lambda: self._hand_on(host, client),
             _on_line(name, host),
             rights,
@@ -99,39 +107,43 @@ class ConnectionAcceptor:
 
     def admit(self, name: str, host: str) -> None:
         """See whether a connection may be, and say once of a host why not. Raises ConnectionRefused."""
+        self._admission.check(name, host, self.clients(), _on_line(name, host))
+
+    def clients(self) -> int:
+        """How many there are, with those that are gone while the mount still works for them."""
         self._clients = {client for client in self._clients if client.open or client.busy}
-        if not self.access.admits(host):
-            why = "it is not in allow"
-        elif len(self._clients) >= self.access.most:
-            why = f"there are {self.access.most} clients (max-clients) already"
-        elif not _on_line(name, host) and (words := scarce()):
-            why = words
-        else:
-            return
-        if (host, why) not in self._turned and len(self._turned) < MOST_HOSTS:
-            self._turned.add((host, why))
-            self.controller.wire_log.note(name, f"connection from {host} refused on surface {self.number}: {why}")
-        raise ConnectionRefused
+        return len(self._clients)
 
     def here(self) -> list[str]:
         """The hosts of the programs that seem to be here: on a serial line, or between two connections, by what was
         heard lately."""
-        now = self.controller.now()
-        connected = {visit.host for visit in self._visits}
-        between = [host for host, (at, _) in self._left.items() if host not in connected and now - at <= HERE]
-        return [visit.host for visit in self._visits if not visit.lasting or now - visit.heard <= HERE] + between
+        now, connected = self.controller.now(), self.connected()
+        here = [visit.host for visit in self._visits if not visit.lasting or now - visit.heard <= HERE]
+        return here + [host for host in self.between() if host not in connected]
+
+    def connected(self) -> list[str]:
+        """The hosts of all connections."""
+        return [visit.host for visit in self._visits]
+
+    def between(self) -> list[str]:
+        """The hosts whose last connection has ended lately."""
+        return [host for host, (at, _) in self._left.items() if self.controller.now() - at <= HERE]
 
     def connections(self) -> list[ClientConnection]:
         """The programs that are connected."""
         return [visit for visit in self._visits if not visit.stranger]
 
+    def located(self, where: str) -> None:
+        """The port is open, and has its real number."""
+        self.presets.where = where
+
     def programs(self) -> int:
         """How many they are."""
         return len(self.here())
 
-    def _leave(self, name: str, host: str, client: CommandProcessor, visit: ClientConnection) -> None:
+    def _leave(self, host: str, client: CommandProcessor, visit: ClientConnection, left: Callable[[], None]) -> None:
         self._visits.discard(visit)
-        self.controller.wire_log.put(name, "-")
+        left()
         if visit.stranger:
             self.controller.presence.was_nobody(client.life)
             return

@@ -15,6 +15,9 @@ from msgspec import Struct
 
 from gateway.core.errors import Fault, NotFromNetwork, ReadOnly, UserError
 from gateway.core.operations import AbortMotion, AbortSlew, Focus, Hibernate, Operation, Read, StopAxis
+from gateway.core.wire_log import WireLog
+from gateway.system.file_limits import scarce
+from gateway.transport.handler import ConnectionRefused
 
 Networks = tuple[IPv4Network | IPv6Network, ...]
 
@@ -84,6 +87,29 @@ class Rights(Struct, frozen=True):
         if not self.hibernate and isinstance(operation, Hibernate):
             return Refusal(NotFromNetwork(), NO_HIBERNATION)
         return None
+
+
+class Admission:
+    """Lets the connections of one surface in, or says once of a host why not. ``number`` is the surface's."""
+
+    def __init__(self, access: Access, number: int, wire_log: WireLog) -> None:
+        self._access, self._number, self._log = access, number, wire_log
+        self._turned: set[tuple[str, str]] = set()
+
+    def check(self, name: str, host: str, here: int, lasting: bool = False) -> None:
+        """There are so many clients already; a ``lasting`` one needs no more files. Raises ConnectionRefused."""
+        if not self._access.admits(host):
+            why = "it is not in allow"
+        elif here >= self._access.most:
+            why = f"there are {self._access.most} clients (max-clients) already"
+        elif not lasting and (words := scarce()):
+            why = words
+        else:
+            return
+        if (host, why) not in self._turned and len(self._turned) < MOST_HOSTS:
+            self._turned.add((host, why))
+            self._log.note(name, f"connection from {host} refused on surface {self._number}: {why}")
+        raise ConnectionRefused
 
 
 def _within(host: str, among: Networks) -> bool:

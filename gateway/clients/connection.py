@@ -11,8 +11,9 @@ when that has been so for a second.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
+
+from msgspec.structs import replace
 
 from gateway.clients.access import Rights
 from gateway.clients.commands.command_processor import CommandProcessor
@@ -22,7 +23,7 @@ from gateway.clients.profiles import ClientProfile, SurfaceBinding
 from gateway.clients.strangers import Greeting, page
 from gateway.clients.wrong_preset import FirstWords
 from gateway.transport.baud_trial import BaudTrial
-from gateway.transport.handler import HangUp
+from gateway.transport.handler import HandOver, HangUp
 from gateway.transport.intake import LATE, SHARE
 
 #: Why the first bytes of a connection were dropped when it ended before it was known who had sent them.
@@ -176,7 +177,7 @@ class ClientConnection:
             return manner.first.startswith(self._begin)
         client, session = self.client, self.client.session
         client.runner.equinox = manner.equinox or client.runner.equinox
-        session.settings = dataclasses.replace(session.settings, **manner.settings)
+        session.settings = replace(session.settings, **manner.settings)
         session.kept.precision = manner.settings.get("precision", session.kept.precision)
         self.profile = manner.program
         client.log.note(f"recognised client {manner.program}: applying its profile")
@@ -185,7 +186,7 @@ class ClientConnection:
     def serial(self, change_rate: Callable[[int], int]) -> None:
         self.client.rate = BaudTrial(change_rate)
 
-    def network(self, hang_up: HangUp) -> None:
+    def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
         """From here on nothing is heard before it is known that no stranger says it."""
         client, now = self.client, self._controller.now
         self._hang_up, self._after = hang_up, self._take

@@ -8,26 +8,14 @@ from typing import Protocol
 from msgspec.structs import replace
 
 from gateway.astro.ephemeris.sky import Sky
-from gateway.core.operations import (
-    Choose,
-    Chosen,
-    Equatorial,
-    Goto,
-    MoonPlace,
-    Operation,
-    PlanetPlace,
-    Position,
-    Sync,
-    ToEquinoxOfDate,
-    ToJ2000,
-)
+from gateway.core import operations as op
 
 
 class Equinox(Protocol):
     """Between a surface's coordinates and the controller's of date; None where they are the same."""
 
-    def inward(self, operation: Operation) -> Operation: ...
-    def outward(self, operation: Operation, value: object) -> object: ...
+    def inward(self, operation: op.Operation) -> op.Operation: ...
+    def outward(self, operation: op.Operation, value: object) -> object: ...
 
 
 class J2000:
@@ -36,20 +24,20 @@ class J2000:
     def __init__(self, sky: Sky, unix: Callable[[], float]) -> None:
         self._sky, self._unix = sky, unix
 
-    def inward(self, operation: Operation) -> Operation:
+    def inward(self, operation: op.Operation) -> op.Operation:
         """What the client asked for, in coordinates of date."""
-        if isinstance(operation, Goto | Sync | ToJ2000 | Choose):
+        if isinstance(operation, op.Goto | op.Sync | op.ToJ2000 | op.Choose):
             ra, dec = self._sky.to_of_date(operation.ra, operation.dec, self._unix())
             return replace(operation, ra=ra, dec=dec)
         return operation
 
-    def outward(self, operation: Operation, value: object) -> object:
+    def outward(self, operation: op.Operation, value: object) -> object:
         """What the controller answered, in J2000."""
-        if isinstance(value, Chosen) and value.place is not None:
-            place = Equatorial(*self._sky.to_j2000(value.place.ra, value.place.dec, self._unix()))
+        if isinstance(value, op.Chosen) and value.place is not None:
+            place = op.Equatorial(*self._sky.to_j2000(value.place.ra, value.place.dec, self._unix()))
             return replace(value, place=place)
-        if isinstance(operation, Position | ToEquinoxOfDate | PlanetPlace | MoonPlace) and isinstance(
-            value, Equatorial
+        if isinstance(operation, op.Position | op.ToEquinoxOfDate | op.PlanetPlace | op.MoonPlace) and isinstance(
+            value, op.Equatorial
         ):
-            return Equatorial(*self._sky.to_j2000(value.ra, value.dec, self._unix()))
+            return op.Equatorial(*self._sky.to_j2000(value.ra, value.dec, self._unix()))
         return value

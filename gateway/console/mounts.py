@@ -20,6 +20,7 @@ from gateway.console.recording import Recording
 from gateway.console.talk import Talk
 from gateway.core.about import VERSION
 from gateway.core.operations import GetIdentity, Identity
+from gateway.protocols.registry import spoken
 from gateway.protocols.wireformat.command_set import load
 
 #: Seconds for which a state is the newest one, and for which the Sun, the Moon and the planets stay where they were.
@@ -99,7 +100,7 @@ class Mounts:
 
     async def explain(self, gateway: Gateway, surface: str, command: str) -> tuple[bool, str]:
         """What ``explain`` says of a command on this mount: played in a process of its own, one at a time."""
-        face = surface or gateway.names()[0].partition("@")[0]
+        face = spoken(surface or gateway.names()[0].partition("@")[0])[0]
         words = [sys.executable, "-m", "gateway", "explain", "--", face, _called(gateway), command]
         async with self._explaining:
             process = await asyncio.create_subprocess_exec(

@@ -10,8 +10,9 @@ import contextlib
 import html
 import secrets
 import socket
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from aiohttp import WSMsgType, web
@@ -21,6 +22,7 @@ from gateway.clients.access import Access
 from gateway.console import gate
 from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
+from gateway.diagnostics.metrics.exposition import Metrics, missing
 
 PAGE = Path(__file__).parent / "page"
 #: What the page consists of, by ending.
@@ -38,11 +40,13 @@ class Console:
     """Serves until it is closed. ``where`` is its address for a browser, once it is open."""
 
     def __init__(self, gateways: Sequence[Gateway], access: Access = Access(), pin: str = "",
-                 names: Sequence[str] = ()) -> None:  # fmt: skip
+                 names: Sequence[str] = (), doors: Mapping[int, Access] = MappingProxyType({})) -> None:  # fmt: skip
+        """``doors`` are the ports of others where connections to the console come in, too, with their rules."""
         self._mounts = Mounts(gateways, pin)
-        self._access, self._names = access, tuple(names)
+        self._access, self._names, self._doors = access, tuple(names), doors
         self._token = secrets.token_urlsafe(24)
         self._files = _files()
+        self._metrics = Metrics(gateways)
         self._pages: set[asyncio.Task[Any]] = set()
         self._runner: web.AppRunner | None = None
         self.host, self.port = "", 0
@@ -59,7 +63,7 @@ class Console:
         """Listen on a port, or on the next free one of ``others``. Raises OSError."""
         app = web.Application(middlewares=[self._gate()], client_max_size=1024)
         app.add_routes([
-            web.get("/", self._index), web.get("/socket", self._socket),
+            web.get("/", self._index), web.get("/socket", self._socket), web.get("/metrics", self._figures),
             web.get("/recording/{mount}/{name}", self._recording), web.get("/{path:.+}", self._file),
         ])  # fmt: skip
         self._runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=0.5)
@@ -76,6 +80,14 @@ class Console:
         assert site._server is not None
         self.host, self.port = host, int(site._server.sockets[0].getsockname()[1])  # type: ignore[attr-defined]
 
+    def serve(self, transport: asyncio.Transport, data: bytes) -> None:
+        """Take over a connection that came in elsewhere, and of which these bytes have been read."""
+        assert self._runner is not None and self._runner.server is not None
+        protocol = self._runner.server()
+        transport.set_protocol(protocol)
+        protocol.connection_made(transport)
+        protocol.data_received(data)
+
     async def close(self) -> None:
         """Nobody is shown anything any more; what pages held down is let go."""
         for task in list(self._pages):
@@ -85,6 +97,7 @@ class Console:
         if self._runner is not None:
             await self._runner.cleanup()
             self._runner = None
+        self._metrics.close()
         for recording in self._mounts.recordings:
             if recording.state is not None:
                 recording.end()
@@ -122,14 +135,16 @@ class Console:
             return "Only the console's own page may ask for this."
         return ""
 
-    def _acts(self, host: str) -> bool:
-        return not self._mounts.pin and not self._access.only_looks(host)
+    def _acts(self, request: web.Request) -> bool:
+        local = request.transport.get_extra_info("sockname") if request.transport else None
+        rules = [self._access, *([self._doors[local[1]]] if local and local[1] in self._doors else [])]
+        return not self._mounts.pin and not any(rule.only_looks(request.remote or "") for rule in rules)
 
     # --- what is served ---------------------------------------------------------------------------------------------
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
         body, kind = self._files["index.html"]
-        can = "act" if self._acts(request.remote or "") else "look"
+        can = "act" if self._acts(request) else "look"
         filled = body.replace(b"{{token}}", html.escape(self._token).encode()).replace(b"{{can}}", can.encode())
         return web.Response(body=filled, content_type=kind, charset="utf-8", headers={"Cache-Control": "no-store"})
 
@@ -139,6 +154,11 @@ class Console:
             raise web.HTTPNotFound
         body, kind = found
         return web.Response(body=body, content_type=kind, charset="utf-8", headers={"Cache-Control": "no-cache"})
+
+    async def _figures(self, request: web.Request) -> web.StreamResponse:
+        if (text := await self._metrics.text()) is None:
+            raise web.HTTPNotImplemented(reason=missing())
+        return web.Response(body=text, headers={"Content-Type": "text/plain; version=0.0.4; charset=utf-8"})
 
     async def _recording(self, request: web.Request) -> web.StreamResponse:
         if not gate.same_token(request.query.get("token"), self._token):
@@ -158,7 +178,7 @@ class Console:
         ws = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=HEARTBEAT, compress=False)
         await ws.prepare(request)
         host = request.remote or "?"
-        session = PageSession(self._mounts, _Socket(ws, request), host, self._acts(host))
+        session = PageSession(self._mounts, _Socket(ws, request), host, self._acts(request))
         leave = self._mounts.page_comes()
         shown = asyncio.ensure_future(session.run())
         self._pages.add(shown)

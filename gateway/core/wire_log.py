@@ -19,7 +19,8 @@ class Entry(NamedTuple):
     """One thing that happened.
 
     ``arrow`` is ``>`` for a command towards the mount, ``<`` for a reply, ``raw`` for bytes as they arrived, ``!`` for
-    a note, ``+`` and ``-`` for a connection that comes and goes, ``^`` and ``v`` for the mount's port opened and lost,
+    a note, ``+`` and ``-`` for a connection that comes and goes, ``~`` for the protocol
+    that it turns out to speak (with the reason behind a comma), ``^`` and ``v`` for the mount's port opened and lost,
     ``r`` for the controller's decision to read something anew, ``x`` for bytes of a program that are dropped, with the
     reason.
     """
@@ -60,6 +61,8 @@ class WireLog:
         self._said: set[tuple[str, str]] = set()
         #: The last of them, with a log or without one.
         self.lately: deque[Word] = deque(maxlen=REMEMBERED)
+        #: How many refusals there were, said or not.
+        self.refusals = 0
 
     def leave(self, sink: Sink) -> None:
         """Take a sink out, if it is still there: one that fails is taken out by itself."""
@@ -91,6 +94,7 @@ class WireLog:
     def refused(self, side: str, text: str, once_of: str | None = None) -> None:
         """Something that a program asked for is not done; ``once_of`` names who hears of it once only."""
         self.lately.append(Word(self.clock(), side, text))
+        self.refusals += 1
         if once_of is None:
             self.note(side, text)
         else:

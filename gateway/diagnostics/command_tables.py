@@ -11,6 +11,7 @@ from collections import Counter
 
 from gateway.core.about import PACKAGE
 from gateway.core.errors import UserError
+from gateway.core.tables import mappings_folder
 from gateway.core.wire_log import show
 from gateway.diagnostics.command_outcomes import (
     ANY,
@@ -26,7 +27,7 @@ from gateway.diagnostics.command_outcomes import (
 )
 from gateway.protocols.registry import PROTOCOLS, mounts, pairs, surfaces
 from gateway.protocols.wireformat.command import Command
-from gateway.protocols.wireformat.command_set import CommandSet, load, mappings_folder
+from gateway.protocols.wireformat.command_set import CommandSet, load
 from gateway.protocols.wireformat.rows import KEEPS, OUTCOMES, SurfaceRow, Way
 from gateway.protocols.wireformat.template import Source
 

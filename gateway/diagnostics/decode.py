@@ -37,7 +37,7 @@ def decode(
     for chunk in found:
         if chunk.arrow == "r" or chunk.arrow in BOOKKEEPING:
             continue
-        if chunk.side not in talks or chunk.arrow == "+":
+        if chunk.side not in talks or chunk.arrow in "+~":
             talks[chunk.side] = Side(*talk(chunk.side))
         side = talks[chunk.side]
         if chunk.arrow not in "<>":

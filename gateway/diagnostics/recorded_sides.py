@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable, Iterator
+from typing import Any, Protocol, TypeVar
 
 from gateway.app.bindings import speech
 from gateway.app.config import parse_endpoint
 from gateway.app.recording.format import MOUNT, Recording
+from gateway.clients.any_protocol.deciding import may_change
 from gateway.diagnostics.log.conversation import Side
+from gateway.protocols.registry import ANY, spoken
+
+
+class _Said(Protocol):
+    """A line of a recording."""
+
+    @property
+    def side(self) -> str: ...
+    @property
+    def arrow(self) -> str: ...
+    @property
+    def data(self) -> bytes: ...
+
+
+_T = TypeVar("_T", bound=_Said)
 
 
 class RecordedSides:
@@ -16,13 +33,49 @@ class RecordedSides:
     def __init__(self, recording: Recording) -> None:
         config = recording.settings["config"]
         self.surfaces = [protocol_of(surface) for surface in config["surface"]]
+        #: The numbers of the surfaces that connections have come to.
+        self.surface: dict[str, int] = {}
         self.protocols = {MOUNT: protocol_of(config["mount"])}
 
-    def come(self, side: str, words: bytes) -> int:
+    def _come(self, side: str, words: bytes) -> int:
         """A connection has come: ``surface 2, host 192.168.1.7`` -> the number of its surface."""
         number = int(words.split(b",")[0].split()[-1])
-        self.protocols[side] = self.surfaces[number - 1]
+        self.surface[side] = number
+        self.protocols[side] = spoken(self.surfaces[number - 1])[0]
         return number
+
+    def introduced(self, lines: Iterable[_T]) -> Iterator[_T]:
+        """The same lines, each once it is known here what its side speaks: where first bytes have told that, they come
+        after the line that says so."""
+        held: dict[str, list[_T]] = {}
+        for line in lines:
+            side, waiting = line.side, held.get(line.side)
+            if line.arrow == "+":
+                held.pop(side, None)
+                if self.surfaces[self._come(side, line.data) - 1] == ANY:
+                    held[side] = []
+            elif waiting is not None and line.arrow == ">":
+                waiting.append(line)
+                continue
+            elif waiting is not None and line.arrow == "~":
+                protocol = self._speaks(side, line.data)
+                yield line
+                yield from waiting
+                held[side] = []
+                if not may_change(protocol, b"".join(one.data for one in waiting)):
+                    del held[side]
+                continue
+            elif waiting:
+                yield from waiting  # it has gone on in what it began with, or is gone
+                del held[side]
+            yield line
+        for waiting in held.values():
+            yield from waiting
+
+    def _speaks(self, side: str, words: bytes) -> str:
+        """It has turned out what a connection speaks: ``nexstar, and why`` -> the protocol."""
+        self.protocols[side] = protocol = words.split(b",")[0].decode()
+        return protocol
 
     def protocol(self, side: str) -> str:
         """The mount's for whoever was there before the recording began."""

@@ -20,7 +20,7 @@ from gateway.fleet.topics import Message
 #: Seconds after which a broker that said nothing is asked, and that an answer may take.
 KEEPALIVE, ANSWER = 10, 5.0
 #: Bytes of one packet, and messages that wait to be looked at.
-LARGEST, WAITING = 65536, 1000
+LARGEST, WAITING = 65536, 2000
 
 
 class Client(Protocol):

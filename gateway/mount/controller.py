@@ -125,7 +125,7 @@ class MountController:
             context, line, gate, cache, reader, site_clock, self.settings, movement, self.watch, self.ends
         )
         #: What answers are made of, and whatever may outdate one.
-        self._changes = cache.changed, wanted, site_clock.changed, told.changed
+        self._changes = cache.changed, wanted.changed, site_clock.changed, told.changed
 
     def _stop_now(self, _: None) -> None:
         self.begin_stop()

@@ -13,6 +13,16 @@ from gateway.protocols.stellarium.spec import SPEC as STELLARIUM
 
 PROTOCOLS: dict[str, ProtocolSpec] = {spec.name: spec for spec in (LX200, NEXSTAR, STELLARIUM)}
 
+#: What stands in the place of a surface's protocol where each connection is told by its first bytes.
+ANY = "any"
+#: The TCP port that is suggested for such a surface.
+ANY_PORT = 4040
+
+
+def spoken(protocol: str) -> list[str]:
+    """The protocols of a surface: its own, or all of them."""
+    return surfaces() if protocol == ANY else [protocol]
+
 
 def surfaces() -> list[str]:
     """The protocols that programs may speak."""

@@ -16,7 +16,7 @@ from typing import Any
 
 from serial.rfc2217 import M_NORMAL, PortManager
 
-from gateway.transport.handler import Arrive, HangUp, Write
+from gateway.transport.handler import Arrive, HandOver, HangUp, Write
 
 IAC = b"\xff"
 #: IAC followed by one of these begins Telnet: WILL, WONT, DO, DONT.
@@ -105,7 +105,7 @@ class _Doorman:
     def serial(self, change_rate: Callable[[int], int]) -> None:
         """There is no serial port behind it."""
 
-    def network(self, hang_up: HangUp) -> None:
+    def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
         self._guest.network(lambda last: hang_up(self._escaped(last)))
 
     def close(self) -> None:

@@ -13,11 +13,10 @@ import errno
 import ipaddress
 import socket
 import time
-from collections.abc import Callable
 from typing import cast
 
 from gateway.core.errors import UserError
-from gateway.transport.handler import Arrive, ConnectionHandler, ConnectionRefused
+from gateway.transport.handler import Arrive, ConnectionHandler, ConnectionRefused, Taker
 from gateway.transport.intake import LATE, SHARE, SKIM, Pace, unrepeated
 
 #: Unread replies a connection may pile up before it is given up.
@@ -40,7 +39,6 @@ class _Connection(asyncio.BufferedProtocol):
         self._port = port
         self._guest: ConnectionHandler | None = None
         self._transport: asyncio.Transport | None = None
-        self._feed: Callable[[bytes], None] = lambda data: None
         self._buffer = bytearray(SHARE)
         self._view = memoryview(self._buffer)
         #: After a share that only ended motions, that share: what repeats it is passed over.
@@ -63,9 +61,8 @@ class _Connection(asyncio.BufferedProtocol):
         except ConnectionRefused:
             stream.abort()
             return
-        self._feed = self._guest.feed
         self._port.connections.add(self)
-        self._guest.network(self._hang_up)
+        self._guest.network(self._hang_up, self._hand_over)
 
     def get_buffer(self, sizehint: int) -> bytearray:
         return self._port.skimmed if self._share else self._buffer
@@ -86,7 +83,8 @@ class _Connection(asyncio.BufferedProtocol):
         """Take bytes in; the replies to them go out as one."""
         replies: list[bytes] = []
         self._replies = replies
-        self._feed(data)
+        if self._guest is not None:
+            self._guest.feed(data)
         self._replies = None
         if replies:
             self._write(replies[0] if len(replies) == 1 else b"".join(replies))
@@ -166,6 +164,15 @@ class _Connection(asyncio.BufferedProtocol):
         loop.call_soon(self._say_no_more)  # after the replies to the bytes that are being taken in
         loop.call_later(PARTING, self.abort)
 
+    def _hand_over(self, take: Taker) -> None:
+        """Leave the connection to somebody else, who gives it another protocol of the event loop."""
+        self._leave()
+        transport, self._transport = self._transport, None
+        if transport is not None and not transport.is_closing():
+            if not transport.is_reading():
+                transport.resume_reading()
+            take(transport)
+
     def _say_no_more(self) -> None:
         if self._transport is not None and not self._transport.is_closing():
             self._transport.write_eof()
@@ -183,7 +190,6 @@ class _Connection(asyncio.BufferedProtocol):
     def _dismiss(self) -> None:
         guest, self._guest = self._guest, None
         if guest is not None:
-            self._feed = lambda data: None
             guest.close()
 
     def connection_lost(self, exc: Exception | None) -> None:

@@ -37,6 +37,6 @@ def _linked(page: Path) -> set[Path]:
 
 
 def test_every_page_can_be_reached_from_the_readme() -> None:
-    """Users' pages from the README itself, those for developers from docs/developers.md."""
-    readme, developers = ROOT / "README.md", ROOT / "docs" / "developers.md"
-    assert _linked(readme) | _linked(developers) | {readme} >= set(PAGES)
+    """Users' pages from the README itself, those of single programs and for developers from the pages above them."""
+    readme, above = ROOT / "README.md", [ROOT / "docs" / name for name in ("programs.md", "developers.md")]
+    assert _linked(readme).union(*map(_linked, above)) | {readme} >= set(PAGES)

@@ -17,14 +17,15 @@ PATIENCE = 10.0
 
 
 class FakeBroker:
-    """``down``: no connection is had; ``mute``: nothing is acknowledged."""
+    """``down``: no connection is had; ``mute``: nothing is acknowledged; ``passes_on``: what is
+    published comes back."""
 
     def __init__(self) -> None:
         self.published: list[Message] = []
         self.subscribed: list[str] = []
         self.wills: list[Message | None] = []
         self.down: Exception | None = None
-        self.mute = False
+        self.mute = self.passes_on = False
         self.client: _Client | None = None
 
     @asynccontextmanager
@@ -81,6 +82,8 @@ class _Client:
         while self.broker.mute:
             await asyncio.sleep(0.005)
         self.broker.published.append(Message(topic, payload, retain))
+        if self.broker.passes_on:
+            self.queue.put_nowait(SimpleNamespace(topic=topic, payload=payload, retain=False))
 
 
 async def until(holds: Any) -> None:

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+
+from msgspec import Struct
 
 from gateway.core.errors import GatewayError
 from gateway.protocols.registry import PROTOCOLS
@@ -22,8 +23,7 @@ class FrameError(GatewayError, ValueError):
     """These bytes are no such frame, or these values do not fit into one; the text says which and why."""
 
 
-@dataclass(frozen=True)
-class Frame:
+class Frame(Struct, frozen=True):
     """One command of a program, or one reply of a mount.
 
     ``name`` is the row of ``commands.toml``, ``values`` are its fields in the order of the wire, and ``help`` says what
@@ -33,7 +33,7 @@ class Frame:
 
     protocol: str
     name: str
-    values: Mapping[str, object] = field(default_factory=dict)
+    values: Mapping[str, object] = {}
     help: str = ""
     fault: str | None = None
 

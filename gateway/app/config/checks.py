@@ -19,7 +19,7 @@ from gateway.app.config.programs import programs
 from gateway.app.config.sections.broker import parse_broker
 from gateway.clients.access import Access, Networks, networks
 from gateway.core.errors import UserError
-from gateway.protocols.registry import PROTOCOLS
+from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken
 
 #: What stands in the place of a gateway's name where all of them are meant.
 EVERY = "all"
@@ -60,7 +60,7 @@ def _park(number: int, mount: MountConfig) -> Iterator[Mistake]:
     """Some mounts have a park position of their own, and no other; the others have none."""
     try:
         spec = PROTOCOLS[parse_endpoint(mount.at).protocol]
-    except UserError:
+    except (UserError, KeyError):
         return  # that is told of the endpoint
     if mount.park == "mount" and not spec.parks_itself:
         words = f"{spec.a_mount} has no park position of its own; write AZ,ALT or nothing"
@@ -77,6 +77,10 @@ def _endpoints(config: Config) -> Iterator[Mistake]:
     for place, at in _all(config):
         try:
             where = parse_endpoint(at).where
+            if place[0] == "mount" and at.startswith(f"{ANY}@"):
+                listed = " or ".join(f"{name}@" for name in mounts())
+                yield Mistake(place, f"{at}: {ANY} is for surfaces; write {listed} before a mount")
+                continue
             if meant := right(where, place[0] == "surface"):
                 yield Mistake(place, f"{at}: write {at.partition('@')[0]}@{meant}")
                 continue
@@ -122,7 +126,8 @@ def _clients(config: Config) -> Iterator[Mistake]:
     for number, surface in enumerate(config.surface):
         if surface.client in ("auto", "any"):
             continue
-        known = [*programs(parse_endpoint(surface.at).protocol), "auto", "any"]
+        spoke = spoken(parse_endpoint(surface.at).protocol)
+        known = [*dict.fromkeys(name for protocol in spoke for name in programs(protocol)), "auto", "any"]
         if surface.client not in known:
             words = f"{surface.client!r}: no such program is known; {nearest(surface.client, known)}"
             yield Mistake(("surface", number, "client"), words)

@@ -11,10 +11,11 @@ from collections.abc import Sequence
 import msgspec
 
 from gateway.app.config.called import named, suggestion
+from gateway.app.config.places import right
 from gateway.astro.offline import go_offline
 from gateway.core.errors import UserError
 from gateway.protocols.base.spec import ProtocolSpec
-from gateway.protocols.registry import PROTOCOLS, mounts
+from gateway.protocols.registry import ANY, PROTOCOLS, mounts, surfaces
 
 
 class Endpoint(msgspec.Struct, frozen=True):
@@ -26,7 +27,12 @@ class Endpoint(msgspec.Struct, frozen=True):
     version: str | None = None
 
     def __str__(self) -> str:
-        return f"{PROTOCOLS[self.protocol].shown(self.model, self.version)}@{self.where}"
+        return f"{shown(self.protocol, self.model, self.version)}@{self.where}"
+
+
+def shown(protocol: str, model: str | None = None, version: str | None = None) -> str:
+    """What stands in front of the place."""
+    return protocol if protocol == ANY else PROTOCOLS[protocol].shown(model, version)
 
 
 def parse_endpoint(text: str) -> Endpoint:
@@ -34,7 +40,22 @@ def parse_endpoint(text: str) -> Endpoint:
     what, at, where = text.partition("@")
     if not at or not where:
         raise UserError(f"{text!r}: write PROTOCOL[:MODEL[/VERSION]]@WHERE, for example {_whole(text.strip('@'))}")
-    return parse_device(what, where)
+    return _of_any(what, where) if what.partition(":")[0] == ANY else parse_device(what, where)
+
+
+def _of_any(what: str, where: str) -> Endpoint:
+    """The place of a surface for every protocol. Raises UserError."""
+    if what != ANY:
+        raise UserError(f"{what!r}: a surface for every protocol presents no single model; write {ANY}@{where}")
+    if not where.startswith("tcp://"):
+        one = " or ".join(f"{name}@" for name in surfaces())
+        mount = " or ".join(f"{name}@" for name in mounts())
+        raise UserError(
+            f"{ANY}@{where}: {ANY} tells programs by the first bytes of a connection, which there is on tcp:// alone; "
+            f"write {ANY}@{right(where, True) or 'tcp://HOST:PORT'}, "
+            f"or one protocol: {one} where programs connect, {mount} for a mount"
+        )
+    return Endpoint(ANY, where)
 
 
 def _whole(text: str) -> str:

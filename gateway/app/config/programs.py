@@ -13,7 +13,7 @@ import msgspec
 from gateway.app.config.endpoints import Endpoint, parse_endpoint
 from gateway.app.config.keys import SurfaceConfig
 from gateway.core.errors import MappingError
-from gateway.protocols.registry import PROTOCOLS
+from gateway.protocols.registry import ANY, PROTOCOLS
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Version, parse_version
 
@@ -54,7 +54,7 @@ def programs(protocol: str) -> dict[str, Program]:
 def wanted_by(surface: SurfaceConfig, program: str | None = None) -> list[Need]:
     """What a program (the surface's own ``client`` when none is named) needs that the surface leaves open."""
     endpoint = parse_endpoint(surface.at)
-    row = programs(endpoint.protocol).get(program or surface.client)
+    row = None if endpoint.protocol == ANY else programs(endpoint.protocol).get(program or surface.client)
     if row is None:
         return []
     numbers = _numbers(endpoint)

@@ -1,4 +1,4 @@
-"""Objects by the names that people type: M 42, NGC7000, HIP 91262, Vega, Ring Nebula, Jupiter.
+"""Objects by the names that people type: M 42, NGC7000, HIP 91262, HD 172167, Vega, Ring Nebula, Jupiter.
 
 Catalogues are looked through on disk; call these on a thread where an event loop runs.
 """
@@ -11,16 +11,16 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from gateway.app.control.commands import Body, Spot, Where
-from gateway.astro.catalog import deepsky, names, stars
+from gateway.astro.catalog import cross_numbers, deepsky, names, stars
 from gateway.astro.catalog.files import NotInstalled
 from gateway.astro.catalog.objects import Entry
 from gateway.core.errors import Fault, UserError
-from gateway.system.own_commands import how_to_add
+from gateway.system.own_commands import how_to_add, pip_command
 
 BODIES = ("Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 RIGHT = "write RA DEC, like 05:34:32 +22:00:52, or a name, like M42, Vega or Jupiter"
 _CATALOGUES = {"m": "M", "messier": "M", "ngc": "NGC", "ic": "IC", "c": "C", "caldwell": "C", "ugc": "UGC",
-               "hip": "HIP"}  # fmt: skip
+               "hip": "HIP", "sao": "SAO", "hd": "HD", "hr": "HR"}  # fmt: skip
 #: The highest number of the catalogues that have one of each.
 _HIGHEST = {"M": 110, "NGC": 7840, "IC": 5386, "C": 109}
 _KINDS = {"G": "galaxy", "P": "planetary nebula", "D": "diffuse nebula", "C": "globular cluster", "O": "open cluster",
@@ -84,10 +84,12 @@ def _exists(text: str) -> bool:
 def _numbered(catalogue: str, number: int) -> tuple[str, Entry]:
     called = _CATALOGUES.get(catalogue.lower())
     if called is None:
-        raise UserError(f"no catalogue is called {catalogue!r}; there are M, NGC, IC, C, UGC and HIP")
+        raise UserError(f"no catalogue is called {catalogue!r}; there are M, NGC, IC, C, UGC, HIP, SAO, HD and HR")
     name = f"{called}{number}"
     if called == "HIP":
         entry = _from_library(name, lambda: stars.hipparcos(number, _year()))
+    elif called in cross_numbers.COLUMNS:
+        entry = _from_library(name, lambda: cross_numbers.look_up(called, number, _year()))
     else:
         entry = _from_library(name, lambda: deepsky.look_up(called, number))
     if entry is None:
@@ -112,6 +114,11 @@ def _named(text: str) -> tuple[str, Entry]:
 def _from_library(name: str, look: Callable[[], Entry | None]) -> Entry | None:
     try:
         return look()
+    except cross_numbers.NoCrossNumbers:
+        raise UserError(
+            f"{name}: the list of SAO, HD and HR numbers is not installed. Write the star's name or its HIP number, or "
+            f"type {pip_command()} install --no-deps {cross_numbers.PACKAGE} (57 MB, GPL)"
+        ) from None
     except NotInstalled:
         raise UserError(
             f"{name}: the object library is not installed; to install it, {how_to_add('library')}. RA DEC and the "

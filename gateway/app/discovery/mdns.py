@@ -11,9 +11,12 @@ import socket
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from msgspec.structs import replace
+
 from gateway.app.discovery.addresses import held
 from gateway.app.discovery.offer import EVERYWHERE, Offer
 from gateway.core.about import VERSION
+from gateway.protocols.registry import spoken
 
 if TYPE_CHECKING:
     from zeroconf import ServiceInfo
@@ -31,8 +34,8 @@ class Publisher:
 
     async def add(self, offers: Sequence[Offer]) -> None:
         """Announce the offers; one whose name another computer has already gets a number behind it."""
-        for offer in offers:
-            await (await self._zeroconf.async_register_service(service(offer), allow_name_change=True))
+        for one in (replace(offer, protocol=name) for offer in offers for name in spoken(offer.protocol)):
+            await (await self._zeroconf.async_register_service(service(one), allow_name_change=True))
 
     async def close(self) -> None:
         """Say goodbye, and end."""

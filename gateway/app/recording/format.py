@@ -31,9 +31,9 @@ STOPPED = "stopped here"
 #: ``d`` its watchdog has stopped the mount, ``o`` it is ordered to stop it and see that it rests, ``h u`` the mount is
 #: held and released, ``e`` a connection's other side has closed its end, ``c`` a wish from the command line.
 BOOKKEEPING = "tglwkbsqdohuec"
-#: ``+ -`` are connections that come and go, ``!`` is a note, ``^ v`` are the mount's port opened and lost, ``r`` is the
-#: hub's decision to read something anew.
-ARROWS = "<>+-!^vr" + BOOKKEEPING
+#: ``+ -`` are connections that come and go, ``~`` is what one turns out to speak, ``!`` is a note, ``^ v`` are the
+#: mount's port opened and lost, ``r`` is the hub's decision to read something anew.
+ARROWS = "<>+-~!^vr" + BOOKKEEPING
 #: No line is longer; a file that has a longer one is no recording.
 LONGEST_LINE = 1_000_000
 _LINE = re.compile(rf"(\d+\.\d+) (\S+) ([{re.escape(ARROWS)}])(?: (.*))?")

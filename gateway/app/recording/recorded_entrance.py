@@ -17,7 +17,7 @@ from gateway.app.recording.recorder import Recorder
 from gateway.app.recording.turns import TurnLoop
 from gateway.core.shared_work import result_of
 from gateway.transport import ConnectionHandler
-from gateway.transport.handler import Arrive, HangUp, Write
+from gateway.transport.handler import Arrive, HandOver, HangUp, Write
 from gateway.transport.wires import OnData, OnLost, Transport
 
 _T = TypeVar("_T")
@@ -128,6 +128,7 @@ class _Visitor:
         self._guest: ConnectionHandler | None = None
         self._change_rate: Callable[[int], int] | None = None
         self._hang_up: HangUp | None = None
+        self._hand_over: HandOver | None = None
         self._replies: list[bytes] | None = None
         #: Pieces that have not come in yet.
         self._waiting = 0
@@ -145,7 +146,7 @@ class _Visitor:
         if self._change_rate is not None:
             self._guest.serial(self._change_rate)
         if self._hang_up is not None:
-            self._guest.network(self._hang_up)
+            self._guest.network(self._hang_up, self._hand_over)
 
     def feed(self, data: bytes) -> None:
         self._waiting += 1
@@ -175,9 +176,9 @@ class _Visitor:
         if self._guest is not None:
             self._guest.serial(change_rate)
 
-    def network(self, hang_up: HangUp) -> None:
+    def network(self, hang_up: HangUp, hand_over: HandOver | None = None) -> None:
         """To be called before anything is fed."""
-        self._hang_up = hang_up
+        self._hang_up, self._hand_over = hang_up, hand_over
 
     def gone(self) -> None:
         self._loop.enter(self._gone_away)

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 
-from gateway.astro.catalog import deepsky, named_stars, stars
+from gateway.astro.catalog import deepsky, stars
 from gateway.astro.catalog.files import NotInstalled
 from gateway.astro.catalog.objects import Entry
-from gateway.astro.catalog.star_names import ALSO, HIPPARCOS
+from gateway.astro.catalog.star_names import ALSO, HIPPARCOS, PLACES, by_number
 
 #: How like a name must be to be suggested, and how many are.
 ALIKE, SUGGESTED = 0.72, 3
@@ -45,7 +45,7 @@ def _star(number: int, name: str, year: float) -> Entry | None:
     try:
         return stars.hipparcos(number, year)
     except NotInstalled:
-        place = named_stars.by_number(number, year)
+        place = by_number(number, year)
         if place is None:
             raise
         return Entry(name, "*", *place)
@@ -56,7 +56,7 @@ def beginning(text: str, most: int) -> list[str]:
     typed = bare(text)
     spelled = {bare(known): known for known in (*_deep_sky(), *ALSO, *HIPPARCOS)}
     longer = [known for bared, known in spelled.items() if typed and bared.startswith(typed)]
-    return sorted(longer, key=lambda known: (known in ALSO, known not in named_stars.STARS, len(known)))[:most]
+    return sorted(longer, key=lambda known: (known in ALSO, known not in PLACES, len(known)))[:most]
 
 
 def suggestions(name: str, more: tuple[str, ...] = ()) -> list[str]:

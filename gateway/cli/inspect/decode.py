@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +28,7 @@ def add(commands: Commands) -> None:
 
 def _decode(arguments: argparse.Namespace) -> int:
     from gateway.app.bindings import speech
-    from gateway.diagnostics.captures import Capture, Chunk, is_text
+    from gateway.diagnostics.captures import Capture, is_text
     from gateway.diagnostics.decode import NoConversation, decode, folded
     from gateway.diagnostics.recorded_sides import RecordedSides
 
@@ -52,18 +51,11 @@ def _decode(arguments: argparse.Namespace) -> int:
         if protocol is None:
             raise UserError(f"{path}: nothing in it was sent by a client; name the protocol with --protocol")
 
-    def introduced() -> Iterator[Chunk]:
-        """The chunks, where it is known of each connection on which surface it came in."""
-        for chunk in capture:
-            if sides is not None and chunk.arrow == "+":
-                sides.come(chunk.side, chunk.data)
-            yield chunk
-
     def talk(side: str) -> tuple[str, Any, Any]:
         spoken = protocol if sides is None else sides.protocol(side)
         return spoken, *speech(spoken)
 
-    lines = decode(introduced(), talk, began)
+    lines = decode(capture if sides is None else sides.introduced(capture), talk, began)
     try:
         for line in folded(lines) if capture.bare else lines:
             print(line)

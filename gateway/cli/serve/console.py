@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from gateway.app.config import Config
 from gateway.app.config.sections.console import ConsoleConfig
 from gateway.cli.serve.live import Screen
+from gateway.protocols.registry import ANY
 
 if TYPE_CHECKING:
     from gateway.app.discovery import Offer
@@ -25,7 +26,7 @@ async def open_console(config: Config, gateways: Sequence[Gateway], screen: Scre
     from gateway.transport.tcp import split_address
 
     console = await asyncio.to_thread(_made_ready)  # a quarter of a second that nobody is to wait for
-    page = console(gateways, _access(config.page), config.page.pin or "", config.page.names)
+    page = console(gateways, _access(config.page), config.page.pin or "", config.page.names, _doors(gateways))
     host, port = split_address(config.page.at)
     try:
         await page.open(host, port)
@@ -39,6 +40,18 @@ async def open_console(config: Config, gateways: Sequence[Gateway], screen: Scre
     for line in from_elsewhere(page):
         screen.say(line)
     return page
+
+
+def _doors(gateways: Sequence[Gateway]) -> dict[int, Access]:
+    """The ports of surfaces where browsers come in, too, and who may do what there."""
+    from gateway.transport.tcp import split_address
+
+    return {
+        split_address(port.where)[1]: reception.access
+        for gateway in gateways
+        for endpoint, port, reception in zip(gateway.endpoints, gateway.ports, gateway.receptions, strict=True)
+        if endpoint.protocol == ANY
+    }
 
 
 def _made_ready() -> type[Console]:

@@ -14,10 +14,12 @@ from gateway.app.config.lines import Place
 from gateway.cli.help import Commands
 from gateway.cli.serve.serving import serve_mounts, with_loop
 from gateway.cli.serve.settings import add_console, add_flag, put_console
-from gateway.protocols.registry import PROTOCOLS, pairs
+from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, pairs
 from gateway.system.own_commands import own_command
 
 DEMO_PORT = 4030
+#: The port for any program stands so far behind it.
+APART = ANY_PORT - DEMO_PORT
 #: So many ports and names are tried after the first.
 OTHERS = 50
 #: The keys that the demo has as well.
@@ -27,11 +29,15 @@ SHOWN = ("log", "night")
 def add(commands: Commands) -> None:
     """Put the command into the parser."""
     demo = commands.add_parser(
-        "demo", help="a simulated mount to play with, on TCP 4030 and a virtual serial port",
+        "demo", help="a simulated mount to play with, on TCP 4040 (any program), 4030 and a virtual serial port",
         description="Plays a mount and a gateway before it, so that a program can be tried out without either.",
         epilog="Talk to it by hand:\n  nc 127.0.0.1 4030\n  :GR#    where is it? it answers with the right ascension",
     )  # fmt: skip
-    demo.add_argument("--port", type=int, help="TCP port (default 4030, or the next free one; 0 takes any)")
+    demo.add_argument(
+        "--port",
+        type=int,
+        help=f"TCP port (default {DEMO_PORT}, or the next free one; 0 takes any); for any program {APART} more",
+    )
     demo.add_argument(
         "--pty",
         metavar="PATH",
@@ -49,11 +55,11 @@ def add(commands: Commands) -> None:
 def _demo(arguments: argparse.Namespace) -> int:
     client, driven = pairs()[1 if arguments.reverse else 0]
     mount, title = PROTOCOLS[driven].demo or (driven, PROTOCOLS[driven].title)
-    words = f"{title}, driven by whatever {PROTOCOLS[client].title}"
     port, notes = arguments.port, []
-    if port is None and (port := free_port()) != DEMO_PORT:
+    if port is None and (port := free_port(DEMO_PORT)) != DEMO_PORT:
         notes.append(f"another program uses port {DEMO_PORT}; this demo takes port {port}")
-    surfaces = [{"at": f"{client}@tcp://127.0.0.1:{port}"}]
+    anybody = 0 if arguments.port == 0 else free_port(port + APART)
+    surfaces = [{"at": f"{name}@tcp://127.0.0.1:{number}"} for name, number in ((ANY, anybody), (client, port))]
     if sys.platform != "win32":
         path = arguments.pty
         if path is None and (path := free_name(f"/tmp/{client}")) != f"/tmp/{client}":
@@ -67,7 +73,8 @@ def _demo(arguments: argparse.Namespace) -> int:
     flags: dict[Place, str] = {
         ("mount", 0, "speed"): "--speed",
         ("surface", 0): "--port",
-        ("surface", 1): "--pty",
+        ("surface", 1): "--port",
+        ("surface", 2): "--pty",
         ("log",): "--log",
     }
     source = Source("demo", flags=flags)
@@ -77,16 +84,17 @@ def _demo(arguments: argparse.Namespace) -> int:
     banner = "\n".join(
         [
             *notes,
-            f"A simulated {words} program connects.{speed} Ctrl-C ends it.",
+            f"A simulated {title}, driven by whatever program connects.{speed} Ctrl-C ends it.",
+            f"Point any program{', and your browser,' if config.page is not None else ''} at the first address below.",
             f"To see it move, type in another terminal: {own_command()} goto Polaris",
         ]
     )
     return with_loop(True, lambda: serve_mounts(config, banner))
 
 
-def free_port() -> int:
-    """The first of some ports, from the demo's own on, that nobody listens on; the demo's own where all are taken."""
-    for port in range(DEMO_PORT, DEMO_PORT + OTHERS):
+def free_port(first: int) -> int:
+    """The first of some ports that nobody listens on; the first of all where all are taken."""
+    for port in range(first, min(first + OTHERS, 65536)):
         with socket.socket() as tried:
             if os.name == "posix":
                 tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -94,7 +102,7 @@ def free_port() -> int:
                 tried.bind(("127.0.0.1", port))
                 tried.listen()
                 return port
-    return DEMO_PORT
+    return min(first, 65535)
 
 
 def free_name(path: str) -> str:

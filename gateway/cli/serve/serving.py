@@ -69,8 +69,8 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     """
     from gateway.app.discovery import Announcement, offered
     from gateway.app.gateway import Gateway
-    from gateway.app.recording.recorded_gateway import host_clock, record_whole
     from gateway.astro.ephemeris.sky import Sky
+    from gateway.clients.any_protocol.web import Web
     from gateway.core.wire_log import WireLog
 
     access = let_in(config)
@@ -84,6 +84,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     recorders: list[Recorder] = []
     onlookers: list[asyncio.Task[None]] = []
     console = broker = None
+    web = Web(asyncio.get_running_loop().call_later) if config.page is not None else Web()
     announcement = Announcement(screen.warn, lambda text: gateways[0].wire_log.note("mount", text))
 
     def offers() -> list[Offer]:
@@ -96,11 +97,12 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         wire_log = WireLog(time.time)
         if config.log:
             wire_log.sinks.append(_log(config, mount))
-        clock = host_clock() if mount.record else time.time
+        clock = _host_clock() if mount.record else time.time
         gateways.append(Gateway(mount, config.of(mount), wire_log, sky, clock, screen.warn, watchdog))
+        gateways[-1].web = web
         gateways[-1].remember()
         if mount.record:
-            recorders.append(record_whole(Path(mount.record), gateways[-1]))
+            recorders.append(_recorder(mount.record, gateways[-1]))
     before_suspension(lambda: _stand_still(gateways, screen))
     try:
         for gateway in gateways:
@@ -138,6 +140,10 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         gc.freeze()  # what was made so far lives on: looking through it for garbage would hold up a stop
         if not done.is_set():
             console = await open_console(config, gateways, screen)
+            if console is not None:
+                web.open(console.serve)
+            else:
+                web.close()
         pages = announced(console) if config.discovery else []
         announcement.publish([*offers(), *pages])  # by now it is known which model fits the mount
         await done.wait()
@@ -146,6 +152,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         for task in onlookers:
             task.cancel()
         screen.clear()
+        web.close()
         if console is not None:
             await console.close()
         moved = [gateway.controller is not None and gateway.controller.reconciler.busy for gateway in gateways]
@@ -160,6 +167,18 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         for recorder in recorders:
             recorder.close()
     return 0
+
+
+def _host_clock() -> Callable[[], float]:
+    from gateway.app.recording.recorded_gateway import host_clock
+
+    return host_clock()
+
+
+def _recorder(path: str, gateway: Gateway) -> Recorder:
+    from gateway.app.recording.recorded_gateway import record_whole
+
+    return record_whole(Path(path), gateway)
 
 
 def _from_elsewhere(names: Sequence[str]) -> list[str]:

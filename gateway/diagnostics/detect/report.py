@@ -6,7 +6,7 @@ import json
 import shlex
 
 from gateway.diagnostics.detect.scan_port import USUAL, Finding
-from gateway.protocols.registry import PROTOCOLS, other_surface
+from gateway.protocols.registry import ANY, ANY_PORT, PROTOCOLS, other_surface
 
 #: What a person must know who lets others in.
 ANYBODY = "anybody in your network can move the mount then: these protocols know no passwords"
@@ -129,6 +129,8 @@ def toml(finding: Finding, network: bool = False) -> str:
         rows += [f"# {ANYBODY}", '# allow = ["192.168.1.0/24", "127.0.0.1"]  # only these may connect']
     else:
         rows += [
+            "# in its place, for programs of every protocol, and for your browser:",
+            f'# at = "{ANY}@tcp://127.0.0.1:{ANY_PORT}"',
             f"# in its place, for phones and other computers, too; {ANYBODY}",
             f"# at = {json.dumps(surface(finding, True))}",
         ]

@@ -29,6 +29,7 @@ KINDS = {
     "x": "dropped",
     "+": "connected",
     "-": "disconnected",
+    "~": "protocol",
     "^": "port opened",
 }
 #: Which way bytes go; what only happens goes no way.

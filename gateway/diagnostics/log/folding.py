@@ -37,6 +37,10 @@ class Told(Struct, frozen=True):
     pushed: bool = False
 
 
+#: The arrows of a connection that comes, and of what it then turns out to speak.
+COMING = "+~"
+
+
 class _Run:
     """A question that was shown at ``since``, and how often it was answered since then."""
 
@@ -72,6 +76,8 @@ class Folding:
         match told.row.arrow:
             case "+":
                 return self._come(told)
+            case "~":
+                return self._turned_out(told)
             case "-":
                 return self._go(told)
             case ">":
@@ -94,6 +100,14 @@ class Folding:
         if not party.runs and self._kept != "refusals":
             return [told.row]
         party.held = [told.row]
+        return []
+
+    def _turned_out(self, told: Told) -> list[Row]:
+        """It is known what a connection speaks: told with the connection."""
+        party = self._party(told)
+        if not party.held and self._kept != "refusals":
+            return self._shown(party, told)
+        party.held.append(told.row)
         return []
 
     def _go(self, told: Told) -> list[Row]:
@@ -132,7 +146,7 @@ class Folding:
         if told.fails:
             return self._shown(party, told)
         if self._kept == "refusals" or (told.asks and self._kept == "changes"):
-            party.held = [row for row in party.held if row.arrow == "+"]
+            party.held = [row for row in party.held if row.arrow in COMING]
             return []
         if told.pushed:
             return self._unasked(party, told)
@@ -162,10 +176,10 @@ class Folding:
 
     def _unanswered(self, party: _Party) -> list[Row]:
         """A request that was held back and has had no answer when the next one comes: that is worth knowing."""
-        if all(row.arrow == "+" for row in party.held):
+        if all(row.arrow in COMING for row in party.held):
             return []
         if self._kept == "refusals":
-            party.held = [row for row in party.held if row.arrow == "+"]
+            party.held = [row for row in party.held if row.arrow in COMING]
             return []
         return self._held(party)
 

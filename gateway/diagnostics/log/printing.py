@@ -11,14 +11,14 @@ from gateway.diagnostics.log.conversation import Cutting, Heard, Side
 from gateway.diagnostics.log.folding import Folding, Told
 from gateway.diagnostics.log.layout import Row, colours_of, columns_of, painted, plain, wrapped
 from gateway.protocols.base.reply_rules import Replies
-from gateway.protocols.registry import guess
+from gateway.protocols.registry import ANY, guess
 from gateway.system import journal
 
 #: What a person need not see: bytes shown as commands, the controller's own decisions, a lost port that has a note
 #: besides.
 SILENT = ("raw", "r", "v")
 #: What arrows mean that are no bytes.
-EVENTS = {"+": "connected", "-": "gone", "^": "port opened", "v": "port lost"}
+EVENTS = {"+": "connected", "-": "gone", "~": "speaks", "^": "port opened", "v": "port lost"}
 
 MOUNT = "mount"
 #: A protocol -> how its commands are cut out, and how its replies are taken apart.
@@ -53,6 +53,8 @@ class Rows:
         asked = self._asked.get(entry.side, b"") if entry.arrow == "<" else b""
         if entry.arrow == ">":
             self._asked[entry.side] = bytes(entry.data)
+        elif entry.arrow == "~":
+            self._sides[entry.side] = self._new(entry.note.partition(",")[0])
         elif entry.arrow == "-":
             self._sides.pop(entry.side, None)
             self._asked.pop(entry.side, None)
@@ -62,7 +64,9 @@ class Rows:
         """A program has come to a surface, whose number the entry tells."""
         number = entry.note.partition(",")[0].rpartition(" ")[2]
         if number.isdecimal() and 0 < int(number) <= len(self._surfaces):
-            self._sides[entry.side] = self._new(self._surfaces[int(number) - 1])
+            protocol = self._surfaces[int(number) - 1]
+            if protocol != ANY:  # else it is told when it is known
+                self._sides[entry.side] = self._new(protocol)
 
     def _new(self, protocol: str) -> Side:
         return Side(protocol, *self._speech(protocol))

@@ -32,7 +32,7 @@ MOST = 10_000
 def gather(recording: Recording) -> Night:
     """Raises UserError for a file that is damaged."""
     gathering = _Gathering(recording)
-    for event in recording:
+    for event in gathering.sides.introduced(recording):
         gathering.take(event)
     night = gathering.night
     night.cut = recording.cut
@@ -44,7 +44,7 @@ def gather(recording: Recording) -> Night:
 class _Gathering:
     def __init__(self, recording: Recording) -> None:
         config = recording.settings["config"]
-        self._sides = RecordedSides(recording)
+        self.sides = RecordedSides(recording)
         self._began = recording.settings["began"]
         mount = config["mount"]
         self.night = Night(
@@ -56,7 +56,7 @@ class _Gathering:
         if mount.get("site"):
             self.night.site = Site(float(mount["site"][0]), float(mount["site"][1]), "the settings")
         self.taken = 0
-        protocol = PROTOCOLS[self._sides.protocol(MOUNT)]
+        protocol = PROTOCOLS[self.sides.protocol(MOUNT)]
         self._rows = protocol.night
         self._answering = {name for name, command in protocol.commands.commands.items() if command.replies}
         self._speaking: dict[str, Side] = {}
@@ -143,6 +143,9 @@ class _Gathering:
         if event.arrow == "+":
             self._come(event, time)
             return
+        if event.arrow == "~":
+            self._speaking.pop(event.side, None)
+            return
         program = self._programs.get(event.side)
         if event.arrow == "-":
             self._speaking.pop(event.side, None)
@@ -155,13 +158,13 @@ class _Gathering:
                 self.night.refusals.append(Remark(time, who, event.data.decode("latin-1")))
         elif event.arrow == ">":
             if program is None:
-                program = self._program(event.side, event.side, self._sides.protocol(event.side), time)
+                program = self._program(event.side, event.side, self.sides.protocol(event.side), time)
             for heard in self._side(event.side).commands(event.data, event.at):
                 program.commands[heard.command or "not understood"] += 1
                 program.last = time
 
     def _come(self, event: Event, time: float) -> None:
-        number = self._sides.come(event.side, event.data)
+        number = self.sides.surface[event.side]
         host = event.data.decode("latin-1").rpartition("host ")[2]
         self._speaking.pop(event.side, None)
         program = self._program(event.side, host, self.night.surfaces[number - 1], time)
@@ -174,5 +177,5 @@ class _Gathering:
 
     def _side(self, name: str) -> Side:
         if name not in self._speaking:
-            self._speaking[name] = self._sides.side(name)
+            self._speaking[name] = self.sides.side(name)
         return self._speaking[name]

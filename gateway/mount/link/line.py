@@ -32,7 +32,8 @@ BACK_OFF = (0.5, 1.0, 2.0, 5.0)
 
 
 class MountLink:
-    """Owns the wire, and serves the exchanges that wait for it. ``came_up`` tells when it comes up."""
+    """Owns the wire, and serves the exchanges that wait for it. ``came_up`` tells when it comes up,
+    ``exchanged`` what has come of every exchange."""
 
     def __init__(
         self, wire: Transport, dialogue: ReplyRules, wire_log: WireLog, queue: RequestQueue | None = None
@@ -46,6 +47,7 @@ class MountLink:
         self.recovery.failed.connect(self._not_in_step)
         self._state = "opening"
         self.came_up: Signal[None] = Signal()
+        self.exchanged: Signal[dict[str, Any] | Fault] = Signal()
         #: The port is open again: listeners add the requests that go out before anything else, a stop that is owed.
         self.reopened: Signal[list[bytes]] = Signal()
         self.reason = ""
@@ -203,6 +205,7 @@ class MountLink:
             except BaseException:  # it does not come to an end, and nobody waits for that
                 request.fail(NoAnswer())
                 raise
+            self.exchanged.emit(outcome)
             if not isinstance(outcome, NoAnswer | Silence):
                 self._silent_since = None
             if not request.future.done():

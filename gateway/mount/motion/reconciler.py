@@ -156,7 +156,7 @@ class Reconciler:
 
     def _put(self, wanted: Wanted) -> None:
         self._state.value = wanted
-        self._state.count += 1
+        self._state.changed.emit(wanted)
 
     def _want(self, wanted: Wanted) -> None:
         """Replace what is wanted; whoever asked for what is not any more is told, and work on it is given up."""

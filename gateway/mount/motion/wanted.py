@@ -26,6 +26,7 @@ from gateway.core.operations import (
     Slewing,
     Wake,
 )
+from gateway.core.signals import Signal
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.safety.rules.dead_man import HostActivity
 
@@ -171,11 +172,12 @@ class Wanted(Struct, frozen=True):
 class WantedState:
     """The one place where it is kept: ``value``, which everybody may read and the reconciler alone replaces.
 
-    ``count`` is how often it did.
+    ``changed`` tells that it did.
     """
 
     def __init__(self) -> None:
-        self.value, self.count = Wanted(), 0
+        self.value = Wanted()
+        self.changed: Signal[Wanted] = Signal()
 
     @property
     def by_hand(self) -> dict[int, Move | MoveAxis]:

@@ -8,10 +8,10 @@ frozen value in a box that all sessions hold, so it can only be replaced, and on
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
 from typing import Annotated, Protocol
 
 from msgspec import Meta, Struct
+from msgspec.structs import replace
 
 from gateway.core.errors import ReadOnly
 from gateway.protocols.wireformat.rows import Model
@@ -28,8 +28,7 @@ class AltitudeLimits(Protocol):
     def check_altitude(self, altitude: float) -> None: ...
 
 
-@dataclass(frozen=True, slots=True)
-class ClientSettings:
+class ClientSettings(Struct, frozen=True):
     """What holds for every client of a surface, until it sets something else."""
 
     limits: AltitudeLimits
@@ -49,22 +48,21 @@ class NamedSite(Struct, frozen=True, omit_defaults=True):
 UNNAMED = NamedSite()
 
 
-@dataclass(frozen=True, slots=True)
-class MountSettings:
+class MountSettings(Struct, frozen=True):
     """What all clients of a mount have in common. The first five outlive the gateway.
 
     ``zone`` is in hours, with those of daylight saving; ``motors`` are values of the two motors by their names
     (``backlash 1 pos``, ``guide rate 2``); ``pulse_ends`` is when the last guide pulse of an axis is over, Unix time.
     """
 
-    sites: Mapping[int, NamedSite] = field(default_factory=dict)
+    sites: Mapping[int, NamedSite] = {}
     #: The site that was selected last, from 0; None: none ever was.
     site: int | None = None
     zone: tuple[float, int] | None = None
     pec: bool | None = None
-    motors: Mapping[str, int] = field(default_factory=dict)
+    motors: Mapping[str, int] = {}
     manual_hertz: float | None = None
-    pulse_ends: Mapping[int, float] = field(default_factory=dict)
+    pulse_ends: Mapping[int, float] = {}
 
     def stored(self, index: int) -> NamedSite:
         """What is stored of a site."""
@@ -88,8 +86,7 @@ class Shared:
         self.settings, self.changed = settings, changed
 
 
-@dataclass(slots=True)
-class Kept:
+class Kept(Struct):
     """What a client has set for itself."""
 
     precision: str

@@ -156,6 +156,10 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     recognises: Callable[[bytes], float] = lambda sent: 0.0
     #: What its programs begin with, where that is no command of any other protocol: there they are turned away.
     greeting: bytes = b""
+    #: Whether its programs wait for the first word: where every protocol is spoken, one that says nothing is one of
+    #: them; and commands that programs of other protocols begin with as well: answered there, they decide nothing.
+    waits: bool = False
+    also_others: re.Pattern[bytes] | None = None
     questions: tuple[Question, ...] = ()
     #: Other states that an answer may tell, in words.
     states: Mapping[str, str] = {}

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from datetime import date
 from typing import Literal
+
+from msgspec import Struct
 
 from gateway.astro.catalog import Entry
 from gateway.core.errors import NoTarget
@@ -16,8 +17,7 @@ from gateway.protocols.base.session import AltitudeLimits, Kept, Session
 _MIDDLE = MoonPlace(0.0, 0.0)
 
 
-@dataclass(slots=True)
-class Draft:
+class Draft(Struct):
     """Pieces of a clock that were set and not handed on yet. ``time`` is seconds of a day, and when that was said.
 
     ``carried`` (``time``, ``day``) are those that come of a time which was handed on before, and not of this client's
@@ -42,8 +42,7 @@ class Draft:
         self.touched, self.stamped, self.carried = 0.0, False, frozenset()
 
 
-@dataclass(frozen=True, slots=True)
-class SearchLimits:
+class SearchLimits(Struct, frozen=True):
     """What ``browse`` and ``identify`` go by: magnitudes, sizes in arcminutes, kinds, quality, the field's diameter."""
 
     brighter: float = -5.5
@@ -55,7 +54,6 @@ class SearchLimits:
     quality: str = "VP"
 
 
-@dataclass(slots=True)
 class LxKept(Kept):
     """Angles are degrees; None is what was never set."""
 
@@ -72,7 +70,7 @@ class LxKept(Kept):
     deep_sky: str | None = "NGC"
     stars: int | Literal["model"] | None = "model"
     #: The same in the mount's own library, by command.
-    own_catalogs: Mapping[str, Fields] = field(default_factory=dict)
+    own_catalogs: Mapping[str, Fields] = {}
     search: SearchLimits = SearchLimits()
     #: Altitude limits, and the fastest slew, degrees a second.
     lowest: float | None = None

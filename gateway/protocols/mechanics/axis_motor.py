@@ -7,8 +7,9 @@ stop it runs on meanwhile. Angles are degrees, times Unix seconds, rates degrees
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
+
+from msgspec import Struct
 
 #: What a drive keeps up with besides the stars, degrees a second.
 SOLAR_RATE = 360.0 / 86400.0
@@ -107,8 +108,7 @@ def _phases(distance: float, fast: float, slow: float, acceleration: float) -> l
     return [Phase(time, *ends) for time, ends in zip(seconds, corners, strict=True)]
 
 
-@dataclass(slots=True)
-class Axis:
+class Axis(Struct):
     """One motor: where it was at ``since`` and how fast, and what it has been told since.
 
     ``position`` is where it would have been told from if it could change its speed at once: it includes what it still

@@ -33,6 +33,8 @@ OLDEST, NEWEST, GT = (1, 2), (6, 0), 100
 GUIDE_RATE = 0.5
 #: The echo of a byte, which no Meade takes for anything.
 ECHO = b"Kx"
+#: The same with any byte: Stellarium Mobile begins so whatever it goes on with.
+ANY_ECHO = re.compile(rb"(?:K.)+", re.DOTALL)
 #: How sure it can be that bytes are in this protocol: it has no marks, nearly every byte may be a command of it.
 UNMARKED = 0.1
 #: What a program for hand controls may begin a connection with: bytes that are passed over, and well-formed commands.
@@ -174,6 +176,7 @@ SPEC = ProtocolSpec(
     version_words={STARSENSE: _starsense},
     presented_version="4.21",
     recognises=_recognises,
+    also_others=ANY_ECHO,
     questions=(Question(1, ECHO, _answered_echo, late=True),),
     capabilities={
         "coordinates": {"e": "precise (e, r)", "E": "16 bits (E, R)"},

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from gateway.protocols.base.session import Kept, Session
 
 #: The values of the field ``status``.
 WELL, REFUSED = 0, -1
 
 
-@dataclass(slots=True)
 class Progress(Kept):
     """``status`` is what every position tells it."""
 

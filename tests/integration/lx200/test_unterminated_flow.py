@@ -18,7 +18,7 @@ from tests.unit.protocols.lx200.surface.test_unterminated import BYTE, QUIET, WA
 @pytest.mark.parametrize(
     ("refused", "reply"),
     [
-        (b":Ls5#", b"2"),
+        (b":Ls2#", b"2"),
         (b":Lsx#", b"2"),
         (b":Lo9#", b"0"),
         (b":Lo#", b"0"),

@@ -43,9 +43,10 @@ def test_demo_serves_tcp_and_a_virtual_serial_port(tmp_path: Path, started: list
     pty = tmp_path / "lx200"
     demo = Running("demo", "--port", "0", "--pty", str(pty))
     started.append(demo)
-    tcp, serial_name = demo.ready(), demo.ready()
+    anybody, tcp, serial_name = demo.ready(), demo.ready(), demo.ready()
     assert serial_name == f"pty:{pty}"
     assert re.fullmatch(rb"\d\d:\d\d:\d\d#", ask(tcp, b":GR#"))
+    assert re.fullmatch(rb"[0-9A-F]{4},[0-9A-F]{4}#", ask(anybody, b"E"))
     device = os.open(pty, os.O_RDWR | os.O_NOCTTY)
     os.write(device, b"#:GD#")
     heard = b""

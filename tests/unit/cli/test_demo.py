@@ -45,7 +45,7 @@ def test_what_a_killed_gateway_left_behind_is_taken(tmp_path: Path, terminal: st
     path = tmp_path / "lx200"
     killed = Running("demo", "--port", "0", "--pty", str(path))
     started.append(killed)
-    assert [killed.ready(), killed.ready()][1] == f"pty:{path}"
+    assert [killed.ready(), killed.ready(), killed.ready()][2] == f"pty:{path}"
     killed.end(signal.SIGKILL)
     path.unlink()
     path.symlink_to(terminal)
@@ -92,13 +92,12 @@ def test_a_port_in_use_is_followed_by_the_next(monkeypatch: pytest.MonkeyPatch) 
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         number = taken.getsockname()[1]
-        monkeypatch.setattr(demo, "DEMO_PORT", number)
-        assert number < demo.free_port() < number + demo.OTHERS
+        assert number < demo.free_port(number) < number + demo.OTHERS
 
 
 def test_the_demo_says_where_it_is_instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[str] = []
-    monkeypatch.setattr(demo, "free_port", lambda: 4031)
+    monkeypatch.setattr(demo, "free_port", lambda first: first + 1)
     monkeypatch.setattr(demo, "free_name", lambda path: str(tmp_path / "lx200-2"))
     monkeypatch.setattr(
         demo, "serve_mounts", lambda config, banner: told.extend([banner, *(surface.at for surface in config.surface)])
@@ -110,11 +109,12 @@ def test_the_demo_says_where_it_is_instead(tmp_path: Path, monkeypatch: pytest.M
     assert told[0].splitlines() == [
         "another program uses port 4030; this demo takes port 4031",
         f"there is a /tmp/lx200 of another program already; this demo takes {tmp_path / 'lx200-2'}",
-        "A simulated NexStar 6/8 SE, driven by whatever LX200 program connects.",
+        "A simulated NexStar 6/8 SE, driven by whatever program connects.",
         "It slews 4 times as fast as a real one. Ctrl-C ends it.",
+        "Point any program, and your browser, at the first address below.",
         f"To see it move, type in another terminal: {own_command()} goto Polaris",
     ]
-    assert told[1:] == ["lx200@tcp://127.0.0.1:4031", f"lx200@pty:{tmp_path / 'lx200-2'}"]
+    assert told[1:] == ["any@tcp://127.0.0.1:4042", "lx200@tcp://127.0.0.1:4031", f"lx200@pty:{tmp_path / 'lx200-2'}"]
 
 
 def test_a_port_that_was_asked_for_is_not_exchanged() -> None:

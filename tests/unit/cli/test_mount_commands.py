@@ -200,7 +200,7 @@ def test_an_object_is_of_2000() -> None:
     (("05:61:00", "+22"), "is not a right ascension: write it like 05:34:32, or in degrees like 83.63"),
     (("05:00:00",), "is no place: write RA DEC"),
     (("M999",), "M999: the library has no such object"),
-    (("XYZ12",), "no catalogue is called 'XYZ'; there are M, NGC, IC, C, UGC and HIP"),
+    (("XYZ12",), "no catalogue is called 'XYZ'; there are M, NGC, IC, C, UGC, HIP, SAO, HD and HR"),
     (("Sun",), "the Sun is no goal here"),
 ])  # fmt: skip
 def test_what_is_no_place_is_said(words: tuple[str, ...], told: str) -> None:

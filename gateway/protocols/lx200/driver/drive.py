@@ -6,18 +6,8 @@ off only where the telescope says what it does: elsewhere the letters that do it
 
 from __future__ import annotations
 
+from gateway.core import operations as op
 from gateway.core.errors import Refused, Unsupported
-from gateway.core.operations import (
-    Backlash,
-    DriveRate,
-    Focus,
-    Hibernate,
-    PeriodicError,
-    SetTracking,
-    Tracking,
-    TrackRate,
-    Wake,
-)
 from gateway.protocols.base.driver import Steps
 from gateway.protocols.lx200.driver.ends import FOCUSER, begins, end
 from gateway.protocols.lx200.driver.identify import native_mode, read_status
@@ -32,15 +22,15 @@ _LUNAR_BELOW, _LOOKS_SIDEREAL = 59.0, 60.0
 _FAST_FOCUS = 3
 
 
-def set_tracking(mount: Lx200Driver, operation: SetTracking) -> Steps:
+def set_tracking(mount: Lx200Driver, operation: op.SetTracking) -> Steps:
     """:AL and back, only on models that report :GW - elsewhere these letters destroy the alignment.
 
     What it does already is not sent, when it says so itself at this moment: somebody may have changed it at its keys,
     and in land mode it may tell T while it slews.
     """
-    if (native_mode(mount) if operation.on else Tracking.OFF) is mount.tracking:
+    if (native_mode(mount) if operation.on else op.Tracking.OFF) is mount.tracking:
         yield from read_status(mount)
-    wanted = native_mode(mount) if operation.on else Tracking.OFF
+    wanted = native_mode(mount) if operation.on else op.Tracking.OFF
     if wanted is mount.tracking and not (operation.on and (mount.parked or mount.land)):
         return
     if not mount.tells_status:
@@ -49,17 +39,17 @@ def set_tracking(mount: Lx200Driver, operation: SetTracking) -> Steps:
     mount.tracking, mount.land = wanted, not operation.on
 
 
-def rest(mount: Lx200Driver, _: Hibernate) -> Steps:
+def rest(mount: Lx200Driver, _: op.Hibernate) -> Steps:
     """A telescope that cannot sleep: tracking off."""
-    yield from set_tracking(mount, SetTracking(on=False))
+    yield from set_tracking(mount, op.SetTracking(on=False))
 
 
-def rise(mount: Lx200Driver, _: Wake) -> Steps:
+def rise(mount: Lx200Driver, _: op.Wake) -> Steps:
     """A telescope that cannot sleep: tracking on."""
-    yield from set_tracking(mount, SetTracking(on=True))
+    yield from set_tracking(mount, op.SetTracking(on=True))
 
 
-def track_rate(mount: Lx200Driver, operation: TrackRate) -> Steps:
+def track_rate(mount: Lx200Driver, operation: op.TrackRate) -> Steps:
     """:TQ :TS :TL, any other one in hertz: 60.1 to 60.2 is sidereal. Raises Refused beyond what the model drives at."""
     mount.driven = False
     hertz = round((operation.factor or 1.0) * SIDEREAL_HERTZ, 1)
@@ -83,10 +73,10 @@ def drive_at(mount: Lx200Driver, hertz: float) -> Steps:
 def put_drive_back(mount: Lx200Driver) -> Steps:
     """The drive rate that was asked for last, when a motion in right ascension was done with another one."""
     if mount.driven:
-        yield from track_rate(mount, mount.rate or TrackRate(name="sidereal"))
+        yield from track_rate(mount, mount.rate or op.TrackRate(name="sidereal"))
 
 
-def drive_rate(mount: Lx200Driver, _: DriveRate) -> Steps:
+def drive_rate(mount: Lx200Driver, _: op.DriveRate) -> Steps:
     """-> float: what the telescope shows, a multiple of sidereal. Some show 60.0 for sidereal and solar alike."""
     shown: float = (yield from ask(mount, "GT"))["hertz"]
     solar = mount.rate is not None and mount.rate.name == "solar"
@@ -103,12 +93,12 @@ def _named(mount: Lx200Driver, name: str) -> Steps:
     raise Refused(f"The mount shows {shown} hertz instead of the {name} rate.")
 
 
-def backlash(mount: Lx200Driver, operation: Backlash) -> Steps:
+def backlash(mount: Lx200Driver, operation: op.Backlash) -> Steps:
     """:$BA :$BZ on an LX200GPS."""
     yield from ask(mount, "$BZ" if operation.axis == 1 else "$BA", value=operation.value)
 
 
-def periodic_error(mount: Lx200Driver, operation: PeriodicError) -> Steps:
+def periodic_error(mount: Lx200Driver, operation: op.PeriodicError) -> Steps:
     """:$QZ :$QA on an LX200GPS. A classic has one toggle for both axes, so what it does is remembered from power-on."""
     wanted = not mount.corrects if operation.on is None else operation.on
     if mount.knows("$QZ+"):
@@ -120,7 +110,7 @@ def periodic_error(mount: Lx200Driver, operation: PeriodicError) -> Steps:
     mount.corrects = wanted
 
 
-def focus(mount: Lx200Driver, operation: Focus) -> Steps:
+def focus(mount: Lx200Driver, operation: op.Focus) -> Steps:
     """:F, one of two speeds on a classic."""
     if operation.direction and mount.knows("F"):
         yield from ask(mount, "F", speed=operation.speed)

@@ -8,19 +8,8 @@ from __future__ import annotations
 
 import contextlib
 
+from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, NoAnswer, Unsupported
-from gateway.core.operations import (
-    Hibernate,
-    Home,
-    HomeState,
-    Operation,
-    Park,
-    SetHome,
-    SetTracking,
-    Tracking,
-    Unpark,
-    Wake,
-)
 from gateway.protocols.base.driver import Schedule, Steps, Wait
 from gateway.protocols.lx200.driver.drive import set_tracking, track_rate
 from gateway.protocols.lx200.driver.ends import MOUNT, begins
@@ -31,22 +20,22 @@ from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 SETTLE, SEEK_EVERY = 0.5, 2.0
 
 
-class SeekOn(Operation, frozen=True):
+class SeekOn(op.Operation, frozen=True):
     """Internal: look whether home was found."""
 
 
-def park(mount: Lx200Driver, _: Park) -> Steps:
+def park(mount: Lx200Driver, _: op.Park) -> Steps:
     """:hP - the telescope switches its drives off when it is there."""
     yield from stop_current_motion(mount)
     yield from begin(mount, "hP", then="park")
 
 
-def home(mount: Lx200Driver, _: Home) -> Steps:
+def home(mount: Lx200Driver, _: op.Home) -> Steps:
     """:hF"""
     yield from _seek(mount, "hF")
 
 
-def set_home(mount: Lx200Driver, _: SetHome) -> Steps:
+def set_home(mount: Lx200Driver, _: op.SetHome) -> Steps:
     """:hS - the telescope seeks its switches and stores where they are."""
     yield from _seek(mount, "hS")
 
@@ -75,12 +64,12 @@ def seek_on(mount: Lx200Driver, _: SeekOn) -> Steps:
     yield Schedule(SEEK_EVERY, SeekOn())
 
 
-def home_state(mount: Lx200Driver, _: HomeState) -> Steps:
+def home_state(mount: Lx200Driver, _: op.HomeState) -> Steps:
     """:h? -> 0 failed, 1 found, 2 searching."""
     return int((yield from ask(mount, "h?"))["state"])
 
 
-def unpark(mount: Lx200Driver, _: Unpark) -> Steps:
+def unpark(mount: Lx200Driver, _: op.Unpark) -> Steps:
     """A parked LX200GPS wakes by :I; the state is read anew, and tracking goes on where it can. Raises Unsupported."""
     if mount.parked and mount.knows("I"):
         with contextlib.suppress(NoAnswer):
@@ -92,17 +81,17 @@ def unpark(mount: Lx200Driver, _: Unpark) -> Steps:
         raise Unsupported("This telescope comes back into service with the next goto.")
     mount.parked = False
     yield from read_status(mount)
-    if mount.tells_status and mount.tracking is Tracking.OFF:
-        yield from set_tracking(mount, SetTracking(on=True))
+    if mount.tells_status and mount.tracking is op.Tracking.OFF:
+        yield from set_tracking(mount, op.SetTracking(on=True))
 
 
-def sleep(mount: Lx200Driver, _: Hibernate) -> Steps:
+def sleep(mount: Lx200Driver, _: op.Hibernate) -> Steps:
     """:hN - from then on nothing is sent that would turn a motor: a telescope that sleeps says yes and stays."""
     yield from ask(mount, "hN")
     mount.asleep_as_told = True
 
 
-def wake(mount: Lx200Driver, _: Wake) -> Steps:
+def wake(mount: Lx200Driver, _: op.Wake) -> Steps:
     """:hW"""
     yield from ask(mount, "hW")
     mount.asleep_as_told = False

@@ -10,19 +10,8 @@ from __future__ import annotations
 
 import math
 
+from gateway.core import operations as op
 from gateway.core.errors import Refused
-from gateway.core.operations import (
-    AbortMotion,
-    Move,
-    MoveAxis,
-    Pulse,
-    PulseAxis,
-    Pulsed,
-    Rate,
-    SetGuideRate,
-    StopAxis,
-    Tracking,
-)
 from gateway.protocols.base.driver import Remark, Steps
 from gateway.protocols.lx200.driver import put_back
 from gateway.protocols.lx200.driver.drive import drive_at, put_drive_back
@@ -49,17 +38,17 @@ def _letter(mount: Lx200Driver, axis: int, sense: int) -> Steps:
     return "w" if sense > 0 else "e"
 
 
-def move(mount: Lx200Driver, operation: Move) -> Steps:
+def move(mount: Lx200Driver, operation: op.Move) -> Steps:
     """:M… in a sky direction."""
     speed = yield from _speed(mount, operation.rate)
     yield from _move(mount, operation.axis, operation.direction.value, operation.rate, speed)
 
 
-def move_axis(mount: Lx200Driver, operation: MoveAxis) -> Steps:
+def move_axis(mount: Lx200Driver, operation: op.MoveAxis) -> Steps:
     """:M… by motor sense. A variable rate in right ascension counts from rest, where the mount tracks."""
     axis, rate = operation.axis, operation.rate
     letter = yield from _letter(mount, axis, operation.sense)
-    tracks = mount.equatorial and not mount.land and mount.tracking is not Tracking.OFF
+    tracks = mount.equatorial and not mount.land and mount.tracking is not op.Tracking.OFF
     if axis != 1 or rate.degrees is None or rate.key is not None or rate.name is not None or not tracks:
         speed = yield from _speed(mount, rate)
         yield from _move(mount, axis, letter, rate, speed)
@@ -84,7 +73,7 @@ def _drive(mount: Lx200Driver) -> float:
     return factor * SPEEDS["RG"]
 
 
-def _speed(mount: Lx200Driver, rate: Rate) -> Steps:
+def _speed(mount: Lx200Driver, rate: op.Rate) -> Steps:
     """The nearest to so many degrees a second; None for a rate that has a name, or is one of the telescope's keys."""
     if rate.name is not None or rate.degrees is None:
         return None
@@ -101,7 +90,7 @@ def _say(asked: float, done: float) -> Steps:
         )
 
 
-def _move(mount: Lx200Driver, axis: int, letter: str, rate: Rate, speed: Speed | None) -> Steps:
+def _move(mount: Lx200Driver, axis: int, letter: str, rate: op.Rate, speed: Speed | None) -> Steps:
     """``speed`` of None is the one of its name; one without a command is tracking itself, at another rate."""
     old = mount.moving.get(axis)
     none = speed is not None and speed.command is None
@@ -116,7 +105,7 @@ def _move(mount: Lx200Driver, axis: int, letter: str, rate: Rate, speed: Speed |
     mount.moving[axis], mount.parked = letter, False
 
 
-def _named(mount: Lx200Driver, axis: int, rate: Rate) -> Steps:
+def _named(mount: Lx200Driver, axis: int, rate: op.Rate) -> Steps:
     """One of the four rates by its name."""
     command = rate_command(rate)
     if command == "RS":
@@ -151,14 +140,14 @@ def _fastest(mount: Lx200Driver, axis: int, degrees: float | None) -> Steps:
         mount.free_axes.discard(axis)
 
 
-def set_guide_rate(mount: Lx200Driver, operation: SetGuideRate) -> Steps:
+def set_guide_rate(mount: Lx200Driver, operation: op.SetGuideRate) -> Steps:
     """The fraction of sidereal that :RG and guide pulses mean: :Rg where the model has it and it is another one."""
     mount.guide_rate = min(1.0, operation.rate)
     if mount.knows("Rg"):
         yield from put_back.guide_at(mount, mount.guide_rate)
 
 
-def stop_axis(mount: Lx200Driver, operation: StopAxis) -> Steps:
+def stop_axis(mount: Lx200Driver, operation: op.StopAxis) -> Steps:
     """:Q… of the arrow that was pressed; both of the axis when none is known to be."""
     pulsed, moved = mount.pulsing.pop(operation.axis, None), mount.moving.pop(operation.axis, None)
     letter = moved or pulsed
@@ -171,7 +160,7 @@ def stop_axis(mount: Lx200Driver, operation: StopAxis) -> Steps:
     yield from put_back.later(mount)
 
 
-def abort_motion(mount: Lx200Driver, _: AbortMotion) -> Steps:
+def abort_motion(mount: Lx200Driver, _: op.AbortMotion) -> Steps:
     """:Q"""
     moved = mount.goto is not None or mount.seeking or bool(mount.moving or mount.pulsing)
     mount.goto = None
@@ -186,12 +175,12 @@ def abort_motion(mount: Lx200Driver, _: AbortMotion) -> Steps:
 # --- guiding ----------------------------------------------------------------------------------------------------
 
 
-def pulse(mount: Lx200Driver, operation: Pulse) -> Steps:
+def pulse(mount: Lx200Driver, operation: op.Pulse) -> Steps:
     """-> Pulsed. :Mg where the model has it, four digits at most; else guide rate, which has to be ended."""
     return (yield from _pulse(mount, operation.direction.axis, operation.direction.value, operation.ms, None))
 
 
-def pulse_axis(mount: Lx200Driver, operation: PulseAxis) -> Steps:
+def pulse_axis(mount: Lx200Driver, operation: op.PulseAxis) -> Steps:
     """-> Pulsed. The same by motor sense, at a rate of its own."""
     letter = yield from _letter(mount, operation.axis, operation.sense)
     return (yield from _pulse(mount, operation.axis, letter, operation.ms, operation.rate))
@@ -214,9 +203,9 @@ def _pulse(mount: Lx200Driver, axis: int, letter: str, ms: int, rate: float | No
         yield from ask(mount, "Mg", direction=letter, ms=piece)
         mount.pulses_until = max(mount.pulses_until, mount.now() + piece / 1000.0)
         yield from put_back.later(mount)
-        return Pulsed(piece / 1000.0, ends=True, left=round((ms - piece) / shorter))
+        return op.Pulsed(piece / 1000.0, ends=True, left=round((ms - piece) / shorter))
     yield from ask(mount, "RG")
     begins(mount, axis)
     yield from ask(mount, f"M{letter}")
     mount.pulsing[axis] = letter
-    return Pulsed(ms / 1000.0, ends=False)
+    return op.Pulsed(ms / 1000.0, ends=False)

@@ -5,18 +5,8 @@ from __future__ import annotations
 import math
 
 from gateway.astro.spherical import fold_declination
+from gateway.core import operations as op
 from gateway.core.errors import Fault, Garbled, NoAnswer, Refused, Silence
-from gateway.core.operations import (
-    AbortSlew,
-    Equatorial,
-    Goto,
-    GotoAxes,
-    Horizontal,
-    HorizontalPosition,
-    Position,
-    Slewing,
-    Sync,
-)
 from gateway.protocols.base.driver import Steps, Wait
 from gateway.protocols.lx200.driver.ends import MOUNT, begins, end
 from gateway.protocols.lx200.driver.identify import HIGH, high_precision
@@ -37,15 +27,15 @@ GIVEN_UP = 2
 SLOWER = 1.25
 
 
-def position(mount: Lx200Driver, _: Position) -> Steps:
+def position(mount: Lx200Driver, _: op.Position) -> Steps:
     """:GR and :GD -> Equatorial. A telescope that was switched off and on answers short: it is made precise again."""
     first, second, _ = yield from _pair(mount, "GR", "GD", PAIR_TRIES)
     if not mount.low and first["length"] < HIGH:
         yield from high_precision(mount)
-    return Equatorial(*fold_declination(first["ra"], second["dec"]))
+    return op.Equatorial(*fold_declination(first["ra"], second["dec"]))
 
 
-def horizontal_position(mount: Lx200Driver, _: HorizontalPosition) -> Steps:
+def horizontal_position(mount: Lx200Driver, _: op.HorizontalPosition) -> Steps:
     """:GZ and :GA -> Horizontal; None where the telescope does not answer that, or the line is too busy for both.
 
     The controller derives it then. One silence may be an answer that was lost.
@@ -60,7 +50,7 @@ def horizontal_position(mount: Lx200Driver, _: HorizontalPosition) -> Steps:
             mount.mute |= {"GZ", "GA"}
         return None
     mount.unanswered = 0
-    return Horizontal(first["az"], second["alt"]) if together else None
+    return op.Horizontal(first["az"], second["alt"]) if together else None
 
 
 def _pair(mount: Lx200Driver, first: str, second: str, tries: int) -> Steps:
@@ -81,7 +71,7 @@ def _pair(mount: Lx200Driver, first: str, second: str, tries: int) -> Steps:
     return one, other, False
 
 
-def slewing(mount: Lx200Driver, _: Slewing) -> Steps:
+def slewing(mount: Lx200Driver, _: op.Slewing) -> Steps:
     """:D -> bool, latched from the goto until the telescope has settled; hand motion is none."""
     if mount.seeking:
         return (yield from still_seeking(mount))
@@ -108,7 +98,7 @@ def still_seeking(mount: Lx200Driver) -> Steps:
     return mount.seeking
 
 
-def goto(mount: Lx200Driver, operation: Goto) -> Steps:
+def goto(mount: Lx200Driver, operation: op.Goto) -> Steps:
     """:Sr :Sd :MS - refusals come with the telescope's own words."""
     yield from stop_current_motion(mount)
     yield from at_most(mount, operation.fastest)
@@ -119,7 +109,7 @@ def goto(mount: Lx200Driver, operation: Goto) -> Steps:
     yield from later(mount)
 
 
-def goto_axes(mount: Lx200Driver, operation: GotoAxes) -> Steps:
+def goto_axes(mount: Lx200Driver, operation: op.GotoAxes) -> Steps:
     """:Sz :Sa :MA - where the model has it."""
     yield from stop_current_motion(mount)
     yield from at_most(mount, operation.fastest)
@@ -167,7 +157,7 @@ def stop_current_motion(mount: Lx200Driver) -> Steps:
         mount.pulsing.clear()
 
 
-def abort_slew(mount: Lx200Driver, _: AbortSlew) -> Steps:
+def abort_slew(mount: Lx200Driver, _: op.AbortSlew) -> Steps:
     """:Q, when a goto or a search for home is under way: it would end hand motion, too."""
     if mount.goto is not None or mount.seeking:
         mount.goto = None
@@ -175,7 +165,7 @@ def abort_slew(mount: Lx200Driver, _: AbortSlew) -> Steps:
         mount.seeking = False
 
 
-def sync(mount: Lx200Driver, operation: Sync) -> Steps:
+def sync(mount: Lx200Driver, operation: op.Sync) -> Steps:
     """:Sr :Sd :CM - an empty text is a no."""
     yield from ask(mount, "Sr", ra=operation.ra)
     yield from ask(mount, "Sd", dec=operation.dec)

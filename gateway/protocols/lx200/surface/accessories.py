@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from gateway.core.errors import Invalid, Unsupported
 from gateway.core.operations import Backlash, Focus, HomeState, PeriodicError, Unpark, Values

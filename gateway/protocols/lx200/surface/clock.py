@@ -12,19 +12,8 @@ import contextlib
 from copy import copy
 from datetime import UTC, date, datetime, timedelta
 
+from gateway.core import operations as op
 from gateway.core.errors import Fault, Invalid, NoDevice, ReadOnly, Unsupported
-from gateway.core.operations import (
-    ClockFromGps,
-    GetClock,
-    GetGps,
-    GetSite,
-    Gps,
-    Moment,
-    Place,
-    SetClock,
-    SiderealTime,
-    Values,
-)
 from gateway.protocols.base.wants import Defer, Handling
 from gateway.protocols.lx200.nmea import rmc
 from gateway.protocols.lx200.session import Draft, LxSession
@@ -47,30 +36,30 @@ def printable(offset: float) -> float:
 def _local(session: LxSession) -> Handling:
     """The client's local time now, as a naive datetime, with the offset it will be told."""
     yield from _commit_if_allowed(session)
-    moment: Moment = yield GetClock()
+    moment: op.Moment = yield op.GetClock()
     offset = printable(moment.offset if session.kept.offset is None else session.kept.offset)
     # Half a second is what a whole-second reply is off by on average; none is invented here: cut, as clocks do.
     return datetime.fromtimestamp(moment.unix, UTC).replace(tzinfo=None) + timedelta(hours=offset)
 
 
-def tell_time(session: LxSession, command: Command, values: Values) -> Handling:
+def tell_time(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:GL in 24 hours, :Ga in 12."""
     local: datetime = yield from _local(session)
     return {"time": local.hour * 3600 + local.minute * 60 + local.second}
 
 
-def tell_date(session: LxSession, command: Command, values: Values) -> Handling:
+def tell_date(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:GC"""
     local: datetime = yield from _local(session)
     return {"date": local.date()}
 
 
-def tell_offset(session: LxSession, command: Command, values: Values) -> Handling:
+def tell_offset(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:GG"""
     yield from _commit_if_allowed(session)
     offset = session.kept.offset
     if offset is None:
-        moment: Moment = yield GetClock()
+        moment: op.Moment = yield op.GetClock()
         offset = moment.offset
     return {"offset": -printable(offset)}
 
@@ -88,7 +77,7 @@ def _draft(session: LxSession) -> Draft:
     return session.kept.draft
 
 
-def set_piece(session: LxSession, command: Command, values: Values) -> Handling:
+def set_piece(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:SL :SC :SG - one of three; the third one, or a pause, hands them on."""
     if "fault" in values:
         raise values["fault"]
@@ -133,7 +122,7 @@ def _keep_local_time(session: LxSession, draft: Draft, offset: float) -> None:
         draft.day = draft.day or day
 
 
-def commit_quiet(session: LxSession, command: Command | None, values: Values) -> Handling:
+def commit_quiet(session: LxSession, command: Command | None, values: op.Values) -> Handling:
     """After the pause: hand on what is there, unless another piece has come meanwhile."""
     if session.clock() - _draft(session).touched >= QUIET - 0.1:
         yield from commit(session)
@@ -147,9 +136,9 @@ def commit(session: LxSession) -> Handling:
     if pieces.time is None and pieces.day is None:
         return
     try:
-        present: Moment = yield GetClock()
+        present: op.Moment = yield op.GetClock()
     except Fault:
-        present = Moment(session.clock(), 0.0)
+        present = op.Moment(session.clock(), 0.0)
     # A draft goes on with the next connection, and the pause of the one before may hand it on: it carries its offset.
     offset = next((told for told in (pieces.offset, session.kept.offset) if told is not None), present.offset)
     now = datetime.fromtimestamp(present.unix + offset * 3600.0, UTC)
@@ -163,7 +152,7 @@ def commit(session: LxSession) -> Handling:
     if pieces.time is not None or session.kept.local is not None:
         session.kept.local = day, seconds, session.clock() - elapsed, offset
     local = pieces.stamped or not session.model.get("utc_date")
-    yield SetClock(_instant(session, day, seconds, offset, local) + elapsed, offset)
+    yield op.SetClock(_instant(session, day, seconds, offset, local) + elapsed, offset)
 
 
 def _dated(session: LxSession) -> date | None:
@@ -189,7 +178,7 @@ def _instant(session: LxSession, day: date, seconds: float, offset: float, is_lo
     return nearer if abs(nearer - session.clock()) <= HOST_KNOWS else universal
 
 
-def set_stamp(session: LxSession, command: Command, values: Values) -> Handling:
+def set_stamp(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:hIyyMMddHHmmss - date and local time at once."""
     session.check_may_set()
     try:
@@ -202,24 +191,24 @@ def set_stamp(session: LxSession, command: Command, values: Values) -> Handling:
     yield from commit(session)
 
 
-def tell_sidereal(session: LxSession, command: Command, values: Values) -> Handling:
+def tell_sidereal(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:GS - apparent, from the mount's clock and site."""
     yield from _commit_if_allowed(session)
-    sidereal: float = yield SiderealTime()
+    sidereal: float = yield op.SiderealTime()
     return {"sidereal": sidereal % 360.0}
 
 
-def set_sidereal(session: LxSession, command: Command, values: Values) -> None:
+def set_sidereal(session: LxSession, command: Command, values: op.Values) -> None:
     """:SS - a mount has no sidereal clock of its own: it follows from clock and site. Raises Unsupported."""
     raise Unsupported("The sidereal time follows from the mount's clock and site: :SL, :SC, :SG and :Sg set those.")
 
 
-def toggle_hours(session: LxSession, command: Command, values: Values) -> None:
+def toggle_hours(session: LxSession, command: Command, values: op.Values) -> None:
     """:H"""
     session.kept.twelve = not session.kept.twelve
 
 
-def tell_hours(session: LxSession, command: Command, values: Values) -> dict[str, str]:
+def tell_hours(session: LxSession, command: Command, values: op.Values) -> dict[str, str]:
     """:Gc"""
     return {"hours": "12" if session.kept.twelve else "24"}
 
@@ -227,17 +216,17 @@ def tell_hours(session: LxSession, command: Command, values: Values) -> dict[str
 # --- the GPS of an LX200GPS: the mount's own unit; without one, or without a fix, nothing says that there is one ---
 
 
-def gps_sentence(session: LxSession, command: Command, values: Values) -> Handling:
+def gps_sentence(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:gps - one RMC sentence; without a fix one that says so (V), with the site and the clock in force."""
     try:
-        seen: Gps = yield GetGps()
+        seen: op.Gps = yield op.GetGps()
     except (Unsupported, NoDevice):
-        seen = Gps(linked=False)
-    place: Place = seen.place or (yield GetSite())
-    moment: Moment = yield GetClock()
+        seen = op.Gps(linked=False)
+    place: op.Place = seen.place or (yield op.GetSite())
+    moment: op.Moment = yield op.GetClock()
     return {"text": rmc(place.latitude, place.longitude, seen.unix or moment.unix, seen.linked)}
 
 
-def gps_clock(session: LxSession, command: Command, values: Values) -> Handling:
+def gps_clock(session: LxSession, command: Command, values: op.Values) -> Handling:
     """:gT - 1 when the mount's clock was set from its GPS unit, 0 when there is none or it has no fix."""
-    yield ClockFromGps()
+    yield op.ClockFromGps()

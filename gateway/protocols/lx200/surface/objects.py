@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gateway.astro.catalog import Entry, Wanted, deepsky, describe, search, stars
+from gateway.astro.catalog import Entry, Wanted, cross_numbers, deepsky, describe, search, stars
 from gateway.astro.spherical import separation
 from gateway.core.errors import Invalid, Unsupported
 from gateway.core.operations import Equatorial, MoonPlace, PlanetPlace, Position, ToJ2000, Values, Zenith
@@ -21,6 +21,8 @@ from gateway.protocols.wireformat.command import Command
 #: :Lo - catalogues that are to be had; Arp and Abell (4 and 5) are not.
 _DEEP_SKY = {0: "NGC", 1: "IC", 2: "UGC", 3: "C"}
 _STAR, _HIPPARCOS = 0, 3
+#: :Ls - those whose numbers are known where the list of them is installed; GCVS (2) is not to be had.
+_CROSS = {1: "SAO", 4: "HR", 5: "HD"}
 #: The STAR catalogue's numbers from 901 on. Its 351 alignment stars and Pluto (909) are in no catalogue at hand.
 _PLANETS = {901: "Mercury", 902: "Venus", 904: "Mars", 905: "Jupiter", 906: "Saturn", 907: "Uranus", 908: "Neptune"}
 _MOON = 903
@@ -41,14 +43,16 @@ def choose_catalog(session: LxSession, command: Command, values: Values) -> None
 
 
 def choose_stars(session: LxSession, command: Command, values: Values) -> None:
-    """:Ls - planets and Hipparcos; SAO, GCVS, HR and HD are not to be had."""
+    """:Ls - planets, Hipparcos, and SAO, HR and HD where they are installed."""
     catalog = None if "fault" in values else values["catalog"]
-    session.kept.stars = catalog if catalog in (_STAR, _HIPPARCOS) else None
+    session.kept.stars = catalog if catalog in (_STAR, _HIPPARCOS, *_CROSS) else None
     if session.kept.stars is None:
         selected.fail(session, _NOT_FOUND)
         raise Invalid(_NOT_FOUND)
     if catalog == _HIPPARCOS:
         _check(session, lambda: stars.hipparcos(1, 2000.0))
+    elif catalog in _CROSS:
+        _check(session, lambda: cross_numbers.look_up(_CROSS[catalog], 1, 2000.0))
 
 
 def _check(session: LxSession, look_up: Callable[[], object]) -> None:
@@ -71,12 +75,13 @@ def select_star(session: LxSession, command: Command, values: Values) -> Handlin
     catalog = session.kept.stars
     if catalog == "model":
         catalog = _STAR if session.model["libraries"] else _HIPPARCOS
-    number = values.get("number")
+    number, year = values.get("number"), 1970.0 + session.clock() / _YEAR
     if catalog is None or number is None:
         selected.fail(session, _NOT_FOUND if catalog is None else "No star selected")
     elif catalog == _HIPPARCOS:
-        year = 1970.0 + session.clock() / _YEAR
         yield from _select(session, "HIP", values, lambda _, number: stars.hipparcos(number, year))
+    elif catalog in _CROSS:
+        yield from _select(session, _CROSS[catalog], values, lambda name, one: cross_numbers.look_up(name, one, year))
     elif number == _MOON:
         yield from selected.follow(session, MoonPlace(), "MOON")
     elif number in _PLANETS:

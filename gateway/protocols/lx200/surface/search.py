@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from gateway.astro.catalog import QUALITIES
 from gateway.core.errors import Invalid

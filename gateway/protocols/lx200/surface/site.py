@@ -6,7 +6,6 @@ only where the mount was told the other one; what was entered at the hand contro
 
 from __future__ import annotations
 
-import dataclasses
 from contextlib import suppress
 
 from msgspec.structs import replace
@@ -81,7 +80,7 @@ def _enter(session: LxSession, index: int) -> Handling:
             own = replace(session.shared.stored(0), latitude=place.latitude, longitude=place.longitude)
             session.set_for_all(session.shared.with_site(0, own))
     if session.shared.site != index:
-        session.set_for_all(dataclasses.replace(session.shared, site=index))
+        session.set_for_all(replace(session.shared, site=index))
 
 
 def select(session: LxSession, command: Command, values: Values) -> Handling:

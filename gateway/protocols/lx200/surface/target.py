@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
+from gateway.core import operations as op
 from gateway.core.errors import Fault, NoTarget, Silence, Unsupported
-from gateway.core.operations import (
-    Equatorial,
-    Goto,
-    GotoHorizontal,
-    HorizontalPosition,
-    Own,
-    Position,
-    Slewing,
-    Sync,
-    Values,
-)
 from gateway.protocols.base.wants import Handling, ReuseLastReading
 from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.lx200.surface import selected
 from gateway.protocols.wireformat.command import Command
 
 
-def set_target(session: LxSession, _: Command, values: Values) -> None:
+def set_target(session: LxSession, _: Command, values: op.Values) -> None:
     """:Sr :Sd - programs go on to :MS# even after a 0, so a refused half must not leave a stale target."""
     selected.drop(session)
     _set(session, values, "ra", "dec")
 
 
-def set_horizontal_target(session: LxSession, _: Command, values: Values) -> None:
+def set_horizontal_target(session: LxSession, _: Command, values: op.Values) -> None:
     """:Sa :Sz - an altitude beyond the limits is out of the slew range. Raises BelowHorizon, TooHigh, Invalid."""
     if "alt" in values:
         limits = session.limits
@@ -37,7 +27,7 @@ def set_horizontal_target(session: LxSession, _: Command, values: Values) -> Non
     _set(session, values, "alt", "az")
 
 
-def _set(session: LxSession, values: Values, *pair: str) -> None:
+def _set(session: LxSession, values: op.Values, *pair: str) -> None:
     fault: Fault | None = None
     if "fault" in values:
         values, fault = dict.fromkeys(pair), values["fault"]
@@ -47,67 +37,68 @@ def _set(session: LxSession, values: Values, *pair: str) -> None:
         raise fault
 
 
-def tell_target(session: LxSession, _: Command, values: Values) -> Handling:
+def tell_target(session: LxSession, _: Command, values: op.Values) -> Handling:
     """:Gr :Gd - zero before any was set, as a Meade says after power-on; what moves, where it is now."""
     if session.kept.moving is not None:
         yield from selected.target(session)
     return {"ra": session.kept.ra or 0.0, "dec": session.kept.dec or 0.0}
 
 
-def right_ascension(session: LxSession, _: Command, values: Values) -> Handling:
+def right_ascension(session: LxSession, _: Command, values: op.Values) -> Handling:
     """:GR"""
-    return (yield Position())
+    return (yield op.Position())
 
 
-def declination(session: LxSession, _: Command, values: Values) -> Handling:
+def declination(session: LxSession, _: Command, values: op.Values) -> Handling:
     """:GD - of the same instant as the :GR before it."""
-    return (yield ReuseLastReading(Position()) if session.last == b":GR#" else Position())
+    return (yield ReuseLastReading(op.Position()) if session.last == b":GR#" else op.Position())
 
 
-def azimuth(session: LxSession, _: Command, values: Values) -> Handling:
+def azimuth(session: LxSession, _: Command, values: op.Values) -> Handling:
     """:GZ"""
-    return (yield HorizontalPosition())
+    return (yield op.HorizontalPosition())
 
 
-def altitude(session: LxSession, _: Command, values: Values) -> Handling:
+def altitude(session: LxSession, _: Command, values: op.Values) -> Handling:
     """:GA - of the same instant as the :GZ before it."""
-    return (yield ReuseLastReading(HorizontalPosition()) if session.last == b":GZ#" else HorizontalPosition())
+    return (yield ReuseLastReading(op.HorizontalPosition()) if session.last == b":GZ#" else op.HorizontalPosition())
 
 
-def goto(session: LxSession, _: Command, values: Values) -> Handling:
+def goto(session: LxSession, _: Command, values: op.Values) -> Handling:
     """:MS - to the target, or a refusal with words."""
     kept = session.kept
-    place: Equatorial = yield from selected.target(session)
-    yield Goto(place.ra, place.dec, lowest=kept.lowest, highest=kept.highest, track=not kept.land, fastest=kept.fastest)
+    place: op.Equatorial = yield from selected.target(session)
+    limits = {"lowest": kept.lowest, "highest": kept.highest, "fastest": kept.fastest}
+    yield op.Goto(place.ra, place.dec, track=not kept.land, **limits)
 
 
-def goto_horizontal(session: LxSession, _: Command, values: Values) -> Handling:
+def goto_horizontal(session: LxSession, _: Command, values: op.Values) -> Handling:
     """:MA - to the azimuth and altitude of :Sz and :Sa."""
     kept = session.kept
     if kept.az is None or kept.alt is None:
         raise NoTarget
-    yield GotoHorizontal(kept.az, kept.alt, lowest=kept.lowest, highest=kept.highest, fastest=kept.fastest)
+    yield op.GotoHorizontal(kept.az, kept.alt, lowest=kept.lowest, highest=kept.highest, fastest=kept.fastest)
 
 
-def sync(session: LxSession, _: Command, values: Values) -> Handling:
+def sync(session: LxSession, _: Command, values: op.Values) -> Handling:
     """:CM - a bare # is what programs read as failure; they want a text at once otherwise."""
-    place: Equatorial = yield from selected.target(session)
-    yield Sync(place.ra, place.dec)
+    place: op.Equatorial = yield from selected.target(session)
+    yield op.Sync(place.ra, place.dec)
     return {"text": session.settings.sync_text or session.model["sync_text"]}
 
 
 def _own_idle() -> Handling:
     """What this telescope sends while it stands; empty where it does not say, or moves at somebody's keys."""
     try:
-        said: bytes = yield Own("D", (), "fixed")
+        said: bytes = yield op.Own("D", (), "fixed")
     except (Unsupported, Silence):
         return b""
     return b"" if said.strip(b" #") else said
 
 
-def distance_bars(session: LxSession, _: Command, values: Values) -> Handling:
+def distance_bars(session: LxSession, _: Command, values: op.Values) -> Handling:
     """:D - one bar while a goto is under way, nothing when it is over."""
-    slewing = yield Slewing()
+    slewing = yield op.Slewing()
     if not slewing and session.model.get("own"):
         idle = yield from _own_idle()
         if idle:

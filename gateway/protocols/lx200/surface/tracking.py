@@ -7,7 +7,7 @@ tracks, whoever has set it; one that cannot run is refused.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from gateway.core.errors import Fault, Invalid, NotAligned
 from gateway.core.operations import DriveRate, GetStatus, SetTracking, Status, Tracking, TrackRate, Values

@@ -5,22 +5,8 @@ A goto counts as under way from the moment the hand control acknowledged it; ``L
 
 from __future__ import annotations
 
+from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, NotAligned, Unsupported
-from gateway.core.operations import (
-    AbortSlew,
-    Goto,
-    GotoAxes,
-    Home,
-    HomeState,
-    Horizontal,
-    Operation,
-    Park,
-    SetHome,
-    SetTracking,
-    Slewing,
-    Tracking,
-    Unpark,
-)
 from gateway.protocols.base.driver import Schedule, Send, Steps, Wait
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.position import axis_readings, to_mount
@@ -35,12 +21,12 @@ TELLS, TELL_AGAIN = 4, 5.0
 MOTORS, FOUND = (16, 17), 255
 
 
-def goto(mount: NexStar, operation: Goto) -> Steps:
+def goto(mount: NexStar, operation: op.Goto) -> Steps:
     """``r`` or ``R``."""
     yield from need_alignment(mount)
     yield from stop_current_motion(mount)
-    if operation.track and mount.tracking is Tracking.OFF and tracking.native_mode(mount) and mount.knows("T"):
-        yield from tracking.set_tracking(mount, SetTracking(on=True))
+    if operation.track and mount.tracking is op.Tracking.OFF and tracking.native_mode(mount) and mount.knows("T"):
+        yield from tracking.set_tracking(mount, op.SetTracking(on=True))
     ra, dec = to_mount(mount, operation.ra, operation.dec)
     yield from _begin(mount, Send("r" if mount.knows("r") else "R", {"ra": ra, "dec": dec}), None)
 
@@ -53,7 +39,7 @@ def need_alignment(mount: NexStar) -> Steps:
         raise NotAligned
 
 
-def goto_axes(mount: NexStar, operation: GotoAxes) -> Steps:
+def goto_axes(mount: NexStar, operation: op.GotoAxes) -> Steps:
     """``b`` or ``B``."""
     yield from stop_current_motion(mount)
     yield from _to_axes(mount, operation.az, operation.alt, None)
@@ -119,12 +105,12 @@ def stop_current_motion(mount: NexStar) -> Steps:
             yield Wait(0.1)
         _forget_goto(mount)
     if mount.suspended is not None:
-        if mount.suspended is not Tracking.OFF:
+        if mount.suspended is not op.Tracking.OFF:
             yield from tracking.send_mode(mount, mount.suspended)
         mount.suspended = None
 
 
-def abort_slew(mount: NexStar, _: AbortSlew) -> Steps:
+def abort_slew(mount: NexStar, _: op.AbortSlew) -> Steps:
     """``M``: a goto ends, hand motion goes on, and a special drive rate comes back."""
     going = mount.goto
     if mount.goto is not None and mount.goto.seeks:
@@ -144,7 +130,7 @@ def _stop_seeking(mount: NexStar) -> Steps:
         yield Send(f"slew_{axis}_pos", {"rate": 0})
 
 
-def slewing(mount: NexStar, _: Slewing) -> Steps:
+def slewing(mount: NexStar, _: op.Slewing) -> Steps:
     """-> bool. ``L``, latched from the acknowledgement of the goto until the mount has had time to begin."""
     state = mount.goto
     if state is not None and state.seeks:
@@ -181,7 +167,7 @@ def _still_seeking(mount: NexStar, state: GotoState) -> Steps:
     return mount.goto is not None
 
 
-class Arrived(Operation, frozen=True):
+class Arrived(op.Operation, frozen=True):
     """Internal: a goto is over; what belongs to its end is done in turn with other motions."""
 
     then: str
@@ -216,7 +202,7 @@ def arrived(mount: NexStar, operation: Arrived) -> Steps:
             if operation.left > 1:
                 yield Schedule(TELL_AGAIN, Arrived("park", operation.left - 1))
             raise
-        mount.tracking = Tracking.OFF
+        mount.tracking = op.Tracking.OFF
     elif operation.then == "home":
         mount.home_state = 1
         yield from tracking.resume(mount)
@@ -224,7 +210,7 @@ def arrived(mount: NexStar, operation: Arrived) -> Steps:
         yield from tracking.track_rate(mount, mount.rate)
 
 
-def park(mount: NexStar, operation: Park) -> Steps:
+def park(mount: NexStar, operation: op.Park) -> Steps:
     """To the park position by ``b`` (which works unaligned too); tracking goes off when it is there."""
     mount.woken = False
     yield from stop_current_motion(mount)
@@ -233,13 +219,13 @@ def park(mount: NexStar, operation: Park) -> Steps:
     yield from _to_axes(mount, there.az, there.alt, "park")
 
 
-def set_home(mount: NexStar, _: SetHome) -> Steps:
+def set_home(mount: NexStar, _: op.SetHome) -> Steps:
     """Remember where the axes stand now."""
     answer = yield axis_readings(mount)
-    mount.home, mount.home_state = Horizontal(answer["az"], answer["alt"]), 1
+    mount.home, mount.home_state = op.Horizontal(answer["az"], answer["alt"]), 1
 
 
-def home(mount: NexStar, _: Home) -> Steps:
+def home(mount: NexStar, _: op.Home) -> Steps:
     """To the stored home position; to the motors' switches where they have some and the settings say so."""
     if mount.settings.aux_home and mount.has("home"):
         yield from _seek_switches(mount)
@@ -262,7 +248,7 @@ def _seek_switches(mount: NexStar) -> Steps:
         yield Send("level_start", {"device": device})
 
 
-def home_state(mount: NexStar, _: HomeState) -> Steps:
+def home_state(mount: NexStar, _: op.HomeState) -> Steps:
     """-> 2 on the way, 1 at home or parked, 0 else."""
     if mount.goto is not None and mount.goto.then in ("home", "park"):
         return 2
@@ -270,9 +256,9 @@ def home_state(mount: NexStar, _: HomeState) -> Steps:
     yield  # a generator like all others
 
 
-def unpark(mount: NexStar, _: Unpark) -> Steps:
+def unpark(mount: NexStar, _: op.Unpark) -> Steps:
     """Tracking on again, the mount's state read anew."""
     mount.parked = False
     if mount.goto is None and mount.knows("T") and tracking.native_mode(mount) is not None:
-        yield from tracking.set_tracking(mount, SetTracking(on=True))
+        yield from tracking.set_tracking(mount, op.SetTracking(on=True))
     yield from tracking.read_status(mount)

@@ -8,24 +8,8 @@ a chain of small gotos.
 from __future__ import annotations
 
 from gateway.astro.spherical import fold_declination, wrap180
+from gateway.core import operations as op
 from gateway.core.errors import Busy, Fault, Unsupported
-from gateway.core.operations import (
-    AbortMotion,
-    Backlash,
-    Direction,
-    Focus,
-    Move,
-    MoveAxis,
-    Operation,
-    PeriodicError,
-    PierSide,
-    Pulse,
-    PulseAxis,
-    Pulsed,
-    Rate,
-    StopAxis,
-    Tracking,
-)
 from gateway.protocols.base.driver import Schedule, Send, Steps
 from gateway.protocols.nexstar.driver import altaz, guide_speed, tracking
 from gateway.protocols.nexstar.driver.goto import Arrived, need_alignment, stop_current_motion
@@ -41,33 +25,33 @@ _AXIS = {1: "azm", 2: "alt"}
 _FOCUS_KEYS = {1: 2, 2: 4, 3: 6, 4: 9}
 
 
-def sense(mount: NexStar, direction: Direction) -> int:
+def sense(mount: NexStar, direction: op.Direction) -> int:
     """+1 or -1: which way a motor turns for a sky direction. Positive on axis 1 is west, but east in EQ south.
 
     Positive on axis 2 lifts the tube of a fork towards the pole that its base is tilted to: south in EQ south. Of a
     German mount the side of the pier decides (``_reversed``), whose letters are counted from the north.
     """
-    southern = tracking.native_mode(mount) is Tracking.EQ_SOUTH
+    southern = tracking.native_mode(mount) is op.Tracking.EQ_SOUTH
     if southern and (direction.axis == 1 or not mount.german):
         return -direction.sense
     return direction.sense
 
 
-def _reversed(mount: NexStar, direction: Direction) -> Steps:
+def _reversed(mount: NexStar, direction: op.Direction) -> Steps:
     """Whether the second motor turns the other way: on the W side of the pier, and beyond the pole."""
     if direction.axis == 1:
         return False
     if not mount.german:
         return mount.beyond_pole
     try:
-        told = yield from pier_side(mount, PierSide())
+        told = yield from pier_side(mount, op.PierSide())
     except Fault:
         return mount.beyond_pole
     west = mount.tube_side(told) == "W"
     return west != (mount.beyond_pole and mount.knows("p"))  # without p the axis has told both
 
 
-def move(mount: NexStar, operation: Move) -> Steps:
+def move(mount: NexStar, operation: op.Move) -> Steps:
     """A sky direction: corrected for the side of the pier, and beyond the pole. Alt-az: an axis, on top of tracking."""
     if altaz.carries(mount, operation) and (yield from altaz.move(mount, operation)):
         return
@@ -76,10 +60,10 @@ def move(mount: NexStar, operation: Move) -> Steps:
         yield from stop_current_motion(mount)  # under way to the other side, the control tells the side of the goal
     if not mount.stepping and (yield from _reversed(mount, operation.direction)):
         sign = -sign
-    yield from move_axis(mount, MoveAxis(operation.direction.axis, sign, operation.rate))
+    yield from move_axis(mount, op.MoveAxis(operation.direction.axis, sign, operation.rate))
 
 
-def move_axis(mount: NexStar, operation: MoveAxis) -> Steps:
+def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
     """``P 2 16|17 36|37 rate``; tracking off first unless an equatorial mount moves at rates 1-2."""
     axis, rate = operation.axis, operation.rate
     if mount.goto is not None:
@@ -93,7 +77,7 @@ def move_axis(mount: NexStar, operation: MoveAxis) -> Steps:
     side = "pos" if operation.sense > 0 else "neg"
     variable = mount.variable(rate)
     gentle = variable is None and mount.key_for(rate) <= 2
-    equatorial = (mount.suspended or mount.tracking or Tracking.OFF).equatorial
+    equatorial = (mount.suspended or mount.tracking or op.Tracking.OFF).equatorial
     mount.parked = False
     if not (gentle and equatorial and mount.suspended is None):
         yield from tracking.suspend(mount)
@@ -126,7 +110,7 @@ def _guide(mount: NexStar, axis: int, sign: int) -> Steps:
     mount.moving[axis] = mount.guide_rates[axis] * SIDEREAL
 
 
-def stop_axis(mount: NexStar, operation: StopAxis) -> Steps:
+def stop_axis(mount: NexStar, operation: op.StopAxis) -> Steps:
     """Rate 0 on one axis; after the last one tracking comes back, once."""
     stepped = mount.steps.pop(operation.axis, None)
     if mount.stepping:
@@ -151,7 +135,7 @@ def stop_axis(mount: NexStar, operation: StopAxis) -> Steps:
         yield from tracking.keep_rate(mount)
 
 
-def abort_motion(mount: NexStar, _: AbortMotion) -> Steps:
+def abort_motion(mount: NexStar, _: op.AbortMotion) -> Steps:
     """Rate 0 on both axes and ``M``: the one ends hand motion, the other a goto; tracking stays as it was.
 
     What moves fastest comes first.
@@ -188,11 +172,11 @@ def _end_pulses(mount: NexStar, axes: list[int]) -> Steps:
 # --- hand controls before 1.6 -----------------------------------------------------------------------------------
 
 
-class StepOn(Operation, frozen=True):
+class StepOn(op.Operation, frozen=True):
     """Internal: the next small goto of a motion on a hand control without pass-through."""
 
 
-def _begin_steps(mount: NexStar, axis: int, sign: int, rate: Rate) -> Steps:
+def _begin_steps(mount: NexStar, axis: int, sign: int, rate: op.Rate) -> Steps:
     yield from need_alignment(mount)
     mount.steps[axis] = Stepping(sign * mount.speed(rate), mount.now())
     yield from step_on(mount, StepOn())
@@ -228,7 +212,7 @@ def _step(mount: NexStar, axis: int, here: float) -> float:
 # --- guiding ----------------------------------------------------------------------------------------------------
 
 
-def pulse(mount: NexStar, operation: Pulse) -> Steps:
+def pulse(mount: NexStar, operation: op.Pulse) -> Steps:
     """-> Pulsed. ``motor``: n turns the second motor one way, wherever the tube is. ``sky``: n is north."""
     by_sky = mount.settings.guide_directions == "sky"
     if operation.ms > 0 and altaz.stands(mount) and (by_sky or not mount.times_pulses):
@@ -238,10 +222,10 @@ def pulse(mount: NexStar, operation: Pulse) -> Steps:
     axis, sign = operation.direction.axis, sense(mount, operation.direction)
     if by_sky and not mount.stepping and (yield from _reversed(mount, operation.direction)):
         sign = -sign
-    return (yield from pulse_axis(mount, PulseAxis(axis, sign, operation.ms)))
+    return (yield from pulse_axis(mount, op.PulseAxis(axis, sign, operation.ms)))
 
 
-def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
+def pulse_axis(mount: NexStar, operation: op.PulseAxis) -> Steps:
     """-> Pulsed. AUX 0x26 where both motors have it, at most 2.55 s at a time; else a motion that has to be ended.
 
     In alt-az there is no such fallback.
@@ -257,22 +241,22 @@ def pulse_axis(mount: NexStar, operation: PulseAxis) -> Steps:
         percent, ticks = guide_speed.motor_pulse(piece, fraction)
         mount.pulse_ends[axis] = mount.now() + piece / 1000.0
         yield Send("pulse", {"device": 15 + axis, "rate": sign * percent, "ticks": ticks}, prompt=True)
-        return Pulsed(piece / 1000.0, ends=True, left=operation.ms - piece)
+        return op.Pulsed(piece / 1000.0, ends=True, left=operation.ms - piece)
     mount.pulsing.add(axis)
     turns = yield from guide_speed.begin(mount, axis, sign, fraction)
-    return Pulsed(guide_speed.lasts(operation.ms, fraction, turns), ends=False)
+    return op.Pulsed(guide_speed.lasts(operation.ms, fraction, turns), ends=False)
 
 
 # --- mechanics --------------------------------------------------------------------------------------------------
 
 
-def backlash(mount: NexStar, operation: Backlash) -> Steps:
+def backlash(mount: NexStar, operation: op.Backlash) -> Steps:
     """AUX 0x10 and 0x11."""
     for side in {1: ("pos",), -1: ("neg",)}.get(operation.sense, ("pos", "neg")):
         yield Send(f"set_backlash_{side}", {"device": 15 + operation.axis, "value": operation.value})
 
 
-def periodic_error(mount: NexStar, operation: PeriodicError) -> Steps:
+def periodic_error(mount: NexStar, operation: op.PeriodicError) -> Steps:
     """AUX 0x0D on the right-ascension motor; only there is periodic error correction on these mounts."""
     if not mount.has("pec"):
         raise Unsupported("This mount has no periodic error correction.")
@@ -281,7 +265,7 @@ def periodic_error(mount: NexStar, operation: PeriodicError) -> Steps:
     yield Send("pec_playback", {"device": 16, "on": int(operation.on is not False)})
 
 
-def focus(mount: NexStar, operation: Focus) -> Steps:
+def focus(mount: NexStar, operation: op.Focus) -> Steps:
     """A focuser on the mount's bus moves like an axis (AUX 0x24, 0x25); its positions count outwards."""
     if not mount.focuser:
         raise Unsupported("No focuser answers on this mount.")

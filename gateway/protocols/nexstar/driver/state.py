@@ -7,21 +7,8 @@ from typing import cast
 
 from msgspec import Struct, ValidationError, convert, to_builtins
 
+from gateway.core import operations as op
 from gateway.core.errors import Fault, Refused, Unsupported
-from gateway.core.operations import (
-    Equatorial,
-    GotoAxes,
-    Home,
-    Horizontal,
-    Moment,
-    Operation,
-    Park,
-    Place,
-    PulseAxis,
-    Rate,
-    Tracking,
-    TrackRate,
-)
 from gateway.protocols.base.driver import Handler, Remembered
 from gateway.protocols.nexstar.driver.hand_control import HandControl
 from gateway.protocols.nexstar.rates import SIDEREAL, rate_tables
@@ -64,11 +51,11 @@ class Stepping(Struct):
 class Memory(Struct, omit_defaults=True):
     """What outlives the gateway."""
 
-    home: Horizontal | None = None
+    home: op.Horizontal | None = None
     parked: bool = False
     model: str | None = None
     version: Version | None = None
-    tracking: Tracking | None = None
+    tracking: op.Tracking | None = None
 
 
 class NexStar(HandControl):
@@ -88,9 +75,9 @@ class NexStar(HandControl):
         rate_tables()  # read now: when the first arrow comes there may be no file left that can be opened
         self.now, self.settings = now, settings
         # the drive
-        self.tracking: Tracking | None = None
-        self.native_mode: Tracking | None = None
-        self.rate = TrackRate(name="sidereal")
+        self.tracking: op.Tracking | None = None
+        self.native_mode: op.Tracking | None = None
+        self.rate = op.TrackRate(name="sidereal")
         #: The motor in right ascension tracks by the hand control's ``own`` rate, by one it was ``told``, or that is
         #: ``replaced`` while it is guided.
         self.drive = "own"
@@ -99,7 +86,7 @@ class NexStar(HandControl):
         self.goto: GotoState | None = None
         #: The axes that move by hand, and how fast, degrees a second.
         self.moving: dict[int, float] = {}
-        self.suspended: Tracking | None = None
+        self.suspended: op.Tracking | None = None
         #: Whether it was suspended before the line was lost, or in an earlier run: perhaps the mount was off since.
         self.in_doubt = False
         self.checks_left = 0
@@ -118,16 +105,16 @@ class NexStar(HandControl):
         #: When the pulse that a motor times itself is over, axis by axis.
         self.pulse_ends: dict[int, float] = {}
         # position
-        self.last: Equatorial | None = None
+        self.last: op.Equatorial | None = None
         #: Whether its declination was beyond 90 degrees when it was told last.
         self.beyond_pole = False
         self.offset: tuple[float, float] = (0.0, 0.0)
         self.parked = False
-        self.home: Horizontal | None = None
+        self.home: op.Horizontal | None = None
         self.home_state = 0
         # site and clock
-        self.site: Place | None = None
-        self.clock: Moment | None = None
+        self.site: op.Place | None = None
+        self.clock: op.Moment | None = None
 
     @property
     def unsure(self) -> bool:  # type: ignore[override]
@@ -178,18 +165,18 @@ class NexStar(HandControl):
             self.model, self.version = held.model or self.model, held.version or self.version
             if held.tracking is not None and self.knows("T"):
                 self.suspended, self.in_doubt = held.tracking, True
-                self.native_mode = None if held.tracking is Tracking.OFF else held.tracking
+                self.native_mode = None if held.tracking is op.Tracking.OFF else held.tracking
 
     def line_was_lost(self) -> None:
         """Tracking is put back only where the mount is aligned still."""
         self.in_doubt = self.suspended is not None
 
-    def speed(self, rate: Rate) -> float:
+    def speed(self, rate: op.Rate) -> float:
         """Degrees a second of a hand rate."""
         variable = self.variable(rate)
         return self.key_speed(self.key_for(rate)) if variable is None else variable
 
-    def variable(self, rate: Rate) -> float | None:
+    def variable(self, rate: op.Rate) -> float | None:
         """Degrees a second, given to the motor as they are; None where one of the nine fixed rates is meant.
 
         A limit of the fastest rate is given so, too, where it is below that rate and no key turns at it.
@@ -205,9 +192,9 @@ class NexStar(HandControl):
             return None
         return min(rate.degrees, float(self.rates["fastest"]))
 
-    def impossible(self, operation: Operation) -> Fault | None:
+    def impossible(self, operation: op.Operation) -> Fault | None:
         """A guide pulse by motor sense, where the motors cannot be guided now."""
-        return self.unguided() if isinstance(operation, PulseAxis) else None
+        return self.unguided() if isinstance(operation, op.PulseAxis) else None
 
     @property
     def times_pulses(self) -> bool:
@@ -226,11 +213,11 @@ class NexStar(HandControl):
             return None
         if self.stepping:
             return Unsupported("Hand controls before 1.6 have no way to the motors: this mount cannot be guided.")
-        if (self.tracking or Tracking.OFF).equatorial:
+        if (self.tracking or op.Tracking.OFF).equatorial:
             return None
         if not self.aligned:
             return Unsupported("The mount is not aligned and does not track: the guide pulse is dropped.")
-        if self.german or (self.native_mode or Tracking.OFF).equatorial:
+        if self.german or (self.native_mode or op.Tracking.OFF).equatorial:
             return Unsupported("The mount does not track: the guide pulse is dropped. Tracking on, and it is guided.")
         return Unsupported("This mount cannot be guided in alt-az: its motors know no guide pulses.")
 
@@ -241,14 +228,14 @@ class NexStar(HandControl):
         swapped = self.southern and self.version is not None and self.version <= LETTERS_SWAPPED
         return ("E" if told == "W" else "W") if swapped else told
 
-    def destination(self, operation: Operation) -> GotoAxes | None:
+    def destination(self, operation: op.Operation) -> op.GotoAxes | None:
         """Park goes to the configured position, else to the pole or to north, as low as is allowed; Home to the stored
         one.
         """
-        if isinstance(operation, Park):
-            return GotoAxes(*(self.settings.park or self._index))
-        if isinstance(operation, Home) and self.home is not None:
-            return GotoAxes(self.home.az, self.home.alt)
+        if isinstance(operation, op.Park):
+            return op.GotoAxes(*(self.settings.park or self._index))
+        if isinstance(operation, op.Home) and self.home is not None:
+            return op.GotoAxes(self.home.az, self.home.alt)
         return None
 
     def not_sent_home(self) -> None:
@@ -263,7 +250,7 @@ class NexStar(HandControl):
         if self.german:
             return POLE_AXES
         if self.native_mode is not None and self.native_mode.equatorial:
-            return (0.0 if self.native_mode is Tracking.EQ_SOUTH else 180.0), 90.0
+            return (0.0 if self.native_mode is op.Tracking.EQ_SOUTH else 180.0), 90.0
         return 0.0, max(0.0, self.settings.lowest + ABOVE_LOWEST)
 
     @property
@@ -271,7 +258,7 @@ class NexStar(HandControl):
         asked = self.guide_rates[1] * SIDEREAL
         return min((1, 2), key=lambda key: abs(self.key_speed(key) - asked))
 
-    def key_for(self, rate: Rate) -> int:
+    def key_for(self, rate: op.Rate) -> int:
         """The key that comes nearest to a hand rate (never above one given in degrees a second)."""
         if rate.key is not None:
             return max(1, min(9, rate.key))

@@ -6,23 +6,13 @@ axis moves and put back once after the last one has stopped (NexStar protocol, S
 
 from __future__ import annotations
 
+from gateway.core import operations as op
 from gateway.core.errors import NoDevice, Refused, Unsupported
-from gateway.core.operations import (
-    DriveRate,
-    GetStatus,
-    GuideRate,
-    Operation,
-    SetGuideRate,
-    SetTracking,
-    Status,
-    Tracking,
-    TrackRate,
-)
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
 from gateway.protocols.nexstar.driver.state import NexStar
 
-_CODES = {0: Tracking.OFF, 1: Tracking.ALTAZ, 2: Tracking.EQ_NORTH, 3: Tracking.EQ_SOUTH}
-_SHIFTED = {0: Tracking.OFF, 1: Tracking.EQ_NORTH, 2: Tracking.EQ_SOUTH}
+_CODES = {0: op.Tracking.OFF, 1: op.Tracking.ALTAZ, 2: op.Tracking.EQ_NORTH, 3: op.Tracking.EQ_SOUTH}
+_SHIFTED = {0: op.Tracking.OFF, 1: op.Tracking.EQ_NORTH, 2: op.Tracking.EQ_SOUTH}
 _SPECIAL = {"sidereal": 0xFFFF, "solar": 0xFFFE, "lunar": 0xFFFD}
 _SIDEREAL_ARCSECONDS = 15.041067
 #: What the motors' own drive rates turn at, arcseconds a second.
@@ -34,13 +24,13 @@ _ASSUMED = (
 VERIFY_AFTER = 1.0
 
 
-def mode_of(mount: NexStar, code: int) -> Tracking:
+def mode_of(mount: NexStar, code: int) -> op.Tracking:
     """What the answer of ``t`` means. An unknown code (4 is seen on some) counts as equatorial."""
-    fallback = Tracking.EQ_SOUTH if mount.southern else Tracking.EQ_NORTH
+    fallback = op.Tracking.EQ_SOUTH if mount.southern else op.Tracking.EQ_NORTH
     return (_SHIFTED if mount.shifted else _CODES).get(code, fallback)
 
 
-def code_of(mount: NexStar, mode: Tracking) -> int:
+def code_of(mount: NexStar, mode: op.Tracking) -> int:
     """What ``T`` must be sent for a mode."""
     codes = _SHIFTED if mount.shifted else _CODES
     return next((code for code, known in codes.items() if known is mode), 1)
@@ -60,7 +50,7 @@ def read_status(mount: NexStar) -> Steps:
         answer = yield Send("t")
         _learn(mount, mode_of(mount, answer["mode"]))
     elif mount.tracking is None and mount.settings.mode is not None:
-        _learn(mount, Tracking(mount.settings.mode))
+        _learn(mount, op.Tracking(mount.settings.mode))
     return None
 
 
@@ -72,13 +62,13 @@ def _forget(mount: NexStar) -> None:
     mount.checks_left = 0
 
 
-def _learn(mount: NexStar, mode: Tracking) -> None:
+def _learn(mount: NexStar, mode: op.Tracking) -> None:
     mount.tracking = mode
-    if mode is not Tracking.OFF:
+    if mode is not op.Tracking.OFF:
         mount.native_mode = mode
 
 
-def native_mode(mount: NexStar) -> Tracking | None:
+def native_mode(mount: NexStar) -> op.Tracking | None:
     """The mode this mount tracks in: the last one that was not off, else how it is built; None when unknown."""
     if mount.native_mode is not None:
         return mount.native_mode
@@ -87,29 +77,29 @@ def native_mode(mount: NexStar) -> Tracking | None:
     return _built_for(mount)
 
 
-def _built_for(mount: NexStar) -> Tracking:
+def _built_for(mount: NexStar) -> op.Tracking:
     if mount.german:
-        return Tracking.EQ_SOUTH if mount.southern else Tracking.EQ_NORTH
-    return Tracking.ALTAZ
+        return op.Tracking.EQ_SOUTH if mount.southern else op.Tracking.EQ_NORTH
+    return op.Tracking.ALTAZ
 
 
-def status(mount: NexStar, _: GetStatus) -> Steps:
+def status(mount: NexStar, _: op.GetStatus) -> Steps:
     """-> Status. While fast motion has put tracking off, the mode it will come back to counts."""
     yield from read_status(mount)
     known = native_mode(mount)
     equatorial = known.equatorial if known is not None else mount.german
-    mode = mount.suspended or mount.tracking or Tracking.OFF
+    mode = mount.suspended or mount.tracking or op.Tracking.OFF
     if known is None and mount.tracking is None and mount.aligned:
         # one that cannot say tracks as it is built: what is aligned, tracks
         mode = _built_for(mount)
-    return Status(tracking=mode, aligned=mount.aligned, equatorial=equatorial, wedge=equatorial and not mount.german)
+    return op.Status(tracking=mode, aligned=mount.aligned, equatorial=equatorial, wedge=equatorial and not mount.german)
 
 
-def send_mode(mount: NexStar, mode: Tracking) -> Steps:
+def send_mode(mount: NexStar, mode: op.Tracking) -> Steps:
     """``T``, and the special rate again when tracking comes back. Off needs no mode, and so every ``T`` has it."""
     if not mount.knows("T"):
         raise Unsupported("This hand control cannot change tracking.")
-    if mode is not Tracking.OFF and native_mode(mount) is None:
+    if mode is not op.Tracking.OFF and native_mode(mount) is None:
         yield Remark(_ASSUMED.format(mode.value))
     yield Send("T", {"mode": code_of(mount, mode)})
     mount.drive = "own"
@@ -118,15 +108,15 @@ def send_mode(mount: NexStar, mode: Tracking) -> Steps:
         yield from _send_rate(mount)
 
 
-def set_tracking(mount: NexStar, operation: SetTracking) -> Steps:
+def set_tracking(mount: NexStar, operation: op.SetTracking) -> Steps:
     """On in the mount's own mode or in a mode asked for by name, or off.
 
     Alt-az and equatorial are two frames for the axes: what was checked in one of them must not arrive in the other, so
     a mount in motion keeps its own. Raises Refused.
     """
     own = native_mode(mount)
-    mode = (operation.mode or own or _built_for(mount)) if operation.on else Tracking.OFF
-    if mode is Tracking.ALTAZ and mount.german:
+    mode = (operation.mode or own or _built_for(mount)) if operation.on else op.Tracking.OFF
+    if mode is op.Tracking.ALTAZ and mount.german:
         raise Unsupported("A German mount does not track in alt-az: it passes over that mode.")
     if operation.on and own is not None and mode.equatorial != own.equatorial and _in_motion(mount):
         raise Refused("The mount moves: between alt-az and equatorial it changes only at rest.")
@@ -152,19 +142,19 @@ def suspend(mount: NexStar) -> Steps:
     if mount.knows("t"):
         answer = yield Send("t")
         _learn(mount, mode_of(mount, answer["mode"]))
-    mount.suspended = mount.tracking or (_built_for(mount) if mount.aligned else Tracking.OFF)
-    if mount.suspended is Tracking.OFF:
+    mount.suspended = mount.tracking or (_built_for(mount) if mount.aligned else op.Tracking.OFF)
+    if mount.suspended is op.Tracking.OFF:
         return None
     began = mount.now()
     yield Send("T", {"mode": 0})
-    mount.tracking, mount.drive = Tracking.OFF, "own"
+    mount.tracking, mount.drive = op.Tracking.OFF, "own"
     return mount.now() - began
 
 
 def resume(mount: NexStar) -> Steps:
     """After the last axis has stopped: back to what was suspended, and look a second later whether it took."""
     mode = mount.suspended
-    if mode is None or mode is Tracking.OFF:
+    if mode is None or mode is op.Tracking.OFF:
         mount.suspended = None
         return
     if mount.in_doubt and not (yield Send("J"))["aligned"]:
@@ -183,12 +173,12 @@ def keep_rate(mount: NexStar) -> Steps:
 
     So is any where a variable rate took the place of tracking.
     """
-    mode = mount.tracking or Tracking.OFF
+    mode = mount.tracking or op.Tracking.OFF
     if mode.equatorial and mount.suspended is None and (mount.drive != "own" or mount.rate.name != "sidereal"):
         yield from _send_rate(mount)
 
 
-class VerifyTracking(Operation, frozen=True):
+class VerifyTracking(op.Operation, frozen=True):
     """Internal: a hand control may ignore ``T`` sent right after motion."""
 
     survives_abort = True
@@ -201,13 +191,13 @@ def verify(mount: NexStar, operation: VerifyTracking) -> Steps:
     if mount.moving or mount.riding or mount.goto is not None or mount.checks_left == 0 or mount.parked:
         return
     mount.checks_left -= 1
-    wanted = Tracking(operation.mode)
+    wanted = op.Tracking(operation.mode)
     answer = yield Send("t")
     if mode_of(mount, answer["mode"]) is not wanted:
         yield from send_mode(mount, wanted)
 
 
-def track_rate(mount: NexStar, operation: TrackRate) -> Steps:
+def track_rate(mount: NexStar, operation: op.TrackRate) -> Steps:
     """Sidereal by ``T``; the named rates by the motor's own codes; any other one as fine as the motor takes it."""
     mode = native_mode(mount)
     if mode is None or not mode.equatorial or not mount.knows("rate_azm_pos"):
@@ -218,7 +208,7 @@ def track_rate(mount: NexStar, operation: TrackRate) -> Steps:
     mount.rate = operation
     if mount.goto is not None:
         return  # it would end the goto of one axis; it is sent when the goto is over
-    if mount.suspended is not None or (mount.tracking or Tracking.OFF) is Tracking.OFF:
+    if mount.suspended is not None or (mount.tracking or op.Tracking.OFF) is op.Tracking.OFF:
         return  # it is sent when tracking comes back
     if operation.name == "sidereal":
         yield Send("T", {"mode": code_of(mount, mode)})
@@ -227,7 +217,7 @@ def track_rate(mount: NexStar, operation: TrackRate) -> Steps:
         yield from _send_rate(mount)
 
 
-def drive_rate(mount: NexStar, _: DriveRate) -> Steps:
+def drive_rate(mount: NexStar, _: op.DriveRate) -> Steps:
     """-> float: what it tracks at when it tracks, a multiple of sidereal. No hand control tells it."""
     return abs(drive_speed(mount)) * 3600.0 / _SIDEREAL_ARCSECONDS
     yield  # a generator like all others
@@ -236,11 +226,11 @@ def drive_rate(mount: NexStar, _: DriveRate) -> Steps:
 def drive_speed(mount: NexStar) -> float:
     """How fast its drive turns the motor in right ascension, degrees a second, signed as the motor counts."""
     arcseconds = _DRIVES.get(mount.rate.name or "", _SIDEREAL_ARCSECONDS * (mount.rate.factor or 0.0))
-    return (-arcseconds if mount.native_mode is Tracking.EQ_SOUTH else arcseconds) / 3600.0
+    return (-arcseconds if mount.native_mode is op.Tracking.EQ_SOUTH else arcseconds) / 3600.0
 
 
 def _send_rate(mount: NexStar) -> Steps:
-    sense = "neg" if mount.native_mode is Tracking.EQ_SOUTH else "pos"
+    sense = "neg" if mount.native_mode is op.Tracking.EQ_SOUTH else "pos"
     if mount.rate.name is not None:
         yield Send(f"rate_azm_{sense}", {"rate": _SPECIAL[mount.rate.name]})
         mount.drive = "told"
@@ -258,13 +248,13 @@ def rate_code(arcseconds: float) -> int:
     return min(round(arcseconds * 4), 0xFFFC)
 
 
-def guide_rate(mount: NexStar, operation: GuideRate) -> Steps:
+def guide_rate(mount: NexStar, operation: op.GuideRate) -> Steps:
     """-> the autoguide rate as a fraction of sidereal (AUX 0x47)."""
     answer = yield Send("guide_rate", {"device": 15 + operation.axis})
     return answer["rate"] / 256.0
 
 
-def set_guide_rate(mount: NexStar, operation: SetGuideRate) -> Steps:
+def set_guide_rate(mount: NexStar, operation: op.SetGuideRate) -> Steps:
     """AUX 0x46; whatever is guided through here goes by it too, also where the motors have no such setting."""
     mount.guide_rates[operation.axis] = max(0.0, min(1.0, operation.rate))
     value = max(0, min(255, round(operation.rate * 256)))

@@ -8,20 +8,8 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
+from gateway.core import operations as op
 from gateway.core.errors import Asleep, Fault, Invalid, NoAnswer, NoDevice, Unsupported
-from gateway.core.operations import (
-    Focus,
-    GetClock,
-    GetGps,
-    GetSite,
-    Gps,
-    Home,
-    HomeState,
-    Moment,
-    Place,
-    SetClock,
-    Values,
-)
 from gateway.protocols.base.wants import FireAndForget, Handling, Possible
 from gateway.protocols.nexstar.clock_fields import fields_of
 from gateway.protocols.nexstar.session import NexStarSession
@@ -46,7 +34,7 @@ FOCUS_SPEEDS = (1, 1, 2, 2, 3, 3, 4, 4, 4)
 FOUND, SEARCHING = 1, 2
 
 
-def motor(values: Values) -> int:
+def motor(values: op.Values) -> int:
     """The axis (1, 2) of the motor that a command speaks to. Raises NoDevice."""
     axis = MOTORS.get(values["device"])
     if axis is None:
@@ -54,12 +42,12 @@ def motor(values: Values) -> int:
     return axis
 
 
-def passes(name: str, values: Values) -> bool:
+def passes(name: str, values: op.Values) -> bool:
     """Whether a command that means nothing here may go to a NexStar mount as it is: none moves it past the limits."""
     return name not in NEVER_PASSED and (name not in MOVERS or values["device"] == FOCUSER)
 
 
-def version(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
+def version(session: NexStarSession, command: Command, values: op.Values) -> dict[str, int]:
     """AUX 0xFE - what is asked for beyond two bytes is the build number."""
     device = values["device"]
     if device in MOTORS:
@@ -81,35 +69,35 @@ def _receiver(session: NexStarSession) -> Handling:
     """What the mount's own receiver tells; one presented over a mount without any has no fix, but site and clock."""
     _require(session, "gps")
     try:
-        return (yield GetGps())
+        return (yield op.GetGps())
     except (Unsupported, NoDevice):
-        place: Place = yield GetSite()
-        moment: Moment = yield GetClock()
-        return Gps(False, place, moment.unix)
+        place: op.Place = yield op.GetSite()
+        moment: op.Moment = yield op.GetClock()
+        return op.Gps(False, place, moment.unix)
 
 
-def gps_flag(session: NexStarSession, command: Command, values: Values) -> Handling:
+def gps_flag(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """Linked, and time valid."""
     linked = int((yield from _receiver(session)).linked)
     return {"linked": linked, "valid": linked}
 
 
-def gps_place(session: NexStarSession, command: Command, values: Values) -> Handling:
+def gps_place(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """Latitude and longitude; before the first fix those of the site."""
-    place = (yield from _receiver(session)).place or (yield GetSite())
+    place = (yield from _receiver(session)).place or (yield op.GetSite())
     return {"latitude": place.latitude, "longitude": place.longitude}
 
 
-def gps_time(session: NexStarSession, command: Command, values: Values) -> Handling:
+def gps_time(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """Date, year and time by the satellites; before the first fix by the mount's clock."""
     seen = yield from _receiver(session)
-    return _calendar(seen.unix if seen.linked else (yield GetClock()).unix)
+    return _calendar(seen.unix if seen.linked else (yield op.GetClock()).unix)
 
 
-def universal_time(session: NexStarSession, command: Command, values: Values) -> Handling:
+def universal_time(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """Date, year and time of the clock: always UT."""
     _require(session, "rtc")
-    return _calendar((yield GetClock()).unix)
+    return _calendar((yield op.GetClock()).unix)
 
 
 def _calendar(unix: float) -> dict[str, int]:
@@ -117,50 +105,50 @@ def _calendar(unix: float) -> dict[str, int]:
     return {**fields_of(now), "year": now.year}
 
 
-def set_clock(session: NexStarSession, command: Command, values: Values) -> Handling:
+def set_clock(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """Set date, year, time of the clock: each changes its own part of UT. Raises Invalid for an impossible one."""
     _require(session, "rtc")
     if not command.known_to(None, session.model["counts_as"]):
         raise NoDevice
-    yield Possible(SetClock(0.0, 0.0))
-    moment: Moment = yield GetClock()
+    yield Possible(op.SetClock(0.0, 0.0))
+    moment: op.Moment = yield op.GetClock()
     try:
         now = datetime.fromtimestamp(moment.unix, UTC).replace(**values)
     except ValueError:
         raise Invalid from None
     if now.year not in CENTURY:
         raise Invalid
-    yield SetClock(now.timestamp(), moment.offset, moment.dst)
+    yield op.SetClock(now.timestamp(), moment.offset, moment.dst)
 
 
-def seek_switch(session: NexStarSession, command: Command, values: Values) -> Handling:
+def seek_switch(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """AUX 0x0B - the search goes for both axes; the motor that is asked second finds it under way."""
     motor(values)
-    yield Possible(Home())
-    if (yield HomeState()) != SEARCHING:
-        yield Home()
+    yield Possible(op.Home())
+    if (yield op.HomeState()) != SEARCHING:
+        yield op.Home()
 
 
-def switch_found(session: NexStarSession, command: Command, values: Values) -> Handling:
+def switch_found(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """AUX 0x12 - 255 when it was found, 0 before and when it was not."""
     motor(values)
-    return {"done": 255 if (yield HomeState()) == FOUND else 0}
+    return {"done": 255 if (yield op.HomeState()) == FOUND else 0}
 
 
-def move_focuser(session: NexStarSession, command: Command, values: Values) -> Handling:
+def move_focuser(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """AUX 0x24, 0x25 of the focuser, whose positions count outwards; 0 stops it. Raises NoDevice, Invalid."""
     rate = values["rate"]
     if values["device"] != FOCUSER:
         raise NoDevice
     if rate == 0:
-        yield FireAndForget(Focus(0))
+        yield FireAndForget(op.Focus(0))
     elif rate > len(FOCUS_SPEEDS):
         raise Invalid
     else:
-        yield from begin(Focus(-1 if command.name == "move_pos" else 1, FOCUS_SPEEDS[rate - 1]))
+        yield from begin(op.Focus(-1 if command.name == "move_pos" else 1, FOCUS_SPEEDS[rate - 1]))
 
 
-def absent(session: NexStarSession, command: Command, values: Values) -> None:
+def absent(session: NexStarSession, command: Command, values: op.Values) -> None:
     """A device or a function that no mount behind this gateway has."""
     raise NoDevice
 

@@ -2,27 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
+from gateway.core import operations as op
 from gateway.core.errors import Busy, Invalid, NoAnswer, Unsupported
-from gateway.core.operations import (
-    Backlash,
-    GetStatus,
-    GuideRate,
-    Hibernate,
-    MoveAxis,
-    PeriodicError,
-    PulseAxis,
-    Rate,
-    SetGuideRate,
-    SetTracking,
-    Status,
-    StopAxis,
-    Tracking,
-    TrackRate,
-    Values,
-    Wake,
-)
 from gateway.protocols.base.wants import FireAndForget, Handling
 from gateway.protocols.nexstar.rates import key_speed, rate_tables
 from gateway.protocols.nexstar.session import NexStarSession
@@ -33,9 +16,9 @@ from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.rows import parse_version
 
 _TRACKING = {0xFFFF: "sidereal", 0xFFFE: "solar", 0xFFFD: "lunar"}
-_MODES = {0: Tracking.OFF, 1: Tracking.ALTAZ, 2: Tracking.EQ_NORTH, 3: Tracking.EQ_SOUTH}
+_MODES = {0: op.Tracking.OFF, 1: op.Tracking.ALTAZ, 2: op.Tracking.EQ_NORTH, 3: op.Tracking.EQ_SOUTH}
 #: How German mounts of a few versions count, which have no alt-az mode.
-_SHIFTED = {0: Tracking.OFF, 1: Tracking.EQ_NORTH, 2: Tracking.EQ_SOUTH}
+_SHIFTED = {0: op.Tracking.OFF, 1: op.Tracking.EQ_NORTH, 2: op.Tracking.EQ_SOUTH}
 _KEYS, _FULL_BACKLASH, _FULL_GUIDE_RATE = 9, 99, 100
 _OFF_OR_ON = (0, 1)
 
@@ -46,29 +29,29 @@ def _axis_and_sense(command: Command) -> tuple[int, int]:
     return (1 if axis == "azm" else 2), (1 if sense == "pos" else -1)
 
 
-def fixed(session: NexStarSession, command: Command, values: Values) -> Handling:
+def fixed(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """AUX 0x24, 0x25 - a hand-control key 1-9; 0 stops the axis. Raises Invalid for a key that there is not."""
     axis, sense = _axis_and_sense(command)
     if values["rate"] == 0:
-        yield FireAndForget(StopAxis(axis))
+        yield FireAndForget(op.StopAxis(axis))
     elif values["rate"] <= _KEYS:
-        yield from begin(MoveAxis(axis, sense, _key(session, values["rate"])))
+        yield from begin(op.MoveAxis(axis, sense, _key(session, values["rate"])))
     else:
         raise Invalid
 
 
-def _key(session: NexStarSession, key: int) -> Rate:
+def _key(session: NexStarSession, key: int) -> op.Rate:
     """A key, and what the presented mount does at it, for a mount that has no such keys."""
-    return Rate(key=key, degrees=key_speed(rate_tables()[session.model["rates"]], key))
+    return op.Rate(key=key, degrees=key_speed(rate_tables()[session.model["rates"]], key))
 
 
-def variable(session: NexStarSession, command: Command, values: Values) -> Handling:
+def variable(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """AUX 0x06, 0x07 - quarter arcseconds a second; the three highest codes are tracking rates."""
     axis, sense = _axis_and_sense(command)
     yield from _rate(axis, sense, values["rate"] / 14400.0, _TRACKING.get(values["rate"]))
 
 
-def fine(session: NexStarSession, command: Command, values: Values) -> Handling:
+def fine(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """The same in 1/1024 arcseconds a second."""
     axis = motor(values)
     yield from _rate(axis, 1 if command.name.endswith("pos") else -1, values["rate"] / 1024.0 / 3600.0, None)
@@ -76,14 +59,14 @@ def fine(session: NexStarSession, command: Command, values: Values) -> Handling:
 
 def _rate(axis: int, sense: int, degrees: float, tracking: str | None) -> Handling:
     if tracking is not None:
-        yield from begin(TrackRate(name=tracking))
+        yield from begin(op.TrackRate(name=tracking))
     elif degrees == 0:
-        yield FireAndForget(StopAxis(axis))
+        yield FireAndForget(op.StopAxis(axis))
     else:
-        yield from begin(MoveAxis(axis, sense, Rate(degrees=degrees)))
+        yield from begin(op.MoveAxis(axis, sense, op.Rate(degrees=degrees)))
 
 
-def _modes(session: NexStarSession) -> dict[int, Tracking]:
+def _modes(session: NexStarSession) -> dict[int, op.Tracking]:
     """The tracking modes as the presented version counts them."""
     first_last, version = session.model.get("shifted"), session.model["counts_as"]
     if first_last and parse_version(first_last[0]) <= version <= parse_version(first_last[1]):
@@ -91,25 +74,25 @@ def _modes(session: NexStarSession) -> dict[int, Tracking]:
     return _MODES
 
 
-def mode(session: NexStarSession, command: Command, values: Values) -> Handling:
+def mode(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """t - binary. What is: a mount that cannot stop tracking goes on after T 0. A StarSense 1.20 says more."""
-    status: Status = yield GetStatus()
+    status: op.Status = yield op.GetStatus()
     told = next((code for code, known in _modes(session).items() if known is status.tracking), 1)
     if (session.model["variant"], session.model["version"]) == (STARSENSE_VARIANT, STARSENSE_LONG_MODE):
         return bytes((told, *STARSENSE_LONG_MODE)) + b"#"
     return {"mode": told}
 
 
-def set_mode(session: NexStarSession, command: Command, values: Values) -> Handling:
+def set_mode(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """T - a mode above 3 does nothing; what cannot be done shows in ``t`` and in the log. Raises NoAnswer."""
     wanted = _modes(session).get(values["mode"])
     if wanted is None:
         session.refused = f"{command.help}: there is no mode {values['mode']}"
         return
-    yield from attempt(SetTracking(on=wanted is not Tracking.OFF, mode=wanted))
+    yield from attempt(op.SetTracking(on=wanted is not op.Tracking.OFF, mode=wanted))
 
 
-def pulse(session: NexStarSession, command: Command, values: Values) -> Handling:
+def pulse(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """AUX 0x26 - percent of sidereal for hundredths of a second; the percentage is the mount's own guide rate.
 
     Raises Invalid for more than 100 percent.
@@ -118,23 +101,23 @@ def pulse(session: NexStarSession, command: Command, values: Values) -> Handling
     if abs(values["rate"]) > _FULL_GUIDE_RATE:
         raise Invalid
     if values["rate"] and ms:
-        yield from begin(PulseAxis(axis, 1 if values["rate"] > 0 else -1, ms, abs(values["rate"]) / 100))
+        yield from begin(op.PulseAxis(axis, 1 if values["rate"] > 0 else -1, ms, abs(values["rate"]) / 100))
         ends = {**session.shared.pulse_ends, axis: session.clock() + ms / 1000.0}
         session.set_for_all(replace(session.shared, pulse_ends=ends), lasting=False)
 
 
-def pulse_active(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
+def pulse_active(session: NexStarSession, command: Command, values: op.Values) -> dict[str, int]:
     """AUX 0x27 - of the motor's last pulse, whichever client asked for it."""
     return {"active": int(session.clock() < session.shared.pulse_ends.get(motor(values), 0.0))}
 
 
-def set_guide_rate(session: NexStarSession, command: Command, values: Values) -> Handling:
+def set_guide_rate(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """AUX 0x46 - a mount that lacks it says so by the no-response form."""
     axis = motor(values)
-    yield from _set(session, f"guide rate {axis}", values["rate"], SetGuideRate(axis, values["rate"] / 256.0))
+    yield from _set(session, f"guide rate {axis}", values["rate"], op.SetGuideRate(axis, values["rate"] / 256.0))
 
 
-def _set(session: NexStarSession, name: str, value: int, operation: SetGuideRate | Backlash) -> Handling:
+def _set(session: NexStarSession, name: str, value: int, operation: op.SetGuideRate | op.Backlash) -> Handling:
     """Tell the mount, and remember what it was told or will be told once it hears. Raises Fault."""
     try:
         yield operation
@@ -144,16 +127,16 @@ def _set(session: NexStarSession, name: str, value: int, operation: SetGuideRate
     session.set_for_all(session.shared.with_motor(name, value))
 
 
-def guide_rate(session: NexStarSession, command: Command, values: Values) -> Handling:
+def guide_rate(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """AUX 0x47 - what the mount says; else what was set, half sidereal at first."""
     axis = motor(values)
     try:
-        return {"rate": min(255, round((yield GuideRate(axis)) * 256))}
+        return {"rate": min(255, round((yield op.GuideRate(axis)) * 256))}
     except Unsupported:
         return {"rate": session.shared.motors.get(f"guide rate {axis}", 128)}
 
 
-def set_backlash(session: NexStarSession, command: Command, values: Values) -> Handling:
+def set_backlash(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """AUX 0x10, 0x11 - up to 99; a mount that lacks it says so by the no-response form; a Meade has one for both."""
     axis = motor(values)
     if values["value"] > _FULL_BACKLASH:
@@ -162,11 +145,11 @@ def set_backlash(session: NexStarSession, command: Command, values: Values) -> H
         session,
         _backlash_name(command, axis),
         values["value"],
-        Backlash(axis, values["value"], 1 if command.name.endswith("pos") else -1),
+        op.Backlash(axis, values["value"], 1 if command.name.endswith("pos") else -1),
     )
 
 
-def backlash(session: NexStarSession, command: Command, values: Values) -> dict[str, int]:
+def backlash(session: NexStarSession, command: Command, values: op.Values) -> dict[str, int]:
     """AUX 0x40, 0x41 - what was set."""
     return {"value": session.shared.motors.get(_backlash_name(command, motor(values)), 0)}
 
@@ -175,22 +158,22 @@ def _backlash_name(command: Command, axis: int) -> str:
     return f"backlash {axis} {command.name[-3:]}"
 
 
-def periodic_error(session: NexStarSession, command: Command, values: Values) -> Handling:
+def periodic_error(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """AUX 0x0D - a mount that lacks it says so by the no-response form. Raises Invalid for neither on nor off."""
     if values["on"] not in _OFF_OR_ON:
         raise Invalid
-    yield PeriodicError(motor(values), bool(values["on"]))
+    yield op.PeriodicError(motor(values), bool(values["on"]))
 
 
-def hibernate(session: NexStarSession, command: Command, values: Values) -> Handling:
+def hibernate(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """x"""
-    yield from begin(Hibernate())
+    yield from begin(op.Hibernate())
 
 
-def wake(session: NexStarSession, command: Command, values: Values) -> Handling:
+def wake(session: NexStarSession, command: Command, values: op.Values) -> Handling:
     """y"""
-    yield from begin(Wake())
+    yield from begin(op.Wake())
 
 
-def unsync(session: NexStarSession, command: Command, values: Values) -> None:
+def unsync(session: NexStarSession, command: Command, values: op.Values) -> None:
     """u - acknowledged: no mount here keeps a list of syncs."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from datetime import UTC, datetime
+
+from msgspec.structs import replace
 
 from gateway.core.errors import Fault
 from gateway.core.operations import GetClock, GetSite, Moment, Place, SetClock, SetSite, Values

@@ -5,9 +5,8 @@ The bytes are the manual's forms, typed by hand, each with a value that its fiel
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 from gateway.clients.access import Access
 from gateway.mount.safety.limits import Limits

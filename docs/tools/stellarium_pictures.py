@@ -1,0 +1,90 @@
+"""The pictures of Stellarium in docs/programs/stellarium.md, of the real program at a simulated mount.
+
+    python docs/tools/stellarium_pictures.py
+
+writes docs/pictures/stellarium*.png. It needs the extra ``test`` and Debian's ``stellarium``, ``xvfb`` and ``xdotool``;
+the program is started and driven as the tests drive it.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from PIL import Image, ImageGrab
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from tests.programs import stellarium  # noqa: E402
+from tests.programs.processes import Workshop, wait_until  # noqa: E402
+from tests.programs.product import start_simulator, start_stellarium_gateway  # noqa: E402
+from tests.programs.sky import NORTH  # noqa: E402
+
+#: What the tests' script does not need: a dark sky that is not too full, with the star in its middle.
+LOOKS = """\
+LandscapeMgr.setFlagAtmosphere(false);
+ConstellationMgr.setFlagLines(true);
+core.setGuiVisible(false);
+core.selectObjectByName("{star}", false);
+core.moveToSelectedObject(0.1);
+StelMovementMgr.zoomTo(40, 0.1);
+core.wait(1);
+core.debug("selected");
+"""
+WINDOW = (0, 64, 800, 600)
+FORM = (130, 54, 668, 546)
+
+
+def main() -> None:
+    stellarium.SCRIPT = "\n".join([*stellarium.SCRIPT.splitlines()[:2], LOOKS])
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["STATE_DIRECTORY"] = folder
+        (Path(folder) / "home").mkdir()
+        workshop = Workshop(Path(folder))
+        try:
+            wire, truth = start_simulator(workshop, "nexstar:6-8se", NORTH, speed=4.0)
+            surface = start_stellarium_gateway(workshop, wire, "nexstar")
+            program = stellarium.Planetarium(workshop, surface.port, "Aldebaran", NORTH)
+            os.environ["DISPLAY"] = program._environment["DISPLAY"]
+            program.slew()
+            wait_until("the slew", truth.goto_running, 20.0)
+            time.sleep(3.0)
+            picture("stellarium", WINDOW)
+            wait_until("arrival", lambda: not truth.goto_running(), 120.0)
+            form()
+        finally:
+            workshop.close()
+
+
+def form() -> None:
+    """The form in which a telescope is entered: Ctrl+0, *Configure telescopes*, *Add*."""
+    act("key", "ctrl+0")
+    act("mousemove", "400", "494", "click", "1")
+    act("mousemove", "360", "393", "click", "1")
+    act("mousemove", "169", "163", "click", "1")  # External software or a remote computer
+    act("mousemove", "400", "420", *["click", "5"] * 8)  # down to the connection
+    act("mousemove", "570", "328", "click", "--repeat", "3", "1", "type", "10001")
+    act("key", "Tab")
+    picture("stellarium-telescope", FORM)
+
+
+def act(*what: str) -> None:
+    """As a person would, who waits for the next window to open."""
+    subprocess.run(["xdotool", *what], check=True)
+    time.sleep(2.5)
+
+
+def picture(name: str, part: tuple[int, int, int, int]) -> None:
+    path = ROOT / "docs" / "pictures" / f"{name}.png"
+    image = ImageGrab.grab(xdisplay=os.environ["DISPLAY"]).crop(part).convert("RGB")
+    image.quantize(colors=256, dither=Image.Dither.NONE).save(path, optimize=True)
+    print(path.name, path.stat().st_size)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""``fleet``: a page with all mounts on an MQTT broker, and STOP for each of them and for all."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import time
+from typing import TYPE_CHECKING
+
+from gateway.cli.help import Commands
+from gateway.core.errors import UserError
+
+if TYPE_CHECKING:
+    from gateway.fleet.access import Access
+
+PORT = 4090
+EXAMPLES = """\
+Examples:
+  mount-gateway fleet --mqtt mqtt://broker.local
+      all mounts that gateways show there (mount-gateway run --mqtt URL), on a page at port 4090
+  mount-gateway fleet --mqtt mqtts://observatory@broker.example.org --password-file password.txt
+      the same on a broker that lets in only whom it knows
+
+The page is for browsers of this computer. From elsewhere: ssh -L 4090:127.0.0.1:4090 COMPUTER
+"""
+
+
+def add(commands: Commands) -> None:
+    """Put the command into the parser."""
+    fleet = commands.add_parser(
+        "fleet", help="a page with all mounts on an MQTT broker, and STOP for all of them",
+        description="Shows every mount on an MQTT broker in the browser: what it does, where it points, whether it is "
+                    "there; with STOP for each and for all. It moves nothing. Serves until Ctrl-C.",
+        epilog=EXAMPLES,
+    )  # fmt: skip
+    fleet.add_argument("--mqtt", metavar="URL", required=True, help="mqtt://[USER@]HOST:PORT, or mqtts:// with TLS")
+    fleet.add_argument("--prefix", default="mount-gateway", help="what the topics begin with (default mount-gateway)")
+    fleet.add_argument(
+        "--password-file", metavar="FILE",
+        help="a file with the password (default: the environment variable MOUNT_GATEWAY_MQTT_PASSWORD)",
+    )  # fmt: skip
+    fleet.add_argument("--ca", metavar="FILE", help="mqtts: the certificates that the broker's is signed by")
+    fleet.add_argument("--port", type=int, default=PORT, help=f"of the page, on this computer (default {PORT})")
+    fleet.set_defaults(run=_fleet)
+
+
+def _fleet(arguments: argparse.Namespace) -> int:
+    from gateway.fleet.access import access
+
+    if not 0 <= arguments.port <= 65535:
+        raise UserError(f"--port {arguments.port}: write a number from 1 to 65535")
+    let_in = access(arguments.mqtt, None, arguments.password_file, arguments.ca)
+    return asyncio.run(_serve(let_in, arguments.prefix, arguments.port))
+
+
+async def _serve(access: Access, prefix: str, port: int) -> int:
+    from gateway.cli.serve.signals import until_signal
+    from gateway.fleet.overview.server import Overview
+    from gateway.system import journal, streams
+
+    done, was_there = until_signal(), True
+
+    def told(there: bool, why: str) -> None:
+        nonlocal was_there
+        if there != was_there:
+            words = "is there again" if there else f"cannot be reached: {why}; it is tried again until it answers"
+            streams.warn(f"the broker {access.broker} {words}", journal.WARNING)
+        was_there = there
+
+    page = Overview(access, prefix, time.time, told)
+    try:
+        await page.open(port)
+    except OSError as error:
+        raise UserError(f"port {port}: {error.strerror or error}; --port N takes another one") from None
+    streams.say(f"ready fleet {page.where}")
+    try:
+        await done.wait()
+    finally:
+        await page.close()
+    return 0

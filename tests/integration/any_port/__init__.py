@@ -1,0 +1,1 @@
+"""A port for every protocol, in processes of the product."""

@@ -1,0 +1,203 @@
+"""Five kinds of programs on one port of a real process, on both event loops; and the same recorded and replayed."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.process import GATEWAY, PATIENCE, Running
+
+GET = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+#: Longer than what is read of a connection at a time.
+LONG = GET[:-2] + b"X-Long: " + b"x" * 2000 + b"\r\n\r\n"
+GOTO = struct.pack("<HHQIi", 20, 0, 0, round(83.633 / 360 * 2**32), round(22.0145 / 360 * 2**32))
+
+
+OPEN: list[Program] = []
+"""Connections that are to be closed at the end of the test."""
+
+
+class Program:
+    """One connection."""
+
+    def __init__(self, where: str) -> None:
+        host, _, port = where.removeprefix("tcp://").rpartition(":")
+        self.link = socket.create_connection((host, int(port)), PATIENCE)
+        self.link.settimeout(PATIENCE)
+        OPEN.append(self)
+
+    def ask(self, data: bytes, length: int) -> bytes:
+        self.link.sendall(data)
+        return self.hear(length)
+
+    def hear(self, length: int) -> bytes:
+        """So many bytes."""
+        heard = b""
+        while len(heard) < length and (piece := self.link.recv(length - len(heard))):
+            heard += piece
+        return heard
+
+    def silent(self, seconds: float) -> bool:
+        """Whether nothing comes for so long."""
+        self.link.settimeout(seconds)
+        try:
+            return not self.link.recv(65536)
+        except TimeoutError:
+            return True
+        finally:
+            self.link.settimeout(PATIENCE)
+
+    def page(self, data: bytes = GET, slowly: float = 0.0) -> bytes:
+        """The head of the answer to a request."""
+        if slowly:
+            for byte in data:
+                self.link.sendall(bytes((byte,)))
+                time.sleep(slowly)
+        else:
+            self.link.sendall(data)
+        heard = b""
+        while b"\r\n\r\n" not in heard:
+            piece = self.link.recv(4096)
+            if not piece:
+                break
+            heard += piece
+        return heard.partition(b"\r\n\r\n")[0]
+
+    def rest(self) -> bytes:
+        return b"".join(iter(lambda: self.link.recv(4096), b""))
+
+    def close(self) -> None:
+        self.link.close()
+
+
+@pytest.fixture
+def running(tmp_path: Path) -> Iterator[list[Running]]:
+    started: list[Running] = []
+    yield started
+    while OPEN:
+        OPEN.pop().close()
+    for one in started:
+        one.end()
+
+
+def start(running: list[Running], folder: Path, *more: str, console: bool = True) -> str:
+    """A gateway -> the place of its port; the console is there when this returns."""
+    page = ("--console", "tcp://127.0.0.1:0") if console else ()
+    at = ("--mount", "nexstar@sim", "--surface", "any@tcp://127.0.0.1:0")
+    one = Running("run", *at, "--state", str(folder / "state"), *page, *more)
+    running.append(one)
+    where = one.ready()
+    assert where.startswith("tcp://127.0.0.1:")
+    if console:
+        assert one.process.stdout is not None
+        assert any(line.startswith("ready console http://") for line in one.process.stdout)
+    return where
+
+
+@pytest.mark.parametrize("loop", ["fast", "asyncio"])
+def test_five_kinds_at_once(running: list[Running], tmp_path: Path, loop: str) -> None:
+    where = start(running, tmp_path, "--loop", loop)
+    silent, lx200, nexstar, page, slow, long = (Program(where) for _ in range(6))
+    for _ in range(5):
+        assert lx200.ask(b":GR#", 9).endswith(b"#")
+        assert nexstar.ask(b"e", 18).endswith(b"#")
+    assert page.page().startswith(b"HTTP/1.1 200 OK")
+    assert slow.page(slowly=0.005).startswith(b"HTTP/1.1 200 OK")
+    assert long.page(LONG).startswith(b"HTTP/1.1 200 OK")
+    put = Program(where).page(b"PUT /api/v1/none HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 0\r\n\r\n")
+    assert put.startswith((b"HTTP/1.1 404", b"HTTP/1.1 405", b"HTTP/1.1 400"))
+    assert silent.hear(24)[:4] == b"\x18\0\0\0"
+    silent.link.sendall(GOTO)
+    assert lx200.ask(b":GR#", 9).endswith(b"#") and nexstar.ask(b"V", 3)[-1:] == b"#"
+
+
+def test_a_foreign_host_is_refused_as_at_the_console(running: list[Running], tmp_path: Path) -> None:
+    where = start(running, tmp_path)
+    assert Program(where).page(GET.replace(b"127.0.0.1", b"evil.example")).startswith(b"HTTP/1.1 403")
+
+
+@pytest.mark.parametrize(("more", "words"), [((), b'content="act"'), (("--read-only",), b'content="look"')])
+def test_a_port_where_programs_may_only_look_shows_a_console_that_only_looks(
+    running: list[Running], tmp_path: Path, more: tuple[str, ...], words: bytes
+) -> None:
+    page = Program(start(running, tmp_path, *more))
+    page.link.sendall(GET.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n"))
+    assert words in page.rest()
+
+
+def test_without_a_console_there_is_a_short_answer(running: list[Running], tmp_path: Path) -> None:
+    where = start(running, tmp_path, console=False)
+    page = Program(where)
+    assert page.page().startswith(b"HTTP/1.1 404 Not Found")
+    head = Program(where)
+    head.link.sendall(LONG)
+    assert b"--no-console" in head.rest()
+    assert Program(where).ask(b":GR#", 9).endswith(b"#")
+
+
+def test_a_browser_that_comes_early_is_served_when_there_is_a_console(running: list[Running], tmp_path: Path) -> None:
+    one = Running(
+        "run", "--mount", "nexstar@sim", "--surface", "any@tcp://127.0.0.1:0", "--state", str(tmp_path / "state"),
+        "--console", "tcp://127.0.0.1:0",
+    )  # fmt: skip
+    running.append(one)
+    early = Program(one.ready())
+    assert early.page().startswith(b"HTTP/1.1 200 OK")
+
+
+def test_a_recording_of_all_of_them_replays_without_a_difference(running: list[Running], tmp_path: Path) -> None:
+    path = tmp_path / "evening.rec"
+    where = start(running, tmp_path, "--record", str(path))
+    silent, lx200, nexstar, page, mobile, late = (Program(where) for _ in range(6))
+    assert mobile.ask(b"Ka", 2) == b"a#" and mobile.ask(b":GD#", 10).endswith(b"#")
+    for _ in range(5):
+        assert lx200.ask(b":GR#", 9).endswith(b"#")
+        assert nexstar.ask(b"e", 18).endswith(b"#")
+    assert page.page(LONG).startswith(b"HTTP/1.1 200 OK")
+    assert silent.hear(72)[:4] == b"\x18\0\0\0"
+    silent.link.sendall(GOTO)
+    assert silent.hear(72)[:4] == b"\x18\0\0\0"
+    assert late.hear(24)[:4] == b"\x18\0\0\0"
+    late.link.sendall(b"#")
+    late.silent(0.3)  # what was under way
+    assert late.silent(1.0), "the first byte ends the positions"
+    assert late.ask(b":GVP#", 9) == b"Autostar#"
+    lx200.link.sendall(b":Q#")
+    for one in (silent, lx200, nexstar, page, mobile, late):
+        one.close()
+    time.sleep(0.5)
+    running.pop().end()
+    played = subprocess.run([*GATEWAY, "replay", str(path)], capture_output=True, text=True, timeout=60)
+    assert played.returncode == 0, played.stdout + played.stderr
+    assert "6 connections" in played.stdout, played.stdout
+    told = subprocess.run([*GATEWAY, "decode", str(path)], capture_output=True, text=True, timeout=60).stdout
+    assert told.count("speaks, nexstar") == 2 and told.count("speaks, lx200") == 3, told
+    assert "speaks, stellarium, because the program has said nothing for 3 s" in told
+    assert "e: RA" in told and "GR: RA" in told and "go to a position" in told
+
+
+def test_a_recording_of_stellarium_replays_without_a_difference(running: list[Running], tmp_path: Path) -> None:
+    path = tmp_path / "stellarium.rec"
+    one = Running(
+        "run", "--mount", "nexstar@sim", "--surface", "stellarium@tcp://127.0.0.1:0", "--state",
+        str(tmp_path / "state"), "--record", str(path),
+    )  # fmt: skip
+    running.append(one)
+    program = Program(one.ready())
+    assert len(program.hear(48)) == 48
+    program.link.sendall(GOTO[:7])
+    time.sleep(0.1)
+    program.link.sendall(GOTO[7:])
+    assert len(program.hear(96)) == 96
+    program.close()
+    time.sleep(0.5)
+    running.pop().end()
+    played = subprocess.run([*GATEWAY, "replay", str(path)], capture_output=True, text=True, timeout=60)
+    assert played.returncode == 0, played.stdout + played.stderr
+    assert "1 connection" in played.stdout, played.stdout

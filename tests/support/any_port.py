@@ -1,0 +1,42 @@
+"""A gateway on virtual time whose one surface is for every protocol."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gateway.app.bindings import Acceptors
+from gateway.app.config import Endpoint, SurfaceConfig
+from gateway.clients.any_protocol.web import Web
+from gateway.protocols.registry import ANY
+from tests.support.callers import Caller
+from tests.support.in_process_gateway import Bridge
+
+PLACE = "tcp://127.0.0.1:0"
+
+
+class AnyBridge(Bridge):
+    """``call`` is a new connection; the keys of the surface are ``keys``."""
+
+    def __init__(self, *arguments: Any, web: Web | None = None, keys: dict[str, Any] | None = None, **others: Any):
+        super().__init__(*arguments, **others)
+        made = Acceptors(
+            self.controller,
+            Endpoint(self._driven, "sim"),
+            self.settings,
+            self.shared,
+            self.clock,
+            self.controller.astrometry.sky,
+            self.warned.append,
+            web or Web(),
+        )
+        surface = SurfaceConfig(at=f"{ANY}@{PLACE}", **(keys or {}))
+        self.any: Any = made.make(1, Endpoint(ANY, PLACE), surface)
+        self._number = 50000
+
+    def call(self, host: str = "127.0.0.1") -> Caller:
+        self._number += 1
+        return Caller(self.any, host=host, number=self._number)
+
+    def spoken(self) -> list[str]:
+        """What connections have turned out to speak."""
+        return [entry.note for entry in self.entries if entry.arrow == "~"]

@@ -1,0 +1,237 @@
+"""Connections of a port for every protocol, over a whole gateway on virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+import struct
+from collections.abc import Awaitable, Callable
+
+import pytest
+
+from gateway.diagnostics.virtual_time import run
+from tests.support.any_port import AnyBridge
+
+GOTO = struct.pack("<HHQIi", 20, 0, 0, round(83.633 / 360 * 2**32), round(22.0145 / 360 * 2**32))
+#: What is sent first, what the answer ends with, and what is spoken.
+FIRST = [
+    (b":GR#", b"#", 9, "lx200"),
+    (b"#:GR#", b"#", 9, "lx200"),
+    (b"\x06", b"A", 1, "lx200"),
+    (b":GVP#", b"#", 9, "lx200"),
+    (b"E", b"#", 10, "nexstar"),
+    (b"?e", b"#", 18, "nexstar"),
+    (b"V", b"#", 3, "nexstar"),
+    (b"P\x01\x10\xfe\0\0\0\x02", b"#", 3, "nexstar"),
+]
+Program = Callable[[AnyBridge], Awaitable[None]]
+
+
+def play(program: Program, **settings: object) -> None:
+    async def whole() -> None:
+        async with AnyBridge(**settings) as bridge:  # type: ignore[arg-type]  # a test's own keys
+            await program(bridge)
+
+    run(whole())
+
+
+@pytest.mark.parametrize(("sent", "end", "length", "protocol"), FIRST)
+def test_answered_in_its_protocol(sent: bytes, end: bytes, length: int, protocol: str) -> None:
+    async def program(bridge: AnyBridge) -> None:
+        whole, slow, more = bridge.call("10.0.0.1"), bridge.call("10.0.0.2"), bridge.call("10.0.0.3")
+        assert (answer := await whole.ask(sent)).endswith(end) and len(answer) == length
+        await slow.dribble(sent, [0.05])
+        await asyncio.sleep(1.0)
+        assert slow.heard.endswith(end) and len(slow.heard) == length
+        more.tell(sent + sent.lstrip(b"#?"))
+        await asyncio.sleep(1.0)
+        assert len(more.heard) == 2 * length
+        assert bridge.spoken() == [protocol] * 3
+
+    play(program)
+
+
+def test_when_it_is_decided_nothing_is_left_in_between() -> None:
+    async def program(bridge: AnyBridge) -> None:
+        connection = bridge.any.come("10.0.0.1:5", "10.0.0.1", lambda data: None)
+        connection.feed(b":GR#")
+        assert connection.feed == bridge.any.connections()[0].feed
+
+    play(program)
+
+
+@pytest.mark.parametrize("idle", [b"#", b"?", b"##", b"\r\n", b"\0", b" "])
+def test_idle_bytes_decide_nothing(idle: bytes) -> None:
+    async def program(bridge: AnyBridge) -> None:
+        one, other = bridge.call("10.0.0.1"), bridge.call("10.0.0.2")
+        for caller in (one, other):
+            caller.tell(idle)
+        await asyncio.sleep(10.0)
+        assert one.heard == b"" and bridge.spoken() == [] and bridge.any.programs() == 0
+        assert len(await one.ask(b":GR#")) == 9
+        assert len(await other.ask(b"e")) == 18
+        assert bridge.spoken() == ["lx200", "nexstar"]
+
+    play(program)
+
+
+def test_silence_is_spoken_to_until_the_first_byte() -> None:
+    async def program(bridge: AnyBridge) -> None:
+        caller = bridge.call()
+        await asyncio.sleep(2.9)
+        assert caller.heard == b""
+        await asyncio.sleep(2.0)
+        assert len(caller.heard) in (72, 96) and caller.heard.startswith(b"\x18\0\0\0")
+        assert bridge.spoken() == ["stellarium, because the program has said nothing for 3 s"]
+        told = len(caller.heard)
+        assert len(await caller.ask(b":GR#")) == 9
+        await asyncio.sleep(5.0)
+        assert len(caller.heard) == told + 9, "no position is told any more"
+        assert bridge.spoken()[1:] == ["lx200"]
+
+    play(program)
+
+
+@pytest.mark.parametrize("first", [b"#", b"P", b"H", b"R"])
+def test_pushes_end_with_a_byte_that_decides_nothing(first: bytes) -> None:
+    async def program(bridge: AnyBridge) -> None:
+        caller = bridge.call()
+        await asyncio.sleep(4.0)
+        told = len(caller.heard)
+        assert told
+        caller.tell(first)
+        await asyncio.sleep(0.9)
+        assert len(caller.heard) == told
+        await asyncio.sleep(5.0)
+        assert len(await caller.ask(b"e")) == 18
+
+    play(program)
+
+
+def test_stellarium_goes_on_with_positions_after_its_goto() -> None:
+    async def program(bridge: AnyBridge) -> None:
+        silent, hasty = bridge.call("10.0.0.1"), bridge.call("10.0.0.2")
+        hasty.tell(GOTO)
+        await asyncio.sleep(3.0)
+        assert hasty.heard.startswith(b"\x18\0\0\0") and bridge.sim.slewing
+        await asyncio.sleep(2.0)
+        silent.tell(GOTO[:1])
+        for byte in GOTO[1:]:
+            silent.tell(bytes((byte,)))
+        told = len(silent.heard)
+        await asyncio.sleep(2.1)
+        assert len(silent.heard) >= told + 96 and bridge.spoken()[1:] == [
+            "stellarium, because the program has said nothing for 3 s"
+        ]
+
+    play(program)
+
+
+def test_stellarium_mobile_begins_with_an_echo_and_goes_on_in_either() -> None:
+    async def program(bridge: AnyBridge) -> None:
+        meade, celestron, at_once = bridge.call("10.0.0.1"), bridge.call("10.0.0.2"), bridge.call("10.0.0.3")
+        assert await meade.ask(b"Ka") == b"a#"
+        assert await celestron.ask(b"Ka") == b"a#"
+        await asyncio.sleep(1.5)
+        assert len(await meade.ask(b":GR#")) == 9
+        assert len(await celestron.ask(b"e")) == 18
+        at_once.tell(b"Ka:GR#")
+        await asyncio.sleep(1.0)
+        assert at_once.heard.startswith(b"a#") and len(at_once.heard) == 11
+        assert bridge.spoken() == ["nexstar", "nexstar", "lx200", "nexstar", "lx200"]
+        assert sorted(bridge.any.here()) == ["10.0.0.1", "10.0.0.2", "10.0.0.3"]
+
+    play(program)
+
+
+def test_half_a_command_that_is_not_continued_is_forgotten() -> None:
+    """As on a surface of its own protocol: the digits of a goto whose letter came long ago move nothing."""
+
+    async def program(bridge: AnyBridge) -> None:
+        caller = bridge.call()
+        caller.tell(b"R")
+        await asyncio.sleep(1.5)
+        caller.tell(b"34AB,12CE")
+        await asyncio.sleep(3.0)
+        assert not bridge.sim.slewing
+        assert [entry.data for entry in bridge.entries if entry.arrow == "x"][:1] == [b"R"]
+
+    play(program)
+
+
+def test_what_fits_nobody_is_noted() -> None:
+    async def program(bridge: AnyBridge) -> None:
+        caller = bridge.call()
+        caller.tell(b"XYZ")
+        await asyncio.sleep(1.0)
+        assert bridge.spoken() == ["lx200, because no protocol's commands begin so"]
+        assert bridge.warned == []
+
+    play(program)
+
+
+def test_a_scanner_is_turned_away() -> None:
+    async def program(bridge: AnyBridge) -> None:
+        for sent in (b"\x16\x03\x01\x02\0\x01", b"SSH-2.0-x\r\n", b"EHLO x\r\n", b"USER x\r\n", b"SETUP x RTSP/1.0"):
+            caller = bridge.call()
+            caller.tell(sent)
+            await asyncio.sleep(0.1)
+            assert caller.gone, sent
+        notes = [entry.note for entry in bridge.entries if entry.arrow == "!" and "sends" in entry.note]
+        assert len(notes) == 5 and all("programs that speak LX200, NexStar, Stellarium:" in note for note in notes)
+        assert bridge.any.programs() == 0
+
+    play(program)
+
+
+def test_allow_and_max_clients_hold_for_all_together() -> None:
+    async def program(bridge: AnyBridge) -> None:
+        from gateway.transport.handler import ConnectionRefused
+
+        with pytest.raises(ConnectionRefused):
+            bridge.call("192.0.2.1")
+        lx200, nexstar = bridge.call("10.0.0.1"), bridge.call("10.0.0.2")
+        await lx200.ask(b":GR#")
+        bridge.call("10.0.0.3")
+        with pytest.raises(ConnectionRefused):
+            bridge.call("10.0.0.4")
+        assert len(await nexstar.ask(b"e")) == 18
+
+    play(program, keys={"allow": ["10.0.0.0/24"], "max_clients": 3})
+
+
+def test_who_may_only_look_moves_nothing_in_any_protocol() -> None:
+    async def program(bridge: AnyBridge) -> None:
+        for sent in (b":Mn#", GOTO, b"P\x02\x10\x24\x05\0\0\0", b"r34AB0500,12CE0500"):
+            bridge.call().tell(sent)
+        await asyncio.sleep(3.0)
+        assert not bridge.sim.slewing and not [one for one in bridge.sent() if one[:1] in (b"r", b"R")]
+
+    play(program, keys={"read_only": True})
+
+
+def test_the_dead_man_stops_an_arrow_whose_program_is_gone() -> None:
+    async def program(bridge: AnyBridge) -> None:
+        caller = bridge.call()
+        caller.tell(b":RS#:Mn#")
+        await asyncio.sleep(2.0)
+        assert bridge.controller.wanted.axes
+        caller.close()
+        await asyncio.sleep(8.0)
+        assert not bridge.controller.wanted.axes
+
+    play(program)
+
+
+def test_closing_while_nothing_is_known() -> None:
+    async def program(bridge: AnyBridge) -> None:
+        for sent in (b"", b"#", b"P"):
+            caller = bridge.call()
+            if sent:
+                caller.tell(sent)
+            caller._guest.gone()
+            assert caller._guest.answered and not caller._guest.ended
+            caller._guest.close()
+        await asyncio.sleep(10.0)
+        assert [entry.arrow for entry in bridge.entries if entry.arrow in "+-~"] == ["+", "-"] * 3
+
+    play(program)

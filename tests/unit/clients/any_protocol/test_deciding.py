@@ -1,0 +1,102 @@
+"""By which bytes a protocol is told: whole, one byte after the other, and with more behind."""
+
+from __future__ import annotations
+
+import pytest
+
+from gateway.clients.any_protocol.deciding import HTTP, decide, may_change, undecided, waiting
+from gateway.core.tables import read_table
+from gateway.protocols.registry import PROTOCOLS, surfaces
+from gateway.protocols.wireformat.command_set import load
+
+#: First commands as programs send them, by hand.
+FIRST = [
+    (b":GR#", "lx200"),
+    (b":Q#", "lx200"),
+    (b"\x06", "lx200"),
+    (b"$Q#", "lx200"),
+    (b":Sr05:34:32#", "lx200"),
+    (b":GVP#", "lx200"),
+    (b"E", "nexstar"),
+    (b"e", "nexstar"),
+    (b"V", "nexstar"),
+    (b"M", "nexstar"),
+    (b"T\x02", "nexstar"),
+    (b"R34AB,12CE", "nexstar"),
+    (b"r34AB0500,12CE0500", "nexstar"),
+    (b"s34AB0500,12CE0500", "nexstar"),
+    (b"P\x02\x10\x24\x05\0\0\0", "nexstar"),
+    (b"H\x16\x1e\0\x0b\x16\x1a\0\0", "nexstar"),
+    (b"W\x2d\0\0\0\x0a\0\0\0", "nexstar"),
+    (b"\x14\0\0\0" + bytes(16), "stellarium"),
+    (b"GET / HTTP/1.1\r\n", HTTP),
+    (b"HEAD / HTTP/1.1\r\n", HTTP),
+    (b"POST /x HTTP/1.1\r\n", HTTP),
+    (b"PUT /api/v1/telescope/0/park HTTP/1.1\r\n", HTTP),
+    (b"OPTIONS * HTTP/1.1\r\n", HTTP),
+    (b"DELETE /x HTTP/1.1\r\n", HTTP),
+]
+
+
+@pytest.mark.parametrize("more", [b"", b":GR#", b"e", b"\r\n", b"\xff"])
+@pytest.mark.parametrize(("sent", "protocol"), FIRST)
+def test_whole_with_more_behind(sent: bytes, protocol: str, more: bytes) -> None:
+    found = decide(sent + more)
+    assert found is not None and found == (protocol, "")
+
+
+@pytest.mark.parametrize(("sent", "protocol"), FIRST)
+def test_byte_by_byte_nothing_else_is_ever_told(sent: bytes, protocol: str) -> None:
+    told = [decide(sent[:count]) for count in range(1, len(sent) + 1)]
+    assert {found.protocol for found in told if found is not None} == {protocol}
+    first = next(number for number, found in enumerate(told) if found is not None)
+    assert all(found is not None for found in told[first:]), "once told, it stays so"
+    assert first < 8, "it is told soon"
+
+
+def test_every_command_of_every_table_is_told_at_once() -> None:
+    for name in surfaces():
+        for command in load(name).commands.values():
+            if command.asked and command.request.width is None and not command.request.fields:
+                sent = command.request.literal
+                found = decide(sent)
+                assert found is not None and found == (name, ""), sent
+
+
+def test_methods_that_begin_with_a_command_of_a_hand_control_are_its() -> None:
+    """One byte is a whole command of it: ``L`` is answered, and what follows shows a stranger."""
+    whole = [
+        method
+        for methods in read_table("strangers.toml")["methods"].values()
+        for method in methods
+        if PROTOCOLS["nexstar"].opening.fullmatch(method[:1].encode())
+    ]
+    assert not {"GET", "HEAD", "POST", "PUT", "OPTIONS", "DELETE", "PATCH"} & set(whole)
+    for method in whole:
+        assert decide(method[:1].encode()) == ("nexstar", "")
+
+
+@pytest.mark.parametrize("sent", [b"P", b"H", b"R", b"S", b"G", b"PO", b"HEA", b"T", b"K", b"\x14"])
+def test_what_may_become_more_than_one_is_waited_for(sent: bytes) -> None:
+    found = decide(sent)
+    assert found is None or sent in (b"K", b"\x14"), "one letter of two protocols"
+
+
+@pytest.mark.parametrize("sent", [b"XYZ", b"\xff\xfb\x01", b"!", b"\x01", b"9"])
+def test_what_is_nobodys_is_taken_for_the_first_with_a_reason(sent: bytes) -> None:
+    assert decide(sent) == ("lx200", "because no protocol's commands begin so")
+
+
+def test_an_unknown_command_is_its_protocols() -> None:
+    assert decide(b":ZZ") == ("lx200", "")
+
+
+def test_the_echo_decides_nothing() -> None:
+    assert undecided("nexstar", b"Ka") == 2 and undecided("nexstar", b"KaKb:GR#") == 4
+    assert undecided("nexstar", b"EKa") == 0 and undecided("lx200", b"Ka") == 0
+    assert may_change("nexstar", b"#Ka") and not may_change("nexstar", b"KaE")
+    assert may_change("stellarium", b"") and not may_change("lx200", b":GR#")
+
+
+def test_who_waits_for_the_first_word() -> None:
+    assert waiting() == "stellarium"

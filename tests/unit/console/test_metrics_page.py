@@ -1,0 +1,98 @@
+"""``/metrics``: what Prometheus reads of a gateway, as its own library takes it apart."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.console.server import Console
+from gateway.diagnostics.metrics import exposition
+from tests.support.fake_broker import until
+from tests.unit.console.test_server import Open, opened, play
+
+parser = pytest.importorskip("prometheus_client.parser")
+
+
+async def figures(there: Open) -> tuple[str, dict[tuple[str, ...], float]]:
+    """The text, and every sample by its name and the values of its labels."""
+    async with there.http.get(f"{there.console.where}metrics") as response:
+        assert response.status == 200 and response.content_type == "text/plain"
+        text = await response.text()
+    samples = [sample for family in parser.text_string_to_metric_families(text) for sample in family.samples]
+    return text, {(sample.name, *sample.labels.values()): sample.value for sample in samples}
+
+
+def test_prometheus_reads_what_has_happened(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path, name="pier") as there:
+            _, before = await figures(there)
+            assert before["mount_gateway_up", "pier"] == 1.0 and before["mount_gateway_info", "0.1.0"] == 1.0
+            assert before["mount_gateway_stops_total", "pier"] == 0.0
+            assert there.gateway.controller is not None
+            await there.gateway.controller.stop()
+            there.gateway.wire_log.refused("a program", "no")
+            async with there.page():
+                await until(lambda: there.gateway.controller and there.gateway.controller.line.answers)
+            text, after = await figures(there)
+            assert after["mount_gateway_stops_total", "pier"] == 1.0
+            assert after["mount_gateway_refusals_total", "pier"] == 1.0
+            assert after["mount_gateway_stop_seconds_count", "pier"] == 1.0
+            assert 0.0 < after["mount_gateway_stop_seconds_sum", "pier"] < 5.0
+            exchanges = after["mount_gateway_exchanges_total", "pier"]
+            assert exchanges > before["mount_gateway_exchanges_total", "pier"]
+            assert after["mount_gateway_answer_seconds_count", "pier"] <= exchanges
+            assert after["mount_gateway_clients", "pier"] == 0.0 and after["process_resident_memory_bytes",] > 1e6
+            if promtool := shutil.which("promtool"):
+                subprocess.run([promtool, "check", "metrics"], input=text.encode(), check=True, timeout=20)
+
+    play(work())
+
+
+def test_faults_have_a_kind(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there:
+            metrics: Any = there.console._metrics
+            metrics._mounts[0][1].faults["NoAnswer"] = 3
+            assert (await figures(there))[1]["mount_gateway_faults_total", "NoAnswer", "mount"] == 3.0
+
+    play(work())
+
+
+def test_without_the_extra_it_is_told_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(exposition, "find_spec", lambda name: None)
+
+    async def work() -> None:
+        async with opened(tmp_path) as there, there.http.get(f"{there.console.where}metrics") as response:
+            assert response.status == 501
+            assert "prometheus-client is needed; to install it" in await response.text()
+
+    play(work())
+
+
+@pytest.mark.parametrize("headers", [{"Host": "evil.example"}, {"Sec-Fetch-Site": "cross-site"}])
+def test_a_page_of_somebody_else_reads_nothing(tmp_path: Path, headers: dict[str, str]) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there:
+            where = f"{there.console.where}metrics"
+            async with there.http.get(where, headers=headers) as response:
+                assert response.status == 403
+
+    play(work())
+
+
+def test_nothing_is_counted_once_the_console_is_closed(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as there:
+            console = Console([there.gateway])
+            metrics: Any = console._metrics
+            counts = metrics._mounts[0][1]
+            await console.close()
+            assert there.gateway.controller is not None
+            await there.gateway.controller.stop()
+            assert counts.stops == counts.exchanges == 0
+
+    play(work())

@@ -1,0 +1,153 @@
+"""The overview's web server, spoken to as its page does, and as a page of somebody else's would."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Coroutine
+from contextlib import asynccontextmanager
+from typing import Any
+
+import aiohttp
+import pytest
+
+from gateway.fleet.overview import server as servers
+from gateway.fleet.overview.server import Overview
+from tests.support.fake_broker import NOWHERE, FakeBroker, until
+
+
+class There:
+    """An overview, its broker, and a browser that has its page."""
+
+    def __init__(self, http: aiohttp.ClientSession) -> None:
+        self.broker, self.http, self.told = FakeBroker(), http, list[bool]()
+        self.page = Overview(NOWHERE, "club", lambda: 0.0, lambda there, why: self.told.append(there),
+                             self.broker.connect)  # fmt: skip
+        self.token = ""
+
+    async def get(self, path: str, **headers: str) -> aiohttp.ClientResponse:
+        return await self.http.get(self.page.where + path, headers={"X-Token": self.token, **headers})
+
+    async def stop(self, body: object, **headers: str) -> tuple[int, Any]:
+        data = body if isinstance(body, bytes) else json.dumps(body).encode()
+        where = f"{self.page.where}stop"
+        async with self.http.post(where, data=data, headers={"X-Token": self.token, **headers}) as answer:
+            return answer.status, json.loads(await answer.text()) if answer.status == 200 else await answer.text()
+
+
+@asynccontextmanager
+async def opened() -> AsyncIterator[There]:
+    async with aiohttp.ClientSession() as http:
+        there = There(http)
+        await there.page.open(0)
+        try:
+            await until(lambda: there.told)
+            text = await (await there.get("")).text()
+            there.token = text.split('name="token" content="')[1].split('"')[0]
+            yield there
+        finally:
+            await there.page.close()
+
+
+def play(work: Coroutine[Any, Any, None]) -> None:
+    asyncio.run(work)
+
+
+def test_the_page_and_all_that_it_needs_are_served_and_nothing_else() -> None:
+    async def work() -> None:
+        async with opened() as there:
+            text = await (await there.get("")).text()
+            for needed in ("js/first.js", "css/tokens.css", "css/base.css", "fleet.css", "icon.svg", "fleet.js"):
+                assert f'"{needed}"' in text and (await there.get(needed)).status == 200
+            assert (await there.get("js/core/dom.js")).status == 200
+            for other in ("server.py", "js/main.js", "../server.py", "%2e%2e/server.py"):
+                assert (await there.get(other)).status == 404
+            policy = (await there.get("")).headers["Content-Security-Policy"]
+            assert "default-src 'none'" in policy and "unsafe" not in policy
+
+    play(work())
+
+
+def test_mounts_are_shown() -> None:
+    async def work() -> None:
+        async with opened() as there:
+            there.broker.say("club/pier/mount/state", b'{"online": true, "does": "tracking"}', True)
+
+            async def shown() -> Any:
+                return json.loads(await (await there.get("fleet.json")).text())
+
+            async with asyncio.timeout(5.0):
+                while not (told := await shown())["mounts"]:
+                    await asyncio.sleep(0.01)
+            assert told["there"] is True and told["mounts"][0]["does"] == "tracking"
+            there.broker.down = OSError(111, "Connection refused")
+            there.broker.lose()
+            await until(lambda: False in there.told)
+            assert (await shown())["there"] is False
+
+    play(work())
+
+
+@pytest.mark.parametrize(
+    ("body", "topic"), [({}, "club/all/command"), ({"gateway": "pier", "mount": "east"}, "club/pier/east/command")]
+)
+def test_a_stop_is_sent_once_the_broker_has_passed_it_on(body: dict[str, str], topic: str) -> None:
+    async def work() -> None:
+        async with opened() as there:
+            there.broker.passes_on = True
+            assert await there.stop(body) == (200, {"sent": True, "words": "stop sent"})
+            [message] = there.broker.published
+            assert (message.topic, message.payload, message.retain) == (topic, b"stop", False)
+
+    play(work())
+
+
+def test_a_stop_that_did_not_get_through_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(servers, "PASSED_ON", 0.05)
+
+    async def work() -> None:
+        async with opened() as there:
+            code, told = await there.stop({})
+            assert code == 200 and told["sent"] is False and "has not passed it on" in told["words"]
+            there.broker.down = OSError(111, "Connection refused")
+            there.broker.lose()
+            await until(lambda: False in there.told)
+            published = len(there.broker.published)
+            code, told = await there.stop({})
+            assert told["sent"] is False and "STOP WAS NOT SENT: the broker is not there" in told["words"]
+            there.broker.down = None
+            await until(lambda: there.told[-1])
+            assert len(there.broker.published) == published, "it is not sent later, when nobody expects it"
+
+    play(work())
+
+
+@pytest.mark.parametrize(
+    "body",
+    [b"", b"[]", {"gateway": "a"}, {"mount": "a"}, {"gateway": "a/b", "mount": "c"}, {"gateway": "#", "mount": "+"},
+     {"gateway": "a", "mount": "b", "order": "park"}],
+)  # fmt: skip
+def test_a_stop_that_names_no_mount_is_refused(body: object) -> None:
+    async def work() -> None:
+        async with opened() as there:
+            assert (await there.stop(body))[0] == 400 and not there.broker.published
+
+    play(work())
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"X-Token": "guess"},
+        {"Host": "evil.example"},
+        {"Origin": "http://evil.example"},
+        {"Sec-Fetch-Site": "cross-site"},
+    ],
+)
+def test_a_page_of_somebody_else_sees_nothing_and_stops_nothing(headers: dict[str, str]) -> None:
+    async def work() -> None:
+        async with opened() as there:
+            assert (await there.get("fleet.json", **headers)).status == 403
+            assert (await there.stop({}, **headers))[0] == 403 and not there.broker.published
+
+    play(work())

@@ -1,0 +1,76 @@
+"""What is known of all mounts on a broker, and what is left out because it has another form."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from gateway.fleet.overview import roster as rosters
+from gateway.fleet.overview.roster import Roster
+from gateway.fleet.topics import Heard
+
+NOW = 1_000_000.0
+
+
+def roster(*heard: tuple[str, object], retained: bool = False) -> Roster:
+    made = Roster("club", lambda: NOW)
+    for topic, value in heard:
+        payload = value if isinstance(value, bytes) else json.dumps(value).encode()
+        made.hear(Heard(f"club/{topic}", payload, retained))
+    return made
+
+
+def test_a_mount_is_shown_with_its_state_and_whether_its_gateway_is_there() -> None:
+    made = roster(
+        ("west/east/state", {"online": True, "does": "slewing", "moving": True, "ra_hours": 1.5, "more": [1]}),
+        ("pier/mount/state", {"online": False, "does": "down"}),
+        ("west/availability", b"online"),
+    )
+    pier, west = made.mounts()
+    assert (pier["gateway"], pier["available"], pier["online"]) == ("pier", False, False)
+    assert (west["gateway"], west["mount"], west["available"], west["moving"]) == ("west", "east", True, True)
+    assert west["ra"] == 1.5 and west["alt"] is None and west["age"] == 0
+    made.hear(Heard("club/west/availability", b"offline", False))
+    assert made.mounts()[1]["available"] is False
+
+
+def test_what_lay_there_is_as_old_as_it_says() -> None:
+    [mount] = roster(("a/b/state", {"time": NOW - 75.2}), retained=True).mounts()
+    assert mount["age"] == 75
+
+
+def test_a_state_that_is_taken_away_is_not_shown() -> None:
+    assert not roster(("a/b/state", {}), ("a/b/state", b"")).mounts()
+
+
+def test_what_has_become_of_an_order_is_shown_and_nothing_else_that_happens() -> None:
+    made = roster(
+        ("a/b/state", {}),
+        ("a/b/event", {"kind": "done", "who": "mqtt", "words": "stop: stopped"}),
+        ("a/b/event", {"kind": "connected", "who": "127.0.0.1:3", "words": ""}),
+        ("a/b/event", {"kind": "refused", "who": "127.0.0.1:3", "words": "no"}),
+    )
+    assert made.mounts()[0]["said"] == "stop: stopped"
+    end = {"kind": "done", "who": "mqtt", "words": "stop: stopped"}
+    assert not roster(("a/b/state", {}), ("a/b/event", end), retained=True).mounts()[0]["said"]
+
+
+@pytest.mark.parametrize("payload", [b"[]", b"{", b"\xff", b'{"online": 3}', b'{"ra_hours": "x"}', b"[" * 60000])
+def test_what_has_another_form_is_left_out(payload: bytes) -> None:
+    assert not roster(("a/b/state", payload)).mounts()
+
+
+@pytest.mark.parametrize("topic", ["a/state", "a/b/c/state", "a/b/command", "", "/", "a/gateway"])
+def test_other_topics_are_left_out(topic: str) -> None:
+    assert not roster((topic, {})).mounts()
+    made = Roster("club", lambda: NOW)
+    made.hear(Heard("clubhouse/a/b/state", b"{}", False))
+    assert not made.mounts()
+
+
+def test_there_is_an_end_to_what_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rosters, "MOST", 3)
+    states = [(f"a/{number}/state", {}) for number in range(9)]
+    made = roster(*states, *((f"{name}/availability", b"online") for name in "xyzw"))
+    assert len(made.mounts()) == 3 and len(made._available) == 3
