@@ -66,7 +66,7 @@ class Orders:
         if link.occupied and begins_motion(operation) and not isinstance(operation, GOTOS):  # which wait for it
             return Busy()
         try:
-            if self._hold.on and isinstance(operation, MOTIONS):
+            if isinstance(operation, MOTIONS):
                 self._hold.admit(operation)
         except Held as fault:
             return fault

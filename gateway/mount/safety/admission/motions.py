@@ -62,8 +62,7 @@ class Admission:
         return await self._admit(operation)
 
     async def _admit(self, operation: op.Operation) -> op.Operation:
-        if self._hold.on:
-            self._hold.admit(operation)
+        self._hold.admit(operation)
         self._watch.dips = False
         await self._check_aligned(operation)
         if isinstance(operation, op.Move | op.MoveAxis):

@@ -30,7 +30,7 @@ class Hold:
         self.on = False
 
     def admit(self, operation: Operation) -> None:
-        """Asked, while it is on, for everything that takes its turn among the motions. Raises Held."""
+        """Asked for everything that takes its turn among the motions. Raises Held."""
         stays = isinstance(operation, STILL) or (isinstance(operation, SetTracking) and not operation.on)
-        if not stays:
+        if self.on and not stays:
             raise Held
