@@ -179,7 +179,6 @@ class Console:
         await ws.prepare(request)
         host = request.remote or "?"
         session = PageSession(self._mounts, _Socket(ws, request), host, self._acts(request))
-        leave = self._mounts.page_comes()
         shown = asyncio.ensure_future(session.run())
         self._pages.add(shown)
         try:
@@ -193,7 +192,6 @@ class Console:
             with contextlib.suppress(asyncio.CancelledError, ConnectionError):
                 await shown
             self._pages.discard(shown)
-            leave()
         return ws
 
 

@@ -24,6 +24,7 @@ from gateway.mount.motion.wanted import FIRST, IN_ORDER, Movement, Order, Wanted
 from gateway.mount.readings.cache import FRESH
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader
+from gateway.mount.readings.standing import Standing
 from gateway.mount.safety.rules.dead_man import HostActivity
 from gateway.mount.safety.rules.held import Hold
 from gateway.mount.site.astrometry import SiteAstrometry
@@ -52,9 +53,13 @@ class Orders:
         told: SiteAstrometry,
     ) -> None:
         self._context, self._link, self._runner = context, link, runner
-        self._reader, self._own, self._settings = reader, own, settings
+        self._reader, self._own = reader, own
         self._reconciler, self._movement, self._wanted, self._hold = reconciler, movement, wanted, hold
         self._astrometry, self._told = astrometry, told
+        self._handlers = {
+            **settings.handlers,
+            **Standing(context, reader, wanted, reconciler.done, astrometry).handlers,
+        }
 
     def impossible(self, operation: op.Operation) -> Fault | None:
         """Why nothing can come of an operation, as far as that is known without asking: no may be said at once."""
@@ -122,7 +127,7 @@ class Orders:
             return value
         if type(operation) in PLACES:
             return PLACES[type(operation)](self._told, operation)
-        handler = self._settings.handlers.get(type(operation))
+        handler = self._handlers.get(type(operation))
         if handler is not None:
             return await handler(operation)
         return await self._runner.perform(operation, SETTING)

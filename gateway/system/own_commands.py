@@ -1,7 +1,8 @@
 """Commands for somebody to type, of the very environment that this process runs in.
 
 Who reads them may sit in another folder, before a shell that knows another pip and no mount-gateway; so they are
-written with their whole path.
+written with their whole path. mount-gateway may also be one file that holds Python and all packages (pyinstaller): then
+``sys.executable`` is this file, and no interpreter that takes ``-m``.
 """
 
 from __future__ import annotations
@@ -10,9 +11,31 @@ import os
 import shutil
 import sys
 
+#: What the single file runs a script by; what makes this file in docs/tools/ writes the other half.
+RUN_SCRIPT = "--run-script"
+
+
+def in_one_file() -> bool:
+    """Whether mount-gateway, Python and all packages are one file."""
+    return bool(getattr(sys, "frozen", False))
+
+
+def own_words() -> list[str]:
+    """What starts mount-gateway as a process of its own."""
+    return [sys.executable] if in_one_file() else [sys.executable, "-m", "gateway"]
+
+
+def script_words(path: str) -> list[str]:
+    """What runs a script of the package that needs the standard library alone, as small as it can be."""
+    if in_one_file():
+        return [sys.executable, RUN_SCRIPT, path]
+    return [sys.executable, "-I", "-S", path]
+
 
 def own_command() -> str:
     """What starts mount-gateway in any terminal."""
+    if in_one_file():
+        return sys.executable
     here = shutil.which("mount-gateway", path=os.path.dirname(sys.executable))
     return here or f"{sys.executable} -m gateway"
 
@@ -26,4 +49,6 @@ def pip_command() -> str:
 
 def how_to_add(extra: str) -> str:
     """How to install one of the extras of ``pyproject.toml``: what a person types, and where."""
+    if in_one_file():
+        return f"install mount-gateway with pip instead of this one file: it takes '.[{extra}]'"
     return f"type {pip_command()} install '.[{extra}]' in the folder that mount-gateway was installed from"

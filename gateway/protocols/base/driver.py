@@ -12,7 +12,18 @@ from collections.abc import Callable, Generator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from gateway.core.errors import Fault, Unsupported
-from gateway.core.operations import AbortMotion, GotoAxes, Identity, Operation, Own, PassThrough, Rate, Read, Values
+from gateway.core.operations import (
+    Abilities,
+    AbortMotion,
+    GotoAxes,
+    Identity,
+    Operation,
+    Own,
+    PassThrough,
+    Rate,
+    Read,
+    Values,
+)
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import Model, Version, Way
@@ -27,6 +38,8 @@ else:
     ResultT = TypeVar("ResultT")
 
 _T = TypeVar("_T")
+#: Outcomes of ways by which nothing is done.
+IN_VAIN = ("refused", "silent")
 
 
 class Send(NamedTuple):
@@ -132,6 +145,8 @@ class Driver:
     patience: float | None = None
     #: Whether the mount was sent to sleep.
     asleep = False
+    #: Whether it stands at its park position, to which it was sent, and nobody has taken it up again.
+    parked = False
 
     def __init__(self, handlers: Mapping[str, Handler]) -> None:
         self.handlers = handlers
@@ -161,6 +176,20 @@ class Driver:
     def speed(self, rate: Rate) -> float:
         """How fast the mount moves at a hand rate, degrees a second."""
         raise NotImplementedError
+
+    def can_do(self, equatorial: bool) -> Abilities:
+        """What it can do by the tables, as it stands; a way that ends in a refusal is none."""
+        traits = self.protocol.traits(self.model or "", equatorial and not self.german)
+        can = (
+            name
+            for name, ways in self.protocol.driver.items()
+            for way in ways
+            if way.outcome not in IN_VAIN
+            and (way.part is None or way.part in traits)
+            and all(self.knows(command) for command in (*way.send, *way.needs))
+        )
+        keys = sorted({self.speed(Rate(key=key)) for key in range(1, 10)})
+        return Abilities(frozenset(can), tuple((speed, speed) for speed in keys), german=self.german)
 
     def destination(self, operation: Operation) -> GotoAxes | None:
         """The axis readings that Park or Home leads to; None where only the mount itself knows them."""

@@ -40,6 +40,7 @@ class CommandSet:
                     raise MappingError(self._where("commands.toml"), command.name, f"takes_back: there is no [{name}]")
             for picture in command.requests if command.asked else ():
                 self._by_literal.setdefault(picture.literal, []).append((command, picture))
+        self._longest = max(map(len, self._by_literal), default=0)
 
     def _where(self, file: str) -> str:
         return f"mappings/{self.name}/{file}"
@@ -138,7 +139,7 @@ class CommandSet:
 
     def find(self, frame: bytes) -> tuple[Command, FrameTemplate] | None:
         """The command whose template fits the whole frame, longest literal beginning first."""
-        for length in range(min(len(frame), 8), 0, -1):
+        for length in range(min(len(frame), self._longest), 0, -1):
             for command, picture in self._by_literal.get(frame[:length], ()):
                 if picture.matcher.fullmatch(frame):
                     return command, picture
@@ -146,7 +147,7 @@ class CommandSet:
 
     def first(self, data: bytes) -> bytes:
         """The whole command that these bytes begin with; empty when they begin with none."""
-        for length in range(min(len(data), 8), 0, -1):
+        for length in range(min(len(data), self._longest), 0, -1):
             for _, picture in self._by_literal.get(data[:length], ()):
                 if found := picture.matcher.match(data):
                     return found[0]
@@ -158,7 +159,7 @@ class CommandSet:
 
     def begun(self, beginning: bytes) -> Command | None:
         """The command that these bytes, which lack the end (``#``), begin: the one with the longest literal."""
-        for length in range(min(len(beginning), 8), 0, -1):
+        for length in range(min(len(beginning), self._longest), 0, -1):
             for literal in (beginning[:length] + b"#", beginning[:length]):
                 for command, _ in self._by_literal.get(literal, ()):
                     return command

@@ -29,6 +29,7 @@ const answers = {
   later: (mount, age, unix, ra, dec) => sphere.angles(new Scene(mount, age, unix).place(ra, dec)),
   precessed: (unix, ra, dec) => sphere.angles(sphere.turned(sphere.precession(unix), sphere.vector(ra, dec))),
   point: (shape, azimuth, altitude) => view(shape).point(sphere.vector(azimuth, altitude)),
+  atRim: (shape, azimuth, altitude) => view(shape).point(sphere.atRim(sphere.vector(azimuth, altitude))),
   place: (shape, x, y) => sphere.angles(view(shape).vector(x, y)),
   shape: (shape) => (({ zoom, left, top, radius, scale }) => ({ zoom, left, top, radius, scale }))(view(shape)),
   ring: (shape, altitude) => view(shape).ring(altitude),

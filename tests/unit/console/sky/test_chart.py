@@ -89,6 +89,16 @@ def test_the_zenith_is_in_the_middle_and_rings_are_stereographic() -> None:
     assert [x, y] == pytest.approx([195.0, 300.0 + ring])
 
 
+@pytest.mark.parametrize("altitude", [-3.0, -50.0, -89.0, -90.0])
+def test_what_lies_below_the_horizon_is_shown_at_the_rim(altitude: float) -> None:
+    """Under its azimuth, just outside of the circle, however deep it lies."""
+    (x, y), just_above = ask(("atRim", PHONE, 270.0, altitude), ("atRim", PHONE, 270.0, 0.0))
+    assert just_above == ask(("point", PHONE, 270.0, 0.0))[0]
+    radius = just_above[0] - 195.0
+    assert radius < math.hypot(x - 195.0, y - 300.0) < 1.05 * radius
+    assert altitude == -90.0 or y == pytest.approx(300.0)
+
+
 @pytest.mark.parametrize("facing", [180.0, 0.0, 123.0])
 def test_a_place_on_the_canvas_is_the_place_that_was_drawn_there(facing: float) -> None:
     shape = {**PHONE, "facing": facing, "enlarged": [(3.0, 100.0, 200.0)], "panned": (20.0, -30.0)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from gateway.app.gateway import Gateway
@@ -9,8 +10,8 @@ from gateway.app.status import Rate
 from gateway.core.wire_log import Entry, show
 from gateway.diagnostics.log.printing import MOUNT
 
-#: Sides whose last words are kept.
-MOST = 200
+#: Sides whose last words are kept; bytes that are shown of them.
+MOST, SHOWN = 200, 40
 
 
 class Programs:
@@ -18,7 +19,7 @@ class Programs:
 
     def __init__(self, gateway: Gateway) -> None:
         self._gateway = gateway
-        self._last: dict[str, str] = {}
+        self._last: dict[str, bytes] = {}
         self._counts: dict[str, int] = {}
         self._rates: dict[str, Rate] = {}
 
@@ -33,19 +34,18 @@ class Programs:
         elif entry.arrow == ">":
             if side not in self._last and len(self._last) >= MOST:
                 return
-            self._last[side] = show(entry.data[:40])
+            self._last[side] = entry.data
             self._counts[side] = self._counts.get(side, 0) + 1
 
-    def told(self, now: float) -> list[dict[str, Any]]:
+    def told(self, now: float) -> Iterator[dict[str, Any]]:
         """Every connection: name, surface, profile, last command, commands a second, whether it only looks."""
-        names, found = self._gateway.names(), []
-        for name, reception in zip(names, self._gateway.receptions, strict=False):
-            for visit in reception.connections():
-                client, side = visit.client, visit.client.log.name
-                rate = self._rates.setdefault(side, Rate()).per_second(now, self._counts.get(side, 0))
-                found.append({
-                    "name": show(side.encode()), "surface": name, "profile": visit.profile,
-                    "last": self._last.get(side, ""), "rate": round(rate, 1),
-                    "read_only": client.runner.rights.read_only,
-                })  # fmt: skip
-        return found
+        receptions = zip(self._gateway.names(), self._gateway.receptions, strict=False)
+        here = [(surface, visit) for surface, reception in receptions for visit in reception.connections()]
+        for surface, visit in here:
+            client, side = visit.client, visit.client.log.name
+            rate = self._rates.setdefault(side, Rate()).per_second(now, self._counts.get(side, 0))
+            yield {
+                "name": show(side.encode()), "surface": surface, "profile": visit.profile,
+                "last": show(self._last.get(side, b"")[:SHOWN]), "rate": round(rate, 1),
+                "read_only": client.runner.rights.read_only,
+            }  # fmt: skip
