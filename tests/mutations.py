@@ -136,7 +136,7 @@ MUTATIONS = [
     ),
     Mutation(
         "stopped is said without a look",
-        r"(async def come_to_rest\(.*\n)",
+        r"(^async def come_to_rest\(.*\n)",
         r"\g<1>    return\n",
         "tests/unit/mount/readings/test_rest.py",
     ),
