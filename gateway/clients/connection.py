@@ -92,7 +92,8 @@ class ClientConnection:
         #: When the bytes that are being fed came, where that was before now.
         self._came: float | None = None
         self.host, self.heard = client.life.who, -1e9
-        self._begin = b""
+        #: What it has said, as long as its program may be told by that.
+        self.said = b""
         #: What waits for its turn: bytes, and how many stops there had been when they came.
         self._waiting: list[tuple[bytes, int]] = []
         self._backlog = Backlog()
@@ -167,14 +168,14 @@ class ClientConnection:
     def _listen(self, data: bytes, stops: int | None) -> None:
         """Feed the client, and look at what it says as long as it may be one that is known."""
         if self._manners:
-            self._begin += data
+            self.said += data
             self._manners = tuple(manner for manner in self._manners if self._may_be(manner))
         self.client.feed(data, stops)
 
     def _may_be(self, manner: ClientProfile) -> bool:
         """Whether more must be heard; when enough was heard the client is treated so from here on."""
-        if not self._begin.startswith(manner.first):
-            return manner.first.startswith(self._begin)
+        if not self.said.startswith(manner.first):
+            return manner.first.startswith(self.said)
         client, session = self.client, self.client.session
         client.runner.equinox = manner.equinox or client.runner.equinox
         session.settings = replace(session.settings, **manner.settings)

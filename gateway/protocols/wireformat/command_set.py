@@ -41,6 +41,7 @@ class CommandSet:
             for picture in command.requests if command.asked else ():
                 self._by_literal.setdefault(picture.literal, []).append((command, picture))
         self._longest = max(map(len, self._by_literal), default=0)
+        self._extra: dict[str, dict[str, Model]] = {}
 
     def _where(self, file: str) -> str:
         return f"mappings/{self.name}/{file}"
@@ -135,7 +136,9 @@ class CommandSet:
 
     def extra(self, file: str) -> dict[str, Model]:
         """A further table of this protocol, such as ``rates.toml``."""
-        return self._read(file, Model)
+        if file not in self._extra:
+            self._extra[file] = self._read(file, Model)
+        return self._extra[file]
 
     def find(self, frame: bytes) -> tuple[Command, FrameTemplate] | None:
         """The command whose template fits the whole frame, longest literal beginning first."""

@@ -143,6 +143,22 @@ def test_stellarium_mobile_begins_with_an_echo_and_goes_on_in_either() -> None:
     play(program)
 
 
+def test_stellarium_mobile_is_recognised_by_all_that_it_has_said() -> None:
+    """It counts in J2000; a program that says the same without the echo does not."""
+
+    async def program(bridge: AnyBridge) -> None:
+        bridge.controller.astrometry.sky.load()
+        mobile, other = bridge.call("10.0.0.1"), bridge.call("10.0.0.2")
+        for caller, said in ((mobile, [b"Ka", b"##", b"#\x06"]), (other, [b"##", b"#\x06"])):
+            for words in said:
+                await caller.ask(words, 0.9)
+        assert (mobile.heard, other.heard) == (b"a#A", b"A")
+        assert await mobile.ask(b":GR#") != await other.ask(b":GR#")
+        assert [one.profile for one in bridge.any.connections()].count("Stellarium Mobile PLUS") == 1
+
+    play(program)
+
+
 def test_half_a_command_that_is_not_continued_is_forgotten() -> None:
     """As on a surface of its own protocol: the digits of a goto whose letter came long ago move nothing."""
 
@@ -220,6 +236,20 @@ def test_the_dead_man_stops_an_arrow_whose_program_is_gone() -> None:
         assert not bridge.controller.wanted.axes
 
     play(program)
+
+
+def test_positions_that_are_told_hold_no_arrow() -> None:
+    """Who only listens says nothing: the arrow of another connection of the same computer ends without that one."""
+
+    async def program(bridge: AnyBridge) -> None:
+        caller, listener = bridge.call(), bridge.call()
+        caller.tell(b":RS#:Mn#")
+        await asyncio.sleep(4.0)
+        assert bridge.controller.wanted.axes and listener.heard
+        await asyncio.sleep(4.0)
+        assert not bridge.controller.wanted.axes
+
+    play(program, config={"dead_man": 6.0})
 
 
 def test_closing_while_nothing_is_known() -> None:
