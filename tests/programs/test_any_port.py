@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from . import scenario
-from .browser import Browser
+from .browser import Browser, Site
 from .hamlib import CELESTRON, MEADE, Rotator, terminal_to
 from .hand_control import HandControl
 from .meade import Meade
@@ -13,7 +13,9 @@ from .processes import Workshop, requires, wait_until
 from .product import Endpoint, start_any_gateway, start_meade, start_simulator
 from .sky import NORTH, Spot, arcseconds
 from .stellarium import Planetarium
+from .tap import Tap
 from .telescope import Telescope
+from .test_browser import ATTACK, FETCH, FORM, QUESTIONS
 from .test_hamlib import turns_and_stops
 from .test_stellarium import NEAR, STAR, told
 
@@ -62,6 +64,24 @@ def test_a_browser_shows_the_console(workshop: Workshop) -> None:
     browser = Browser(workshop)
     tab = browser.visit(f"http://127.0.0.1:{surface.port}/")
     wait_until("the page tells what the mount does", lambda: browser.shows(tab)[1] == "Tracking · 6-8se", 30.0)
+
+
+def test_a_hostile_page_moves_nothing(workshop: Workshop) -> None:
+    """What it posts begins as HTTP does, so that all of it is HTTP's, and the console refuses it."""
+    requires("chromium")
+    wire, truth = start_simulator(workshop, "nexstar:cpc", NORTH)
+    tap = Tap(workshop, wire.port)
+    surface = start_any_gateway(workshop, Endpoint(wire.speaks, f"tcp://127.0.0.1:{tap.port}"), "nexstar")
+    pages = {"/fetch": FETCH % (surface.port, ATTACK), "/form": FORM % (surface.port, ATTACK)}
+    site, browser = Site(workshop, pages), Browser(workshop)
+    before = len(tap.heard)
+    browser.visit(f"{site.url}/fetch")
+    wait_until("the page has posted", lambda: "/done" in site.asked, 20.0)
+    tab = browser.visit(f"{site.url}/form")
+    wait_until("the form was answered", lambda: browser.shows(tab)[0] == f"http://127.0.0.1:{surface.port}/x", 20.0)
+    for piece in tap.heard[before:]:
+        assert QUESTIONS["nexstar"].fullmatch(piece), piece
+    assert not truth.goto_running()
 
 
 def test_all_at_once(workshop: Workshop) -> None:

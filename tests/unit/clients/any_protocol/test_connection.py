@@ -7,6 +7,8 @@ import struct
 from collections.abc import Awaitable, Callable
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from gateway.diagnostics.virtual_time import run
 from tests.support.any_port import AnyBridge
@@ -22,6 +24,27 @@ FIRST = [
     (b"?e", b"#", 18, "nexstar"),
     (b"V", b"#", 3, "nexstar"),
     (b"P\x01\x10\xfe\0\0\0\x02", b"#", 3, "nexstar"),
+]
+#: Pieces that begin something, and are put together at random.
+ODD = [
+    b":",
+    b"#",
+    b"?",
+    b"Ka",
+    b"K",
+    b"P",
+    b"R",
+    b"G",
+    b"GET ",
+    b"H",
+    b"\x14",
+    GOTO,
+    b"E",
+    b":GR#",
+    b"\x06",
+    b"\0",
+    b"S",
+    b"$",
 ]
 Program = Callable[[AnyBridge], Awaitable[None]]
 
@@ -66,6 +89,8 @@ def test_idle_bytes_decide_nothing(idle: bytes) -> None:
         for caller in (one, other):
             caller.tell(idle)
         await asyncio.sleep(10.0)
+        one.tell(idle * 1000)
+        assert len(one._guest.sent) <= 64, "however many come, few are kept"
         assert one.heard == b"" and bridge.spoken() == [] and bridge.any.programs() == 0
         assert len(await one.ask(b":GR#")) == 9
         assert len(await other.ask(b"e")) == 18
@@ -263,5 +288,27 @@ def test_closing_while_nothing_is_known() -> None:
             caller._guest.close()
         await asyncio.sleep(10.0)
         assert [entry.arrow for entry in bridge.entries if entry.arrow in "+-~"] == ["+", "-"] * 3
+
+    play(program)
+
+
+@given(
+    pieces=st.lists(st.one_of(st.binary(min_size=1, max_size=30), st.sampled_from(ODD)), min_size=1, max_size=12),
+    pauses=st.lists(st.sampled_from([0.0, 0.05, 1.2, 3.5]), min_size=12, max_size=12),
+)
+@settings(max_examples=60)
+def test_whatever_comes_is_bounded_and_ends_well(pieces: list[bytes], pauses: list[float]) -> None:
+    async def program(bridge: AnyBridge) -> None:
+        caller = bridge.call()
+        for piece, pause in zip(pieces, pauses, strict=False):
+            caller.tell(piece)
+            assert caller.gone or len(caller._guest.sent) < 200
+            await asyncio.sleep(pause)
+        other = bridge.call("10.0.0.9")
+        assert len(await other.ask(b":GVP#")) == 9
+        if not caller.gone:
+            caller._guest.close()
+        told = [entry.arrow for entry in bridge.entries if entry.side.startswith("127") and entry.arrow in "+-"]
+        assert told == ["+", "-"]
 
     play(program)
