@@ -84,7 +84,7 @@ class ConnectionAcceptor:
             self.controller,
             face.surface,
             session,
-            face.framing(self.controller.now),
+            face.framing(),
             write,
             self.controller.wire_log,
             self.controller.presence.arrive(host),
