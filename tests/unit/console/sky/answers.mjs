@@ -1,8 +1,9 @@
 /**
- * Answers questions about the sky chart's modules: reads a list of [function, arguments…] as JSON from standard input,
- * writes the list of answers. The test that asks knows them from elsewhere.
+ * Answers questions about the sky chart's modules: reads lists of [function, arguments…] as JSON from standard input, one
+ * a line, and writes the lists of answers. The test that asks knows them from elsewhere.
  */
 import { readFileSync } from "node:fs";
+import { createInterface } from "node:readline";
 import { pathToFileURL } from "node:url";
 
 const folder = pathToFileURL(`${process.argv[2]}/`);
@@ -52,5 +53,7 @@ const answers = {
   described: (mount, unix) => words.described(new Scene(mount, 0, unix)),
 };
 
-const asked = JSON.parse(readFileSync(0, "utf-8"));
-process.stdout.write(JSON.stringify(asked.map(([name, ...rest]) => answers[name](...rest) ?? null)));
+for await (const line of createInterface({ input: process.stdin })) {
+  const told = JSON.parse(line).map(([name, ...rest]) => answers[name](...rest) ?? null);
+  process.stdout.write(`${JSON.stringify(told)}\n`);
+}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import subprocess
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -23,15 +24,31 @@ PHONE = {"width": 390, "height": 600}
 LEFT_OUT = 0.012
 
 
+NODE: list[subprocess.Popen[str]] = []
+
+
+@pytest.fixture(scope="module", autouse=True)
+def node() -> Iterator[None]:
+    """One process for all questions: starting it takes longer than any answer."""
+    requires("node")
+    words = ["node", str(Path(__file__).with_name("answers.mjs")), str(FOLDER)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=pipe, text=True, encoding="utf-8") as process:
+        NODE.append(process)
+        yield
+        NODE.clear()
+        process.communicate(timeout=60.0)
+
+
 def ask(*questions: tuple[Any, ...]) -> list[Any]:
     """The chart's answers."""
-    requires("node")
-    done = subprocess.run(
-        ["node", str(Path(__file__).with_name("answers.mjs")), str(FOLDER)],
-        input=json.dumps(questions), capture_output=True, text=True, timeout=60.0,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    found: list[Any] = json.loads(done.stdout)
+    [process] = NODE
+    assert process.stdin is not None and process.stdout is not None and process.stderr is not None
+    process.stdin.write(json.dumps(questions) + "\n")
+    process.stdin.flush()
+    told = process.stdout.readline()
+    assert told, process.stderr.read()
+    found: list[Any] = json.loads(told)
     return found
 
 
