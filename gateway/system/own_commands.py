@@ -42,6 +42,8 @@ def own_command() -> str:
 
 def pip_command() -> str:
     """What installs packages where this one is: pipx gives its environments no pip of their own."""
+    if in_one_file():
+        return "in an installed mount-gateway, since one file cannot be added to: pip"
     if os.path.isfile(os.path.join(sys.prefix, "pipx_metadata.json")):
         return "pipx runpip mount-gateway"
     return os.path.join(os.path.dirname(sys.executable), "pip")
@@ -50,5 +52,5 @@ def pip_command() -> str:
 def how_to_add(extra: str) -> str:
     """How to install one of the extras of ``pyproject.toml``: what a person types, and where."""
     if in_one_file():
-        return f"install mount-gateway with pip instead of this one file: it takes '.[{extra}]'"
+        return f"install mount-gateway with pip instead of this one file: pip install '.[{extra}]' in its folder"
     return f"type {pip_command()} install '.[{extra}]' in the folder that mount-gateway was installed from"

@@ -11,15 +11,17 @@ from gateway.diagnostics.log.printing import MOUNT
 #: Answer times that are kept for a page that has just come.
 KEPT = 240
 
+#: When (Unix seconds), and after how many milliseconds; None for a question that failed.
+Sample = tuple[float, float | None]
+
 
 class Pulse:
     """Listens to the mount's side of a wire_log."""
 
     def __init__(self) -> None:
-        #: When (Unix seconds), and after how many milliseconds; None for a question that failed.
-        self.samples: deque[tuple[float, float | None]] = deque(maxlen=KEPT)
+        self.samples: deque[Sample] = deque(maxlen=KEPT)
         self.faults = 0
-        self.count = 0
+        self._new: deque[Sample] = deque(maxlen=KEPT)
         self._asked = 0.0
         self._rate = Rate()
 
@@ -32,8 +34,14 @@ class Pulse:
         elif entry.arrow == "<":
             failed = bool(entry.note)
             self.faults += failed
-            self.count += 1
-            self.samples.append((round(entry.time, 3), None if failed else round((entry.time - self._asked) * 1e3, 1)))
+            self._new.append((round(entry.time, 3), None if failed else round((entry.time - self._asked) * 1e3, 1)))
+
+    def take(self) -> list[Sample]:
+        """What is new since the last time; from now on it is among the ``samples``."""
+        new = list(self._new)
+        self._new.clear()
+        self.samples += new
+        return new
 
     def rate(self, now: float, answers: int) -> float:
         """Exchanges a second, of late."""

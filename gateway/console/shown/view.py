@@ -1,11 +1,11 @@
-"""What a page is shown of a mount: one value made of plain dictionaries, from what is known without asking the mount.
+"""What a page is shown of a mount: plain dictionaries, from what is known without asking the mount.
 
 Angles are degrees, azimuth from north through east, times Unix seconds. The sentences are those of ``status``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gateway.app.control.gather import gather
@@ -15,7 +15,7 @@ from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
 from gateway.mount.motion.wanted import Slew
-from gateway.mount.site.sources import shown
+from gateway.mount.safety.admission.contradictions import contradictions, shown, time_unknown
 
 #: Places over the horizon along the way of a goto, beginning and end counted.
 STEPS = 24
@@ -25,29 +25,31 @@ FINE, COARSE = 5, 3
 BODIES = ("Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
 
 
-def mount(gateway: Gateway, index: int) -> dict[str, Any]:
-    """Everything but the line's pulse and the bodies of the sky."""
+def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
+    """Everything but the line's pulse, the programs and the bodies of the sky; each part takes about 0.1 ms."""
     controller = gateway.controller
     assert controller is not None
-    state = gather(controller, gateway.config.name or "", str(gateway.mount), gateway.programs())
-    look, snapshot = state.look, controller.cache
-    status: op.Status | None = snapshot.value(op.GetStatus)
+    state = gather(controller, gateway.config.name or "", str(gateway.mount), ())
+    look = state.look
+    yield {}  # to gather is a piece of work by itself
     here = None if look.position is None else place(controller, look.position)
-    return {
+    yield {"position": here and {**here, "age": round(look.age, 1)}}
+    snapshot = controller.cache
+    status: op.Status | None = snapshot.value(op.GetStatus)
+    yield {
         "index": index, "name": look.name, "at": state.mount, "found": state.found, "product": state.product,
         "model": state.model, "version": state.version, "state": look.state, "reason": look.reason,
-        "does": does(look), "position": here and {**here, "age": round(look.age, 1)},
-        **_sky(controller, look.position), "pier": snapshot.value(op.PierSide) or "",
-        **_goal(controller, here),
+        "does": does(look), "pier": snapshot.value(op.PierSide) or "",
         "tracking": status.tracking.value if status else "",
         "tracks": status is not None and status.tracking is not op.Tracking.OFF,
         "aligned": status.aligned if status else None, "equatorial": status.equatorial if status else None,
         "german": controller.driver.german, "slewing": look.slewing, "by_hand": look.by_hand, "asleep": look.asleep,
         "held": look.held, "wanted": list(state.wanted), "allowed": list(state.allowed), "lately": list(state.lately),
-        **_where_and_when(controller), "limits": _limits(controller), "dead_man": controller.policy.silence,
-        "line": {"typical": round(state.reply, 3), "answers": state.answers},
+        "dead_man": controller.policy.silence, "line": {"typical": round(state.reply, 3), "answers": state.answers},
         "surfaces": gateway.names(),
     }  # fmt: skip
+    yield {**_sky(controller, look.position), **_where_and_when(controller), "limits": _limits(controller)}
+    yield _goal(controller, here)
 
 
 def place(controller: MountController, seen: op.Equatorial) -> dict[str, Any]:
@@ -64,15 +66,13 @@ def place(controller: MountController, seen: op.Equatorial) -> dict[str, Any]:
     return found
 
 
-def bodies(controller: MountController) -> list[dict[str, Any]]:
+def bodies(controller: MountController) -> Iterator[dict[str, Any]]:
     """Sun, Moon and planets: name, place of J2000, altitude and azimuth where the site is known."""
-    found = []
     for name in BODIES:
         where = _body(controller, name)
         if where is not None:
             told = place(controller, where)
-            found.append({"name": name, **{key: told[key] for key in ("ra2000", "dec2000", "alt", "az")}})
-    return found
+            yield {"name": name, **{key: told[key] for key in ("ra2000", "dec2000", "alt", "az")}}
 
 
 def _body(controller: MountController, name: str) -> op.Equatorial | None:
@@ -136,7 +136,7 @@ def _where_and_when(controller: MountController) -> dict[str, Any]:
     """The site and the clock in force, who says so, and who says otherwise."""
     sources = controller.sources
     sites, time = sources.sites(), sources.best_time()
-    doubts = [found.words for found in sources.contradictions()]
+    doubts = [found.words for found in contradictions(sites, sources.times())]
     site = None
     if sites:
         best = sites[0]
@@ -147,7 +147,7 @@ def _where_and_when(controller: MountController) -> dict[str, Any]:
         "clock": {"ahead": round(time.unix - controller.wire_log.clock(), 1), "source": time.source},
         "site_doubt": next((words for words in doubts if "clocks" not in words), ""),
         "clock_doubt": "nobody tells the time, and this computer has lost it"
-        if sources.time_unknown
+        if time_unknown(time)
         else next((words for words in doubts if "clocks" in words), ""),
     }
 
