@@ -242,7 +242,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):
     console: list[ConsoleConfig] = []
     mqtt: list[MqttConfig] = []
     wait: Annotated[bool, key("keep looking for a mount that does not answer; programs can connect meanwhile")] = False
-    discovery: Annotated[bool, key("announce surfaces that other computers can reach (SkySafari, mDNS)")] = True
+    discovery: Annotated[bool, key("announce surfaces that other computers can reach (SkySafari, Alpaca, mDNS)")] = True
     watchdog: Annotated[
         bool, key("a second, small process stops the mount if the gateway dies or hangs while the mount moves")
     ] = True

@@ -219,3 +219,24 @@ def test_every_refusal_has_a_number() -> None:
     kinds = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, errors.Fault)]
     assert len(kinds) > 15
     assert all(number(kind()) in NUMBERS for kind in kinds)
+
+
+@pytest.mark.parametrize("latitude", [45.0, -45.0])
+@pytest.mark.parametrize(("mount", "version"), [("cge", "4.21"), ("cgem", "5.31")])
+def test_the_side_of_the_pier_is_the_one_that_was_foretold(mount: str, version: str, latitude: float) -> None:
+    """East of the pier it looks west, in either hemisphere and whatever letter the hand control tells."""
+
+    async def program() -> None:
+        async with stage(mount, version=version, site=(latitude, 10.0), speed=20.0) as own:
+            own.controller.astrometry.sky.load()
+            client = await connected(own)
+            for hours, side in ((2.0, 0), (-2.0, 1)):
+                ra = (await ask(client, "get siderealtime") - hours) % 24.0
+                place = f"RightAscension={ra} Declination={latitude / 3.0}"
+                assert await ask(client, f"get destinationsideofpier {place}") == side
+                assert await ask(client, f"put slewtocoordinatesasync {place}") is None
+                while await ask(client, "get slewing"):
+                    await asyncio.sleep(0.5)
+                assert await ask(client, "get sideofpier") == side
+
+    run(program())
