@@ -14,6 +14,8 @@ import msgspec
 
 _TRUTH = {b"true": True, b"false": False}
 _BEGINNING = datetime(1970, 1, 1, tzinfo=UTC)
+#: The first and the last second that have a date of four digits, Unix time.
+_FIRST, _LAST = -62_135_596_800.0, 253_402_300_799.0
 #: No whole number of more digits is meant as one.
 _DIGITS = 12
 
@@ -69,9 +71,9 @@ def parse_truth(raw: bytes) -> bool:
 
 
 def moment(unix: float) -> bytes:
-    """UTC to the millisecond: ``2026-01-28T21:00:00.000Z``."""
-    at = _BEGINNING + timedelta(milliseconds=round(unix * 1000.0))
-    return at.strftime("%Y-%m-%dT%H:%M:%S.").encode() + b"%03dZ" % (at.microsecond // 1000)
+    """UTC to the millisecond, as far as calendars reach: ``2026-01-28T21:00:00.000Z``."""
+    at = _BEGINNING + timedelta(milliseconds=round(max(_FIRST, min(_LAST, unix)) * 1000.0))
+    return at.replace(tzinfo=None).isoformat(timespec="milliseconds").encode() + b"Z"
 
 
 def parse_moment(raw: bytes) -> float:

@@ -19,7 +19,7 @@ def within(values: Values, field: str, name: str, low: float, high: float, per: 
     """A parameter that is in its range, which is told in units of ``per``. Raises Invalid."""
     value = given(values)[field]
     if not low <= value <= high:
-        raise Invalid(f"{name} is {value / per:g}; it must be from {low / per:g} to {high / per:g}.")
+        raise Invalid(f"{name} is {value / per:.10g}; it must be from {low / per:.6g} to {high / per:.6g}.")
     return value
 
 
