@@ -2,10 +2,11 @@
 
     python tests/benchmarks/fleet.py [--seconds 30] [--outage 60] [--only PART ...]
 
-Needs mosquitto. ``load``: 50 slewing mounts over 5 gateways at one state a second, with a broker and without, in turn.
-``killed``: from ``kill -9`` until a subscriber knows. ``stop``: STOP ALL of the overview's page until the first stopping
-byte on each of 50 lines. ``outage``: a program polls, guides, slews and stops while the broker is there, is ended for a
-minute, and is there again. ``thousand``: 1,000 mounts of a script on one broker, and the overview's page over them.
+Needs mosquitto. ``load``: 50 slewing mounts over 5 gateways on a broker, and as many without one, at the same time.
+``killed``: from ``kill -9`` until a subscriber knows. ``stop``: STOP ALL of the overview's page until the first
+stopping byte on each of 50 lines. ``outage``: a program polls, guides, slews and stops on a gateway with a broker and
+on one without, in turn, while the broker is there, is ended, is there again, hangs, and is there at last. ``thousand``:
+1,000 mounts of a script on one broker, and the overview's page over them.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import sys
 import tempfile
 import time
 import urllib.request
+from collections.abc import Callable
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -71,31 +73,30 @@ class Page:
 
 
 def load(folder: Path, seconds: float) -> None:
-    """Processor time of the gateways."""
-    broker, rates = Broker(folder), dict[bool, list[float]]()
+    """Processor time and memory of gateways with a broker and without, measured over the same seconds."""
+    broker = Broker(folder)
     onlooker = Onlooker(broker)
-    for number in range(4):
-        shown = number % 2 == 1
-        made = [Gateway(folder, f"load{number}-{one}", MOUNTS, broker.url if shown else None)
-                for one in range(GATEWAYS)]  # fmt: skip
-        try:
-            time.sleep(10.0)  # the sky is loaded
-            slew(made)
-            time.sleep(2.0)
-            before, heard, began = [one.seconds_used() for one in made], len(onlooker.heard), time.monotonic()
-            time.sleep(seconds)
-            took = time.monotonic() - began
-            spent = sum(one.seconds_used() - then for one, then in zip(made, before, strict=True))
-            rates.setdefault(shown, []).append(100.0 * spent / took / GATEWAYS)
-            print(f"  {'with' if shown else 'without'} broker: {rates[shown][-1]:.2f} % of a core a gateway, "
-                  f"{(len(onlooker.heard) - heard) / took:.0f} messages/s, "
-                  f"{middle([resident(one.process.pid) for one in made]):.0f} MiB a gateway", flush=True)  # fmt: skip
-        finally:
-            for one in made:
-                one.end()
-    print(f"load: + {middle(rates[True]) - middle(rates[False]):.2f} % of a core a gateway of {MOUNTS} mounts")
-    onlooker.leave()
-    broker.end()
+    shown = [Gateway(folder, f"shown{one}", MOUNTS, broker.url) for one in range(GATEWAYS)]
+    alone = [Gateway(folder, f"alone{one}", MOUNTS, None) for one in range(GATEWAYS)]
+    every = [*shown, *alone]
+    try:
+        time.sleep(15.0)  # the sky is loaded
+        slew(every)
+        time.sleep(2.0)
+        before, heard, began = [one.seconds_used() for one in every], len(onlooker.heard), time.monotonic()
+        time.sleep(seconds)
+        took = time.monotonic() - began
+        shares = [100.0 * (one.seconds_used() - then) / took for one, then in zip(every, before, strict=True)]
+        for name, ones in (("with a broker", shown), ("without", alone)):
+            share = sum(shares[every.index(one)] for one in ones) / GATEWAYS
+            memory = middle([resident(one.process.pid) for one in ones])
+            print(f"load: {name}: {share:.2f} % of a core and {memory:.0f} MiB a gateway of {MOUNTS} mounts")
+        print(f"  {(len(onlooker.heard) - heard) / took:.0f} messages/s, broker {resident(broker.process.pid):.1f} MiB")
+    finally:
+        for one in every:
+            one.end()
+        onlooker.leave()
+        broker.end()
 
 
 def killed(folder: Path, seconds: float) -> None:
@@ -109,9 +110,8 @@ def killed(folder: Path, seconds: float) -> None:
         began = time.time()
         one.process.send_signal(signal.SIGKILL)
         until("it is gone", lambda: onlooker.newest(topic) == b"offline")  # noqa: B023
-        took.append(
-            next(at for at, where, said in reversed(onlooker.heard) if (where, said) == (topic, b"offline")) - began
-        )
+        heard = [at for at, where, said in onlooker.heard if (where, said) == (topic, b"offline")]
+        took.append(heard[-1] - began)
         one.process.wait(5.0)
     print(f"killed: known after {1e3 * middle(took):.1f} ms, at most {1e3 * max(took):.1f} ms, of {len(took)}")
     onlooker.leave()
@@ -143,71 +143,91 @@ def stop(folder: Path, seconds: float) -> None:
         for one in made:
             one.end()
         broker.end()
-    print(f"stop: {1e3 * middle(took):.0f} ms, p99 {1e3 * percentile(took, 99):.0f} ms, at most {1e3 * max(took):.0f} ms, "
-          f"of {len(took)} stops")  # fmt: skip
+    at_most = f"p99 {1e3 * percentile(took, 99):.0f} ms, at most {1e3 * max(took):.0f} ms"
+    print(f"stop: {1e3 * middle(took):.0f} ms, {at_most}, of {len(took)} stops")
 
 
 def outage(folder: Path, seconds: float) -> None:
-    """Position and stop of a program while the broker is there, and while it is not."""
+    """Positions and stops of a program while the broker is there, and while it is not."""
     broker = Broker(folder)
     onlooker = Onlooker(broker)
-    one = Gateway(folder, "outage", 1, broker.url, log=True, nice=-5)
-    topic = "mount-gateway/outage/m0/state"
-    times: dict[str, tuple[list[float], list[float]]] = {}
+    shown = Gateway(folder, "shown", 1, broker.url, log=True, nice=-5)
+    alone = Gateway(folder, "alone", 1, None, log=True, nice=-5)
     try:
         time.sleep(10.0)
         for phase in ("there", "ended", "there again", "hung", "there at last"):
             if phase in ("ended", "hung"):
                 broker.process.send_signal(signal.SIGSTOP) if phase == "hung" else broker.end()
             elif phase != "there":
-                began = time.time()
+                since = time.time()
                 broker.process.send_signal(signal.SIGCONT) if phase == "there at last" else broker.start()
-                until("the state is told again", lambda: onlooker.newest(topic) and any(
-                    at > began and where == topic and abs(json.loads(said)["time"] - at) < 1.5
-                    for at, where, said in onlooker.heard[-50:]))  # fmt: skip
-                print(f"  the newest state was told {time.time() - began:.2f} s after its return", flush=True)
-            times[phase] = _played(one, seconds)
-            positions, stops = times[phase]
-            print(f"  {phase}: :GR# {1e6 * middle(positions):.0f} µs, p99 {1e6 * percentile(positions, 99):.0f} µs of "
-                  f"{len(positions)}; stop {1e3 * middle(stops):.1f} ms, p99 {1e3 * percentile(stops, 99):.1f} ms of "
-                  f"{len(stops)}", flush=True)  # fmt: skip
+                until("the state is told again", lambda: _right(onlooker, since))  # noqa: B023
+                print(f"  the newest state was told {time.time() - since:.2f} s after its return", flush=True)
+            plays = [_Play(shown), _Play(alone)]
+            until_then = time.monotonic() + seconds
+            while time.monotonic() < until_then:
+                for play in plays:
+                    play.go_on()
+                time.sleep(0.01)
+            time.sleep(1.0)
+            for name, play in zip(("with a broker", "without"), plays, strict=True):
+                print(f"  {phase}, {name}: {play.ended()}", flush=True)
     finally:
         broker.process.send_signal(signal.SIGCONT)
-        one.end()
+        shown.end()
+        alone.end()
         onlooker.leave()
         broker.end()
 
 
-def _played(gateway: Gateway, seconds: float) -> tuple[list[float], list[float]]:
-    """A program that polls, guides, slews and stops -> how long positions took, and stops until their first byte."""
-    positions, asked = list[float](), list[float]()
-    with socket.create_connection((HOST, gateway.ports[0]), 20.0) as link:
-        link.settimeout(20.0)
-        until_then, number = time.monotonic() + seconds, 0
-        while time.monotonic() < until_then:
-            number += 1
-            began = time.perf_counter()
-            link.sendall(b":GR#")
-            heard = b""
-            while not heard.endswith(b"#"):
-                heard += link.recv(100)
-            positions.append(time.perf_counter() - began)
-            if number % 50 == 10:
-                link.sendall(b":Mgn0200#")
-            elif number % 50 == 25:
-                link.sendall(GOTO)
-                heard = b""
-                while len(heard) < 3:
-                    heard += link.recv(10)
-            elif number % 50 == 45:
-                asked.append(time.time())
-                link.sendall(b":Q#")
-            time.sleep(0.02)
-    time.sleep(1.0)
-    commands = list(gateway.commands)
-    stops = [min((at - then for at, _, sent in commands if at >= then - 0.001 and is_stop(sent)), default=9.0)
-             for then in asked]  # fmt: skip
-    return positions, stops
+def _right(onlooker: Onlooker, since: float) -> bool:
+    """Whether a state has come since then that was made just now."""
+    topic = "mount-gateway/shown/m0/state"
+    recent = [(at, said) for at, where, said in onlooker.heard[-50:] if where == topic and at > since]
+    return any(abs(json.loads(said)["time"] - at) < 1.5 for at, said in recent)
+
+
+class _Play:
+    """A program that polls, guides, slews and stops, a little at a time."""
+
+    def __init__(self, gateway: Gateway) -> None:
+        self._gateway = gateway
+        self._link = socket.create_connection((HOST, gateway.ports[0]), 20.0)
+        self._link.settimeout(20.0)
+        self._number = 0
+        self._positions, self._stops = list[float](), list[float]()
+
+    def go_on(self) -> None:
+        """Ask for the position; now and then something else."""
+        began = time.perf_counter()
+        self._ask(b":GR#", lambda heard: heard.endswith(b"#"))
+        self._positions.append(time.perf_counter() - began)
+        self._number += 1
+        match self._number % 50:
+            case 10:
+                self._link.sendall(b":Mgn0200#")
+            case 25:
+                self._ask(GOTO, lambda heard: len(heard) >= 3)
+            case 45:
+                self._stops.append(time.time())
+                self._link.sendall(b":Q#")
+
+    def _ask(self, command: bytes, whole: Callable[[bytes], bool]) -> None:
+        self._link.sendall(command)
+        heard = b""
+        while not whole(heard):
+            heard += self._link.recv(100)
+
+    def ended(self) -> str:
+        """What it has measured: how long positions took, and stops until their first byte on the mount's line."""
+        self._link.close()
+        sent = [at for at, _, sent in list(self._gateway.commands) if is_stop(sent)]
+        took = [min((at - asked for at in sent if at >= asked - 0.001), default=9.0) for asked in self._stops]
+        times = self._positions
+        return (
+            f":GR# {1e6 * middle(times):.0f} µs, p99 {1e6 * percentile(times, 99):.0f} µs of {len(times)}; "
+            f"stop {1e3 * middle(took):.0f} ms, p99 {1e3 * percentile(took, 99):.0f} ms of {len(took)}"
+        )
 
 
 def thousand(folder: Path, seconds: float) -> None:
@@ -240,10 +260,11 @@ def thousand(folder: Path, seconds: float) -> None:
         took = time.monotonic() - before[2]
         shown = page.ask("fleet.json")["mounts"]
         assert isinstance(shown, list)
-        print(f"thousand: {len(counter.heard) / took:.0f} states/s told and heard ({len(shown)} mounts on the page); "
-              f"publishing took {middle(late):.2f} s of a second; broker {100 * (used(broker.process.pid) - before[0]) / took:.1f} % "
-              f"of a core, {resident(broker.process.pid):.1f} MiB; page {100 * (used(page.process.pid) - before[1]) / took:.1f} % "
-              f"of a core, {resident(page.process.pid):.0f} MiB, asked in {1e3 * middle(looks):.0f} ms")  # fmt: skip
+        print(f"thousand: {len(counter.heard) / took:.0f} states/s told and heard, {len(shown)} mounts on the page, "
+              f"asked in {1e3 * middle(looks):.0f} ms; publishing took {middle(late):.2f} s of a second")  # fmt: skip
+        for name, process, then in (("broker", broker.process, before[0]), ("page", page.process, before[1])):
+            share = 100.0 * (used(process.pid) - then) / took
+            print(f"  {name}: {share:.1f} % of a core, {resident(process.pid):.1f} MiB")
     finally:
         for one in (*publishers, counter):
             one.leave()
