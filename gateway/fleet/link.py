@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import random
+import re
 import threading
 from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Executor
@@ -208,7 +209,7 @@ async def _first_of(*works: Coroutine[Any, Any, object]) -> None:
 
 def _why(error: Exception) -> str:
     """What happened, in a few words."""
-    words = str(error).removeprefix("[Errno ").strip() or type(error).__name__
+    words = re.sub(r"^\[Errno -?\d+\] ", "", str(error)).strip() or type(error).__name__
     if "[code:134]" in words or "[code:135]" in words or "uthori" in words:
         return "it refuses: the user or the password is not what it knows"
-    return words.partition("] ")[2] or words if words[:1].isdecimal() else words
+    return words

@@ -164,10 +164,11 @@ def outage(folder: Path, seconds: float) -> None:
                 until("the state is told again", lambda: _right(onlooker, since))  # noqa: B023
                 print(f"  the newest state was told {time.time() - since:.2f} s after its return", flush=True)
             plays = [_Play(shown), _Play(alone)]
-            until_then = time.monotonic() + seconds
+            until_then, order = time.monotonic() + seconds, [*plays]
             while time.monotonic() < until_then:
-                for play in plays:
+                for play in order:
                     play.go_on()
+                order.reverse()  # who asks first waits longer for the same
                 time.sleep(0.01)
             time.sleep(1.0)
             for name, play in zip(("with a broker", "without"), plays, strict=True):
