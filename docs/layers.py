@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -23,6 +24,7 @@ def layers() -> list[str]:
     return sorted(path.parent.name for path in (ROOT / "gateway").glob("*/__init__.py"))
 
 
+@cache
 def imports() -> Graph:
     """Layer -> the other layers that its modules import from."""
     known = layers()

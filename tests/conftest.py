@@ -18,8 +18,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests.support import sampling
 from tests.support.process import ALIVE, Running
-from tests.support.sampling import left_out
 
 _COUNT = itertools.count()
 
@@ -34,6 +34,7 @@ def pytest_configure(config: pytest.Config) -> None:
     What is compiled is kept, by workers and by product processes, also where an image says otherwise: compiling the
     tests takes each worker four seconds, compiling the product takes each process as long as all else of its start.
     """
+    sampling.WHOLE = config.getoption("whole") or any("::" in argument for argument in config.args)
     sys.dont_write_bytecode = False
     gc.disable()  # until everything is collected
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -48,9 +49,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Grids of whole gateways are sampled, unless all of it is wanted or single tests are named."""
-    if config.getoption("whole") or any("::" in argument for argument in config.args):
+    if sampling.WHOLE:
         return
-    if out := left_out(items):
+    if out := sampling.left_out(items):
         config.hook.pytest_deselected(items=[item for item in items if item in out])
         items[:] = [item for item in items if item not in out]
 

@@ -20,16 +20,19 @@ from gateway.core.errors import UserError
 from gateway.mount.controller import MountController
 from gateway.mount.policy import Policy
 from gateway.mount.safety.limits import Limits
-from gateway.protocols.base.frames import Framing
+from gateway.protocols.base.frames import Framer
 from gateway.protocols.base.plain_replies import PlainReplies
 from gateway.protocols.base.reply_rules import Replies
 from gateway.protocols.base.session import Shared
 from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSettings
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken, surfaces
+from gateway.transport import Listener, open_port
+from gateway.transport.handler import Arrive
 from gateway.transport.tcp import exposed
+from gateway.transport.web_port import WebDevice
 from gateway.transport.wires import SerialTransport, Transport
 
-Cutting = Callable[[Callable[[], float]], Framing]
+Cutting = Callable[[], Framer]
 
 
 def check_pair(mount: Endpoint, endpoints: Sequence[Endpoint]) -> None:
@@ -66,7 +69,9 @@ def make_surface(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> S
     if spec.make_surface is None:
         raise UserError(f"no {endpoint.protocol} surface; write {' or '.join(surfaces())}")
     made = spec.make_surface(
-        SurfaceSettings(endpoint.model, endpoint.version, config.precision, config.sync_text, limits)
+        SurfaceSettings(
+            endpoint.model, endpoint.version, config.precision, config.sync_text, limits, config.equinox or spec.equinox
+        )
     )
     return SurfaceBinding(
         spec.title,
@@ -78,6 +83,14 @@ def make_surface(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> S
         counts_in=spec.equinox,
         fit=made.fit,
     )
+
+
+async def open_surface(endpoint: Endpoint, baud: int | None, arrive: Arrive, title: str, mount: str) -> Listener:
+    """The port of a surface; programs that speak HTTP are told the mount by its ``title``. Raises UserError."""
+    spec = PROTOCOLS.get(endpoint.protocol)
+    if spec is None or spec.web is None:
+        return await open_port(endpoint.where, arrive, baud)
+    return await spec.web().open_port(endpoint.where, WebDevice(arrive, title, mount))
 
 
 def _nobody(words: str) -> None:

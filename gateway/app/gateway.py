@@ -12,6 +12,7 @@ from gateway.app.bindings import (
     exposure,
     make_driver,
     make_wire,
+    open_surface,
     own_face,
     policy,
     tell_of_motions,
@@ -42,7 +43,7 @@ from gateway.mount.site.site_clock import SiteClock
 from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.protocols.base.session import Shared
 from gateway.system.runtime_folders import folders
-from gateway.transport import Listener, open_port
+from gateway.transport import Listener
 from gateway.transport.wires import on_the_wire
 
 
@@ -104,7 +105,8 @@ class Gateway:
         self.prepare(lambda dialogue, wire_log: MountLink(wire, dialogue, wire_log))
         for endpoint, surface, reception in zip(self.endpoints, self.surfaces, self.receptions, strict=True):
             try:
-                self.ports.append(await open_port(endpoint.where, self.entrance.arrive(reception), surface.baud))
+                arrive = self.entrance.arrive(reception)
+                self.ports.append(await open_surface(endpoint, surface.baud, arrive, self.title, str(self.mount)))
             except UserError:
                 await self.close()
                 raise

@@ -8,12 +8,11 @@ acts needs the token that only the served page holds. The port is not compared: 
 from __future__ import annotations
 
 import hmac
-import socket
-from collections.abc import Iterable, Mapping
-from functools import lru_cache
-from ipaddress import ip_address
+from collections.abc import Mapping
 
-from gateway.app.discovery.addresses import held
+from gateway.system.own_names import host_of, known_host
+
+__all__ = ["HEADERS", "from_elsewhere", "known_host", "same_origin", "same_token"]
 
 #: Everything the page needs comes from here; nothing else is loaded, framed or run.
 HEADERS = {
@@ -27,43 +26,6 @@ HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
-
-
-def host_of(header: str) -> str:
-    """The host without its port, in lower case: ``[::1]:4080`` is ``::1``."""
-    if header.startswith("["):
-        return header[1:].partition("]")[0].lower()
-    return header.rpartition(":")[0].lower() if header.count(":") == 1 else header.lower()
-
-
-@lru_cache(maxsize=1)
-def own_names() -> frozenset[str]:
-    """What this computer is called: localhost, its host name, and that name as mDNS has it."""
-    name = socket.gethostname().lower().partition(".")[0]
-    return frozenset(("localhost", name, f"{name}.local", socket.gethostname().lower()))
-
-
-def known_host(header: str | None, local: str, names: Iterable[str] = ()) -> bool:
-    """Whether ``Host`` is an address of this computer, or a name of it or one of ``names``.
-
-    ``local`` is the address at which the connection came in. Rebinding needs a name, or an address that is not ours.
-    """
-    host = host_of(header or "")
-    try:
-        address = ip_address(host.partition("%")[0])
-    except ValueError:
-        return host in own_names() or host in {name.lower() for name in names}
-    return address.is_loopback or _plain(local) == _plain(str(address)) or str(address) in own_addresses()
-
-
-def _plain(address: str) -> str:
-    """Without the zone of IPv6 and without what wraps an IPv4 address."""
-    return address.partition("%")[0].removeprefix("::ffff:")
-
-
-def own_addresses() -> frozenset[str]:
-    """Every address of this computer, as it is now."""
-    return frozenset(str(address) for _, address in held())
 
 
 def same_origin(origin: str | None, host: str | None) -> bool:

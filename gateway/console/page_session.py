@@ -1,15 +1,15 @@
 """One page that is open: what it sees, what it asks for, and what ends when it is gone.
 
-State goes out as differences, at most five times a second, and only when the page has taken what it was sent before:
-one that is slow, stalled or hidden holds up nobody, and gets the newest state when it reads again. A page that holds
-an arrow down says that it lives twice a second; when that stays away for 1.5 seconds its arrows are let go.
+It is sent what the publisher has made for all pages, and only when it has taken what it was sent before: one that is
+slow, stalled or hidden holds up nobody, and gets the newest state when it reads again. A page that holds an arrow down
+says that it lives twice a second; when that stays away for 1.5 seconds its arrows are let go.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Coroutine
+from collections.abc import Coroutine
 from typing import Any, Protocol
 
 import msgspec
@@ -17,13 +17,13 @@ import msgspec
 from gateway.console import actions, requests
 from gateway.console.mounts import Mounts
 from gateway.console.places import Unknown, known, look_up, verdict, where
-from gateway.console.talk import Newest
+from gateway.console.shown.frame import Frame, talk
 from gateway.core import operations as op
 from gateway.core.errors import UserError
 from gateway.core.operations import Direction
 
-#: Seconds between two states; without a sign of life for so long arrows are let go; how often held ones are said again.
-EVERY, SILENT, HOLD_ON = 0.2, 1.5, 5.0
+#: Seconds without a sign of life after which arrows are let go; how often that is looked at, and held ones said again.
+SILENT, LOOK, HOLD_ON = 1.5, 0.2, 5.0
 #: Bytes that may wait for a browser before it is sent nothing more until it has taken them.
 BEHIND = 65536
 #: Requests of one page that are carried out at a time.
@@ -49,11 +49,9 @@ class PageSession:
         self._who = f"the console at {host}"
         self._loop = asyncio.get_running_loop()
         self._heard = self._said = self._loop.time()
-        self._sent: list[dict[str, Any]] = []
-        self._recordings: list[Any] = []
-        self._pulses = [0.0] * len(mounts.gateways)
-        self._rows = Newest()
-        self._mute: list[Callable[[], None]] = []
+        self._seen = -1
+        #: The number of the next row of the conversation; None while it is not shown.
+        self._row: int | None = None
         self._jogging = [actions.Jogging(gateway, self._who) for gateway in mounts.gateways]
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -62,62 +60,57 @@ class PageSession:
     async def run(self) -> None:
         """Show the state until that is cancelled, or the browser is gone; then let go of everything."""
         mounts = self._mounts
+        subscription = mounts.publisher.subscribe()
+        guard = self._loop.create_task(self._look_after_arrows())
         try:
             await self._send({"hello": {
                 "version": mounts.version, "act": self._acts, "pin": bool(mounts.pin) and not self._acts,
                 "now": mounts.now(),
             }})  # fmt: skip
+            last = 0
             while True:
+                frame = await subscription.next(last)
+                last = frame.number
                 if self._socket.waiting() <= BEHIND:
-                    await self._show()
-                self._look_after_arrows()
-                await asyncio.sleep(EVERY)
+                    await self._show(frame)
         finally:
-            for mute in self._mute:
-                mute()
+            subscription.end()
+            self._listen(False)
             await asyncio.shield(self._let_go())
-            for task in self._tasks:
+            for task in (guard, *self._tasks):
                 task.cancel()
 
-    async def _show(self) -> None:
-        """What has changed since the last time."""
-        mounts = self._mounts
-        states, recordings = mounts.states(), [recording.state for recording in mounts.recordings]
-        if not self._sent:
-            await self._send({"state": {"mounts": states, "recordings": recordings}})
-        elif changed := _differences(self._sent, states):
-            await self._send({"diff": {"mounts": changed}})
-        if self._recordings and self._recordings != recordings:
-            await self._send({"diff": {"recordings": recordings}})
-        self._sent, self._recordings = states, recordings
-        if times := self._new_times():
-            await self._send({"line": times})
-        if rows := self._rows.take():
-            await self._send({"talk": rows})
-
-    def _new_times(self) -> dict[str, list[Any]]:
-        found = {}
-        for index, pulse in enumerate(self._mounts.pulses):
-            new = [sample for sample in pulse.samples if sample[0] > self._pulses[index]]
-            if new:
-                self._pulses[index] = new[-1][0]
-                found[str(index)] = new
-        return found
+    async def _show(self, frame: Frame) -> None:
+        """What has changed since the last time; all there is, where the page has not taken the frame before."""
+        follows, self._seen = frame.number == self._seen + 1, frame.number
+        if text := frame.changes if follows else frame.whole:
+            await self._socket.send(text)
+        if self._row is None:
+            return
+        publisher = self._mounts.publisher
+        if self._row == frame.row:
+            text, self._row = frame.talk, frame.row + len(frame.rows)
+        else:
+            text, self._row = talk(publisher.since(self._row)), publisher.count
+        if text:
+            await self._socket.send(text)
 
     async def _send(self, value: Any) -> None:
         await self._socket.send(msgspec.json.encode(value).decode())
 
-    def _look_after_arrows(self) -> None:
-        """Let go of what nobody holds any more; say again what somebody does."""
-        if not any(jogging.any for jogging in self._jogging):
-            return
-        now = self._loop.time()
-        if now - self._heard > SILENT:
-            self._spawn(self._let_go())
-        elif now - self._said > HOLD_ON:
-            self._said = now
-            for jogging in self._jogging:
-                self._spawn(jogging.hold_on())
+    async def _look_after_arrows(self) -> None:
+        """Let go of what nobody holds any more; say again what somebody does. No browser can hold this up."""
+        while True:
+            await asyncio.sleep(LOOK)
+            now = self._loop.time()
+            if not any(jogging.any for jogging in self._jogging):
+                continue
+            if now - self._heard > SILENT:
+                self._spawn(self._let_go())
+            elif now - self._said > HOLD_ON:
+                self._said = now
+                for jogging in self._jogging:
+                    self._spawn(jogging.hold_on())
 
     async def _let_go(self) -> None:
         for jogging in self._jogging:
@@ -207,9 +200,10 @@ class PageSession:
                 await self._answer(request.id, *await actions.carry_out(gateway, command))
 
     def _listen(self, on: bool) -> None:
-        for mute in self._mute:
-            mute()
-        self._mute = [talk.listen(self._rows.add) for talk in self._mounts.talks] if on else []
+        if on != (self._row is not None):
+            publisher = self._mounts.publisher
+            publisher.listen(1 if on else -1)
+            self._row = publisher.count if on else None
 
     async def _record(self, request: requests.Record) -> None:
         recording = self._mounts.recordings[request.mount]
@@ -224,13 +218,3 @@ class PageSession:
         if number:
             with contextlib.suppress(ConnectionError):
                 await self._send({"id": number, "ok": done, "words": words, **(more or {})})
-
-
-def _differences(old: list[dict[str, Any]], new: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Of every mount the keys whose values are other ones, by the mount's number."""
-    found = {}
-    for index, (before, after) in enumerate(zip(old, new, strict=True)):
-        changed = {key: value for key, value in after.items() if before.get(key) != value}
-        if changed:
-            found[str(index)] = changed
-    return found

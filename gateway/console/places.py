@@ -15,7 +15,7 @@ from gateway.app.control.commands import Body, Spot, Where
 from gateway.app.control.refusals import no
 from gateway.astro.spherical import SIDEREAL_RATE, wrap180
 from gateway.console.requests import Aimed
-from gateway.console.view import place
+from gateway.console.shown.view import place
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Fault, Held, NearSun, NoAnswer, NotAligned, UserError
 from gateway.mount.controller import MountController

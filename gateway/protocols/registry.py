@@ -6,12 +6,13 @@ stands next is what is driven, where nobody says otherwise.
 
 from __future__ import annotations
 
+from gateway.protocols.alpaca.spec import SPEC as ALPACA
 from gateway.protocols.base.spec import ProtocolSpec
 from gateway.protocols.lx200.spec import SPEC as LX200
 from gateway.protocols.nexstar.spec import SPEC as NEXSTAR
 from gateway.protocols.stellarium.spec import SPEC as STELLARIUM
 
-PROTOCOLS: dict[str, ProtocolSpec] = {spec.name: spec for spec in (LX200, NEXSTAR, STELLARIUM)}
+PROTOCOLS: dict[str, ProtocolSpec] = {spec.name: spec for spec in (LX200, NEXSTAR, STELLARIUM, ALPACA)}
 
 #: What stands in the place of a surface's protocol where each connection is told by its first bytes.
 ANY = "any"
@@ -20,13 +21,23 @@ ANY_PORT = 4040
 
 
 def spoken(protocol: str) -> list[str]:
-    """The protocols of a surface: its own, or all of them."""
-    return surfaces() if protocol == ANY else [protocol]
+    """The protocols of a surface: its own, or all whose programs speak on a stream; HTTP goes to the web server."""
+    return streams() if protocol == ANY else [protocol]
 
 
 def surfaces() -> list[str]:
     """The protocols that programs may speak."""
     return [name for name, spec in PROTOCOLS.items() if spec.make_surface is not None]
+
+
+def usual_ports() -> dict[str, int]:
+    """What may stand before the place of a surface, and the TCP port that is usual for it."""
+    return {ANY: ANY_PORT, **{name: PROTOCOLS[name].usual_port for name in surfaces()}}
+
+
+def streams() -> list[str]:
+    """Those of them that are spoken on a stream of bytes, and not over HTTP."""
+    return [name for name in surfaces() if PROTOCOLS[name].web is None]
 
 
 def mounts() -> list[str]:

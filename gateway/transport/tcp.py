@@ -9,20 +9,19 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import errno
 import ipaddress
 import socket
 import time
 from typing import cast
 
-from gateway.core.errors import UserError
 from gateway.transport.handler import Arrive, ConnectionHandler, ConnectionRefused, Taker
 from gateway.transport.intake import LATE, SHARE, SKIM, Pace, unrepeated
+from gateway.transport.listening import in_brackets, listen, split_address
+
+__all__ = ["TcpPort", "exposed", "split_address"]
 
 #: Unread replies a connection may pile up before it is given up.
 SLOW_READER = 65536
-#: Connections that may wait to be accepted: programs that open one per command come in crowds.
-BACKLOG = 512
 #: Seconds that whoever is to go is given to read what it was told last.
 PARTING = 2.0
 #: How often it is looked whether a connection that sends no more has been answered, seconds.
@@ -57,7 +56,7 @@ class _Connection(asyncio.BufferedProtocol):
         _watch(stream.get_extra_info("socket"))
         peer = stream.get_extra_info("peername") or ("?", 0)
         try:
-            self._guest = self._port.arrive(f"{_in_brackets(str(peer[0]))}:{peer[1]}", str(peer[0]), self._write)
+            self._guest = self._port.arrive(f"{in_brackets(str(peer[0]))}:{peer[1]}", str(peer[0]), self._write)
         except ConnectionRefused:
             stream.abort()
             return
@@ -222,40 +221,8 @@ class TcpPort:
 
         The address ``[::]`` is every one of this computer, of both kinds.
         """
-        host, port = split_address(where)
-        self, loop = cls(arrive), asyncio.get_running_loop()
-        try:
-            if host == "::":
-                both = socket.create_server(
-                    (host, port), family=socket.AF_INET6, backlog=BACKLOG, dualstack_ipv6=socket.has_dualstack_ipv6()
-                )
-                self._server = await loop.create_server(lambda: _Connection(self), sock=both, backlog=BACKLOG)
-            else:
-                self._server = await loop.create_server(lambda: _Connection(self), host, port, backlog=BACKLOG)
-        except UnicodeError:
-            raise UserError(f"cannot listen on {where}: {host!r} is no name of a computer") from None
-        except OSError as error:
-            reason = error.strerror or str(error)
-            if error.errno == errno.EADDRINUSE or "in use" in str(error):
-                reason = (
-                    "the port is in use by another program (another mount-gateway?); write another port, or end "
-                    "that program"
-                )
-            if "assign requested" in str(error):
-                reason = (
-                    "this computer has no such address; 0.0.0.0 stands for all that it has, 127.0.0.1 for "
-                    "programs on it"
-                )
-            if isinstance(error, PermissionError):
-                reason = "ports below 1024 are for the system's own services; take a higher one, such as 4030"
-            if isinstance(error, socket.gaierror):
-                reason = (
-                    f"no address is known for the name {host}; write 0.0.0.0 for everybody who can reach this "
-                    "computer, or 127.0.0.1 for programs on it"
-                )
-            raise UserError(f"cannot listen on {where}: {reason}") from None
-        real = self._server.sockets[0].getsockname()
-        self.where = f"{where.partition('://')[0]}://{_in_brackets(real[0])}:{real[1]}"
+        self = cls(arrive)
+        self._server, self.where = await listen(where, lambda: _Connection(self))
         return self
 
     async def close(self) -> None:
@@ -274,20 +241,3 @@ def exposed(where: str) -> bool:
         return not ipaddress.ip_address(split_address(where)[0]).is_loopback
     except ValueError:
         return True
-
-
-def split_address(where: str) -> tuple[str, int]:
-    """``SCHEME://HOST:PORT`` -> (host, port). Raises UserError."""
-    scheme, _, address = where.partition("://")
-    host, colon, number = address.rpartition(":")
-    digits = number.removeprefix("-")
-    decimal = digits.isdecimal() and digits.isascii()
-    if decimal and (len(digits) > 5 or not 0 <= int(number) <= 65535):
-        raise UserError(f"{where}: a port is a number from 0 (any free one) to 65535")
-    if not colon or not decimal or (":" in host and not (host.startswith("[") and host.endswith("]"))):
-        raise UserError(f"{where}: write {scheme}://HOST:PORT, for example {scheme}://127.0.0.1:4030")
-    return host.strip("[]") or "127.0.0.1", int(number)
-
-
-def _in_brackets(host: str) -> str:
-    return f"[{host}]" if ":" in host else host

@@ -96,6 +96,7 @@ def _demanded(request: bytes, since: str, shape: str, model: list[str]) -> str |
     return shape.replace("MODEL ", f"\\x{int(number):02x}").replace("MAJOR MINOR ", f"\\x{major:02x}\\x{minor:02x}")
 
 
+@pytest.mark.sampled(every=3)
 @pytest.mark.parametrize("model", rows("nexstar_models.txt"), ids=lambda model: f"{model[0]}/{model[4]}")
 def test_every_celestron_command(model: list[str]) -> None:
     async def program() -> list[object]:

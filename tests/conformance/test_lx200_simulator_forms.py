@@ -6,6 +6,7 @@ import pytest
 
 from gateway.cli import main
 from gateway.protocols.lx200.simulator.forms import well_formed
+from tests.support.each import each
 from tests.support.manual_files import raw, rows
 from tests.support.sent_forms import malformed
 from tests.support.simulated_meade import MODELS, meade
@@ -46,7 +47,7 @@ MALFORMED = [
 
 
 @pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize(("said", "asked"), MALFORMED)
+@each("said, asked", MALFORMED)
 def test_what_the_manual_does_not_write_is_refused_and_changes_nothing(model: str, said: bytes, asked: bytes) -> None:
     sim, _ = meade(model)
     before = sim.feed(asked)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 
-import pytest
-
 from gateway.protocols.lx200.framing import Framer
+from tests.support.each import each
 from tests.support.fake_mount import Talk
 from tests.support.manual_files import raw, rows
 
@@ -17,7 +16,7 @@ def _expected(text: str) -> re.Pattern[bytes]:
     return re.compile(b"".join(b".+" if part == "~" else re.escape(raw(part)) for part in re.split("(~)", text)), re.S)
 
 
-@pytest.mark.parametrize(("packets", "reply"), CASES, ids=[case[0][:40] for case in CASES])
+@each("packets, reply", CASES)
 def test_reply_is_exact(packets: str, reply: str) -> None:
     expected = _expected("" if reply == "-" else reply)
     pieces = [raw(piece) for piece in packets.split(" , ")]

@@ -9,6 +9,7 @@ import pytest
 
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.fields import codec
+from tests.support.each import each
 from tests.support.fake_mount import Talk
 from tests.support.manual_files import fits, raw, rows
 
@@ -68,7 +69,7 @@ def _tolerance(picture: str) -> float:
     return 1e-9
 
 
-@pytest.mark.parametrize(("way", "picture", "data", "value"), rows("lx200_fields.txt"))
+@each("way, picture, data, value", rows("lx200_fields.txt"))
 def test_field(way: str, picture: str, data: str, value: str) -> None:
     form = codec(_PICTURES.get(picture, picture))
     if way == "bad":

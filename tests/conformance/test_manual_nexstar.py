@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import pytest
-
 from gateway.protocols.nexstar.driver.tracking import rate_code
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.fields import codec
 from gateway.protocols.wireformat.rows import parse_version
+from tests.support.each import each
 from tests.support.manual_files import raw, rows
 
 NEXSTAR = load("nexstar")
@@ -39,7 +38,7 @@ def test_the_manual_has_23_opcodes_and_21_pass_through_rows_and_each_has_a_row()
         assert found[0].beyond is None
 
 
-@pytest.mark.parametrize(("way", "form", "data", "value", "tolerance"), rows("nexstar_fields.txt"))
+@each("way, form, data, value, tolerance", rows("nexstar_fields.txt"))
 def test_number_on_the_wire(way: str, form: str, data: str, value: str, tolerance: str) -> None:
     field, number = codec(_CODECS.get(form, form)), _NUMBERS.get(form)
     wire = raw(data)
@@ -54,7 +53,7 @@ def test_number_on_the_wire(way: str, form: str, data: str, value: str, toleranc
         assert field.encode(float(value) if number is None else number(float(value))) == wire
 
 
-@pytest.mark.parametrize("command", NEXSTAR.commands.values(), ids=lambda command: command.name)
+@each("command", NEXSTAR.commands.values())
 def test_one_first_byte_has_one_length(command: object) -> None:
     name = command.request.literal[:1]  # type: ignore[attr-defined]
     lengths = {c.request.width for c in NEXSTAR.commands.values() if c.request.literal[:1] == name}

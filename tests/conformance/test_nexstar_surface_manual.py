@@ -12,6 +12,7 @@ from gateway.protocols.nexstar.surface.presented import lacks
 from gateway.protocols.nexstar.versions import made_with, numbered
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import parse_version
+from tests.support.each import each
 from tests.support.fake_mount import Mount, Talk, unix
 from tests.support.manual_files import raw, rows
 
@@ -62,8 +63,8 @@ def test_form(name: str, request_: str, since: str, reply: str) -> None:
         assert answer == raw(reply)
 
 
-@pytest.mark.parametrize(
-    ("name", "request_", "since", "reply"),
+@each(
+    "name, request_, since, reply",
     [row for row in rows("nexstar_forms.txt") if not row[0].startswith(("no_", "gps", "rtc"))],
 )
 @pytest.mark.parametrize("version", ["1.2", "1.6", "2.2", "2.3", "3.01", "4.10", "4.21"])
@@ -181,7 +182,7 @@ def test_every_row_is_answered_and_well_formed(model: str, version: str) -> None
     for name in NEXSTAR.surface:
         command = NEXSTAR.commands[name]
         for frame in frames_of(name):
-            assert talk.face.framing(lambda: talk.now)(frame) == [frame]
+            assert talk.face.framing().feed(frame, talk.now) == [frame]
             if lacks(talk.face.model, frame):
                 assert command.since is not None and command.since > (1, 2), "what every version has is read"
                 assert talk.send(frame) == b""
@@ -200,7 +201,7 @@ def test_every_row_is_answered_and_well_formed(model: str, version: str) -> None
 
 
 @pytest.mark.parametrize("model", ["6-8se", "cge", "cpc"])
-@pytest.mark.parametrize("name", sorted(NEXSTAR.surface))
+@each("name", sorted(NEXSTAR.surface))
 def test_a_mount_that_says_nothing_upsets_no_row(model: str, name: str) -> None:
     mount = Mount()
     mount.fault = NoAnswer()

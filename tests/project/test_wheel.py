@@ -84,7 +84,7 @@ def test_tests_run_from_a_source_distribution_and_so_does_its_wheel(tmp_path: Pa
     with tarfile.open(sdist) as file:
         file.extractall(tmp_path / "unpacked", filter="data")
     [source] = (tmp_path / "unpacked").iterdir()
-    some = ["tests/unit/core", "tests/unit/protocols/wireformat", "tests/project/test_docs_links.py"]
+    some = ["tests/unit/core", "tests/project/test_docs_links.py"]
     done = subprocess.run(
         [sys.executable, "-bb", "-m", "pytest", "-q", "-n0", "-p", "no:cacheprovider", *some],
         timeout=120, cwd=source, capture_output=True, text=True, env=environment(),
@@ -127,7 +127,7 @@ def test_the_wheel_runs_the_demo(tmp_path: Path) -> None:
             assert re.fullmatch(rb"\d\d:\d\d:\d\d#", link.recv(100))
     finally:
         demo.send_signal(signal.SIGTERM)
-        assert demo.wait(10) == 0
+        assert demo.wait(60) == 0
         assert demo.stdout is not None
         demo.stdout.close()
     where = subprocess.run(

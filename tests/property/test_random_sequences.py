@@ -28,7 +28,7 @@ def seeds() -> list[int]:
     ]
 
 
-@pytest.mark.sampled(every=2)
+@pytest.mark.sampled(every=3)
 @pytest.mark.parametrize("seed", seeds())
 def test_whatever_is_said_nothing_breaks_and_no_limit_is_crossed(seed: int) -> None:
     done: Play = play(seed, STEPS, *cast(seed))
@@ -37,7 +37,7 @@ def test_whatever_is_said_nothing_breaks_and_no_limit_is_crossed(seed: int) -> N
     assert done.looks > 50
 
 
-@pytest.mark.sampled(every=2)
+@pytest.mark.sampled(every=4)
 @pytest.mark.parametrize("seed", range(FIRST, FIRST + 10))
 def test_no_arrow_crosses_a_limit_that_is_near(seed: int) -> None:
     done = random_by_hand.play(seed)

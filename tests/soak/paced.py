@@ -79,5 +79,5 @@ class PacedMount(asyncio.Protocol):
         if last_of is not None:
             last_of.ended = self._loop.time()
         self.passed += 1
-        if self._transport is not None:
+        if self._transport is not None and not self._transport.is_closing():
             self._transport.write(byte)

@@ -9,8 +9,11 @@ import signal
 import socket
 import subprocess
 import sys
+from pathlib import Path
 
-GATEWAY = [sys.executable, "-bb", "-m", "gateway"]
+#: The product as a user starts it, and one that never loads astropy: that is more work than all else of its start.
+WHOLE = [sys.executable, "-bb", "-m", "gateway"]
+GATEWAY = [sys.executable, "-bb", "-P", str(Path(__file__).with_name("mount-gateway"))]
 PATIENCE = 20.0
 #: Those that have been started and not ended yet.
 ALIVE: list[Running] = []

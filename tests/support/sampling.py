@@ -2,7 +2,8 @@
 
 Stacked ``parametrize`` marks make the product of their values, of which most combinations show nothing that others do
 not. What plays a whole gateway costs a hundred times what a unit costs, so such grids are sampled; ``pytest --whole``
-plays every combination. The sample is the same in every run. The mark ``sampled(times)`` asks for every value so
+plays every combination. The sample is the same in every run. What one test goes through by itself asks
+`as_a_rule` how much of it. The mark ``sampled(times)`` asks for every value so
 often, and ``sampled(every=2)`` takes every second one of a plain list.
 """
 
@@ -11,13 +12,22 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Hashable, Iterable, Sequence
 from itertools import combinations, groupby
+from typing import TypeVar
 
 import pytest
 
+Amount = TypeVar("Amount", int, float)
+#: Whether everything is played; ``tests/conftest.py`` sets it before it imports the tests.
+WHOLE = False
 #: Up to how many combinations nothing is left out.
 FEW = 6
 #: Where whole gateways are played, and how often every value is met at least; elsewhere the mark ``sampled`` says so.
 FOLDERS = {"tests/integration/safety/": 2, "tests/integration/stops/": 2, "tests/integration/": 1}
+
+
+def as_a_rule(number: Amount, *, whole: Amount) -> Amount:
+    """This number, and the other one with ``pytest --whole``."""
+    return whole if WHOLE else number
 
 
 def chosen(rows: Sequence[tuple[Hashable, ...]], times: int) -> list[int]:

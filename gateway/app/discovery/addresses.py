@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from ipaddress import IPv4Address, IPv6Address, ip_address
+from collections.abc import Callable, Iterable
+from ipaddress import IPv4Address, IPv6Address
 
 from gateway.app.discovery.offer import EVERYWHERE, Offer
 from gateway.app.discovery.skyfi import seen_from
+from gateway.system.own_names import held
 
 Held = Iterable[tuple[str, IPv4Address | IPv6Address]]
 
@@ -14,16 +15,6 @@ Held = Iterable[tuple[str, IPv4Address | IPv6Address]]
 _INNER = ("docker", "br-", "veth", "virbr", "vmnet", "vboxnet", "lxc", "lxd", "podman")
 #: Somebody far away (of a network that is kept for examples): the way there begins at the address most people mean.
 _FAR = ("192.0.2.1", 9)
-
-
-def held() -> Iterator[tuple[str, IPv4Address | IPv6Address]]:
-    """Every address of this computer with the name of its interface."""
-    import ifaddr  # not before somebody asks: loading it would delay every start
-
-    for adapter in ifaddr.get_adapters():
-        for one in adapter.ips:
-            text = one.ip if isinstance(one.ip, str) else one.ip[0]
-            yield str(adapter.nice_name), ip_address(text)
 
 
 def to_type(

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from gateway.app.discovery.addresses import held
 from gateway.app.discovery.offer import EVERYWHERE, Offer
 from gateway.core.about import VERSION
 from gateway.protocols.registry import spoken
+from gateway.system.own_names import held
 
 if TYPE_CHECKING:
     from zeroconf import ServiceInfo

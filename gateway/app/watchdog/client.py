@@ -16,6 +16,8 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from gateway.system.own_commands import script_words
+
 #: Seconds between two heartbeats.
 BEAT = 0.25
 #: A process that ended sooner than that after its start is not started again.
@@ -27,7 +29,7 @@ THERE = 3
 
 def available() -> bool:
     """Whether this system can hand a line to another process."""
-    return hasattr(os, "posix_spawn") and hasattr(socket, "send_fds") and not getattr(sys, "frozen", False)
+    return hasattr(os, "posix_spawn") and hasattr(socket, "send_fds")
 
 
 class Watchdog:
@@ -47,7 +49,7 @@ class Watchdog:
         """Start the process; it needs no event loop. Where that fails there is none."""
         here, there = socket.socketpair()
         here.setblocking(False)
-        arguments = [sys.executable, "-I", "-S", str(PROGRAM), str(THERE), str(os.getpid())]
+        arguments = [*script_words(str(PROGRAM)), str(THERE), str(os.getpid())]
         files = [(os.POSIX_SPAWN_OPEN, number, os.devnull, os.O_RDWR, 0) for number in (0, 1)]
         try:
             self.pid = os.posix_spawn(

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 from gateway.cli.help import Commands
 from gateway.core.errors import UserError
 from gateway.system import journal, streams
+from gateway.system.own_commands import in_one_file, own_words
 
 if TYPE_CHECKING:
     from gateway.app.config import Config
@@ -181,12 +182,14 @@ def word(text: str, variables: bool = True) -> str:
 
 def program() -> list[str]:
     """How this program was started, as words that start it from anywhere."""
+    if in_one_file():
+        return own_words()
     given, beside = sys.argv[0], str(Path(sys.executable).with_name("mount-gateway"))
     for name in (given, beside):
         found = shutil.which(name) if os.path.basename(name) == "mount-gateway" else None
         if found is not None:
             return [os.path.abspath(found)]  # not resolved: a link into a virtual environment says which one it is
-    return [sys.executable, "-m", "gateway"]
+    return own_words()
 
 
 def _user() -> str:

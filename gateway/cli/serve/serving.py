@@ -140,6 +140,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         gc.freeze()  # what was made so far lives on: looking through it for garbage would hold up a stop
         if not done.is_set():
             console = await open_console(config, gateways, screen)
+            gc.freeze()  # the web server as well
             if console is not None:
                 web.open(console.serve)
             else:

@@ -11,7 +11,7 @@ from functools import cache
 from typing import NamedTuple
 
 from gateway.clients.strangers import IDLE, greetings
-from gateway.protocols.registry import PROTOCOLS, surfaces
+from gateway.protocols.registry import PROTOCOLS, streams
 from gateway.protocols.wireformat.command_set import load
 
 #: In the place of a protocol: the connection is a web browser's, or another program's that speaks HTTP.
@@ -29,7 +29,7 @@ def decide(sent: bytes) -> Verdict | None:
     """Told by these bytes, which begin with no idle ones; None where more must be heard."""
     if any(sent.startswith(method) for method in _methods()):
         return Verdict(HTTP)
-    spoken = surfaces()
+    spoken = streams()
     whole = [name for name in spoken if (found := PROTOCOLS[name].opening.match(sent)) and found.end()]
     if whole:
         return Verdict(whole[0], _ambiguous(whole) if len(whole) > 1 else "")
@@ -57,7 +57,7 @@ def may_change(protocol: str, sent: bytes) -> bool:
 
 def waiting() -> str | None:
     """The protocol of programs that wait for the first word."""
-    return next((name for name in surfaces() if PROTOCOLS[name].waits), None)
+    return next((name for name in streams() if PROTOCOLS[name].waits), None)
 
 
 def _ambiguous(protocols: list[str]) -> str:

@@ -35,6 +35,8 @@ from gateway.core.operations.motions import (
 from gateway.core.operations.reads import (
     AxisPosition,
     DriveRate,
+    GetAbilities,
+    GetActivity,
     GetClock,
     GetGps,
     GetIdentity,
@@ -52,6 +54,7 @@ from gateway.core.operations.reads import (
     Slewing,
     ToEquinoxOfDate,
     ToJ2000,
+    TubeSide,
     Zenith,
 )
 from gateway.core.operations.settings import (
@@ -64,6 +67,8 @@ from gateway.core.operations.settings import (
     SetSite,
 )
 from gateway.core.operations.values import (
+    Abilities,
+    Activity,
     Chosen,
     Direction,
     Equatorial,
@@ -79,8 +84,10 @@ from gateway.core.operations.values import (
 )
 
 __all__ = (
+    "Abilities",
     "AbortMotion",
     "AbortSlew",
+    "Activity",
     "AxisPosition",
     "Backlash",
     "Choose",
@@ -91,6 +98,8 @@ __all__ = (
     "Equatorial",
     "Fields",
     "Focus",
+    "GetAbilities",
+    "GetActivity",
     "GetClock",
     "GetGps",
     "GetIdentity",
@@ -139,6 +148,7 @@ __all__ = (
     "ToJ2000",
     "TrackRate",
     "Tracking",
+    "TubeSide",
     "Unpark",
     "Values",
     "Wake",

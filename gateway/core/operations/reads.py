@@ -3,7 +3,17 @@
 from __future__ import annotations
 
 from gateway.core.operations.base import Fields, Read
-from gateway.core.operations.values import Equatorial, Gps, Horizontal, Identity, Moment, Place, Status
+from gateway.core.operations.values import (
+    Abilities,
+    Activity,
+    Equatorial,
+    Gps,
+    Horizontal,
+    Identity,
+    Moment,
+    Place,
+    Status,
+)
 
 
 class Position(Read[Equatorial], frozen=True):
@@ -30,6 +40,19 @@ class Slewing(Read[bool], frozen=True):
 
 class GetStatus(Read[Status], frozen=True):
     """-> Status."""
+
+
+class GetActivity(Read[Activity], frozen=True):
+    """-> Activity, which the gateway knows without asking the mount."""
+
+
+class GetAbilities(Read[Abilities], frozen=True):
+    """-> Abilities, once the mount has said what it is."""
+
+
+class TubeSide(Read[str], frozen=True):
+    """-> ``"E"`` or ``"W"``: the side on which the tube of a German mount really is, whatever letter its hand control
+    tells. Raises Unsupported for every other mount."""
 
 
 class GetIdentity(Read[Identity], frozen=True):

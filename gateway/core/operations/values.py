@@ -102,6 +102,32 @@ class Status(Struct, frozen=True):
     wedge: bool = False
 
 
+class Activity(Struct, frozen=True):
+    """What of a mount moves by an order of ours: a goto, an axis by hand, a guide pulse; whether it is parked, and
+    whether it was sent home last and has not been moved since.
+
+    What was asked for and has not begun counts, so that nobody sees rest between an order and its motion.
+    """
+
+    goto: bool = False
+    by_hand: bool = False
+    pulse: bool = False
+    parked: bool = False
+    homed: bool = False
+
+
+class Abilities(Struct, frozen=True):
+    """What a mount can do: the operations that it has a way for, by name; the speeds of its axes, degrees a second,
+    each from and to; what guide pulses go at on either axis, a fraction of sidereal; whether it is a German mount,
+    None where nobody knows.
+    """
+
+    can: frozenset[str] = frozenset()
+    speeds: tuple[tuple[float, float], ...] = ()
+    guides: tuple[float, float] = (0.0, 0.0)
+    german: bool | None = None
+
+
 class Identity(Struct, frozen=True):
     """Who the mount is, in words and numbers."""
 

@@ -9,10 +9,21 @@ while), ``Schedule`` (do this operation after some seconds) and ``Remark`` (say 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from gateway.core.errors import Fault, Unsupported
-from gateway.core.operations import AbortMotion, GotoAxes, Identity, Operation, Own, PassThrough, Rate, Read, Values
+from gateway.core.operations import (
+    Abilities,
+    AbortMotion,
+    GotoAxes,
+    Identity,
+    Operation,
+    Own,
+    PassThrough,
+    Rate,
+    Read,
+    Values,
+)
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import CommandSet
 from gateway.protocols.wireformat.rows import Model, Version, Way
@@ -27,6 +38,8 @@ else:
     ResultT = TypeVar("ResultT")
 
 _T = TypeVar("_T")
+#: Outcomes of ways by which nothing is done.
+IN_VAIN = ("refused", "silent")
 
 
 class Send(NamedTuple):
@@ -132,6 +145,8 @@ class Driver:
     patience: float | None = None
     #: Whether the mount was sent to sleep.
     asleep = False
+    #: Whether it stands at its park position, to which it was sent, and nobody has taken it up again.
+    parked = False
 
     def __init__(self, handlers: Mapping[str, Handler]) -> None:
         self.handlers = handlers
@@ -161,6 +176,20 @@ class Driver:
     def speed(self, rate: Rate) -> float:
         """How fast the mount moves at a hand rate, degrees a second."""
         raise NotImplementedError
+
+    def can_do(self, equatorial: bool) -> Abilities:
+        """What it can do by the tables, as it stands; a way that ends in a refusal is none."""
+        traits = self.protocol.traits(self.model or "", equatorial and not self.german)
+        can = (
+            name
+            for name, ways in self.protocol.driver.items()
+            for way in ways
+            if way.outcome not in IN_VAIN
+            and (way.part is None or way.part in traits)
+            and all(self.knows(command) for command in (*way.send, *way.needs))
+        )
+        keys = sorted({self.speed(Rate(key=key)) for key in range(1, 10)})
+        return Abilities(frozenset(can), tuple((speed, speed) for speed in keys), german=self.german)
 
     def destination(self, operation: Operation) -> GotoAxes | None:
         """The axis readings that Park or Home leads to; None where only the mount itself knows them."""
@@ -211,25 +240,22 @@ class Driver:
 
     def perform(self, operation: Operation[_T]) -> Steps[_T]:
         """Carry out one operation; the generator's value is the operation's answer. Raises Fault."""
-        return self._perform(operation)
-
-    def _perform(self, operation: Operation) -> Steps:
         if isinstance(operation, PassThrough):
             if not self.knows(operation.command):
                 raise Unsupported
             patience = self.patience if self.protocol.commands[operation.command].replies else None
-            return (yield Send(operation.command, dict(operation.fields), patience, once=True))
+            return cast(_T, (yield Send(operation.command, dict(operation.fields), patience, once=True)))
         if isinstance(operation, Own):
-            return (yield from self.own(operation))
+            return cast(_T, (yield from self.own(operation)))
         way = self.way(type(operation))
         if way is None:
             raise Unsupported
         if way.call:
-            return (yield from self.handlers[way.call](self, operation))
+            return cast(_T, (yield from self.handlers[way.call](self, operation)))
         given = {name: getattr(operation, name) for name in operation.__struct_fields__}
         fields: Values = {}
         for name in way.send:
             fields |= yield Send(name, given)
         if isinstance(operation, Read) and operation.answers is not None:
-            return operation.answers(**fields)
-        return fields or None
+            return cast(_T, operation.answers(**fields))
+        return cast(_T, fields or None)

@@ -17,21 +17,26 @@ from gateway.protocols.wireformat.rows import Model, Version, parse_version
 
 if TYPE_CHECKING:
     from gateway.protocols.base.driver import Driver, FollowUps
-    from gateway.protocols.base.frames import Framing
+    from gateway.protocols.base.frames import Framer
     from gateway.protocols.base.reply_rules import ReplyRules
     from gateway.protocols.base.session import AltitudeLimits, ClientSettings
     from gateway.protocols.base.surface import Surface
     from gateway.protocols.mechanics.truth import Simulator
+    from gateway.transport.web_port import Web
 
 
 class SurfaceSettings(Struct, frozen=True):
-    """What a user may set for a surface. ``limits`` are the altitudes that no client widens."""
+    """What a user may set for a surface. ``limits`` are the altitudes that no client widens.
+
+    ``equinox`` is what its programs count in, ``jnow`` or ``j2000``: they are converted, and may ask which it is.
+    """
 
     model: str | None
     version: str | None
     precision: str | None
     sync_text: str | None
     limits: AltitudeLimits
+    equinox: str = "jnow"
 
 
 class MadeSurface(Struct, frozen=True):
@@ -128,10 +133,12 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     # --- what it is made of; None where there is no such thing ---
     #: How commands are cut out of bytes, by a clock; what a program may begin a connection with; how replies are taken
     #: apart, where a mount is spoken to in this protocol.
-    framing: Callable[[Callable[[], float]], Framing]
+    framing: Callable[[], Framer]
     opening: re.Pattern[bytes]
     reply_rules: Callable[[], ReplyRules] | None = None
     make_surface: Callable[[SurfaceSettings], MadeSurface] | None = None
+    #: Where its programs speak HTTP: what turns that into lines.
+    web: Callable[[], Web] | None = None
     make_driver: Callable[[DriverSettings, Callable[[], float]], MadeDriver] | None = None
     #: Model, version; then ``clock``, ``site``, ``aligned``, ``speed`` and its own settings by name.
     make_simulator: Callable[..., Simulator] | None = None

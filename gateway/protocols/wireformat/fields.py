@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from gateway.protocols.wireformat import numerals
 from gateway.protocols.wireformat import sexagesimal as sx
 
 
@@ -233,7 +234,21 @@ _BINARY = {
     "char": Codec(lambda value: value.encode("latin-1"), lambda raw: raw.decode("latin-1"), b"(?s:.)", 1),
 }
 
-CODECS: dict[str, Codec] = {**_TEXT_ANGLES, **_TEXT_OTHERS, **_BINARY}
+# --- text of one line: whole numbers and fractions as programming languages write them ----------------------------
+
+#: What a field may consist of where a blank or the end of the line ends it.
+_WORD = rb"[^ \n]*"
+_LINE = {
+    "number": Codec(numerals.number, numerals.parse_number, _WORD),
+    "hours": Codec(numerals.hours, numerals.parse_hours, _WORD),
+    "whole": Codec(numerals.whole, numerals.parse_whole, _WORD),
+    "truth": Codec(numerals.truth, numerals.parse_truth, _WORD),
+    "moment": Codec(numerals.moment, numerals.parse_moment, _WORD),
+    "quoted": Codec(numerals.quoted, numerals.parse_quoted, _WORD),
+    "json": Codec(numerals.json_text, numerals.parse_json, rb"[^\n]*"),
+}
+
+CODECS: dict[str, Codec] = {**_TEXT_ANGLES, **_TEXT_OTHERS, **_BINARY, **_LINE}
 
 
 def codec(name: str) -> Codec:

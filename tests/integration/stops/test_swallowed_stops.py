@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.soak.swallow import LX200_ENDS, MOUNTS, NEXSTAR_ENDS, Case, play
+from tests.support.sampling import as_a_rule
 
 #: What is slower than a tenth of a degree a second says nothing by its position.
 WORDS = [
@@ -17,7 +18,8 @@ LOST = [("command", 1), ("byte", 3)]
 
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_a_stop_that_is_swallowed_in_part_is_a_stop(mount: str) -> None:
-    for program, motion, end in WORDS[list(MOUNTS).index(mount) % 2 :: 2]:  # all of them on every mount: the long run
+    every = as_a_rule(4, whole=1)
+    for program, motion, end in WORDS[list(MOUNTS).index(mount) % every :: every]:  # each on three mounts
         for lost, number in LOST if motion == "arrow" else LOST[:1]:
             outcome = play(Case(mount, program, motion, end, "stop", lost, number))
             assert outcome.swallowed, outcome

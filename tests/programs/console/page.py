@@ -92,7 +92,9 @@ class Program:
 class Visit:
     """One page in a browser of its own settings; ``faults`` and ``asked`` are what it complains of and asks for."""
 
-    def __init__(self, browser: Browser, url: str, size: tuple[int, int], kept: Mapping[str, str]) -> None:
+    def __init__(
+        self, browser: Browser, url: str, size: tuple[int, int], kept: Mapping[str, str], shows: str = "Celestron"
+    ) -> None:
         width, height = size
         self._context = browser.new_context(
             viewport={"width": width, "height": height}, has_touch=width < 1000, accept_downloads=True
@@ -109,7 +111,7 @@ class Visit:
         self.page.on("request", lambda request: self.asked.append(request.url))
         self.url = url
         self.page.goto(url)
-        self.until("the page shows the mount", lambda: self.text("#name").startswith("Celestron"))
+        self.until("the page shows the mount", lambda: self.text("#name").startswith(shows))
 
     def _complained(self, message: Any) -> None:
         if message.type in ("error", "warning"):

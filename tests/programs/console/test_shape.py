@@ -32,6 +32,28 @@ def test_no_view_is_wider_than_the_screen(visit: Callable[..., Visit], size: tup
         assert page.page.evaluate("([x, y]) => document.elementFromPoint(x, y).closest('#stop') !== null", centre), view
 
 
+@pytest.mark.parametrize("size", [(844, 390), (667, 375)])
+def test_a_phone_on_its_side_shows_sky_and_control_whole(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
+    page = visit(size)
+    page.find("Aldebaran")
+    # The mount's clock is of another night, and the notice of that would take room.
+    page.page.evaluate("document.getElementById('banners').hidden = true")
+    for view, whole in (
+        ("sky", "#chart, #search, #go, #sync"),
+        ("control", "#pad, #rate, #orders"),
+        ("talk", "#explain"),
+    ):
+        page.show(view)
+        scrolls = page.page.evaluate("(main => main.scrollHeight - main.clientHeight)(document.querySelector('main'))")
+        assert scrolls <= 0, view
+        hidden = page.page.evaluate(
+            "one => [...document.querySelectorAll(one)].filter(one => one.getBoundingClientRect().bottom > "
+            "document.querySelector('.views').getBoundingClientRect().top).map(one => one.id)",
+            whole,
+        )
+        assert hidden == [], view
+
+
 @pytest.mark.parametrize("size", [PHONE, TABLET, DESK])
 def test_everything_is_reached_with_the_keyboard(visit: Callable[..., Visit], size: tuple[int, int]) -> None:
     page = visit(size)

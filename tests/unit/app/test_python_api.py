@@ -57,7 +57,12 @@ def test_examples_run(example: Path, tmp_path: Path) -> None:
         capture_output=True, text=True, timeout=60, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)},
     )  # fmt: skip
     assert (said.returncode, said.stderr) == (0, "")
-    told = {"read_a_conversation": "BelowHorizon", "embed_a_gateway": "arrived at right ascension", "tiny_client": "("}
+    told = {
+        "read_a_conversation": "BelowHorizon",
+        "embed_a_gateway": "arrived at right ascension",
+        "tiny_client": "(",
+        "like_skysafari": "it rests at 09:57:5",
+    }
     assert told[example.stem] in said.stdout
 
 

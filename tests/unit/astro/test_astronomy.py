@@ -1,4 +1,4 @@
-"""The sky against Skyfield and DE421 at a thousand moments of the IERS table, anywhere on Earth: no bound is missed.
+"""The sky against Skyfield and DE421 at moments of the whole IERS table, anywhere on Earth: no bound is missed.
 
 Places of date are compared without aberration (Skyfield's rotation matrices alone), Sun and Moon as apparent
 places, with it, on both sides. The exact answers are held to the bounds demanded, the closed forms to theirs.
@@ -20,8 +20,9 @@ from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.mount.site.astrometry import SiteAstrometry
 from tests.support import sky_judge as judge
+from tests.support.sampling import as_a_rule
 
-COUNT = 1000
+COUNT = as_a_rule(300, whole=1000)
 FIRST = 94780800.0  # 1973-01-02, the table's first day
 CORNERS = [(90, 0), (-90, 0), (90, 180), (-90, -180), (0, 180), (0, -180), (-45, 180), (52, -180), (0, 0)]
 

@@ -25,7 +25,7 @@ from gateway.system.runtime_folders import user
 from tests.integration.stops.test_shutdown import Moving
 from tests.support.process import PATIENCE, Running, ask
 
-AbortMotion = Callable[..., tuple[int, str]]
+Stop = Callable[..., tuple[int, str]]
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="by /proc")
 NOTHING = "nothing to stop: no gateway runs, and none ended in motion"
 
@@ -40,7 +40,7 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> list[Process]:
 
 
 @pytest.fixture
-def stop(capsys: pytest.CaptureFixture[str]) -> AbortMotion:
+def stop(capsys: pytest.CaptureFixture[str]) -> Stop:
     """``mount-gateway stop`` -> its exit code and what it said."""
 
     def run_it(*arguments: str) -> tuple[int, str]:
@@ -51,7 +51,7 @@ def stop(capsys: pytest.CaptureFixture[str]) -> AbortMotion:
 
 
 def test_a_gateway_is_reached_when_its_folder_is_gone(
-    tmp_path: Path, started: list[Running], stop: AbortMotion, seen: list[Process]
+    tmp_path: Path, started: list[Running], stop: Stop, seen: list[Process]
 ) -> None:
     state = tmp_path / "state"
     moving = Moving(started, state)
@@ -64,9 +64,7 @@ def test_a_gateway_is_reached_when_its_folder_is_gone(
 
 
 @LINUX
-def test_a_gateway_that_could_write_nothing_is_reached(
-    started: list[Running], stop: AbortMotion, seen: list[Process]
-) -> None:
+def test_a_gateway_that_could_write_nothing_is_reached(started: list[Running], stop: Stop, seen: list[Process]) -> None:
     """/proc takes files of nobody, not even of root; a full disk and a read-only one do neither."""
     moving = Moving(started, Path("/proc"))
     seen.append(Process(moving.gateway.process.pid, os.getuid()))
@@ -83,7 +81,7 @@ def test_a_gateway_that_could_write_nothing_is_reached(
 
 @LINUX
 def test_a_gateway_without_a_descriptor_left_stops_its_mount(
-    tmp_path: Path, started: list[Running], stop: AbortMotion
+    tmp_path: Path, started: list[Running], stop: Stop
 ) -> None:
     import resource
 
@@ -97,7 +95,7 @@ def test_a_gateway_without_a_descriptor_left_stops_its_mount(
 
 
 def test_a_frozen_gateway_is_said_to_be_one(
-    tmp_path: Path, started: list[Running], stop: AbortMotion, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, started: list[Running], stop: Stop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(client, "HEARD", 0.3)
     moving = Moving(started, tmp_path)
@@ -109,7 +107,7 @@ def test_a_frozen_gateway_is_said_to_be_one(
     assert time.monotonic() - began < 8.0
 
 
-def test_held_over_a_restart_until_it_is_released(tmp_path: Path, started: list[Running], stop: AbortMotion) -> None:
+def test_held_over_a_restart_until_it_is_released(tmp_path: Path, started: list[Running], stop: Stop) -> None:
     here = ("--state", str(tmp_path))
     moving = Moving(started, tmp_path)
     moving.move()
@@ -131,7 +129,7 @@ def test_held_over_a_restart_until_it_is_released(tmp_path: Path, started: list[
     assert stop(*here)[0] == 0
 
 
-def test_a_hold_is_for_a_whole_folder(stop: AbortMotion, seen: list[Process], tmp_path: Path) -> None:
+def test_a_hold_is_for_a_whole_folder(stop: Stop, seen: list[Process], tmp_path: Path) -> None:
     assert stop("--hold", "--mount", "x")[0] == 2
     assert stop("--hold", "--release")[0] == 2
     (tmp_path / "file").write_text("")
@@ -142,13 +140,13 @@ def test_a_hold_is_for_a_whole_folder(stop: AbortMotion, seen: list[Process], tm
 # --- what could not be known ------------------------------------------------------------------------------------
 
 
-def test_with_nothing_there_nothing_is_to_stop(stop: AbortMotion, seen: list[Process], tmp_path: Path) -> None:
+def test_with_nothing_there_nothing_is_to_stop(stop: Stop, seen: list[Process], tmp_path: Path) -> None:
     assert stop() == (0, NOTHING)
     assert stop("--state", str(tmp_path)) == (0, NOTHING)
 
 
 def test_a_folder_that_cannot_be_looked_into_does_not_pass_for_nothing(
-    stop: AbortMotion, seen: list[Process], tmp_path: Path
+    stop: Stop, seen: list[Process], tmp_path: Path
 ) -> None:
     place = tmp_path / "state"
     place.write_text("")
@@ -161,7 +159,7 @@ def test_a_folder_that_cannot_be_looked_into_does_not_pass_for_nothing(
 
 
 def test_a_gateway_of_another_user_is_named(
-    stop: AbortMotion, seen: list[Process], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    stop: Stop, seen: list[Process], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(reach, "user", lambda: os.getuid() + 1000)
     seen.append(Process(4711, 1))  # Debian's daemon
@@ -178,7 +176,7 @@ def test_a_gateway_of_another_user_is_named(
     assert stop("--state", str(tmp_path)) == (0, NOTHING), "a folder of one's own is no other user's"
 
 
-def test_one_of_ones_own_that_cannot_be_asked_is_named(stop: AbortMotion, seen: list[Process]) -> None:
+def test_one_of_ones_own_that_cannot_be_asked_is_named(stop: Stop, seen: list[Process]) -> None:
     seen.append(Process(4711, os.getuid()))
     code, words = stop()
     assert code == 1
@@ -186,7 +184,7 @@ def test_one_of_ones_own_that_cannot_be_asked_is_named(stop: AbortMotion, seen: 
 
 
 def test_without_a_folder_given_every_gateway_of_this_user_is_stopped(
-    tmp_path: Path, started: list[Running], stop: AbortMotion, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, started: list[Running], stop: Stop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In folders of its own for what lives as long as a session, so that no other test's gateway is stopped."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
@@ -248,7 +246,7 @@ def test_a_gateway_is_seen_among_the_processes(started: list[Running]) -> None:
 
 @LINUX
 def test_a_process_that_does_not_look_like_one_is_not_taken_for_gone(
-    tmp_path: Path, stop: AbortMotion, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, stop: Stop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Started by another program, for one: it has the port, and it does not answer."""
     monkeypatch.setattr(client, "HEARD", 0.2)

@@ -172,7 +172,7 @@ def test_one_command_and_no_more_is_carried_out_and_answered(scheme: str, starte
         "--surface",
         f"lx200@{scheme}://127.0.0.1:0",
         "--latency",
-        "0.2",
+        "0.05",
         "--sun",
         "0",
     )

@@ -22,7 +22,7 @@ from gateway.protocols.wireformat.command_set import mappings_folder
 
 ROOT = Path(gateway.__file__).parent
 THIRD = Path(__file__).parent / "third"
-NAMES = re.compile("lx200|nexstar|meade|celestron|stellarium", re.IGNORECASE)
+NAMES = re.compile("lx200|nexstar|meade|celestron|stellarium|alpaca|ascom", re.IGNORECASE)
 #: Where a protocol may be named, because a person reads it: help texts, examples of command lines, and documentation
 #: that is generated. Only whole sentences and endpoints may name one, never a name or a key.
 SAID_TO_PEOPLE = {
@@ -96,7 +96,7 @@ def test_a_third_protocol_is_a_folder_a_folder_of_mappings_and_one_entry(tmp_pat
     registry = tmp_path / "gateway" / "protocols" / "registry.py"
     text = registry.read_text("utf-8")
     entry = "from gateway.protocols.toy.spec import SPEC as TOY\n\nPROTOCOLS"
-    text = text.replace("\nPROTOCOLS", entry, 1).replace("STELLARIUM)}", "STELLARIUM, TOY)}")
+    text = text.replace("\nPROTOCOLS", entry, 1).replace("ALPACA)}", "ALPACA, TOY)}")
     registry.write_text(text, "utf-8")
     capture = tmp_path / "capture"
     capture.write_bytes(b"?\n!05:34:32,+22*00:52\n?\n")
@@ -118,7 +118,8 @@ def test_a_third_protocol_is_a_folder_a_folder_of_mappings_and_one_entry(tmp_pat
 
 
 def test_what_the_list_says() -> None:
-    assert pairs() == [("lx200", "nexstar"), ("nexstar", "lx200"), ("stellarium", "lx200"), ("stellarium", "nexstar")]
+    assert pairs()[:2] == [("lx200", "nexstar"), ("nexstar", "lx200")]
+    assert pairs()[2:] == [(face, mount) for face in ("stellarium", "alpaca") for mount in ("lx200", "nexstar")]
     assert (other_surface("lx200"), other_surface("nexstar")) == ("nexstar", "lx200")
     assert guess(bytes((20, 0, 0, 0, *bytes(16)))) == "stellarium"
     assert (guess(b""), guess(b":GR#"), guess(b"\x06"), guess(b"#:GR#"), guess(b"e")) == (

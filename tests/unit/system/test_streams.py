@@ -7,13 +7,13 @@ import os
 import select
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 
-GATEWAY = [sys.executable, "-m", "gateway"]
+from tests.support.process import GATEWAY
+
 FULL = pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")
 
 

@@ -6,8 +6,10 @@ import math
 from collections.abc import Callable, Mapping
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from gateway.core.errors import Busy, Fault, Refused, Unsupported
+from gateway.core.operations import Abilities as Can
 from gateway.core.operations import Identity, Operation, Own, Place, Pulse, PulseAxis, Rate, Tracking, TrackRate, Values
 from gateway.protocols.base.driver import Driver, Handler, Remembered, Send, Steps, Wait
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Abilities, nearest
@@ -209,6 +211,9 @@ class Lx200Driver(Driver):
             speed = nearest(self.abilities, rate.degrees).degrees
             return max(min(rate.degrees, SPEEDS["RS"]), speed) if rate.key is None else speed
         return SPEEDS[rate_command(rate)]
+
+    def can_do(self, equatorial: bool) -> Can:
+        return replace(super().can_do(equatorial), guides=(self.guide_rate, self.guide_rate))
 
     @property
     def abilities(self) -> Abilities:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import cast
 
 from msgspec import Struct, ValidationError, convert, to_builtins
+from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Refused, Unsupported
@@ -192,6 +193,13 @@ class NexStar(HandControl):
             return None
         return min(rate.degrees, float(self.rates["fastest"]))
 
+    def can_do(self, equatorial: bool) -> op.Abilities:
+        found = super().can_do(equatorial)
+        home = self.home is not None or (self.settings.aux_home and self.has("home"))
+        speeds = ((0.25 / 3600.0, float(self.rates["fastest"])),)
+        guides = self.guide_rates[1], self.guide_rates[2]
+        return replace(found, can=found.can if home else found.can - {"Home"}, speeds=speeds, guides=guides)
+
     def impossible(self, operation: op.Operation) -> Fault | None:
         """A guide pulse by motor sense, where the motors cannot be guided now."""
         return self.unguided() if isinstance(operation, op.PulseAxis) else None
@@ -229,9 +237,7 @@ class NexStar(HandControl):
         return ("E" if told == "W" else "W") if swapped else told
 
     def destination(self, operation: op.Operation) -> op.GotoAxes | None:
-        """Park goes to the configured position, else to the pole or to north, as low as is allowed; Home to the stored
-        one.
-        """
+        """Park: the configured position, else the pole or north, as low as is allowed; Home: the stored one."""
         if isinstance(operation, op.Park):
             return op.GotoAxes(*(self.settings.park or self._index))
         if isinstance(operation, op.Home) and self.home is not None:

@@ -28,8 +28,8 @@ from tests.support.watchdog import Watched
 
 pytestmark = pytest.mark.skipif(not available(), reason="this system cannot hand a line to another process")
 
-#: Seconds from the gateway's end to the mount's rest, with what the simulated mount takes to run out.
-AT_REST = 4.0
+#: Seconds from the gateway's end to the mount's rest, on a busy computer; how short they are, `tests/soak` measures.
+AT_REST = 8.0
 
 
 @pytest.fixture

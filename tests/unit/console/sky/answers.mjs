@@ -1,8 +1,9 @@
 /**
- * Answers questions about the sky chart's modules: reads a list of [function, arguments…] as JSON from standard input,
- * writes the list of answers. The test that asks knows them from elsewhere.
+ * Answers questions about the sky chart's modules: reads lists of [function, arguments…] as JSON from standard input, one
+ * a line, and writes the lists of answers. The test that asks knows them from elsewhere.
  */
 import { readFileSync } from "node:fs";
+import { createInterface } from "node:readline";
 import { pathToFileURL } from "node:url";
 
 const folder = pathToFileURL(`${process.argv[2]}/`);
@@ -29,6 +30,7 @@ const answers = {
   later: (mount, age, unix, ra, dec) => sphere.angles(new Scene(mount, age, unix).place(ra, dec)),
   precessed: (unix, ra, dec) => sphere.angles(sphere.turned(sphere.precession(unix), sphere.vector(ra, dec))),
   point: (shape, azimuth, altitude) => view(shape).point(sphere.vector(azimuth, altitude)),
+  atRim: (shape, azimuth, altitude) => view(shape).point(sphere.atRim(sphere.vector(azimuth, altitude))),
   place: (shape, x, y) => sphere.angles(view(shape).vector(x, y)),
   shape: (shape) => (({ zoom, left, top, radius, scale }) => ({ zoom, left, top, radius, scale }))(view(shape)),
   ring: (shape, altitude) => view(shape).ring(altitude),
@@ -51,5 +53,7 @@ const answers = {
   described: (mount, unix) => words.described(new Scene(mount, 0, unix)),
 };
 
-const asked = JSON.parse(readFileSync(0, "utf-8"));
-process.stdout.write(JSON.stringify(asked.map(([name, ...rest]) => answers[name](...rest) ?? null)));
+for await (const line of createInterface({ input: process.stdin })) {
+  const told = JSON.parse(line).map(([name, ...rest]) => answers[name](...rest) ?? null);
+  process.stdout.write(`${JSON.stringify(told)}\n`);
+}

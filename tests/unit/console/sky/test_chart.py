@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import subprocess
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -23,15 +24,31 @@ PHONE = {"width": 390, "height": 600}
 LEFT_OUT = 0.012
 
 
+NODE: list[subprocess.Popen[str]] = []
+
+
+@pytest.fixture(scope="module", autouse=True)
+def node() -> Iterator[None]:
+    """One process for all questions: starting it takes longer than any answer."""
+    requires("node")
+    words = ["node", str(Path(__file__).with_name("answers.mjs")), str(FOLDER)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=pipe, text=True, encoding="utf-8") as process:
+        NODE.append(process)
+        yield
+        NODE.clear()
+        process.communicate(timeout=60.0)
+
+
 def ask(*questions: tuple[Any, ...]) -> list[Any]:
     """The chart's answers."""
-    requires("node")
-    done = subprocess.run(
-        ["node", str(Path(__file__).with_name("answers.mjs")), str(FOLDER)],
-        input=json.dumps(questions), capture_output=True, text=True, timeout=60.0,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    found: list[Any] = json.loads(done.stdout)
+    [process] = NODE
+    assert process.stdin is not None and process.stdout is not None and process.stderr is not None
+    process.stdin.write(json.dumps(questions) + "\n")
+    process.stdin.flush()
+    told = process.stdout.readline()
+    assert told, process.stderr.read()
+    found: list[Any] = json.loads(told)
     return found
 
 
@@ -87,6 +104,16 @@ def test_the_zenith_is_in_the_middle_and_rings_are_stereographic() -> None:
     assert zenith == pytest.approx([195.0, 300.0])
     assert ring == pytest.approx(radius * math.tan(math.radians(30.0)))
     assert [x, y] == pytest.approx([195.0, 300.0 + ring])
+
+
+@pytest.mark.parametrize("altitude", [-3.0, -50.0, -89.0, -90.0])
+def test_what_lies_below_the_horizon_is_shown_at_the_rim(altitude: float) -> None:
+    """Under its azimuth, just outside of the circle, however deep it lies."""
+    (x, y), just_above = ask(("atRim", PHONE, 270.0, altitude), ("atRim", PHONE, 270.0, 0.0))
+    assert just_above == ask(("point", PHONE, 270.0, 0.0))[0]
+    radius = just_above[0] - 195.0
+    assert radius < math.hypot(x - 195.0, y - 300.0) < 1.05 * radius
+    assert altitude == -90.0 or y == pytest.approx(300.0)
 
 
 @pytest.mark.parametrize("facing", [180.0, 0.0, 123.0])

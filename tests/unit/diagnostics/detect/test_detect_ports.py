@@ -8,7 +8,6 @@ import json
 import os
 import socket
 import subprocess
-import sys
 import threading
 import time
 import tty
@@ -30,8 +29,8 @@ from gateway.diagnostics.detect.ports import here, holder, lasting_name
 from gateway.diagnostics.detect.probe import Patience
 from gateway.transport.pty import speed
 from gateway.transport.uart import misread
+from tests.support.process import GATEWAY
 
-GATEWAY = [sys.executable, "-bb", "-m", "gateway"]
 PATIENCE = 20.0
 #: For devices that are known to answer at once, and for those that never do.
 HURRY = Patience(quiet=0.05, restless=0.2, first=0.1, answer=0.4)
@@ -337,3 +336,13 @@ def test_a_terminals_rate_is_read_even_without_a_name() -> None:
 def test_a_rate_is_more_than_nothing(rate: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sim", "nexstar:cpc", f"--baud={rate}", "--at", "pty:/tmp/never"]) == 2
     assert "--baud is a rate like 9600" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    ("stellarium@/dev/ttyS0", "programs speak stellarium, and no mount does; write /dev/ttyS0 or lx200@/dev/ttyS0"),
+    ("any@/dev/ttyS0", "write any@tcp://HOST:PORT, or one protocol"),
+])  # fmt: skip
+def test_no_mount_speaks_what_only_programs_do(text: str, words: str) -> None:
+    with pytest.raises(UserError) as raised:
+        named(text)
+    assert words in str(raised.value)

@@ -29,6 +29,12 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its first minutes, where nothing but the file counts."""
+    return night(tmp_path_factory.mktemp("night") / "short.rec", minutes=20)
+
+
+@pytest.fixture(scope="module")
 def seen(whole: Path) -> Night:
     return gather(read(whole))
 
@@ -224,10 +230,10 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, st
 
 
 def test_the_file_is_written_beside_the_recording_or_where_one_wants(
-    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     own = tmp_path / "night.rec"
-    own.write_bytes(whole.read_bytes())
+    own.write_bytes(short.read_bytes())
     assert run(capsys, own) == (0, f"wrote {tmp_path / 'night.html'}\n", "")
     assert run(capsys, own)[0] == 0  # an older report gives way
     code, _, _ = run(capsys, own, "-o", tmp_path / "there.html")
@@ -235,10 +241,10 @@ def test_the_file_is_written_beside_the_recording_or_where_one_wants(
 
 
 def test_a_recording_that_breaks_off_is_reported_and_said_so(
-    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "cut.rec"
-    path.write_bytes(whole.read_bytes()[:-7])
+    path.write_bytes(short.read_bytes()[:-7])
     code, said, _ = run(capsys, path)
     assert code == 0 and "cut off in the middle of a line" in said
     assert "The recording is not whole" in (tmp_path / "cut.html").read_text()
@@ -267,12 +273,12 @@ def test_mistakes_are_one_line(
 
 
 def test_no_file_of_somebody_elses_is_overwritten(
-    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     there = tmp_path / "mine.html"
     there.write_text("mine")
-    code, _, errors = run(capsys, whole, "-o", there)
+    code, _, errors = run(capsys, short, "-o", there)
     assert code == 2 and "--force replaces it" in errors and there.read_text() == "mine"
-    assert run(capsys, whole, "-o", there, "--force")[0] == 0
-    code, _, errors = run(capsys, whole, "-o", whole, "--force")
-    assert code == 2 and "the recording itself" in errors and "mount-gateway recording" in whole.read_text()[:30]
+    assert run(capsys, short, "-o", there, "--force")[0] == 0
+    code, _, errors = run(capsys, short, "-o", short, "--force")
+    assert code == 2 and "the recording itself" in errors and "mount-gateway recording" in short.read_text()[:30]

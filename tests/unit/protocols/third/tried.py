@@ -49,7 +49,7 @@ async def pushed() -> list[bytes]:
 
 def tried(capture: Path) -> None:
     """Raises AssertionError."""
-    assert list(PROTOCOLS) == ["lx200", "nexstar", "stellarium", "toy"]
+    assert list(PROTOCOLS) == ["lx200", "nexstar", "stellarium", "alpaca", "toy"]
     code, text = said("decode", str(capture))
     assert code == 0 and "where it points" in text and "go there: ra 83.6" in text, text
     code, text = said("decode", "--protocol", "toy", str(capture))

@@ -51,9 +51,11 @@ function hear(event) {
   if (message.id) {
     waiting.get(message.id)?.(message);
     waiting.delete(message.id);
-  } else if (message.talk) emit("talk", message.talk);
-  else if (message.line) emit("line", message.line);
-  else take(message);
+    return;
+  }
+  if (message.talk) emit("talk", message.talk);
+  if (message.line) emit("line", message.line);
+  if (message.hello || message.state || message.diff) take(message);
 }
 
 export function connect() {

@@ -1,7 +1,7 @@
 // The card of a chosen place: how high it stands, when it rises and sets, whether the mount may go there and if not why.
 // One more press goes there; a sync asks first, because it changes what the mount believes.
 
-import { button, byId, el } from "../core/dom.js";
+import { button, byId, el, say } from "../core/dom.js";
 import { angle, azimuth, declination, hours, timeOfDay } from "../core/format.js";
 import { answered, notice } from "../frame/notices.js";
 import { question } from "../frame/question.js";
@@ -52,7 +52,21 @@ export function forget() {
 }
 
 async function go() {
-  answered(await ask({ do: "goto", ...aim() }));
+  if (onItsWay()) return;
+  const name = chosen.found.name;
+  const answer = await ask({ do: "goto", ...aim() });
+  answered(answer.ok && name ? { ...answer, words: `It goes to ${name}` } : answer);
+}
+
+/** Degrees within which a goto leads to the chosen place. */
+const SAME = 0.05;
+
+/** Whether the telescope is going there already. */
+function onItsWay() {
+  const seen = mount(), found = chosen?.found;
+  if (!seen?.slewing || !found || seen.target?.ra2000 == null) return false;
+  const aside = ((seen.target.ra2000 - found.ra2000 + 540) % 360) - 180;
+  return Math.hypot(aside * Math.cos((found.dec2000 * Math.PI) / 180), seen.target.dec2000 - found.dec2000) < SAME;
 }
 
 export async function sync() {
@@ -98,7 +112,17 @@ function card(found) {
 function draw() {
   const box = byId("place");
   const key = JSON.stringify([chosen?.found ?? null, state.act]);
-  if (key === drawn) return;
+  if (key !== drawn) redraw(box, key);
+  if (chosen) tellWay(byId("go"), onItsWay());
+}
+
+/** In place: a button that is replaced under a finger is not pressed. */
+function tellWay(goes, going) {
+  say(goes, going ? "On its way…" : "Go there");
+  goes.setAttribute("aria-disabled", String(going));
+}
+
+function redraw(box, key) {
   drawn = key;
   // The focus stays on the button that has it when the figures are renewed.
   const focused = box.contains(document.activeElement) ? document.activeElement.id : "";

@@ -11,13 +11,19 @@ export function doing(seen) {
   return sentence(seen.does || "nothing is known yet").replace(/\.$/, "");
 }
 
+/** Which mount it is; with its own name, where there are several. */
+function called(seen) {
+  const own = state.mounts.length > 1 && seen.found ? `${seen.name}: ` : "";
+  return own + (seen.found || seen.name);
+}
+
 export function start() {
   subscribe(() => {
     const seen = mount();
     const moves = seen && (seen.slewing || seen.by_hand);
     document.body.dataset.mount = !state.connected || !seen ? "lost" : seen.held ? "held" : moves ? "moves" : seen.state;
     say(byId("does"), !state.connected ? "No connection" : seen ? doing(seen) : "Connecting…");
-    say(byId("name"), seen ? seen.found || seen.name : "mount-gateway");
+    say(byId("name"), seen ? called(seen) : "mount-gateway");
     document.title = seen ? `${state.connected ? doing(seen) : "No connection"} · ${seen.name}` : "mount-gateway";
   });
 }

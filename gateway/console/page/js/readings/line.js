@@ -14,8 +14,11 @@ const figures = el("p", { class: "figures-line" });
 
 function keep(times) {
   for (const [index, added] of Object.entries(times)) {
+    // A page that was behind is told again of what it has.
+    const known = samples.get(index) ?? [];
+    const last = known.at(-1)?.[0] ?? 0;
     const since = gatewayNow() - WINDOW - 5;
-    samples.set(index, [...(samples.get(index) ?? []), ...added].filter(([at]) => at > since));
+    samples.set(index, [...known, ...added.filter(([at]) => at > last)].filter(([at]) => at > since));
   }
 }
 

@@ -104,3 +104,12 @@ export function dot(a, b) {
 export function separation(a, b) {
   return Math.atan2(Math.hypot(...cross(a, b)), dot(a, b)) / DEGREE;
 }
+
+/** How far below the horizon things are shown that lie deeper: just outside of the rim. */
+const OUTSIDE = 0.02;
+
+/** What lies below the horizon, put at the rim under which it is; else the same. @param {Vector} v @returns {Vector} */
+export function atRim([north, east, up]) {
+  const far = Math.hypot(north, east) || 1;
+  return up >= -OUTSIDE ? [north, east, up] : [north / far, east / far, -OUTSIDE];
+}

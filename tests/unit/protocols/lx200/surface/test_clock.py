@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from gateway.core import errors
 from gateway.core import operations as op
+from tests.support.each import each
 from tests.support.fake_mount import Mount, Talk, unix
 
 #: Every offset in civil use, local minus UTC in hours.
@@ -84,7 +85,7 @@ def test_any_order_makes_one_instant(order: tuple[str, ...], pause: float, each_
     assert clock.offset == -5.0
 
 
-@pytest.mark.parametrize("offset", OFFSETS)
+@each("offset", OFFSETS)
 def test_utc_is_exact_for_every_offset_and_spelling(offset: float) -> None:
     for spelling, text in itertools.product(spellings(offset), LOCAL):
         local = datetime.fromisoformat(text)
@@ -95,7 +96,7 @@ def test_utc_is_exact_for_every_offset_and_spelling(offset: float) -> None:
         assert told(talk) == unix(text) - offset * 3600, (spelling, text)
 
 
-@pytest.mark.parametrize("offset", OFFSETS)
+@each("offset", OFFSETS)
 @pytest.mark.parametrize("utc_date", [False, True])
 def test_an_lx200gps_takes_the_reading_nearer_the_hosts_clock(offset: float, utc_date: bool) -> None:
     """By the manual its date is UTC's; programs send the local one as well."""
@@ -228,7 +229,7 @@ def test_the_date_of_a_stamp_is_the_local_one_whatever_the_host_says() -> None:
 # --- telling ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("offset", OFFSETS)
+@each("offset", OFFSETS)
 def test_time_plus_offset_is_utc_for_every_mount(offset: float) -> None:
     for text in LOCAL:
         talk = Talk()

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from gateway.core import operations as op
 from gateway.core.errors import NoAnswer
 from gateway.protocols.wireformat.command_set import load
+from tests.support.each import each
 from tests.support.fake_mount import Mount, Talk
 
 MODELS = ["autostar", "lx200", "lx200-16", "lx200gps"]
@@ -18,7 +19,7 @@ NAMES = sorted(load("lx200").commands)
 # --- whatever is sent ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name != "ACK"])
+@each("name", [name for name in NAMES if name != "ACK"])
 def test_no_argument_upsets_a_command(name: str) -> None:
     for model in MODELS:
         for argument in (

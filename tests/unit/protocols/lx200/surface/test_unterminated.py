@@ -16,6 +16,7 @@ from gateway.core import operations as op
 from gateway.protocols.base.frames import Suspect, Unterminated
 from gateway.protocols.lx200.framing import LONGEST, Framer, stops
 from gateway.protocols.wireformat.command_set import load
+from tests.support.each import each
 from tests.support.fake_mount import Talk
 from tests.support.manual_files import raw, rows
 
@@ -161,7 +162,7 @@ SETTERS = [
 
 
 @pytest.mark.parametrize("model", ["autostar", "lx200"])
-@pytest.mark.parametrize(("name", "example"), SETTERS, ids=[repr(example) for _, example in SETTERS])
+@each("name, example", SETTERS)
 def test_no_command_with_an_argument_lets_a_motion_through(name: str, example: bytes, model: str) -> None:
     refusals = [reply.wire for reply, _ in load("lx200").commands[name].replies if reply.fault]
     assert refusals in (["2"] if name == "Ls" else ["0"], [])

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from gateway.core import operations as op
 from gateway.protocols.wireformat.command_set import load
+from tests.support.each import each
 from tests.support.fake_mount import Mount, Talk, unix
 
 #: Hours east: every offset that is law somewhere.
@@ -82,7 +83,7 @@ def local(utc: str, hours: float) -> bytes:
 # --- the clock ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("offset", OFFSETS)
+@each("offset", OFFSETS)
 @pytest.mark.parametrize(
     "utc", ["2026-01-01 00:00:35", "2026-12-31 23:59:59", "2028-02-29 12:35:35", "2000-01-02 03:04:05"]
 )
@@ -95,7 +96,7 @@ def test_told_time_is_utc_in_every_zone(offset: float, utc: str) -> None:
     assert abs((talk.send(b"h")[6] + 128) % 256 - 128 - offset) <= 0.5
 
 
-@pytest.mark.parametrize("offset", OFFSETS)
+@each("offset", OFFSETS)
 @pytest.mark.parametrize("utc", ["2026-01-01 00:00:35", "2026-12-31 23:59:59", "2028-02-29 12:35:35"])
 @pytest.mark.parametrize("dst", [0, 1])
 def test_set_time_is_utc_in_every_zone_and_told_as_it_was_set(offset: float, utc: str, dst: int) -> None:
@@ -195,7 +196,7 @@ def test_models() -> None:
     assert [name for name in models if "rtc" in models[name]["has"]] == WITH_RTC
 
 
-@pytest.mark.parametrize("model", MODELS)
+@each("model", MODELS)
 @pytest.mark.parametrize(
     ("command", "count", "reply"),
     [

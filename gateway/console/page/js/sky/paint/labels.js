@@ -37,7 +37,8 @@ export class Labels {
       [x - width / 2, y + gap], [x - width / 2, y - gap - style.size],
     ];
     const fits = places.find((place) => this.#inSky(place, width, style.size) && this.#free(place, width, style.size));
-    const found = fits ?? (style.must ? places.find((place) => this.#inSky(place, width, style.size)) ?? places[1] : null);
+    const inwards = places[x < this.view.x ? 0 : 1];
+    const found = fits ?? (style.must ? places.find((place) => this.#inSky(place, width, style.size)) ?? inwards : null);
     if (found) this.#write(found, width, text, style);
   }
 

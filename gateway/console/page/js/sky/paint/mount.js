@@ -1,12 +1,15 @@
 /**
  * The mount on the sky: where the tube points, where it has pointed, where it is to go, and the way that it will take.
+ * What lies below the horizon is shown dashed at the rim, and a word says so.
  */
+import { atRim } from "../sphere.js";
 import { Trail } from "../trail.js";
 
 /** How much of its colour the end of a trail keeps; shades in which a trail is drawn. */
 const OLDEST = 0.12, SHADES = 8;
-/** A tube below the horizon is shown just outside of the rim. */
-const OUTSIDE = 0.02;
+const BELOW = "below the horizon";
+/** What dashed lines are made of. */
+const DASHES = [3, 3];
 
 export function trail({ context, view, colours, trail: { points }, time }) {
   context.strokeStyle = colours.trail;
@@ -44,16 +47,19 @@ export function way({ context, view, colours, scene }) {
 
 export function target({ context, view, colours, scene, labels }) {
   if (!scene.target) return;
-  const [x, y] = view.point(scene.target);
+  const [x, y] = view.point(atRim(scene.target)), below = scene.target[2] < 0;
+  context.setLineDash(below ? DASHES : []);
   ring(context, x, y, 8, colours.target, colours.shade, 2);
+  context.setLineDash([]);
   disk(context, x, y, 2, colours.target);
   labels.keepFree(x, y, 10);
+  if (below) labels.beside(x, y, `target ${BELOW}`, { size: 11, weight: 600, colour: colours.target, gap: 14, must: true });
 }
 
 /** The place that somebody has picked: four corners, and its name. */
 export function chosen({ context, view, colours, labels, chosen: place }) {
   if (!place) return;
-  const [x, y] = view.point(place.at), half = 12, arm = 5;
+  const [x, y] = view.point(atRim(place.at)), half = 12, arm = 5;
   const draw = () => {
     context.beginPath();
     for (const [right, down] of [[-1, -1], [1, -1], [1, 1], [-1, 1]]) {
@@ -65,15 +71,16 @@ export function chosen({ context, view, colours, labels, chosen: place }) {
   };
   twice(context, colours.chosen, colours.shade, 2, draw);
   labels.keepFree(x, y, half);
-  if (place.name) {
-    labels.beside(x, y, place.name, { size: 13, weight: 650, colour: colours.chosen, gap: half + 4, must: true });
+  const words = [place.name, place.at[2] < 0 ? BELOW : ""].filter(Boolean).join(", ");
+  if (words) {
+    labels.beside(x, y, words, { size: 13, weight: 650, colour: colours.chosen, gap: half + 4, must: true });
   }
 }
 
 /** The reticle: a ring that leaves the middle free, and four lines that lead to it. */
 export function tube({ context, view, colours, scene, labels }) {
   if (!scene.tube) return;
-  const [north, east, up] = scene.tube, [x, y] = view.point([north, east, Math.max(up, -OUTSIDE)]);
+  const [x, y] = view.point(atRim(scene.tube));
   const draw = () => {
     context.beginPath();
     context.arc(x, y, 10, 0, 2 * Math.PI);
@@ -83,7 +90,7 @@ export function tube({ context, view, colours, scene, labels }) {
     }
     context.stroke();
   };
-  context.setLineDash(up < 0 ? [3, 3] : []);
+  context.setLineDash(scene.tube[2] < 0 ? DASHES : []);
   twice(context, colours.tube, colours.shade, 2.25, draw);
   context.setLineDash([]);
   labels.keepFree(x, y, 14);

@@ -1,0 +1,165 @@
+"""Frames for everybody who looks: one task makes them, at most five times a second, and only while a page is open.
+
+A frame is made in pieces of about 0.1 ms, and one page after the other is told of it; between any two of them lies a
+millisecond in which programs are answered and stops go out. A page that is not waiting for a frame, because its browser
+has not taken the last one, holds up nobody; when it looks again it finds the newest.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from gateway.app.gateway import Gateway
+from gateway.console.shown.frame import Content, Frame, changes
+from gateway.console.shown.mount import ShownMount, turn
+from gateway.console.shown.talk import MOST
+
+#: Seconds between two frames, and the least that lie between the end of one and the next where there is much to do.
+EVERY, PAUSE = 0.2, 0.05
+#: Seconds for which the conversation is put into words before programs have their turn.
+PIECE = 0.0002
+
+
+class Publisher:
+    """``recordings`` says what is being recorded of every mount."""
+
+    def __init__(self, gateways: Sequence[Gateway], recordings: Callable[[], list[Any]]) -> None:
+        self.mounts = [ShownMount(gateway, index) for index, gateway in enumerate(gateways)]
+        self._recordings = recordings
+        self._loop = asyncio.get_running_loop()
+        self._frame = Frame(0, Content(), "")
+        self._content = Content()
+        self._pages: set[Subscription] = set()
+        self._task: asyncio.Task[None] | None = None
+        self._listening = 0
+        self._rows: deque[Any] = deque(maxlen=MOST)
+        #: Rows of the conversation so far.
+        self.count = 0
+
+    def subscribe(self) -> Subscription:
+        """A page looks from now on, until its subscription is ended."""
+        page = Subscription(self, self._loop)
+        self._pages.add(page)
+        if self._task is None:
+            for mount in self.mounts:
+                mount.look()
+            self._task = self._loop.create_task(self._publish())
+            self._task.add_done_callback(self._failed)
+        return page
+
+    def leave(self, page: Subscription) -> None:
+        """It looks no longer; with the last one all work ends, and what it has shown is forgotten."""
+        self._pages.discard(page)
+        if not self._pages and self._task is not None:
+            task, self._task = self._task, None
+            task.cancel()
+            self._forget()
+
+    def _forget(self) -> None:
+        self._content = Content()
+        self._frame = Frame(0, self._content, "")
+        for mount in self.mounts:
+            mount.look_away()
+
+    def listen(self, by: int) -> None:
+        """One page more, or one less, shows the conversation."""
+        self._listening += by
+        for mount in self.mounts:
+            mount.talk.listen(self._listening > 0)
+
+    def since(self, row: int) -> Sequence[Any]:
+        """The rows of the conversation from this number on, as far back as they are kept."""
+        missed = min(self.count - row, len(self._rows))
+        return list(self._rows)[-missed:] if missed > 0 else []
+
+    @property
+    def at_work(self) -> bool:
+        """Whether there will be another frame."""
+        return self._task is not None
+
+    @property
+    def frame(self) -> Frame:
+        """The newest; its number is 0 while there is none."""
+        return self._frame
+
+    async def _publish(self) -> None:
+        while True:
+            began = self._loop.time()
+            self._frame = await self._next()
+            for page in list(self._pages):
+                page.tell(self._frame)
+                await turn()
+            await asyncio.sleep(max(began + EVERY - self._loop.time(), PAUSE))
+
+    async def _next(self) -> Frame:
+        before, states = self._content, [await mount.state() for mount in self.mounts]
+        first = self.count
+        if self._listening:
+            await self._take_rows()
+        new = {str(index): mount.pulse.take() for index, mount in enumerate(self.mounts)}
+        kept = {str(index): list(mount.pulse.samples) for index, mount in enumerate(self.mounts)}
+        self._content = after = Content(states, self._recordings(), kept)
+        await turn()
+        changed = changes(before, after, new) if before.mounts else ""
+        return Frame(self._frame.number + 1, after, changed, self.since(first), first)
+
+    async def _take_rows(self) -> None:
+        """What was said since the last frame, in words; no more of it than is kept for a page."""
+        began, end = time.perf_counter(), self.count + MOST
+        for mount in self.mounts:
+            for row in mount.talk.take():
+                self._rows.append(row)
+                self.count += 1
+                if self.count >= end:
+                    return
+                if time.perf_counter() - began > PIECE:
+                    await turn()
+                    began = time.perf_counter()
+
+    def _failed(self, task: asyncio.Task[None]) -> None:
+        """A defect: every page is told and connects anew, and the next one finds work that begins anew."""
+        if task is not self._task:
+            return
+        self._task = None
+        self._forget()
+        error = None if task.cancelled() else task.exception()
+        if error is not None:
+            self.mounts[0].gateway.wire_log.note("console", f"internal error, please report it: {error!r}")
+        for page in list(self._pages):
+            page.fail(error or ConnectionError("the console closes"))
+
+
+class Subscription:
+    """What one page waits on."""
+
+    def __init__(self, publisher: Publisher, loop: asyncio.AbstractEventLoop) -> None:
+        self._publisher, self._loop = publisher, loop
+        self._waiting: asyncio.Future[Frame] | None = None
+
+    async def next(self, seen: int) -> Frame:
+        """The newest frame, as soon as there is one that was not seen."""
+        frame = self._publisher.frame
+        if frame.number and frame.number != seen:
+            return frame
+        if not self._publisher.at_work:
+            raise ConnectionError("the console has nothing to show")
+        self._waiting = self._loop.create_future()
+        return await self._waiting
+
+    def tell(self, frame: Frame) -> None:
+        """There is a new one."""
+        if self._waiting is not None and not self._waiting.done():
+            self._waiting.set_result(frame)
+
+    def fail(self, error: BaseException) -> None:
+        """There will be none."""
+        if self._waiting is not None and not self._waiting.done():
+            self._waiting.set_exception(error)
+
+    def end(self) -> None:
+        """The page is gone."""
+        self._publisher.leave(self)

@@ -1,0 +1,157 @@
+"""What a page is shown of a mount: plain dictionaries, from what is known without asking the mount.
+
+Angles are degrees, azimuth from north through east, times Unix seconds. The sentences are those of ``status``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from gateway.app.control.gather import gather
+from gateway.app.gateway import Gateway
+from gateway.app.status import does, on_the_sky
+from gateway.astro.spherical import wrap180
+from gateway.core import operations as op
+from gateway.mount.controller import MountController
+from gateway.mount.motion.wanted import Slew
+from gateway.mount.safety.admission.contradictions import contradictions, shown, time_unknown
+
+#: Places over the horizon along the way of a goto, beginning and end counted.
+STEPS = 24
+#: A position is told to a tenth of an arcsecond, a horizon place to a thousandth of a degree: finer changes are noise.
+FINE, COARSE = 5, 3
+#: The sky's own bodies that are shown.
+BODIES = ("Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
+
+
+def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
+    """Everything but the line's pulse, the programs and the bodies of the sky; each part takes about 0.1 ms."""
+    controller = gateway.controller
+    assert controller is not None
+    state = gather(controller, gateway.config.name or "", str(gateway.mount), ())
+    look = state.look
+    yield {}  # to gather is a piece of work by itself
+    here = None if look.position is None else place(controller, look.position)
+    yield {"position": here and {**here, "age": round(look.age, 1)}}
+    snapshot = controller.cache
+    status: op.Status | None = snapshot.value(op.GetStatus)
+    yield {
+        "index": index, "name": look.name, "at": state.mount, "found": state.found, "product": state.product,
+        "model": state.model, "version": state.version, "state": look.state, "reason": look.reason,
+        "does": does(look), "pier": snapshot.value(op.PierSide) or "",
+        "tracking": status.tracking.value if status else "",
+        "tracks": status is not None and status.tracking is not op.Tracking.OFF,
+        "aligned": status.aligned if status else None, "equatorial": status.equatorial if status else None,
+        "german": controller.driver.german, "slewing": look.slewing, "by_hand": look.by_hand, "asleep": look.asleep,
+        "held": look.held, "wanted": list(state.wanted), "allowed": list(state.allowed), "lately": list(state.lately),
+        "dead_man": controller.policy.silence, "line": {"typical": round(state.reply, 3), "answers": state.answers},
+        "surfaces": gateway.names(),
+    }  # fmt: skip
+    yield {**_sky(controller, look.position), **_where_and_when(controller), "limits": _limits(controller)}
+    yield _goal(controller, here)
+
+
+def place(controller: MountController, seen: op.Equatorial) -> dict[str, Any]:
+    """A place of date, as J2000 and over the horizon besides; ``alt`` and ``az`` are None while the site is unknown."""
+    derived = controller.astrometry
+    ra2000, dec2000 = derived.sky.to_j2000(seen.ra, seen.dec, derived.site_clock.unix())
+    found: dict[str, Any] = {
+        "ra": round(seen.ra, FINE), "dec": round(seen.dec, FINE), "ra2000": round(ra2000, FINE),
+        "dec2000": round(dec2000, FINE), "alt": None, "az": None,
+    }  # fmt: skip
+    if derived.site_clock.site() is not None:
+        over = derived.horizon(seen)
+        found |= {"alt": round(over.alt, COARSE), "az": round(over.az, COARSE)}
+    return found
+
+
+def bodies(controller: MountController) -> Iterator[dict[str, Any]]:
+    """Sun, Moon and planets: name, place of J2000, altitude and azimuth where the site is known."""
+    for name in BODIES:
+        where = _body(controller, name)
+        if where is not None:
+            told = place(controller, where)
+            yield {"name": name, **{key: told[key] for key in ("ra2000", "dec2000", "alt", "az")}}
+
+
+def _body(controller: MountController, name: str) -> op.Equatorial | None:
+    derived = controller.astrometry
+    unix = derived.site_clock.unix()
+    if name == "Sun":
+        return op.Equatorial(*derived.sky.sun(unix))
+    if name == "Moon":
+        site = derived.site_clock.site()
+        return None if site is None else op.Equatorial(*derived.sky.moon(unix, site.latitude, site.longitude)[:2])
+    found = derived.sky.planet(name, unix)
+    return None if found is None else op.Equatorial(*found)
+
+
+def _sky(controller: MountController, seen: op.Equatorial | None) -> dict[str, Any]:
+    """Sidereal time and hour angle, where the site is known."""
+    if controller.sources.site() is None:
+        return {"sidereal": None, "hour_angle": None}
+    sidereal = controller.astrometry.sidereal_time()
+    angle = None if seen is None else round(wrap180(sidereal - seen.ra), COARSE)
+    return {"sidereal": round(sidereal, COARSE), "hour_angle": angle}
+
+
+def _goal(controller: MountController, here: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Where a goto leads, and the way over the horizon that is to be expected."""
+    motion = controller.wanted.value.motion
+    goal = None
+    if isinstance(motion, Slew):
+        operation = motion.operation
+        if isinstance(operation, op.Goto):
+            seen = controller.astrometry.from_mount(op.Equatorial(operation.ra, operation.dec))
+            goal = {**place(controller, seen), "words": on_the_sky(seen)}
+        elif isinstance(operation, op.GotoHorizontal):
+            words = f"azimuth {operation.az:.1f}°, altitude {operation.alt:.1f}°"
+            goal = {"ra": None, "dec": None, "alt": operation.alt, "az": operation.az, "words": words}
+    return {"target": goal, "way": way(controller, here, goal) if goal else []}
+
+
+def way(
+    controller: MountController, here: Mapping[str, Any] | None, goal: Mapping[str, Any]
+) -> list[tuple[float, float]]:
+    """Azimuth and altitude, step by step: both axes turn at once, over the horizon on a fork, else about the pole."""
+    if here is None or here["alt"] is None or goal["alt"] is None:
+        return []
+    status: op.Status | None = controller.cache.value(op.GetStatus)
+    parts = [step / STEPS for step in range(STEPS + 1)]
+    if status is None or not status.equatorial or goal.get("ra") is None:
+        turn, rise = wrap180(goal["az"] - here["az"]), goal["alt"] - here["alt"]
+        return [(round((here["az"] + turn * part) % 360.0, 1), round(here["alt"] + rise * part, 1)) for part in parts]
+    turn, rise = wrap180(goal["ra"] - here["ra"]), goal["dec"] - here["dec"]
+    found = []
+    for part in parts:
+        over = controller.astrometry.horizon(
+            op.Equatorial((here["ra"] + turn * part) % 360.0, here["dec"] + rise * part)
+        )
+        found.append((round(over.az, 1), round(over.alt, 1)))
+    return found
+
+
+def _where_and_when(controller: MountController) -> dict[str, Any]:
+    """The site and the clock in force, who says so, and who says otherwise."""
+    sources = controller.sources
+    sites, time = sources.sites(), sources.best_time()
+    doubts = [found.words for found in contradictions(sites, sources.times())]
+    site = None
+    if sites:
+        best = sites[0]
+        site = {"latitude": best.place.latitude, "longitude": best.place.longitude, "source": best.source,
+                "words": shown(best.place)}  # fmt: skip
+    return {
+        "site": site,
+        "clock": {"ahead": round(time.unix - controller.wire_log.clock(), 1), "source": time.source},
+        "site_doubt": next((words for words in doubts if "clocks" not in words), ""),
+        "clock_doubt": "nobody tells the time, and this computer has lost it"
+        if time_unknown(time)
+        else next((words for words in doubts if "clocks" in words), ""),
+    }
+
+
+def _limits(controller: MountController) -> dict[str, Any]:
+    limits = controller.policy.limits
+    return {"lowest": limits.lowest, "highest": limits.highest, "sun": limits.sun, "hour_angle": limits.hour_angle}

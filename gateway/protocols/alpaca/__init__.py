@@ -1,0 +1,1 @@
+"""ASCOM's Alpaca: the members of its telescope interface, asked for over HTTP."""

@@ -1,0 +1,48 @@
+"""Alpaca towards HTTP, as the registry offers it. Nothing of the web server is loaded before somebody asks."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from gateway.core.errors import UserError
+from gateway.transport.handler import Listener
+from gateway.transport.web_port import WebDevice, WebPort, WebServer
+
+if TYPE_CHECKING:
+    from gateway.protocols.alpaca.http.server import AlpacaServer
+
+
+class AlpacaWeb:
+    """Ports of its own, and its part of another's."""
+
+    async def open_port(self, where: str, device: WebDevice, names: Sequence[str] = ()) -> Listener:
+        """``tcp://HOST:PORT``. Raises UserError."""
+        if not where.startswith("tcp://"):
+            raise UserError(
+                f"{where}: Alpaca is spoken over HTTP: write tcp://HOST:PORT, for example tcp://0.0.0.0:11111"
+            )
+
+        async def load() -> WebServer:
+            await asyncio.to_thread(import_module, "aiohttp.web")
+            from gateway.protocols.alpaca.http.own_port import OwnServer
+
+            return await OwnServer.start(_server([device], names))
+
+        port = WebPort(load)
+        await port.open(where)
+        return port
+
+    def add_routes(self, app: Any, devices: Sequence[WebDevice], names: Sequence[str] = ()) -> Callable[[], None]:
+        """Serve the devices as a part of an aiohttp application -> what ends that."""
+        server = _server(devices, names)
+        server.add_to(app)
+        return server.close
+
+
+def _server(devices: Sequence[WebDevice], names: Sequence[str]) -> AlpacaServer:
+    from gateway.protocols.alpaca.http.server import AlpacaServer
+
+    return AlpacaServer(devices, names)

@@ -1,0 +1,111 @@
+"""Programs that speak Alpaca: each is a client of the mount like a connection of any other program.
+
+HTTP has no connection that would tell programs apart; here one is a ClientID on one computer. Its requests are lines of
+a connection of its own, answered in their order, so a slow one holds up nobody else. One that is silent for long is
+forgotten; whatever moves by its order has been ended by the dead man's switch long before.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+
+from gateway.transport.handler import Arrive, ConnectionRefused
+
+#: Seconds after which an answer does not come any more, and after which a silent program is forgotten.
+PATIENCE, FORGET = 5.0, 600.0
+#: Programs of one mount, and requests of one program that may wait at a time.
+MOST, WAITING = 64, 64
+
+
+class NoAnswerInTime(Exception):
+    """A request was not answered, or there are too many; what it asked for may have been done."""
+
+
+class Program:
+    """One of them."""
+
+    def __init__(self, arrive: Arrive, name: str, host: str) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._waiting: deque[asyncio.Future[bytes]] = deque()
+        self._rest = b""
+        self.last = self._loop.time()
+        self.gone = False
+        self._handler = arrive(name, host, self._hear)
+        self._handler.network(lambda last: self.close())
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing of it waits for an answer."""
+        return not self._waiting
+
+    async def ask(self, line: bytes) -> bytes:
+        """-> the line that answers it. Raises NoAnswerInTime."""
+        if self.gone or len(self._waiting) >= WAITING:
+            raise NoAnswerInTime("Too many requests of this program wait for an answer.")
+        self.last = self._loop.time()
+        answer: asyncio.Future[bytes] = self._loop.create_future()
+        self._waiting.append(answer)
+        self._handler.feed(line)
+        try:
+            async with asyncio.timeout(PATIENCE):
+                return await answer
+        except TimeoutError:
+            self.close()  # an answer that still came would be taken for that to the next request
+            raise NoAnswerInTime(f"The mount has not answered within {PATIENCE:g} s.") from None
+
+    def _hear(self, data: bytes) -> int:
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        for line in lines:
+            answer = self._waiting.popleft() if self._waiting else None
+            if answer is not None and not answer.done():
+                answer.set_result(line)
+        return 0
+
+    def close(self) -> None:
+        """It is not heard any more."""
+        if not self.gone:
+            self.gone = True
+            self._handler.close()
+            for answer in self._waiting:
+                if not answer.done():
+                    answer.set_exception(NoAnswerInTime("The mount does not answer."))
+                    answer.exception()
+            self._waiting.clear()
+
+
+class Programs:
+    """All of one mount."""
+
+    def __init__(self, arrive: Arrive) -> None:
+        self._arrive = arrive
+        self._known: dict[tuple[str, int], Program] = {}
+
+    def of(self, host: str, client: int) -> Program:
+        """The one of this ClientID on this computer. Raises ConnectionRefused for one that may not come in."""
+        self._sweep()
+        program = self._known.get((host, client))
+        if program is None or program.gone:
+            if len(self._known) >= MOST:
+                raise ConnectionRefused
+            name = f"[{host}]:id-{client}" if ":" in host else f"{host}:id-{client}"
+            program = self._known[host, client] = Program(self._arrive, name, host)
+        return program
+
+    def _sweep(self) -> None:
+        """Forget whoever is gone or has long been silent; the longest silent one where there are too many."""
+        now = asyncio.get_running_loop().time()
+        for key, program in list(self._known.items()):
+            if program.gone or (program.idle and now - program.last > FORGET):
+                program.close()
+                del self._known[key]
+        if len(self._known) >= MOST:
+            idle = [key for key, program in self._known.items() if program.idle]
+            if idle:
+                self._known.pop(min(idle, key=lambda key: self._known[key].last)).close()
+
+    def close(self) -> None:
+        """Nobody is heard any more."""
+        for program in self._known.values():
+            program.close()
+        self._known.clear()

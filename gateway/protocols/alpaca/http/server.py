@@ -1,0 +1,151 @@
+"""The web server's part: addresses, who may ask, and what is answered to what is not understood.
+
+Alpaca knows no password, and a page in somebody's browser can send requests here, too. So what a page sends is refused
+(``Origin``, ``Sec-Fetch-Site``), and what was not meant for this computer (``Host``). aiohttp is loaded with this
+module: import it when somebody has asked.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Awaitable, Callable, Sequence
+from typing import Any
+from urllib.parse import parse_qsl
+
+from aiohttp import web
+
+from gateway.core.about import VERSION
+from gateway.protocols.alpaca.http.answers import Device, numbered
+from gateway.protocols.alpaca.http.requests import BadRequest, Pairs, understood, who_asks
+from gateway.protocols.alpaca.http.unique import unique_id
+from gateway.system.own_names import known_host
+from gateway.transport.handler import ConnectionRefused
+from gateway.transport.web_port import WebDevice
+
+#: The longest body of a request, bytes.
+LONGEST = 8192
+FORM = "application/x-www-form-urlencoded"
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+class AlpacaServer:
+    """The devices of one port. ``names`` are further names by which this computer may be called."""
+
+    def __init__(self, devices: Sequence[WebDevice], names: Sequence[str] = ()) -> None:
+        self._devices, self._names = [Device(device) for device in devices], tuple(names)
+
+    def add_to(self, app: web.Application) -> None:
+        """Serve it under the addresses that ASCOM has for it."""
+        serve = self._guarded
+        app.add_routes([
+            web.get("/management/apiversions", serve(self._versions)),
+            web.get("/management/v1/description", serve(self._description)),
+            web.get("/management/v1/configureddevices", serve(self._configured)),
+            web.get("/setup", serve(self._setup)),
+            web.get("/setup/v1/{kind}/{number}/setup", serve(self._setup)),
+            web.route("*", "/api/v1/{kind}/{number}/{member}", serve(self._member)),
+            web.route("*", "/{tail:(?:api|management)(?:/.*)?}", serve(self._unknown)),
+        ])  # fmt: skip
+
+    def close(self) -> None:
+        """Nobody is answered any more."""
+        for device in self._devices:
+            device.programs.close()
+
+    # --- who may ask ------------------------------------------------------------------------------------------------
+
+    def _guarded(self, handler: Handler) -> Handler:
+        async def guarded(request: web.Request) -> web.StreamResponse:
+            if words := self._refused(request):
+                return web.Response(status=403, text=f"{words}\n")
+            try:
+                return await handler(request)
+            except BadRequest as error:
+                headers = {"Allow": error.allow} if error.allow else None
+                return web.Response(status=405 if error.allow else 400, text=f"{error}\n", headers=headers)
+            except ConnectionRefused:
+                return web.Response(status=403, text="This computer may not use this mount, or too many do.\n")
+
+        return guarded
+
+    def _refused(self, request: web.Request) -> str:
+        """Why a request is not served; nothing where it is."""
+        local = request.transport.get_extra_info("sockname") if request.transport else None
+        if not known_host(request.headers.get("Host"), str(local[0]) if local else "", self._names):
+            return "This computer is not called that."
+        if "Origin" in request.headers or request.headers.get("Sec-Fetch-Site", "none") != "none":
+            return "Web pages may not ask for this."
+        return ""
+
+    # --- the device -------------------------------------------------------------------------------------------------
+
+    async def _member(self, request: web.Request) -> web.StreamResponse:
+        device = self._device(request)
+        pairs = await _parameters(request)
+        asked = understood(request.method, request.match_info["member"], pairs)
+        told = await device.answer(asked, request.remote or "?")
+        return web.json_response(numbered(told, asked.transaction))
+
+    def _device(self, request: web.Request) -> Device:
+        """Raises BadRequest."""
+        kind, number = request.match_info["kind"], request.match_info["number"]
+        if kind != "telescope":
+            raise BadRequest(f"There is no device of the kind {kind!r} here; there are telescopes")
+        if not (number.isascii() and number.isdecimal() and len(number) < 11 and int(number) < len(self._devices)):
+            raise BadRequest(f"There is no telescope {number!r} here; their numbers go up to {len(self._devices) - 1}")
+        return self._devices[int(number)]
+
+    async def _unknown(self, request: web.Request) -> web.StreamResponse:
+        raise BadRequest("There is nothing at this address: /api/v1/telescope/0/ and a member in lower case")
+
+    # --- management -------------------------------------------------------------------------------------------------
+
+    async def _versions(self, request: web.Request) -> web.StreamResponse:
+        return _value(request, [1])
+
+    async def _description(self, request: web.Request) -> web.StreamResponse:
+        return _value(request, {
+            "ServerName": "mount-gateway", "Manufacturer": "the mount-gateway developers",
+            "ManufacturerVersion": VERSION, "Location": "",
+        })  # fmt: skip
+
+    async def _configured(self, request: web.Request) -> web.StreamResponse:
+        return _value(request, [
+            {"DeviceName": device.web.title, "DeviceType": "Telescope", "DeviceNumber": number,
+             "UniqueID": unique_id(device.web.key)}
+            for number, device in enumerate(self._devices)
+        ])  # fmt: skip
+
+    async def _setup(self, request: web.Request) -> web.StreamResponse:
+        if "kind" in request.match_info:
+            self._device(request)
+        rows = "".join(
+            f"<li>telescope {number}: {html.escape(device.web.title)}" for number, device in enumerate(self._devices)
+        )
+        page = (
+            '<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n<title>mount-gateway</title>\n'
+            f"<h1>mount-gateway {VERSION}</h1>\n<p>by the mount-gateway developers. Its telescopes:\n<ul>{rows}</ul>\n"
+            "<p>It is set up where it was started: by its command line or its configuration file. The address of its "
+            "console, where the mount is shown and moved, stands in the line <q>ready console</q> that it prints.\n"
+        )
+        return web.Response(text=page, content_type="text/html")
+
+
+async def _parameters(request: web.Request) -> Pairs:
+    """Of the address, or of the body of a PUT. Raises BadRequest."""
+    if request.method != "PUT":
+        return list(request.query.items())
+    if request.content_type not in (FORM, "application/octet-stream"):
+        raise BadRequest(f"The parameters of a PUT stand in its body as {FORM}")
+    try:
+        body = (await request.content.read(LONGEST + 1)).decode("utf-8")
+        if len(body) > LONGEST:
+            raise BadRequest(f"The body is longer than {LONGEST} bytes")
+        return parse_qsl(body, keep_blank_values=True, max_num_fields=100, errors="strict")
+    except ValueError:
+        raise BadRequest("The parameters cannot be read") from None
+
+
+def _value(request: web.Request, value: Any) -> web.StreamResponse:
+    _, transaction = who_asks(list(request.query.items()), any_case=True)
+    return web.json_response(numbered({"Value": value, "ErrorNumber": 0, "ErrorMessage": ""}, transaction))

@@ -1,0 +1,60 @@
+"""ASCOM's Alpaca, as the registry of protocols has it. Programs speak it, no mount does."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from gateway.protocols.base.spec import MadeSurface, ProtocolSpec, SurfaceSettings
+from gateway.protocols.wireformat.command_set import load
+
+if TYPE_CHECKING:
+    from gateway.protocols.base.frames import Framer
+    from gateway.transport.web_port import Web
+
+NAME = "alpaca"
+
+
+def _framing() -> Framer:
+    from gateway.protocols.alpaca import framing
+
+    return framing.Framer()
+
+
+def _make_surface(settings: SurfaceSettings) -> MadeSurface:
+    from gateway.protocols.alpaca.surface.handlers import AlpacaSurface
+    from gateway.protocols.base.session import ClientSettings
+
+    model = {"name": NAME, "equinox": settings.equinox}
+    return MadeSurface(AlpacaSurface(load(NAME)), model, ClientSettings(settings.limits))
+
+
+def _hint(frame: bytes) -> str:
+    """What may be wrong with a request that nobody has."""
+    if load(NAME).find(frame + b"\n") is not None:
+        return "a request ends with a line feed: write \\x0a behind it"
+    return "requests are written like 'get rightascension\\x0a' and 'put tracking Tracking=true\\x0a'"
+
+
+def _web() -> Web:
+    from gateway.protocols.alpaca.http.face import AlpacaWeb
+
+    return AlpacaWeb()
+
+
+SPEC = ProtocolSpec(
+    name=NAME,
+    title="ASCOM Alpaca",
+    a_program="an ASCOM Alpaca",
+    a_mount="a mount with ASCOM Alpaca",
+    preset="ASCOM Alpaca",
+    mounts="ASCOM Alpaca",
+    usual_port=11111,
+    framing=_framing,
+    opening=re.compile(rb"(?:(?:get|put) [^\n]*\n)*"),
+    make_surface=_make_surface,
+    web=_web,
+    target=("put connected Connected=true\\x0a",),
+    hint=_hint,
+    recognises=lambda sent: 1.0 if re.match(rb"(?:get|put) [a-z]+[ \n]", sent) else 0.0,
+)

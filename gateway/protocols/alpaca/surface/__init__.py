@@ -1,0 +1,1 @@
+"""The Alpaca surface: what its rows in ``mappings/alpaca/surface.toml`` call."""

@@ -1,0 +1,110 @@
+"""What every ASCOM device has: connecting, names, its state as a list, and commands that are not handed on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from gateway.core import operations as op
+from gateway.core.about import VERSION
+from gateway.core.errors import Fault, Unsupported
+from gateway.core.operations import Values
+from gateway.protocols.alpaca.session import AlpacaSession
+from gateway.protocols.alpaca.surface import motion, pointing, tracking
+from gateway.protocols.alpaca.surface.given import given
+from gateway.protocols.base.wants import Handling, Possible
+from gateway.protocols.wireformat.command import Command
+from gateway.protocols.wireformat.numerals import moment
+
+
+def no_action(session: AlpacaSession, command: Command, values: Values) -> None:
+    """Raises Unsupported."""
+    raise Unsupported("This mount has no actions of its own.")
+
+
+def not_here(session: AlpacaSession, command: Command, values: Values) -> None:
+    """Raises Unsupported."""
+    raise Unsupported(f"Not available: {command.help}.")
+
+
+def connect(session: AlpacaSession, command: Command | None, values: Values) -> Handling:
+    """Raises NoAnswer while the mount is known not to be there."""
+    yield Possible(op.Position())
+    session.kept.connected = True
+
+
+def connected(session: AlpacaSession, command: Command, values: Values) -> bool:
+    return session.kept.connected
+
+
+def set_connected(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    """Both are done when they are answered."""
+    if given(values)["on"]:
+        yield from connect(session, command, values)
+    else:
+        session.kept.connected = False
+
+
+def disconnect(session: AlpacaSession, command: Command, values: Values) -> None:
+    session.kept.connected = False
+
+
+def name(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    """As the mount calls itself; as a mount, while it has not said so."""
+    try:
+        return (yield op.GetIdentity()).product
+    except Fault:
+        return "Telescope mount"
+
+
+def description(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    """The mount with its model and version."""
+    try:
+        told: op.Identity = yield op.GetIdentity()
+    except Fault:
+        return "A mount that has not answered yet, by mount-gateway"
+    version = f" {told.version}" if told.version not in ("", "?") else ""
+    return f"{told.product}, {told.model}{version}, by mount-gateway"
+
+
+def driver_version(session: AlpacaSession, command: Command, values: Values) -> dict[str, str]:
+    return {"value": VERSION}
+
+
+def device_state(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    """What a program looks at again and again, in one answer; what the mount does not tell now is left out."""
+    state: list[dict[str, Any]] = []
+    for label, reading in _looked_at(session, command):
+        try:
+            state.append({"Name": label, "Value": (yield from reading)})
+        except Fault:
+            continue
+    return {"value": [*state, {"Name": "TimeStamp", "Value": moment(session.clock()).decode()}]}
+
+
+def _looked_at(session: AlpacaSession, command: Command) -> Iterator[tuple[str, Handling]]:
+    yield "Altitude", _of(op.HorizontalPosition(), "alt")
+    yield "AtHome", motion.at_home(session, command, {})
+    yield "AtPark", motion.at_park(session, command, {})
+    yield "Azimuth", _of(op.HorizontalPosition(), "az")
+    yield "Declination", _of(op.Position(), "dec")
+    yield "IsPulseGuiding", motion.is_pulse_guiding(session, command, {})
+    yield "RightAscension", _hours(_of(op.Position(), "ra"))
+    yield "SideOfPier", pointing.side_of_pier(session, command, {})
+    yield "SiderealTime", _hours(_of(op.SiderealTime()))
+    yield "Slewing", motion.slewing(session, command, {})
+    yield "Tracking", tracking.tracking(session, command, {})
+    yield "UTCDate", _utc()
+
+
+def _of(operation: op.Operation, field: str = "") -> Handling:
+    value = yield operation
+    return getattr(value, field) if field else value
+
+
+def _hours(degrees: Handling) -> Handling:
+    return ((yield from degrees) / 15.0) % 24.0
+
+
+def _utc() -> Handling:
+    return moment((yield op.GetClock()).unix).decode()

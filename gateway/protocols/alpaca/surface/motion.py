@@ -1,0 +1,105 @@
+"""Gotos, motion by hand, guiding and parking: begun here, and followed by what tells whether they last."""
+
+from __future__ import annotations
+
+from gateway.core import operations as op
+from gateway.core.errors import Invalid, NoTarget, Unsupported
+from gateway.core.operations import Values
+from gateway.protocols.alpaca.session import AlpacaSession
+from gateway.protocols.alpaca.surface.given import axis, given, place, within
+from gateway.protocols.base.wants import Handling
+from gateway.protocols.wireformat.command import Command
+
+#: By ASCOM's numbers.
+DIRECTIONS = (op.Direction.NORTH, op.Direction.SOUTH, op.Direction.EAST, op.Direction.WEST)
+#: A speed this near to one that the mount has is that one, as a part of it.
+NEAR = 0.01
+
+
+def slew(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    """The place is the target from now on."""
+    session.kept.ra, session.kept.dec = place(values)
+    yield op.Goto(session.kept.ra, session.kept.dec)
+
+
+def slew_to_target(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    yield op.Goto(*_target(session))
+
+
+def slew_altaz(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    az = within(values, "az", "Azimuth", 0.0, 360.0) % 360.0
+    yield op.GotoHorizontal(az, within(values, "alt", "Altitude", -90.0, 90.0))
+
+
+def sync(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    """The place is the target from now on."""
+    session.kept.ra, session.kept.dec = place(values)
+    yield op.Sync(session.kept.ra, session.kept.dec)
+
+
+def sync_to_target(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    yield op.Sync(*_target(session))
+
+
+def _target(session: AlpacaSession) -> tuple[float, float]:
+    if session.kept.ra is None or session.kept.dec is None:
+        raise NoTarget("Set TargetRightAscension and TargetDeclination first.")
+    return session.kept.ra, session.kept.dec
+
+
+def slewing(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    """From the moment in which a motion was asked for; the mount tells of those of its own hand control."""
+    moves: op.Activity = yield op.GetActivity()
+    return moves.goto or moves.by_hand or (yield op.Slewing())
+
+
+def is_pulse_guiding(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    return (yield op.GetActivity()).pulse
+
+
+def at_park(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    return (yield op.GetActivity()).parked
+
+
+def at_home(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    return (yield op.GetActivity()).homed and (yield op.HomeState()) == 1
+
+
+def park(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    """A mount that is parked stays so."""
+    if not (yield op.GetActivity()).parked:
+        yield op.Park()
+
+
+def unpark(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    """Raises Unsupported for a mount that cannot be parked."""
+    if "Park" not in (yield op.GetAbilities()).can:
+        raise Unsupported("This mount cannot be parked.")
+    if (yield op.GetActivity()).parked:
+        yield op.Unpark()
+
+
+def find_home(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    yield op.Home()
+
+
+def move_axis(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    """At one of the rates of ``AxisRates``, either way; 0 ends it. Raises Invalid for any other."""
+    number, rate = axis(values), given(values)["rate"]
+    if number == 2:
+        raise Unsupported("This mount has no third axis.")
+    if rate == 0.0:
+        yield op.StopAxis(number + 1)
+        return
+    speeds = (yield op.GetAbilities()).speeds
+    if not any(low * (1.0 - NEAR) <= abs(rate) <= high * (1.0 + NEAR) for low, high in speeds):
+        raise Invalid(f"Rate {rate:g} is none of this axis: AxisRates lists them, in degrees a second.")
+    yield op.MoveAxis(number + 1, 1 if rate > 0.0 else -1, op.Rate(degrees=abs(rate)))
+
+
+def pulse_guide(session: AlpacaSession, command: Command, values: Values) -> Handling:
+    """The answer comes when it has begun."""
+    direction = DIRECTIONS[within(values, "direction", "Direction", 0, 3)]
+    ms = within(values, "ms", "Duration", 0, 600_000)
+    if ms:
+        yield op.Pulse(direction, ms)

@@ -1,0 +1,70 @@
+"""Listening on an address, and saying in words why that is not possible."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import socket
+from collections.abc import Callable
+
+from gateway.core.errors import UserError
+
+#: Connections that may wait to be accepted: programs that open one per command come in crowds.
+BACKLOG = 512
+
+
+async def listen(where: str, make: Callable[[], asyncio.BaseProtocol]) -> tuple[asyncio.Server, str]:
+    """``SCHEME://HOST:PORT`` -> what listens there, and the same with the real numbers; ``make`` is called for every
+    connection. Without a host this computer only; port 0 takes any free one. Raises UserError.
+
+    The address ``[::]`` is every one of this computer, of both kinds.
+    """
+    host, port = split_address(where)
+    loop = asyncio.get_running_loop()
+    try:
+        if host == "::":
+            both = socket.create_server(
+                (host, port), family=socket.AF_INET6, backlog=BACKLOG, dualstack_ipv6=socket.has_dualstack_ipv6()
+            )
+            server = await loop.create_server(make, sock=both, backlog=BACKLOG)
+        else:
+            server = await loop.create_server(make, host, port, backlog=BACKLOG)
+    except UnicodeError:
+        raise UserError(f"cannot listen on {where}: {host!r} is no name of a computer") from None
+    except OSError as error:
+        raise UserError(f"cannot listen on {where}: {_reason(error, host)}") from None
+    real = server.sockets[0].getsockname()
+    return server, f"{where.partition('://')[0]}://{in_brackets(real[0])}:{real[1]}"
+
+
+def _reason(error: OSError, host: str) -> str:
+    """What is wrong, and what to do about it."""
+    if isinstance(error, socket.gaierror):
+        return (
+            f"no address is known for the name {host}; write 0.0.0.0 for everybody who can reach this "
+            "computer, or 127.0.0.1 for programs on it"
+        )
+    if isinstance(error, PermissionError):
+        return "ports below 1024 are for the system's own services; take a higher one, such as 4030"
+    if "assign requested" in str(error):
+        return "this computer has no such address; 0.0.0.0 stands for all that it has, 127.0.0.1 for programs on it"
+    if error.errno == errno.EADDRINUSE or "in use" in str(error):
+        return "the port is in use by another program (another mount-gateway?); write another port, or end that program"
+    return error.strerror or str(error)
+
+
+def split_address(where: str) -> tuple[str, int]:
+    """``SCHEME://HOST:PORT`` -> (host, port). Raises UserError."""
+    scheme, _, address = where.partition("://")
+    host, colon, number = address.rpartition(":")
+    digits = number.removeprefix("-")
+    decimal = digits.isdecimal() and digits.isascii()
+    if decimal and (len(digits) > 5 or not 0 <= int(number) <= 65535):
+        raise UserError(f"{where}: a port is a number from 0 (any free one) to 65535")
+    if not colon or not decimal or (":" in host and not (host.startswith("[") and host.endswith("]"))):
+        raise UserError(f"{where}: write {scheme}://HOST:PORT, for example {scheme}://127.0.0.1:4030")
+    return host.strip("[]") or "127.0.0.1", int(number)
+
+
+def in_brackets(host: str) -> str:
+    return f"[{host}]" if ":" in host else host

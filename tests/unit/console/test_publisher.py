@@ -1,0 +1,154 @@
+"""What all pages are shown is made once, and programs have their turn between any two pieces of the work."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.app.gateway import Gateway
+from gateway.console.shown import view
+from gateway.console.shown.publisher import Publisher
+from tests.support.busy_computer import Recorded, run_busy
+
+Work = Callable[[Recorded, Publisher], Coroutine[Any, Any, None]]
+
+
+@pytest.fixture(autouse=True)
+def _surfaces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The gateway of these tests lets programs in without a port, so it has none to tell of."""
+    monkeypatch.setattr(Gateway, "names", lambda self: ["lx200@tcp://127.0.0.1:4030"])
+
+
+def published(path: Path, work: Work) -> None:
+    """A gateway over a simulated mount that has told where it points, and its publisher."""
+
+    async def evening() -> None:
+        async with Recorded(path / "evening.rec", "nexstar:cpc/4.21", "lx200") as recorded:
+            await asyncio.sleep(5.0)
+            await work(recorded, Publisher([recorded.gateway], lambda: [None]))
+
+    run_busy(evening(), path.name)
+
+
+def bodies(text: str) -> list[str]:
+    """The names of the bodies that a frame tells of."""
+    mounts = next(iter(json.loads(text).values()))["mounts"]
+    return [body["name"] for body in (mounts[0] if isinstance(mounts, list) else mounts["0"])["bodies"]]
+
+
+def test_a_frame_is_made_once_for_all_pages(tmp_path: Path) -> None:
+    async def work(recorded: Recorded, publisher: Publisher) -> None:
+        pages = [publisher.subscribe() for _ in range(20)]
+        first = await asyncio.gather(*(page.next(0) for page in pages))
+        second = await asyncio.gather(*(page.next(first[0].number) for page in pages))
+        assert len({id(frame) for frame in first}) == len({id(frame) for frame in second}) == 1
+        assert first[0].whole is first[0].whole
+        assert len(second[0].changes) < len(second[0].whole) / 2
+        assert second[0].number == first[0].number + 1
+
+    published(tmp_path, work)
+
+
+def test_programs_have_their_turn_between_any_two_pages(tmp_path: Path) -> None:
+    async def work(recorded: Recorded, publisher: Publisher) -> None:
+        turns, told = 0, []
+
+        async def count() -> None:
+            nonlocal turns
+            while True:
+                await asyncio.sleep(0)
+                turns += 1
+
+        async def page() -> None:
+            subscription = publisher.subscribe()
+            await subscription.next((await subscription.next(0)).number)
+            told.append(turns)
+
+        counting = asyncio.create_task(count())
+        await asyncio.gather(*(page() for _ in range(20)))
+        counting.cancel()
+        assert len(set(told)) == 20, told
+
+    published(tmp_path, work)
+
+
+def test_planets_are_shown_as_soon_as_the_astronomy_is_exact(tmp_path: Path) -> None:
+    async def work(recorded: Recorded, publisher: Publisher) -> None:
+        page = publisher.subscribe()
+        frame = await page.next(0)
+        assert bodies(frame.whole) == ["Sun", "Moon"]
+        recorded.gateway.sky.load()
+        number = frame.number
+        while (frame := await page.next(frame.number)).number < number + 2:
+            pass
+        assert bodies(frame.whole) == list(view.BODIES)
+
+    published(tmp_path, work)
+
+
+def test_who_is_not_shown_the_conversation_costs_nothing(tmp_path: Path) -> None:
+    async def work(recorded: Recorded, publisher: Publisher) -> None:
+        sinks = recorded.gateway.wire_log.sinks
+        before = len(sinks)
+        page, other = publisher.subscribe(), publisher.subscribe()
+        looking = len(sinks)
+        assert looking > before
+        publisher.listen(1)
+        publisher.listen(1)
+        assert len(sinks) == looking + 1
+        publisher.listen(-1)
+        assert len(sinks) == looking + 1
+        publisher.listen(-1)
+        page.end()
+        assert len(sinks) == looking
+        other.end()
+        assert len(sinks) == before
+        again = publisher.subscribe()
+        assert (await again.next(0)).number == 1
+        again.end()
+
+    published(tmp_path, work)
+
+
+def test_a_page_that_was_behind_misses_no_row_that_is_kept(tmp_path: Path) -> None:
+    async def work(recorded: Recorded, publisher: Publisher) -> None:
+        page = publisher.subscribe()
+        publisher.listen(1)
+        frame = await page.next(0)
+        start = publisher.count
+        for number in range(5):
+            recorded.gateway.wire_log.note("10.0.0.1:1", f"note {number}")
+            frame = await page.next(frame.number)
+        await page.next(frame.number)
+        notes = [row["words"] for row in publisher.since(start) if row["words"].startswith("note")]
+        assert notes == [f"note {number}" for number in range(5)]
+        assert publisher.since(publisher.count) == []
+        publisher.listen(-1)
+        page.end()
+
+    published(tmp_path, work)
+
+
+def test_a_defect_is_told_to_every_page_and_the_next_one_begins_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def work(recorded: Recorded, publisher: Publisher) -> None:
+        waiting, late = publisher.subscribe(), publisher.subscribe()
+        frame = await waiting.next(0)
+        with monkeypatch.context() as patch:
+            patch.setattr(view, "bodies", lambda controller: 1 / 0)
+            recorded.gateway.sky.load()  # so they are asked for anew
+            with pytest.raises(ZeroDivisionError):
+                await waiting.next(frame.number)
+            with pytest.raises(ConnectionError):
+                await late.next(frame.number)
+        fresh = publisher.subscribe()
+        assert "bodies" in (await fresh.next(0)).whole
+        fresh.end()
+
+    published(tmp_path, work)

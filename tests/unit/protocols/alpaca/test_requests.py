@@ -1,0 +1,61 @@
+"""Requests as HTTP has them become lines; what cannot be understood is told from what can."""
+
+from __future__ import annotations
+
+import pytest
+
+from gateway.protocols.alpaca.http.requests import BadRequest, understood
+
+
+def test_a_question_has_its_parameters_in_any_case() -> None:
+    asked = understood("GET", "canmoveaxis", [("AXIS", "1"), ("cLiEnTiD", "17"), ("clienttransactionid", "4")])
+    assert asked.line == b"get canmoveaxis Axis=1\n"
+    assert (asked.client, asked.transaction, asked.command.name) == (17, 4, "canmoveaxis")
+
+
+def test_an_order_has_its_parameters_in_exactly_this_case() -> None:
+    place = [("Declination", "22.01"), ("RightAscension", "5.5"), ("clientid", "17")]
+    asked = understood("PUT", "slewtocoordinatesasync", place)
+    assert asked.line == b"put slewtocoordinatesasync RightAscension=5.5 Declination=22.01\n"
+    assert (asked.client, asked.transaction) == (0, 0), "a name in another case is another name"
+    with pytest.raises(BadRequest, match="Connected is missing"):
+        understood("PUT", "connected", [("connected", "true")])
+
+
+@pytest.mark.parametrize(
+    ("method", "member", "pairs", "words"),
+    [
+        ("GET", "nothing", [], "no member 'nothing'"),
+        ("GET", "RightAscension", [], "no member"),
+        ("GET", "canmoveaxis", [], "Axis is missing"),
+        ("GET", "canmoveaxis", [("Axis", "first")], "no whole number"),
+        ("GET", "canmoveaxis", [("Axis", "")], "no whole number"),
+        ("GET", "canmoveaxis", [("Axis", "1.0")], "no whole number"),
+        ("PUT", "tracking", [("Tracking", "yes")], "neither true nor false"),
+        ("PUT", "slewtoaltazasync", [("Azimuth", "nan"), ("Altitude", "1")], "no number"),
+        ("PUT", "slewtoaltazasync", [("Azimuth", "1_0"), ("Altitude", "1")], "no number"),
+        ("PUT", "utcdate", [("UTCDate", "yesterday")], "utcdate"),
+        ("PUT", "abortslew", [("ClientID", "-1")], "ClientID is '-1'"),
+        ("PUT", "abortslew", [("ClientID", "")], "ClientID is ''"),
+        ("PUT", "abortslew", [("ClientTransactionID", "4294967296")], "ClientTransactionID"),
+        ("PUT", "abortslew", [("ClientTransactionID", "٣")], "ClientTransactionID"),
+    ],
+)
+def test_what_cannot_be_understood(method: str, member: str, pairs: list[tuple[str, str]], words: str) -> None:
+    with pytest.raises(BadRequest, match=words) as refused:
+        understood(method, member, pairs)
+    assert not refused.value.allow
+
+
+@pytest.mark.parametrize(("method", "member", "allow"), [("PUT", "slewing", "GET"), ("GET", "park", "PUT"),
+                                                        ("POST", "tracking", "GET, PUT")])  # fmt: skip
+def test_another_method_than_the_member_has(method: str, member: str, allow: str) -> None:
+    with pytest.raises(BadRequest) as refused:
+        understood(method, member, [])
+    assert refused.value.allow == allow
+
+
+def test_no_text_of_a_program_ends_the_line() -> None:
+    asked = understood("PUT", "action", [("Action", "a b\nput park\n"), ("Parameters", "%#ä")])
+    assert asked.line.count(b"\n") == 1 and asked.line.count(b" ") == 3
+    assert asked.command.request.decode(asked.line) == {"action": "a b\nput park\n", "parameters": "%#ä"}

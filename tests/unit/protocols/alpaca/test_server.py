@@ -1,0 +1,303 @@
+"""Alpaca over HTTP, with a mount that is made up: who may ask, what is answered, and how requests are told apart."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import AsyncIterator, Awaitable, Callable
+from typing import Any
+
+import aiohttp
+import pytest
+
+from gateway.protocols.alpaca.http import programs
+from gateway.protocols.alpaca.http.face import AlpacaWeb
+from gateway.transport.handler import ConnectionRefused, HangUp, Write
+from gateway.transport.web_port import WebDevice
+
+PATIENCE = 10.0
+API = "/api/v1/telescope/0/"
+
+
+class Guest:
+    """One program as the mount's side has it: what it said, and how it is answered."""
+
+    def __init__(self, mount: Mount, name: str, write: Write) -> None:
+        self.mount, self.name, self.write, self.closed = mount, name, write, False
+        self.ended, self.answered = False, True
+
+    def feed(self, data: bytes) -> None:
+        self.mount.said.append((self.name, data))
+        answer = self.mount.answers.get(data, b"null\n")
+        if answer is not None:
+            self.write(answer)
+
+    def network(self, hang_up: HangUp) -> None:
+        pass
+
+    def close(self) -> None:
+        self.closed = True
+
+    gone = serial = close  # type: ignore[assignment]
+
+
+class Mount:
+    """Answers by lines; None: never."""
+
+    def __init__(self) -> None:
+        self.said: list[tuple[str, bytes]] = []
+        self.answers: dict[bytes, bytes | None] = {b"get slewing\n": b"false\n"}
+        self.guests: list[Guest] = []
+        self.refuses = False
+
+    def arrive(self, name: str, host: str, write: Write) -> Guest:
+        if self.refuses:
+            raise ConnectionRefused
+        self.guests.append(Guest(self, name, write))
+        return self.guests[-1]
+
+
+class Served:
+    """A port in front of it, and somebody who asks."""
+
+    def __init__(self, mount: Mount, url: str, http: aiohttp.ClientSession) -> None:
+        self.mount, self.url, self.http = mount, url, http
+
+    async def ask(self, method: str, path: str, **more: Any) -> tuple[int, Any]:
+        async with self.http.request(method, self.url + path, **more) as response:
+            text = await response.text()
+            return response.status, await response.json() if response.content_type == "application/json" else text
+
+
+@contextlib.asynccontextmanager
+async def served(names: tuple[str, ...] = ()) -> AsyncIterator[Served]:
+    mount = Mount()
+    device = WebDevice(mount.arrive, "a mount", "made up")
+    port = await AlpacaWeb().open_port("tcp://127.0.0.1:0", device, names)
+    try:
+        async with aiohttp.ClientSession(timeout=aiohttp.ClientTimeout(total=PATIENCE)) as http:
+            yield Served(mount, port.where.replace("tcp", "http"), http)
+    finally:
+        await port.close()
+    assert all(guest.closed for guest in mount.guests)
+
+
+def run(test: Callable[[Served], Awaitable[None]], **settings: Any) -> None:
+    async def program() -> None:
+        async with served(**settings) as own:
+            await test(own)
+
+    asyncio.run(program())
+
+
+def test_a_value_and_the_numbers_of_the_request() -> None:
+    async def test(own: Served) -> None:
+        own.mount.answers[b"get altitude\n"] = b"45.5\n"
+        first = await own.ask("GET", API + "altitude?ClientID=7&ClientTransactionID=31")
+        second = await own.ask("GET", API + "altitude")
+        assert first[0] == second[0] == 200
+        numbers = [answer.pop("ServerTransactionID") for _, answer in (first, second)]
+        assert numbers[1] == numbers[0] + 1
+        assert first[1] == {"Value": 45.5, "ClientTransactionID": 31, "ErrorNumber": 0, "ErrorMessage": ""}
+        assert second[1]["ClientTransactionID"] == 0
+        assert [name for name, _ in own.mount.said] == ["127.0.0.1:id-7", "127.0.0.1:id-0"]
+
+    run(test)
+
+
+def test_an_order_has_its_parameters_in_the_body() -> None:
+    async def test(own: Served) -> None:
+        place = {"RightAscension": "5.5", "Declination": "-3", "ClientID": "7", "ClientTransactionID": "2"}
+        status, answer = await own.ask("PUT", API + "slewtocoordinatesasync", data=place)
+        assert status == 200 and "Value" not in answer and answer["ErrorNumber"] == 0
+        assert answer["ClientTransactionID"] == 2
+        assert own.mount.said[-1][1] == b"put slewtocoordinatesasync RightAscension=5.5 Declination=-3\n"
+        status, _ = await own.ask("PUT", API + "slewtocoordinatesasync?RightAscension=5.5&Declination=-3")
+        assert status == 400
+
+    run(test)
+
+
+def test_a_refusal_is_answered_with_its_number() -> None:
+    async def test(own: Served) -> None:
+        own.mount.answers[b"put park\n"] = b'{"ErrorNumber": 1024, "ErrorMessage": "no"}\n'
+        status, answer = await own.ask("PUT", API + "park")
+        assert status == 200 and (answer["ErrorNumber"], answer["ErrorMessage"]) == (1024, "no")
+        assert "Value" not in answer
+
+    run(test)
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "status"),
+    [
+        ("GET", "/api/v1/telescope/1/altitude", 400),
+        ("GET", "/api/v1/telescope/-1/altitude", 400),
+        ("GET", "/api/v1/telescope/x/altitude", 400),
+        ("GET", "/api/v1/telescope/٠/altitude", 400),
+        ("GET", "/api/v1/camera/0/altitude", 400),
+        ("GET", "/api/v1/Telescope/0/altitude", 400),
+        ("GET", "/api/v1/telescope/0/Altitude", 400),
+        ("GET", "/api/v1/telescope/0/nothing", 400),
+        ("GET", "/api/v2/telescope/0/altitude", 400),
+        ("GET", "/api/v1/telescope/0/altitude?ClientID=x", 400),
+        ("GET", "/management/v1/nothing", 400),
+        ("GET", "/management/apiversions?ClientTransactionID=-1", 400),
+        ("PUT", "/api/v1/telescope/0/altitude", 405),
+        ("POST", "/api/v1/telescope/0/altitude", 405),
+        ("DELETE", "/api/v1/telescope/0/tracking", 405),
+        ("GET", "/elsewhere", 404),
+    ],
+)
+def test_what_is_not_understood_reaches_no_mount(method: str, path: str, status: int) -> None:
+    async def test(own: Served) -> None:
+        assert (await own.ask(method, path))[0] == status
+        assert own.mount.said == []
+
+    run(test)
+
+
+@pytest.mark.parametrize("body", [b"\xff\xfe", b"Connected=%ff", b"x" * 9000, b"&".join([b"a=1"] * 200)])
+def test_a_body_that_cannot_be_read(body: bytes) -> None:
+    async def test(own: Served) -> None:
+        form = {"Content-Type": "application/x-www-form-urlencoded"}
+        assert (await own.ask("PUT", API + "connected", data=body, headers=form))[0] == 400
+        assert (await own.ask("PUT", API + "connected", json={"Connected": True}))[0] == 400
+        assert own.mount.said == []
+
+    run(test)
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({}, 200),
+        ({"Host": "localhost:11111"}, 200),
+        ({"Host": socket.gethostname()}, 200),
+        ({"Host": "pier.example.org"}, 200),
+        ({"Host": "rebound.example.com"}, 403),
+        ({"Host": "192.0.2.99"}, 403),
+        ({"Host": ""}, 403),
+        ({"Origin": "http://evil.example"}, 403),
+        ({"Origin": "http://127.0.0.1"}, 403),
+        ({"Origin": "null"}, 403),
+        ({"Sec-Fetch-Site": "cross-site"}, 403),
+        ({"Sec-Fetch-Site": "same-origin"}, 403),
+        ({"Sec-Fetch-Site": "none"}, 200),
+    ],
+)
+def test_pages_of_a_browser_and_names_that_are_not_ours(headers: dict[str, str], status: int) -> None:
+    async def test(own: Served) -> None:
+        for method, path in (("PUT", API + "abortslew"), ("GET", API + "name"), ("GET", "/management/apiversions"),
+                             ("GET", "/setup")):  # fmt: skip
+            async with own.http.request(method, own.url + path, headers=headers) as response:
+                assert response.status == status, path
+                assert not [name for name in response.headers if name.lower().startswith("access-control")]
+        assert len(own.mount.said) == (2 if status == 200 else 0)
+
+    run(test, names=("pier.example.org",))
+
+
+def test_a_preflight_is_refused() -> None:
+    async def test(own: Served) -> None:
+        asks = {"Origin": "http://evil.example", "Access-Control-Request-Method": "PUT"}
+        async with own.http.options(own.url + API + "park", headers=asks) as response:
+            assert response.status == 403 and "Access-Control-Allow-Origin" not in response.headers
+        assert own.mount.said == []
+
+    run(test)
+
+
+def test_one_that_is_slow_holds_up_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(programs, "PATIENCE", 0.3)
+
+    async def test(own: Served) -> None:
+        own.mount.answers[b"get azimuth\n"] = None
+        own.mount.answers[b"get altitude\n"] = b"45.5\n"
+        slow = asyncio.create_task(own.ask("GET", API + "azimuth?ClientID=1"))
+        while not own.mount.said:
+            await asyncio.sleep(0.01)
+        _, quick = await own.ask("GET", API + "altitude?ClientID=2")
+        assert quick["Value"] == 45.5 and not slow.done()
+        _, late = await slow
+        assert late["ErrorNumber"] == 0x500 and "has not answered" in late["ErrorMessage"]
+        assert own.mount.guests[0].closed, "an answer that still came would be taken for another's"
+        _, again = await own.ask("GET", API + "altitude?ClientID=1")
+        assert again["Value"] == 45.5
+
+    run(test)
+
+
+def test_a_goto_that_is_waited_for_blocks_its_own_request_alone() -> None:
+    async def test(own: Served) -> None:
+        own.mount.answers |= {b"get slewing\n": b"true\n", b"get altitude\n": b"45.5\n"}
+        place = {"RightAscension": "5.5", "Declination": "-3", "ClientID": "1"}
+        waited = asyncio.create_task(own.ask("PUT", API + "slewtocoordinates", data=place))
+        while (len(own.mount.said)) < 3:
+            await asyncio.sleep(0.01)
+        _, other = await own.ask("GET", API + "altitude?ClientID=1")
+        assert other["Value"] == 45.5 and not waited.done()
+        own.mount.answers[b"get slewing\n"] = b"false\n"
+        status, answer = await waited
+        assert status == 200 and answer["ErrorNumber"] == 0
+
+    run(test)
+
+
+def test_who_is_not_let_in() -> None:
+    async def test(own: Served) -> None:
+        own.mount.refuses = True
+        assert (await own.ask("GET", API + "altitude"))[0] == 403
+
+    run(test)
+
+
+def test_no_more_programs_than_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(programs, "MOST", 3)
+
+    async def test(own: Served) -> None:
+        for client in range(6):
+            assert (await own.ask("GET", API + f"connected?ClientID={client}"))[0] == 200
+        assert [guest.closed for guest in own.mount.guests] == [True] * 3 + [False] * 3
+
+    run(test)
+
+
+def test_management() -> None:
+    async def test(own: Served) -> None:
+        _, versions = await own.ask("GET", "/management/apiversions?ClientTransactionID=9")
+        assert versions["Value"] == [1] and versions["ClientTransactionID"] == 9
+        _, about = await own.ask("GET", "/management/v1/description")
+        assert set(about["Value"]) == {"ServerName", "Manufacturer", "ManufacturerVersion", "Location"}
+        _, devices = await own.ask("GET", "/management/v1/configureddevices")
+        [device] = devices["Value"]
+        assert (device["DeviceName"], device["DeviceType"], device["DeviceNumber"]) == ("a mount", "Telescope", 0)
+        assert (
+            device["UniqueID"] == (await own.ask("GET", "/management/v1/configureddevices"))[1]["Value"][0]["UniqueID"]
+        )
+        for path in ("/setup", "/setup/v1/telescope/0/setup"):
+            status, page = await own.ask("GET", path)
+            assert status == 200 and "mount-gateway" in page and "a mount" in page
+        assert (await own.ask("GET", "/setup/v1/telescope/1/setup"))[0] == 400
+
+    run(test)
+
+
+def test_whoever_connects_first_is_answered_when_the_server_is_there() -> None:
+    """The request comes in two pieces, before aiohttp is loaded; another connection breaks off."""
+
+    async def test(own: Served) -> None:
+        host, port = own.url.removeprefix("http://").split(":")
+        reader, writer = await asyncio.open_connection(host, int(port))
+        _, gone = await asyncio.open_connection(host, int(port))
+        gone.close()
+        request = f"GET {API}name HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n".encode()
+        writer.write(request[:20])
+        await asyncio.sleep(0)
+        writer.write(request[20:])
+        async with asyncio.timeout(PATIENCE):
+            assert b"200 OK" in await reader.read()
+        writer.close()
+
+    run(test)
