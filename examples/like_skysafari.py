@@ -26,7 +26,7 @@ async def ask(where: tuple[str, int], command: str, until: str = "#") -> str:
 
 
 async def point(where: tuple[str, int], ra: str, dec: str) -> None:
-    """GoTo, as the button does it, and the position until the mount is there."""
+    """GoTo, as the button does it, and the position until the mount rests: at the goal, unless somebody stopped it."""
     for command in (f":Sr{ra}#", f":Sd{dec}#"):
         if await ask(where, command, until="") != "1":
             raise SystemExit(f"{command} is not accepted; write 05:34:32 and +22*00:52")
@@ -35,7 +35,7 @@ async def point(where: tuple[str, int], ra: str, dec: str) -> None:
     while await ask(where, ":D#"):
         print(f"on its way: {await ask(where, ':GR#')} {await ask(where, ':GD#')}", flush=True)
         await asyncio.sleep(0.5)
-    print(f"there: {await ask(where, ':GR#')} {await ask(where, ':GD#')}")
+    print(f"it rests at {await ask(where, ':GR#')} {await ask(where, ':GD#')}")
 
 
 async def alone() -> None:

@@ -49,17 +49,22 @@ ALTERED = f"{READINGS}/test_altered_answers.py"
 TABLES = "mappings/*/commands.toml"
 MUTATIONS = [
     # --- replies that are told again
-    Mutation("no reply is ever told again", r"data in self\._memo and", "False and", f"{READINGS}/test_positions.py"),
+    Mutation(
+        "no reply is ever told again",
+        r"(return self\._replies\.get\(command\) if )",
+        r"\g<1>False and ",
+        f"{READINGS}/test_positions.py",
+    ),
     Mutation(
         "a change of what was read outdates no reply",
-        r"\.version \+= 1",
-        ".version += 0",
+        r"self\.count \+= 1",
+        "self.count += 0",
         f"{READINGS}/test_told_alike.py",
     ),
     Mutation(
         "a reply is told again however old it is",
-        r"self\._memo_until = min\(.*",
-        'self._memo_until = float("inf")',
+        r"self\._until = min\(.*",
+        'self._until = float("inf")',
         f"{READINGS}/test_told_alike.py {READINGS}/test_positions.py",
     ),
     # --- answers that are believed
@@ -131,14 +136,14 @@ MUTATIONS = [
     ),
     Mutation(
         "stopped is said without a look",
-        r"(async def come_to_rest\(.*\n)",
+        r"(^async def come_to_rest\(.*\n)",
         r"\g<1>    return\n",
         "tests/unit/mount/readings/test_rest.py",
     ),
     Mutation(
         "nothing is sent first when the line is back",
-        r"= self\.first_words\(\),",
-        "= [],",
+        r"self\.reopened\.emit\(words\)",
+        "pass",
         f"{STOPS}/test_line_back.py",
     ),
     # --- limits
@@ -173,7 +178,7 @@ MUTATIONS = [
         "what is below knows what is above",
         r"(\Z)",
         "\n\ndef _main() -> object:\n    from gateway.cli import main\n\n    return main\n",
-        "tests/project/test_layers.py",
+        "tests/project/test_structure.py",
         "gateway/core/errors.py",
     ),
 ]

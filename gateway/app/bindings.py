@@ -20,7 +20,7 @@ from gateway.core.errors import UserError
 from gateway.mount.controller import MountController
 from gateway.mount.policy import Policy
 from gateway.mount.safety.limits import Limits
-from gateway.protocols.base.frames import Framing
+from gateway.protocols.base.frames import Framer
 from gateway.protocols.base.plain_replies import PlainReplies
 from gateway.protocols.base.reply_rules import Replies
 from gateway.protocols.base.session import Shared
@@ -32,7 +32,7 @@ from gateway.transport.tcp import exposed
 from gateway.transport.web_port import WebDevice
 from gateway.transport.wires import SerialTransport, Transport
 
-Cutting = Callable[[Callable[[], float]], Framing]
+Cutting = Callable[[], Framer]
 
 
 def check_pair(mount: Endpoint, endpoints: Sequence[Endpoint]) -> None:

@@ -55,7 +55,7 @@ def script(shell: str) -> str:
     from gateway.astro.catalog.star_names import HIPPARCOS
     from gateway.cli.command_line import parser
     from gateway.diagnostics.command_outcomes import versions
-    from gateway.protocols.registry import PROTOCOLS
+    from gateway.protocols.registry import PROTOCOLS, usual_ports
     from gateway.protocols.wireformat.command_set import load
 
     whole = parser()
@@ -66,6 +66,8 @@ def script(shell: str) -> str:
             action.complete = shtab.FILE  # type: ignore[attr-defined]
         elif action.metavar == "PATH":
             action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
+        elif "--surface" in action.option_strings:
+            action.choices = [f"{name}@tcp://127.0.0.1:{port}" for name, port in usual_ports().items()]
         elif action.dest == "place":
             action.choices = [name for name in (*BODIES, *HIPPARCOS) if name.isalpha()]
         elif action.dest == "model" and "--model" in action.option_strings:

@@ -69,8 +69,11 @@ class ConnectionAcceptor:
         wire_log.put(name, "+", note=f"surface {self.number}, host {host}")
         return self.take(name, host, write, lambda: wire_log.put(name, "-"))
 
-    def take(self, name: str, host: str, write: Write, left: Callable[[], None] = lambda: None) -> ConnectionHandler:
-        """A connection from now on; ``left`` is called at its end."""
+    def take(
+        self, name: str, host: str, write: Write, left: Callable[[], None] = lambda: None, said: bytes = b""
+    ) -> ConnectionHandler:
+        """A connection from now on; ``left`` is called at its end. It has ``said`` something already, which was
+        answered elsewhere."""
         face = self.face
         session = face.surface.session(face.model, face.settings, self.clock, self.shared)
         at, kept = self._left.get(host, (-1e9, session.kept))
@@ -81,7 +84,7 @@ class ConnectionAcceptor:
             self.controller,
             face.surface,
             session,
-            face.framing(self.controller.now),
+            face.framing(),
             write,
             self.controller.wire_log,
             self.controller.presence.arrive(host),
@@ -101,6 +104,7 @@ class ConnectionAcceptor:
             _on_line(name, host),
             rights,
         )
+        visit.said = said
         self._visits.add(visit)
         client.push()
         return visit

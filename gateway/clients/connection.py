@@ -2,6 +2,11 @@
 
 From a network comes who likes: there a web browser or a port scanner is recognised by its first bytes and turned away
 before anything of it is heard.
+
+A connection that sends more than is read at a time is behind. Nobody knows when the rest was sent, so what may be older
+than a stop begins no motion after that stop. One that has been behind for over a second may be closed at the other end:
+nothing that is left of it begins a motion. It has caught up when nothing was left to read, or, after having been late,
+when that has been so for a second.
 """
 
 from __future__ import annotations
@@ -11,19 +16,48 @@ from collections.abc import Callable
 from msgspec.structs import replace
 
 from gateway.clients.access import Rights
-from gateway.clients.backlog import Backlog
 from gateway.clients.commands.command_processor import CommandProcessor
+from gateway.clients.commands.turn import LONG_AGO
 from gateway.clients.greeting import Beginning, Piece
 from gateway.clients.profiles import ClientProfile, SurfaceBinding
 from gateway.clients.strangers import Greeting, page
 from gateway.clients.wrong_preset import FirstWords
 from gateway.transport.baud_trial import BaudTrial
 from gateway.transport.handler import HandOver, HangUp
+from gateway.transport.intake import LATE, SHARE
 
 #: Why the first bytes of a connection were dropped when it ended before it was known who had sent them.
 HALF_A_WORD = "no command of this surface's protocol begins so"
 #: Bytes that may wait for their turn, of one connection.
 PATIENCE = 512
+#: Seconds after which whoever has sent a whole share, and nothing since, has caught up.
+CAUGHT_UP = 5.0
+
+
+class Backlog:
+    """Of one connection; times are seconds of the event loop's clock. ``late``: what is read now was sent long ago."""
+
+    def __init__(self) -> None:
+        self.late = False
+        #: How many stops there had been when it fell behind; None while it is not.
+        self._stops: int | None = None
+        self._since = self._last = -1e9
+
+    def sent(self, now: float) -> int | None:
+        """How many stops there may have been when that was sent which is about to be taken in; None for all so far."""
+        if self._stops is not None and now - self._last > (LATE if self.late else CAUGHT_UP):
+            self._stops, self.late = None, False
+        self.late = self.late or (self._stops is not None and now - self._since > LATE)
+        return LONG_AGO if self.late else self._stops
+
+    def took(self, size: int, now: float, stops: int) -> None:
+        """So many bytes were taken in; there have been so many stops now."""
+        if size >= SHARE:
+            if self._stops is None:
+                self._stops, self._since = stops, now
+            self._last = now
+        elif not self.late:
+            self._stops = None
 
 
 class ClientConnection:
@@ -49,7 +83,7 @@ class ClientConnection:
         self._first: FirstWords | None = first
         self._screen: Beginning | None = None
         self._face, self._rights = face, rights
-        self._controller = client.controller
+        self._controller, self._wanted = client.controller, client.controller.wanted
         #: The program that it was recognised as.
         self.profile = ""
         #: Whether it has turned out to be no program for telescopes.
@@ -58,7 +92,8 @@ class ClientConnection:
         #: When the bytes that are being fed came, where that was before now.
         self._came: float | None = None
         self.host, self.heard = client.life.who, -1e9
-        self._begin = b""
+        #: What it has said, as long as its program may be told by that.
+        self.said = b""
         #: What waits for its turn: bytes, and how many stops there had been when they came.
         self._waiting: list[tuple[bytes, int]] = []
         self._backlog = Backlog()
@@ -88,7 +123,7 @@ class ClientConnection:
         elif was_late and not self._gone:
             self.client.life.closed = None  # it has caught up, so somebody is there
         self._feed(data, sent)
-        self._backlog.took(len(data), now, self._controller.stops)
+        self._backlog.took(len(data), now, self._wanted.value.stops)
 
     def _come_late(self) -> None:
         """Nobody knows whether who sent this is still there: it holds no arrow."""
@@ -115,7 +150,7 @@ class ClientConnection:
             self._go_on()
             self._take(data, behind)
             return
-        self._waiting.append((data, self._controller.stops if behind is None else behind))
+        self._waiting.append((data, self._wanted.value.stops if behind is None else behind))
         if len(self._waiting) == 1:
             self._controller.fair_scheduler.enter(self._go_on)
 
@@ -133,14 +168,14 @@ class ClientConnection:
     def _listen(self, data: bytes, stops: int | None) -> None:
         """Feed the client, and look at what it says as long as it may be one that is known."""
         if self._manners:
-            self._begin += data
+            self.said += data
             self._manners = tuple(manner for manner in self._manners if self._may_be(manner))
         self.client.feed(data, stops)
 
     def _may_be(self, manner: ClientProfile) -> bool:
         """Whether more must be heard; when enough was heard the client is treated so from here on."""
-        if not self._begin.startswith(manner.first):
-            return manner.first.startswith(self._begin)
+        if not self.said.startswith(manner.first):
+            return manner.first.startswith(self.said)
         client, session = self.client, self.client.session
         client.runner.equinox = manner.equinox or client.runner.equinox
         session.settings = replace(session.settings, **manner.settings)
@@ -159,7 +194,6 @@ class ClientConnection:
         self._screen = Beginning(self._face.beginning, self._face.surface.protocol.name)
         client.runner.rights = self._rights
         client.came = lambda: now() if self._came is None else self._came
-        client.framing = self._face.framing(client.came)
         self._take = self._screened
 
     def _screened(self, data: bytes, stops: int | None) -> None:

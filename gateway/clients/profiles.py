@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from gateway.clients.equinox import Equinox
 from gateway.core.operations import Values
-from gateway.protocols.base.frames import Framing
+from gateway.protocols.base.frames import Framer
 from gateway.protocols.base.session import ClientSettings
 from gateway.protocols.base.surface import Surface
 from gateway.protocols.wireformat.rows import Model
@@ -30,7 +30,7 @@ class SurfaceBinding(Struct, frozen=True):
     #: The protocol's name where a person reads it.
     speaks: str
     surface: Surface
-    framing: Callable[[Callable[[], float]], Framing]
+    framing: Callable[[], Framer]
     #: What a program may begin with, for ``Beginning``.
     beginning: re.Pattern[bytes]
     model: Model

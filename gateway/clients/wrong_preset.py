@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from gateway.core.wire_log import show
-from gateway.protocols.base.frames import Framing
+from gateway.protocols.base.frames import Framer
 from gateway.protocols.registry import PROTOCOLS
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
@@ -79,7 +79,7 @@ class Presets:
     def __init__(
         self,
         own: str,
-        framing: Callable[[Callable[[], float]], Framing],
+        framing: Callable[[], Framer],
         where: str,
         now: Callable[[], float],
         later: Callable[[float, Callable[[], None]], object],
@@ -92,7 +92,7 @@ class Presets:
 
     def listen(self, name: str, host: str) -> FirstWords:
         """To a new connection."""
-        return FirstWords(self, name, host, self._framing(self.now))
+        return FirstWords(self, name, host, self._framing())
 
     def spoke(self, host: str) -> None:
         """A program has used the surface's own protocol."""
@@ -116,8 +116,8 @@ class Presets:
 class FirstWords:
     """Hears a connection's bytes from the first on, until one command of the surface's own protocol is among them."""
 
-    def __init__(self, presets: Presets, name: str, host: str, framing: Framing) -> None:
-        self._presets, self._name, self._host, self._framing = presets, name, host, framing
+    def __init__(self, presets: Presets, name: str, host: str, framer: Framer) -> None:
+        self._presets, self._name, self._host, self._framer = presets, name, host, framer
         self._sent = b""
         #: Whether nothing more need be heard.
         self.over = False
@@ -129,7 +129,7 @@ class FirstWords:
             began = presets.now()
             presets.later(PATIENCE, lambda: self._decide(began))
         self._sent = (self._sent + data)[:ENOUGH]
-        if any(load(presets.own).find(frame) is not None for frame in self._framing(data)):
+        if any(load(presets.own).find(frame) is not None for frame in self._framer.feed(data, presets.now())):
             presets.spoke(self._host)
             self.over = True
 

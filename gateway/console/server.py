@@ -133,12 +133,18 @@ class Console:
             return "Only the console's own page may ask for this."
         if request.path != "/" and gate.from_elsewhere(headers):
             return "Only the console's own page may ask for this."
+        if request.method not in ("GET", "HEAD") and self._only_looks(request):
+            return "At this port you may only look (read-only)."
         return ""
 
-    def _acts(self, request: web.Request) -> bool:
+    def _only_looks(self, request: web.Request) -> bool:
+        """Whether whoever asks may change nothing: here, or at the port where the request has come in."""
         local = request.transport.get_extra_info("sockname") if request.transport else None
         rules = [self._access, *([self._doors[local[1]]] if local and local[1] in self._doors else [])]
-        return not self._mounts.pin and not any(rule.only_looks(request.remote or "") for rule in rules)
+        return any(rule.only_looks(request.remote or "") for rule in rules)
+
+    def _acts(self, request: web.Request) -> bool:
+        return not self._mounts.pin and not self._only_looks(request)
 
     # --- what is served ---------------------------------------------------------------------------------------------
 

@@ -8,9 +8,10 @@ nobody else.
 from __future__ import annotations
 
 import asyncio
-from typing import TypeVar
+from typing import Any, TypeVar
 
 _T = TypeVar("_T")
+Outcome = asyncio.Future[Any]
 
 
 async def result_of(work: asyncio.Future[_T]) -> _T:
@@ -28,3 +29,31 @@ def heed(outcome: asyncio.Future[_T]) -> None:
     """Mark the exception as retrieved, so that asyncio does not log one for which nobody waits."""
     if not outcome.cancelled():
         outcome.exception()
+
+
+def outcome() -> Outcome:
+    """What whoever asks for something waits for: one that is not wanted any more is cancelled."""
+    work: Outcome = asyncio.get_running_loop().create_future()
+    work.add_done_callback(heed)
+    return work
+
+
+def done() -> Outcome:
+    """That of what needs nothing to be done."""
+    work = outcome()
+    work.set_result(None)
+    return work
+
+
+def refused(fault: Exception) -> Outcome:
+    """That of what is not taken."""
+    work = outcome()
+    work.set_exception(fault)
+    return work
+
+
+def over_before() -> Outcome:
+    """That of what was over before it came."""
+    work = outcome()
+    work.cancel()
+    return work

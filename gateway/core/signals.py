@@ -15,10 +15,12 @@ T = TypeVar("T")
 class Signal(Generic[T]):
     """Something that happens, with a value that says what."""
 
-    __slots__ = ("_listeners",)
+    __slots__ = ("_listeners", "count")
 
     def __init__(self) -> None:
         self._listeners: tuple[Callable[[T], object], ...] = ()
+        #: How often it has happened.
+        self.count = 0
 
     def connect(self, listener: Callable[[T], object]) -> None:
         """Have this called, with the value, whenever it happens from now on."""
@@ -30,5 +32,6 @@ class Signal(Generic[T]):
 
     def emit(self, value: T) -> None:
         """It has happened."""
+        self.count += 1
         for listener in self._listeners:
             listener(value)

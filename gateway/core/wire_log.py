@@ -99,3 +99,33 @@ class WireLog:
             self.note(side, text)
         else:
             self.note_once(side, text, once_of)
+
+
+class ClientLog:
+    """The wire log for the client of this name, which is its host and its port.
+
+    Without ``sinks`` nobody listens, and nothing need be worked out for it.
+    """
+
+    def __init__(self, name: str, wire_log: WireLog) -> None:
+        self.name, self.wire_log, self.sinks = name, wire_log, wire_log.sinks
+        self._host = name.rpartition(":")[0]
+
+    def put(self, arrow: str, data: bytes, note: str = "") -> None:
+        """Bytes that passed, or were dropped."""
+        self.wire_log.put(self.name, arrow, data, note)
+
+    def note(self, text: str) -> None:
+        self.wire_log.note(self.name, text)
+
+    def note_once(self, text: str) -> None:
+        """For every host."""
+        self.wire_log.note_once(self.name, text, self._host)
+
+    def refused(self, text: str) -> None:
+        """Something that was asked for is not done."""
+        self.wire_log.refused(self.name, text)
+
+    def refused_once(self, text: str) -> None:
+        """The same, noted once for every host."""
+        self.wire_log.refused(self.name, text, self._host)

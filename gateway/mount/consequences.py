@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gateway.core import operations as op
-from gateway.core.motion_kinds import GOTOS
+from gateway.core.motion_kinds import ENDS, GOTOS
 from gateway.mount.context import Context
 from gateway.mount.link.hibernation import HibernationGate
 from gateway.mount.motion.outcomes import Done
@@ -49,7 +49,7 @@ class Consequences:
         self._cache.put(op.Slewing, False, self._now())
 
     def _begins(self, operation: op.Operation) -> None:
-        self._told.ordered(operation, self._watch.restless)
+        self._told.ordered(operation, isinstance(operation, ENDS) and self._watch.restless)
         if isinstance(operation, (*GOTOS, op.Move, op.MoveAxis, op.Sync)):
             self._watch.began(operation)
 

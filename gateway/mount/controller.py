@@ -8,13 +8,11 @@ they are not; while any client polls, the cache is refreshed, so a hundred polle
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar, cast
 
 from gateway.astro.ephemeris.sky import Sky
 from gateway.core import operations as op
-from gateway.core.errors import Fault
 from gateway.core.wire_log import WireLog
 from gateway.mount.consequences import Consequences
 from gateway.mount.context import Context
@@ -24,23 +22,20 @@ from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.hibernation import HibernationGate
 from gateway.mount.link.line import MountLink
 from gateway.mount.link.verification import ReplyVerifier
-from gateway.mount.motion.moving import Movement
 from gateway.mount.motion.order_runner import BeforeMotion, OrderRunner
 from gateway.mount.motion.reconciler import Reconciler
-from gateway.mount.motion.taking_orders import TakingOrders
-from gateway.mount.motion.wanted import WantedState
+from gateway.mount.motion.wanted import Movement, WantedState
 from gateway.mount.orders import Orders
 from gateway.mount.policy import Policy
-from gateway.mount.readings.at_hand import AtHand
-from gateway.mount.readings.cache import Kind, ReadingsCache, Version
+from gateway.mount.readings.cache import Kind, ReadingsCache
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.poller import Poller
 from gateway.mount.readings.reader import Reader
 from gateway.mount.readings.rest import SIGHT, come_to_rest
 from gateway.mount.readings.target_limits import TargetLimits
-from gateway.mount.readings.told_position import ToldPosition
+from gateway.mount.readings.told_position import AtHand, ToldPosition
 from gateway.mount.safety.assembled import Safety
-from gateway.mount.safety.rules.dead_man import HostActivity, Presence
+from gateway.mount.safety.rules.dead_man import Presence
 from gateway.mount.safety.rules.sun import SunAvoidance
 from gateway.mount.safety.supervisor import Supervisor
 from gateway.mount.safety.tracking_at_limit import TrackingAtLimit
@@ -48,15 +43,16 @@ from gateway.mount.shutdown import end_motion
 from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.settings import SiteAndClock
 from gateway.mount.site.settings_sync import SyncSettings
-from gateway.mount.site.site_clock import SiteClock
-from gateway.mount.site.sources import BestSources
+from gateway.mount.site.site_clock import BestSources, SiteClock
 from gateway.protocols.base.driver import Driver
 
 _T = TypeVar("_T")
 
 
 class MountController:
-    """``perform`` carries out any operation; ``peek`` answers a read at once when that needs no exchange."""
+    """``perform`` carries out any operation, ``begin`` one that nobody waits for; ``impossible`` says why nothing can
+    come of one; ``peek`` answers a read at once when that needs no exchange.
+    """
 
     def __init__(
         self,
@@ -79,7 +75,7 @@ class MountController:
         self.sources = BestSources(site_clock)
         astrometry = self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox)
         self.told_astrometry = SiteAstrometry(sky, site_clock, policy.equinox)
-        self.suns = SunAvoidance(astrometry, wire_log, policy.limits.sun, context.milestones.settled.is_set)
+        self.suns = SunAvoidance(sky, self.sources, wire_log, policy.limits.sun, context.milestones.settled.is_set)
         # Exchanges with the mount.
         gate = HibernationGate(context, wanted)
         self.verifier = ReplyVerifier(line, self.now, driver.hurry)
@@ -102,7 +98,6 @@ class MountController:
         self.before_motion = BeforeMotion()
         carried_out = OrderRunner(context, follow_ups, runner, movement, safety.admission, self.before_motion)
         reconciler = self.reconciler = Reconciler(context, line, runner, wanted, movement, carried_out)
-        taking = TakingOrders(context, line, movement, reconciler)
         #: Emitted when something that outlives the gateway may have changed.
         self.changed = reconciler.lasting
         Consequences(context, gate, cache, told, wanted, astrometry, safety).listen(reconciler)
@@ -111,15 +106,16 @@ class MountController:
         reader.goto_over.connect(reconciler.arrived)
         # Whoever asks for something, and whoever looks after what was begun.
         self.orders = Orders(
-            context, line, runner, reader, self.own, self.settings, reconciler, taking, wanted, self.hold, astrometry,
+            context, line, runner, reader, self.own, self.settings, reconciler, movement, wanted, self.hold, astrometry,
             self.told_astrometry,
         )  # fmt: skip
+        self.perform, self.begin, self.impossible = self.orders.perform, self.orders.begin, self.orders.impossible
         TrackingAtLimit(context, cache, reader, safety.watch, self.orders.perform).must_stop.connect(self._stop_now)
         self.presence = Presence(self.now)
         self.supervisor = Supervisor(
-            self.presence, policy.silence, policy.silence_closed, self.orders.perform, context.note
+            wanted, self.presence, policy.silence, policy.silence_closed, self.orders.perform, context.note
         )
-        wanted.changed.connect(self.supervisor.look_after)
+        reconciler.done.connect(self.supervisor.look_after)
         self.identification = Identification(
             context, line, runner, gate, cache, reader, self.own, site_clock, sync, reconciler, self.ends, safety.doubts
         )
@@ -128,10 +124,8 @@ class MountController:
         self.poller = Poller(
             context, line, gate, cache, reader, site_clock, self.settings, movement, self.watch, self.ends
         )
-        # Replies that were made of older answers are out of date.
-        self._version = Version()
-        for signal in (cache.changed, wanted.changed, site_clock.changed, told.changed):
-            signal.connect(self._version.grow)
+        #: What answers are made of, and whatever may outdate one.
+        self._changes = cache.changed, wanted.changed, site_clock.changed, told.changed
 
     def _stop_now(self, _: None) -> None:
         self.begin_stop()
@@ -190,7 +184,8 @@ class MountController:
     @property
     def version(self) -> int:
         """Grows whenever an answer changes: what was made from older ones is then out of date."""
-        return self._version.number
+        answers, wanted, site_clock, told = self._changes
+        return answers.count + wanted.count + site_clock.count + told.count
 
     @property
     def stops(self) -> int:
@@ -237,23 +232,3 @@ class MountController:
     async def stop(self) -> None:
         """The same, and wait until the mount has acknowledged it. Raises Fault."""
         await self.reconciler.stop()
-
-    def impossible(self, operation: op.Operation) -> Fault | None:
-        """Why nothing can come of an operation, as far as that is known without asking: no may be said at once."""
-        return self.orders.impossible(operation)
-
-    async def perform(
-        self,
-        operation: op.Operation[_T],
-        stops: int | None = None,
-        life: HostActivity | None = None,
-        patience: float = math.inf,
-    ) -> _T:
-        """Carry out an operation for ``life``. ``stops`` is the count of stops when it was asked for. Raises Fault."""
-        return cast(_T, await self.orders.perform(operation, stops, life, patience))
-
-    def begin(
-        self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: HostActivity
-    ) -> asyncio.Future[None]:
-        """Carry out an operation that nobody waits for; ``failed`` is told when it was not."""
-        return self.orders.begin(operation, stops, failed, life)

@@ -1,23 +1,26 @@
-"""What programs ask of a mount, and which of its parts answers: readings, motions, site and clock, places."""
+"""What programs ask of a mount, and which of its parts answers: readings, motions, site and clock, places.
+
+An order of motion is taken here: what it makes of what is wanted, and what is over, or refused, before it is begun.
+"""
 
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import Callable
-from typing import Any
+from math import inf
+from typing import Any, TypeVar, cast
 
 from gateway.core import operations as op
-from gateway.core.errors import Asleep, Busy, Fault, Held, NoAnswer
+from gateway.core.errors import Asleep, Busy, Fault, Held, NoAnswer, Stopped
 from gateway.core.motion_kinds import GOTOS, MOTIONS, begins_motion
+from gateway.core.shared_work import Outcome, over_before, refused, result_of
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink
-from gateway.mount.link.scheduling import SETTING
-from gateway.mount.motion.awaited import ended
+from gateway.mount.link.queue import SETTING
+from gateway.mount.motion.apply import apply, does_for, interrupted, take_back, too_late
 from gateway.mount.motion.reconciler import Reconciler
-from gateway.mount.motion.taking_orders import TakingOrders
-from gateway.mount.motion.wanted import WantedState
+from gateway.mount.motion.wanted import FIRST, IN_ORDER, Movement, Order, WantedState
 from gateway.mount.readings.cache import FRESH
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.reader import Reader
@@ -27,6 +30,8 @@ from gateway.mount.safety.rules.held import Hold
 from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.ephemeris_reads import PLACES
 from gateway.mount.site.settings import SiteAndClock
+
+_T = TypeVar("_T")
 
 
 class Orders:
@@ -41,7 +46,7 @@ class Orders:
         own: OwnAnswers,
         settings: SiteAndClock,
         reconciler: Reconciler,
-        taking: TakingOrders,
+        movement: Movement,
         wanted: WantedState,
         hold: Hold,
         astrometry: SiteAstrometry,
@@ -49,9 +54,12 @@ class Orders:
     ) -> None:
         self._context, self._link, self._runner = context, link, runner
         self._reader, self._own = reader, own
-        self._reconciler, self._taking, self._wanted, self._hold = reconciler, taking, wanted, hold
+        self._reconciler, self._movement, self._wanted, self._hold = reconciler, movement, wanted, hold
         self._astrometry, self._told = astrometry, told
-        self._handlers = {**settings.handlers, **Standing(context, reader, wanted, astrometry).handlers}
+        self._handlers = {
+            **settings.handlers,
+            **Standing(context, reader, wanted, reconciler.done, astrometry).handlers,
+        }
 
     def impossible(self, operation: op.Operation) -> Fault | None:
         """Why nothing can come of an operation, as far as that is known without asking: no may be said at once."""
@@ -67,31 +75,41 @@ class Orders:
                 self._hold.admit(operation)
         except Held as fault:
             return fault
-        return self._taking.impossible(operation) if self._context.milestones.known.is_set() else None
+        if not self._context.milestones.known.is_set():
+            return None
+        wanted = self._wanted.value
+        nothing_waits = all(isinstance(order.operation, op.Pulse | op.PulseAxis) for order in wanted.pending)
+        return driver.impossible(operation) if nothing_waits and not wanted.owed else None
 
     def again(self, operation: op.Operation) -> bool:
         """Take back what a halt ends -> whether an equal one that is not done does for this one, too."""
-        return self._taking.again(operation)
+        reconciler = self._reconciler
+        if self._movement.slewing or self._wanted.value.waiting_gotos:
+            return False
+        wanted = take_back(self._wanted.value, operation)
+        same = does_for(wanted, operation)
+        reconciler.want(wanted if same is None else interrupted(wanted, same))
+        return same is not None
 
     async def perform(
         self,
-        operation: op.Operation,
+        operation: op.Operation[_T],
         stops: int | None = None,
         life: HostActivity | None = None,
-        patience: float = math.inf,
-    ) -> Any:
+        patience: float = inf,
+    ) -> _T:
         """Carry out an operation for ``life``. ``stops`` is the count of stops when it was asked for. Raises Fault.
 
         Nobody is told what came of it after ``patience`` seconds.
         """
         if type(operation) in FRESH:
             if self._context.driver.asleep:
-                await self._taking.woken()
-            return await self._reader.tell(operation)
+                await self._woken()
+            return cast(_T, await self._reader.tell(operation))
         if isinstance(operation, op.Own):
-            return await self._own.read(operation)
+            return cast(_T, await self._own.read(operation))
         try:
-            return await self._order(operation, stops, life, patience)
+            return cast(_T, await self._order(operation, stops, life, patience))
         finally:
             if not isinstance(operation, op.Read):
                 self._own.forget()
@@ -103,7 +121,7 @@ class Orders:
         if isinstance(operation, op.AbortMotion):
             return await self._reconciler.stop()
         if isinstance(operation, MOTIONS):
-            value = await ended(self._taking.begin(operation, stops, life, patience))
+            value = await _ended(self._take(operation, stops, life, patience))
             if isinstance(value, op.Chosen) and value.place is not None:
                 value = op.Chosen(self._astrometry.from_mount(value.place), value.text, value.reply)
             return value
@@ -118,11 +136,11 @@ class Orders:
         self, operation: op.Operation, stops: int, failed: Callable[[Fault], None], life: HostActivity
     ) -> asyncio.Future[None]:
         """Carry out an operation that nobody waits for; ``failed`` is told when it was not."""
-        motion = self._taking.begin(operation, stops, life) if isinstance(operation, MOTIONS) else None
+        motion = self._take(operation, stops, life) if isinstance(operation, MOTIONS) else None
 
         async def finish() -> None:
             try:
-                await (ended(motion) if motion is not None else self.perform(operation, stops))
+                await (_ended(motion) if motion is not None else self.perform(operation, stops))
             except Fault as fault:
                 failed(fault)
             except Exception as error:  # a defect must not be lost because nobody waits for what came of it
@@ -131,3 +149,56 @@ class Orders:
                     self._reconciler.begin_stop()  # what failed may have been what should have ended a motion
 
         return self._context.tasks.spawn(finish())
+
+    # --- motions ------------------------------------------------------------------------------------------------------
+
+    def _take(
+        self, operation: op.Operation, stops: int | None, by: HostActivity | None, patience: float = inf
+    ) -> Outcome:
+        """Take an order -> its outcome; from now on it counts as asked for. ``stops``: their count when it was.
+
+        Whoever asked waits for the outcome for ``patience`` seconds: a goto is not begun after that.
+        """
+        reconciler = self._reconciler
+        before, now = self._wanted.value, self._context.now()
+        if reconciler.closed or too_late(before, operation, stops):
+            return over_before()
+        if isinstance(operation, op.StopAxis) and self._only_a_stop_is_heard(operation.axis):
+            self._context.note(
+                "the mount is busy calculating and accepts nothing but a full stop: both axes are stopped"
+            )
+            return reconciler.begin_stop()
+        wakes = isinstance(operation, op.Wake) and self._context.driver.asleep  # what is before it would not be heard
+        order = Order(
+            next(reconciler.numbers),
+            operation,
+            by,
+            rank=FIRST if wakes else IN_ORDER,
+            since=now,
+            until=now + patience if isinstance(operation, (*GOTOS, op.Sync)) else inf,
+        )
+        try:
+            after = apply(before, order, now, self._movement.slewing)
+        except Fault as fault:
+            return refused(fault)
+        return reconciler.begin_stop() if after.stops != before.stops else reconciler.take(order, after)
+
+    async def _woken(self) -> None:
+        """Wait for what is to wake the mount, if anything is. Not for motions: it may wait behind them."""
+        if waking := self._reconciler.outcomes_of(op.Wake):
+            await asyncio.wait(waking)
+
+    def _only_a_stop_is_heard(self, axis: int) -> bool:
+        """Whether an arrow is released that the mount would go on with for seconds."""
+        wanted = self._wanted.value
+        return axis in wanted.by_hand and self._link.occupied and not wanted.waiting_gotos
+
+
+async def _ended(outcome: Outcome) -> Any:
+    """Wait for an outcome; who gives up ends it for nobody. Raises Fault, and Stopped where it is over undone."""
+    try:
+        return await result_of(outcome)
+    except asyncio.CancelledError:
+        if outcome.cancelled():
+            raise Stopped from None
+        raise

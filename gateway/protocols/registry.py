@@ -30,6 +30,11 @@ def surfaces() -> list[str]:
     return [name for name, spec in PROTOCOLS.items() if spec.make_surface is not None]
 
 
+def usual_ports() -> dict[str, int]:
+    """What may stand before the place of a surface, and the TCP port that is usual for it."""
+    return {ANY: ANY_PORT, **{name: PROTOCOLS[name].usual_port for name in surfaces()}}
+
+
 def streams() -> list[str]:
     """Those of them that are spoken on a stream of bytes, and not over HTTP."""
     return [name for name in surfaces() if PROTOCOLS[name].web is None]

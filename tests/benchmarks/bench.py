@@ -1,6 +1,6 @@
 """``python tests/benchmarks/bench.py [--quick] [--json FILE]``: how fast, how thrifty, how large, beside what is bare.
 
-Takes under four minutes, with ``--quick`` under seventy seconds; needs Linux. README.md here explains the figures.
+Takes under six minutes, with ``--quick`` under two minutes; needs Linux. README.md here explains the figures.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import time
 from pathlib import Path
 
 import line_load
+import one_address
 import round_trip
 import starting
 from figures import Figure, table
@@ -23,7 +24,7 @@ from figures import Figure, table
 def main() -> int:
     """Measure and print -> 0, also when a goal is missed: that depends on the machine as well."""
     parser = argparse.ArgumentParser(description="Measure the gateway on this machine.")
-    parser.add_argument("--quick", action="store_true", help="fewer rounds: under 70 seconds")
+    parser.add_argument("--quick", action="store_true", help="fewer rounds: under two minutes")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to a file, too")
     arguments = parser.parse_args()
     if sys.platform != "linux":
@@ -31,7 +32,7 @@ def main() -> int:
     began = time.monotonic()
     figures: list[Figure] = []
     with tempfile.TemporaryDirectory(prefix="mount-gateway-bench-") as bytecode:
-        for part in (starting, round_trip, line_load):
+        for part in (starting, round_trip, one_address, line_load):
             figures += part.measure(bytecode, arguments.quick)
     machine = (
         f"{platform.machine()}, {os.cpu_count()} cores, Linux {platform.release()}, Python {platform.python_version()}"

@@ -102,6 +102,15 @@ def start_celestron_gateway(workshop: Workshop, mount: Endpoint, transport: str,
     return _gateway(workshop, "lx200", mount.port, f"nexstar{':' * bool(model)}{model}", transport)
 
 
+def start_any_gateway(workshop: Workshop, mount: Endpoint, protocol: str) -> Endpoint:
+    """The gateway over a simulated mount of a protocol, for programs of every protocol and browsers."""
+    at = f"{protocol}@socket://127.0.0.1:{mount.port}"
+    argv = [*PRODUCT, "run", "--mount", at, "--surface", "any@tcp://127.0.0.1:0", "--console", "tcp://127.0.0.1:0"]
+    process = workshop.start([*argv, "--sun", "0", "--log"], ends_well=True)
+    surface, _ = process.wait_for_lines("ready ", 2)  # the console is the other
+    return endpoints([surface])[0]
+
+
 def start_stellarium_gateway(workshop: Workshop, mount: Endpoint, protocol: str) -> Endpoint:
     """The gateway over a simulated mount of a protocol, for Stellarium's own."""
     surface = _gateway(workshop, protocol, mount.port, "stellarium", "tcp")

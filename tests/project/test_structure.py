@@ -6,6 +6,9 @@ That imports point down is held by import-linter (``pyproject.toml``); how all t
 from __future__ import annotations
 
 import ast
+import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -20,6 +23,8 @@ ROOT = Path(gateway.__file__).parent
 FOLDERS = sorted(path.parent for path in ROOT.rglob("__init__.py"))
 #: Entries of a folder, lines of a module, and classes of a mount that reach each other at run time.
 ENTRIES, LINES, BALL = 14, 300, 6
+#: Calls from one file into another on the way of a goto and back, those of them that lead up, and the files on it.
+HOPS, UP, WAY = 150, 4, 64
 #: What lies in a folder and is nothing that anybody reads.
 NO_PARTS = ("__pycache__", "py.typed")
 
@@ -62,6 +67,13 @@ def test_few_classes_of_a_mount_reach_each_other_at_run_time(driven: str) -> Non
             assert all(len(ball) <= BALL for ball in structure.circles(graph)), structure.circles(graph)
 
     run(program())
+
+
+def test_the_way_of_a_command_is_short() -> None:
+    """From the client's ``:MS#`` to the mount and back to its ``0``: ``python -m tests.support.walk`` prints it."""
+    walk = subprocess.run([sys.executable, "-m", "tests.support.walk"], capture_output=True, text=True, check=True)
+    _, files, hops, up = map(int, re.findall(r"\d+", walk.stdout.partition("\n")[0]))
+    assert files <= WAY and hops <= HOPS and up <= UP, walk.stdout
 
 
 def test_a_circle_is_seen_wherever_the_import_stands(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault
-from gateway.mount.link.scheduling import READ
+from gateway.mount.link.queue import READ
 from gateway.mount.motion.seen import PositionSample, Seen
 from gateway.protocols.lx200.simulator.server import SimulatedLx200
 from tests.soak.fuzz_bytes import KINDS

@@ -25,8 +25,8 @@ from gateway.app.bindings import make_surface
 from gateway.app.config import Endpoint, SurfaceConfig
 from gateway.astro.ephemeris.sky import Sky
 from gateway.clients.commands.command_processor import CommandProcessor
-from gateway.clients.commands.inbox import INBOX
 from gateway.clients.commands.reply_cache import MEMO
+from gateway.clients.commands.turn import INBOX
 from gateway.core.wire_log import MOST, Entry
 from gateway.mount.safety.limits import Limits
 from gateway.protocols.nexstar.versions import made_with
@@ -117,7 +117,7 @@ class Judge:
 
     def weigh(self, bridge: Bridge, client: CommandProcessor) -> None:
         """What may grow has not."""
-        framer: Any = client.framing.framer
+        framer: Any = client.framer
         pending = len(framer._frame if self.case.presented == "lx200" else framer._pending)
         for what, size, most in (
             ("inbox", len(client._inbox), INBOX), ("memo", len(client._cache._replies), MEMO), ("framer", pending, 64),

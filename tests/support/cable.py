@@ -23,7 +23,6 @@ class Cable:
         self._out = True
         self._line.wire._on_data = None
         self._line.talk.lose("pulled out")
-        self._line.queue.wake()
 
     def plug(self) -> None:
         self._out = False

@@ -138,14 +138,14 @@ class Talk:
         self.face: SurfaceBinding = make_surface(endpoint, SurfaceConfig(at="-", **settings), Limits())
         self.now = self.mount.clock.unix
         self.session = self.face.surface.session(self.face.model, self.face.settings, lambda: self.now)
-        self.framing = self.face.framing(lambda: self.now)
+        self.framer = self.face.framing()
         self.deferred: list[tuple[float, Session, str]] = []
         self._told: dict[type[Any], tuple[float, Any]] = {}
 
     def send(self, data: bytes) -> bytes:
         """Everything the surface answers to these bytes."""
         reply = b""
-        for frame in self.framing(data):
+        for frame in self.framer.feed(data, self.now):
             reply += self._handle(frame)
             self.session.last = frame
         return reply
@@ -186,7 +186,7 @@ class Talk:
         before = self.session
         self.session = type(before)(before.model, before.settings, before.clock, before.common)
         self.session.kept = copy(before.kept)
-        self.framing = self.face.framing(lambda: self.now)
+        self.framer = self.face.framing()
 
     def wait(self, seconds: float) -> None:
         """Let time pass, on the host and on the mount: what was deferred until then is done, each at its time."""

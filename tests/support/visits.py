@@ -34,7 +34,7 @@ class Still:
         self.presence = Presence(self.now)
         self.version = self.stops = 0
         self.closed = False
-        self.reconciler = self.orders = self
+        self.reconciler = self.orders = self.wanted = self.value = self.context = self
         self.fair_scheduler = FairScheduler(self.loop, lambda: False)
         #: What the host's clock is ahead of the loop's, and the mount's ahead of the host's.
         self._epoch = mount.clock.unix - self.now()

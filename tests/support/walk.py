@@ -4,11 +4,18 @@ Counted with ``sys.setprofile``, in files of the package only: functions that ra
 another, and calls from a lower layer up to a higher one. Neither the simulated mount nor the
 event loop that drives it are counted: in their place stand a serial line and a real mount.
 
-    python -m tests.support.walk [BYTES]
+The same command has been carried out before, so that what is done once in the life of a process, or once in a minute
+for everybody (tables that are read, patterns that are compiled, how the Earth stands and where the Sun is), is not
+counted; and the mount has just told its state, as it does every few seconds while anybody asks. ``--first`` counts the
+first command of a gateway instead, with all of that.
+
+    python -m tests.support.walk [--first] [BYTES]
 """
 
 from __future__ import annotations
 
+import argparse
+import asyncio
 import sys
 from collections import Counter
 from collections.abc import Iterator
@@ -18,6 +25,7 @@ from types import FrameType
 from typing import Any
 
 import gateway
+from gateway.core import operations as op
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -115,14 +123,29 @@ class _Quiet(Bridge):
         return self
 
 
-def walk_of(data: bytes, before: bytes = b":Sr 05:00:00#:Sd +40:00:00#") -> Walk:
+#: Seconds, at most, in which a goto of the simulated mount is over.
+SLEWS = 300
+#: What sets a target; the second one is another.
+TARGET, ANOTHER = b":Sr 05:00:00#:Sd +40:00:00#", b":Sr 05:10:00#:Sd +41:00:00#"
+
+
+def walk_of(data: bytes, first: bool = False) -> Walk:
     """The walk of one client's command over a NexStar, after what sets its target, while nothing else asks."""
     walk = Walk()
 
     async def program() -> None:
         async with _Quiet("6-8se", latency=0.01) as bridge:
             client = bridge.client()
-            await client.ask(before, until=b"11")
+            await client.ask(TARGET, until=b"11")
+            if not first:
+                await client.ask(data)
+                for _ in range(SLEWS):
+                    if not await bridge.controller.anew(op.Slewing()):
+                        break
+                    await asyncio.sleep(1.0)
+                await client.ask(ANOTHER, until=b"11")
+                await bridge.controller.anew(op.Position())
+                await bridge.controller.anew(op.GetStatus())
             with walking(walk):
                 await client.ask(data)
 
@@ -132,7 +155,11 @@ def walk_of(data: bytes, before: bytes = b":Sr 05:00:00#:Sd +40:00:00#") -> Walk
 
 def main() -> None:
     """Print the walk, and where it goes up."""
-    walk = walk_of(sys.argv[1].encode() if len(sys.argv) > 1 else b":MS#")
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--first", action="store_true", help="the first command of a gateway")
+    parser.add_argument("bytes", nargs="?", default=":MS#", help="a command of an LX200 client")
+    arguments = parser.parse_args()
+    walk = walk_of(arguments.bytes.encode(), arguments.first)
     print(walk)
     for (caller, callee), count in walk.up.most_common():
         print(f"  up {count}: {caller} -> {callee}")

@@ -110,11 +110,11 @@ class Splitter:
     """
 
     def __init__(self, protocol: str, now: Callable[[], float] = time.monotonic) -> None:
-        self._framing = PROTOCOLS[_known(protocol)].framing(now)
+        self._framer, self._now = PROTOCOLS[_known(protocol)].framing(), now
 
     def feed(self, data: bytes) -> list[bytes]:
         """Take bytes as they arrived -> the commands that are complete now, in order; ``decode`` takes each of them."""
-        return self._framing(data)
+        return self._framer.feed(data, self._now())
 
 
 def _known(protocol: str) -> str:

@@ -15,7 +15,7 @@ from gateway.app.config.places import right
 from gateway.astro.offline import go_offline
 from gateway.core.errors import UserError
 from gateway.protocols.base.spec import ProtocolSpec
-from gateway.protocols.registry import ANY, PROTOCOLS, mounts, surfaces
+from gateway.protocols.registry import ANY, PROTOCOLS, mounts, streams
 
 
 class Endpoint(msgspec.Struct, frozen=True):
@@ -48,7 +48,7 @@ def _of_any(what: str, where: str) -> Endpoint:
     if what != ANY:
         raise UserError(f"{what!r}: a surface for every protocol presents no single model; write {ANY}@{where}")
     if not where.startswith("tcp://"):
-        one = " or ".join(f"{name}@" for name in surfaces())
+        one = " or ".join(f"{name}@" for name in streams())
         mount = " or ".join(f"{name}@" for name in mounts())
         raise UserError(
             f"{ANY}@{where}: {ANY} tells programs by the first bytes of a connection, which there is on tcp:// alone; "

@@ -179,7 +179,7 @@ class SurfaceConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="keb
         str,
         key(
             "where programs connect: PROTOCOL[:MODEL[/VERSION]]@tcp://HOST:PORT, rfc2217://HOST:PORT, "
-            "pty:PATH or a serial port",
+            "pty:PATH or a serial port; any@tcp://HOST:PORT tells the protocol by what a program says first",
             "ENDPOINT",
             "lx200@tcp://127.0.0.1:4030",
         ),

@@ -48,13 +48,16 @@ class Sky(TableLoader):
 
     def sidereal_time(self, unix: float, longitude_east: float) -> float:
         """Apparent sidereal time in [0, 360)."""
+        return wrap360(self._turned(unix, longitude_east))
+
+    def _turned(self, unix: float, longitude_east: float) -> float:
+        """The same before it is brought into the circle."""
         minute, (greenwich, _) = self._frame(unix)
-        return wrap360(greenwich + SIDEREAL_RATE * (unix - minute) + wrap360(longitude_east))
+        return greenwich + SIDEREAL_RATE * (unix - minute) + longitude_east % 360.0
 
     def horizon(self, ra: float, dec: float, site_lat: float, site_lon_east: float, unix: float) -> tuple[float, float]:
         """(azimuth in [0, 360), altitude in [-90, 90]) of a place of date."""
-        hour_angle = self.sidereal_time(unix, site_lon_east) - wrap360(ra)
-        return hour_angle_to_horizon(hour_angle, dec, site_lat)
+        return hour_angle_to_horizon(self._turned(unix, site_lon_east) - ra % 360.0, dec, site_lat)
 
     def equatorial(
         self, az: float, alt: float, site_lat: float, site_lon_east: float, unix: float

@@ -11,10 +11,14 @@ import asyncio
 import os
 import sys
 from collections.abc import Callable, Coroutine
+from typing import TYPE_CHECKING
 
 from gateway.app.control.endpoints import ControlEndpoint
 from gateway.core.errors import UserError
 from gateway.system import journal, streams
+
+if TYPE_CHECKING:
+    from gateway.app.control.commands import Goto, Move, Park, Sync, Unpark
 
 #: Seconds within which a gateway has carried out whatever takes no time of its own.
 ANSWERED = 15.0
@@ -137,7 +141,9 @@ async def unless(done: asyncio.Event, work: Coroutine[object, object, str]) -> s
     return None
 
 
-def wish_for(arguments: argparse.Namespace, number: str, line: str, wait: bool, seconds: float = ANSWERED) -> int:
+def wish_for(
+    arguments: argparse.Namespace, wish: Goto | Sync | Park | Unpark | Move, wait: bool, seconds: float = ANSWERED
+) -> int:
     """Have a request carried out by the one gateway that is meant, and stop what it began when Ctrl-C comes."""
     from gateway.app.control import commands
 
@@ -146,14 +152,14 @@ def wish_for(arguments: argparse.Namespace, number: str, line: str, wait: bool, 
         return 1
 
     async def work(done: asyncio.Event) -> int:
-        answer = await unless(done, wished(door, line, seconds))
+        answer = await unless(done, wished(door, commands.written(wish), seconds))
         if answer is not None and answer.startswith("done ") and wait:
             if sys.stdout.isatty():
                 told(answer)
-            answer = await _followed(door, number, done)
+            answer = await _followed(door, wish.number, done)
         if answer is not None:
             return told(answer)
-        told(await wished(door, commands.written(commands.End(number))))
+        told(await wished(door, commands.written(commands.End(wish.number))))
         return 1
 
     return carried_out(work)

@@ -37,5 +37,4 @@ def _goto(arguments: argparse.Namespace) -> int:
     from gateway.cli.mount.asking import wish_for
     from gateway.cli.mount.places import place
 
-    number = draw()
-    return wish_for(arguments, number, wishes.written(wishes.Goto(number, place(arguments))), arguments.wait)
+    return wish_for(arguments, wishes.Goto(draw(), place(arguments)), arguments.wait)

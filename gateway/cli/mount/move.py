@@ -47,6 +47,6 @@ def _move(arguments: argparse.Namespace) -> int:
 
     if not 0.0 < arguments.seconds <= 3600.0:
         raise UserError(f"--seconds {arguments.seconds:g}: write how long the arrow is pressed, like 3")
-    number, direction = draw(), Direction[arguments.direction.upper()]
-    wish = wishes.Move(number, direction, arguments.rate, arguments.seconds)
-    return wish_for(arguments, number, wishes.written(wish), wait=False, seconds=arguments.seconds + ANSWERED)
+    direction = Direction[arguments.direction.upper()]
+    wish = wishes.Move(draw(), direction, arguments.rate, arguments.seconds)
+    return wish_for(arguments, wish, wait=False, seconds=arguments.seconds + ANSWERED)

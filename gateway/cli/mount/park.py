@@ -27,5 +27,4 @@ def _park(arguments: argparse.Namespace) -> int:
     from gateway.app.control.messages import draw
     from gateway.cli.mount.asking import wish_for
 
-    number = draw()
-    return wish_for(arguments, number, wishes.written(wishes.Park(number)), arguments.wait)
+    return wish_for(arguments, wishes.Park(draw()), arguments.wait)

@@ -29,5 +29,4 @@ def _sync(arguments: argparse.Namespace) -> int:
     from gateway.cli.mount.asking import wish_for
     from gateway.cli.mount.places import place
 
-    number = draw()
-    return wish_for(arguments, number, wishes.written(wishes.Sync(number, place(arguments))), wait=False)
+    return wish_for(arguments, wishes.Sync(draw(), place(arguments)), wait=False)

@@ -25,5 +25,4 @@ def _unpark(arguments: argparse.Namespace) -> int:
     from gateway.app.control.messages import draw
     from gateway.cli.mount.asking import wish_for
 
-    number = draw()
-    return wish_for(arguments, number, wishes.written(wishes.Unpark(number)), wait=False)
+    return wish_for(arguments, wishes.Unpark(draw()), wait=False)

@@ -45,6 +45,8 @@ class AnyConnection:
         self._protocol = ""
         #: What has come and has not been given to anybody.
         self.sent = b""
+        #: What was answered before it was decided.
+        self._said = b""
         self._heard = -1e9
         #: It waits for the web.
         self._browses = False
@@ -116,6 +118,7 @@ class AnyConnection:
                 self._settle()
                 return
             common, self.sent = rest[:count], rest[count:]
+            self._said += common
             self._guest.feed(common)
         if waits:
             self._part()  # the first byte is not of that protocol, or not yet
@@ -129,7 +132,7 @@ class AnyConnection:
         self._part()
         self._protocol = protocol
         self._controller.wire_log.put(self._name, "~", note=", ".join(filter(None, (protocol, why))))
-        self._guest = self._speaking[protocol].take(self._name, self._host, self._write)
+        self._guest = self._speaking[protocol].take(self._name, self._host, self._write, said=self._said)
         if self._hang_up is not None:
             self._guest.network(self._hang_up)
 
@@ -151,7 +154,8 @@ class AnyConnection:
     def _speak_http(self, sent: bytes) -> None:
         self._part()
         self.sent, self.feed, self._browses = sent, self._wait_for_web, True
-        self._controller.wire_log.note_once(self._name, "speaks HTTP: for the console, the mount hears nothing of it")
+        words = "speaks HTTP: for the console, the mount hears nothing of it"
+        self._controller.wire_log.note_once(self._name, words, of=self._host)
         self._web.enter(self)
 
     def _wait_for_web(self, data: bytes) -> None:

@@ -12,19 +12,17 @@ import asyncio
 from collections import deque
 from collections.abc import Callable
 
-from gateway.clients.commands.client_log import ClientLog
-from gateway.clients.commands.inbox import Inbox
 from gateway.clients.commands.pushes import Pushes
 from gateway.clients.commands.reply_cache import ReplyCache
-from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Turn
+from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUNT, Inbox, Turn
 from gateway.clients.commands.turn_runner import TurnRunner
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import AbortMotion, Operation
-from gateway.core.wire_log import WireLog
+from gateway.core.wire_log import ClientLog, WireLog
 from gateway.mount.controller import MountController
 from gateway.mount.safety.rules.dead_man import HostActivity
 from gateway.protocols.base.ends import Ending
-from gateway.protocols.base.frames import Framing, Unterminated
+from gateway.protocols.base.frames import Framer, Unterminated
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.surface import Surface
 from gateway.transport.baud_trial import BaudTrial
@@ -40,14 +38,15 @@ class CommandProcessor:
         controller: MountController,
         surface: Surface,
         session: Session,
-        framing: Framing,
+        framer: Framer,
         write: Write,
         wire_log: WireLog,
         life: HostActivity,
     ) -> None:
         self.life = life
         self.controller, self.surface, self.session = controller, surface, session
-        self.framing, self.write = framing, write
+        self._wanted = controller.wanted
+        self.framer, self.write = framer, write
         self.log = ClientLog(name, wire_log)
         self._inbox, self._cache = Inbox(self.log), ReplyCache()
         self.runner = TurnRunner(controller, surface, session, life, self.log, self._cache)
@@ -84,14 +83,14 @@ class CommandProcessor:
         """Take bytes as they arrived; ``stops`` is the controller's count of stops then, where that was some time
         ago."""
         self.life.heard |= stops != LONG_AGO
-        if self.log.heard:
+        if self.log.sinks:
             self.log.put("raw", data)
         if self._idle and self._task is None and self._repeated(data):
             return
-        frames = self.framing(data)
-        if self.log.heard:
+        frames = self.framer.feed(data, self.came())
+        if self.log.sinks:
             self._tell_dropped()
-        self._idle = self.framing.idle  # else what comes next may belong to what came before
+        self._idle = self.framer.idle  # else what comes next may belong to what came before
         ended: set[bytes] = set()  # by what stands here since anything else was asked for: the same again is no news
         self.ended = bool(frames)
         for frame in frames:
@@ -109,7 +108,9 @@ class CommandProcessor:
             else:
                 ended.add(frame)
                 self._end(frame, ending)
-            self._inbox.add(Turn(frame, self.controller.stops if stops is None else stops, ending, self.came()))
+            steps = self.surface.handle(self.session, frame)
+            before = self._wanted.value.stops if stops is None else stops
+            self._inbox.add(Turn(frame, steps, before, ending, self.came()))
         if self._lasting and self._inbox and self._turn is not None:
             self._give_up(self._turn)
         if self._task is None:
@@ -125,7 +126,7 @@ class CommandProcessor:
         reply, kinds = found
         controller.touch(kinds, now)
         self.session.last = data
-        if self.log.heard:
+        if self.log.sinks:
             self.log.put(">", data)
             self.log.put("<", reply)
         self.write(reply)
@@ -137,20 +138,19 @@ class CommandProcessor:
         if isinstance(ending.operation, AbortMotion):
             self.controller.begin_stop()
         else:
-            self.runner.begun.begin(ending.operation, self.controller.stops)
+            self.runner.begun.begin(ending.operation, self._wanted.value.stops)
 
     def _tell_dropped(self) -> None:
         """For the log: bytes that are of no use, and why."""
-        for why, data in self.framing.dropped.items():
+        for why, data in self.framer.dropped.items():
             self.log.put("x", bytes(data), why)
 
     # --- commands in their order ------------------------------------------------------------------------------------
 
     def _pump(self) -> None:
         """Answer what waits, until something must be waited for, or the gateway ends."""
-        while self._inbox and not self.controller.closed:
+        while self._inbox and not self.controller.context.closed:
             turn = self._inbox.take()
-            turn.steps = self.surface.handle(self.session, turn.frame)
             try:
                 wanted = self.runner.advance(turn, None)
             except StopIteration as end:
@@ -222,7 +222,7 @@ class CommandProcessor:
         if reply:
             self.log.put("<", reply)
             self.write(reply)
-        elif self.log.heard:
+        elif self.log.sinks:
             self._explain(frame)
         if turn.baud is not None and self.rate is not None:
             self.rate.begin(turn.baud)
@@ -263,7 +263,7 @@ class CommandProcessor:
         self.write = lambda data: None
         if self._pushes is not None:
             self._pushes.close()
-        for frame in self.framing.end():  # the next connection must not build on what was before half a command
+        for frame in self.framer.end():  # the next connection must not build on what was before half a command
             self.log.note(frame.words)
             deque(self.surface.handle(self.session, frame), 0)
         self._tell_dropped()

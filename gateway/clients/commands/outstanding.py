@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import asyncio
 
-from gateway.clients.commands.client_log import ClientLog
 from gateway.core.motion_kinds import MOVING, ends_focus
 from gateway.core.operations import AbortSlew, Operation, StopAxis
+from gateway.core.wire_log import ClientLog
 from gateway.mount.controller import MountController
 from gateway.mount.safety.rules.dead_man import HostActivity
 

@@ -1,10 +1,14 @@
-"""A command on its way to its reply, and how long it may take."""
+"""A command on its way to its reply, how long it may take, and those that wait for their turn."""
 
 from __future__ import annotations
 
 import asyncio
+from collections import deque
+
+from msgspec import Struct
 
 from gateway.core.operations import Operation
+from gateway.core.wire_log import ClientLog
 from gateway.protocols.base.ends import Ending
 from gateway.protocols.base.wants import Handling
 
@@ -17,35 +21,61 @@ LONG_AGO = -1
 ANSWER_WITHIN, WAIT_FOR_MOUNT = 3.5, 3.4
 #: A motion that is not begun so many seconds after it was asked for is refused, while that can still be said.
 NO_IN_TIME = 3.0
+#: Commands that may wait in one connection; of more than that the oldest are dropped.
+INBOX = 256
 
 
-class Turn:
-    """One that came at this loop time, after so many stops.
+class Turn(Struct, eq=False):
+    """A command and the ``steps`` that carry it out; it ``came`` at this loop time, after so many stops.
 
     ``ending`` is what it has ended already, when it came. ``plain`` and ``spent`` say whether its reply may be
     repeated, ``halting`` that it has ended a motion last, ``baud`` the rate to go on with after its answer. It is
     ``late`` once nobody waits for its reply any more.
     """
 
-    __slots__ = (
-        "baud",
-        "came",
-        "ending",
-        "frame",
-        "halting",
-        "lasting",
-        "late",
-        "plain",
-        "spent",
-        "steps",
-        "stops",
-        "timer",
-    )
+    frame: bytes
+    steps: Handling
+    stops: int
+    ending: Ending | None
+    came: float
+    spent: list[type[Operation]] = []
+    plain: bool = True
+    halting: bool = False
+    lasting: bool = False
+    late: bool = False
+    baud: int | None = None
+    timer: asyncio.TimerHandle | None = None
 
-    def __init__(self, frame: bytes, stops: int, ending: Ending | None, came: float) -> None:
-        self.frame, self.stops, self.ending, self.came = frame, stops, ending, came
-        self.steps: Handling
-        self.spent: list[type[Operation]] = []
-        self.plain, self.halting, self.lasting, self.late = True, False, False, False
-        self.baud: int | None = None
-        self.timer: asyncio.TimerHandle | None = None
+
+class Inbox(deque[Turn]):
+    """What waits, in the order in which it came. Whatever leaves it other than by ``take`` is told to the log."""
+
+    def __init__(self, log: ClientLog) -> None:
+        super().__init__(maxlen=INBOX)
+        self._log = log
+
+    def add(self, turn: Turn) -> None:
+        """The newest; the oldest makes room for it."""
+        if len(self) == INBOX:
+            self._log.put("x", self[0].frame, f"more than {INBOX} commands wait")
+        self.append(turn)
+
+    def take(self) -> Turn:
+        """The oldest, which there must be."""
+        turn = self.popleft()
+        self._log.put(">", turn.frame)
+        return turn
+
+    def take_repeated(self, frame: bytes) -> int:
+        """How often this follows at once; what is done for one of them does for all."""
+        count = 0
+        while self and self[0].frame == frame:
+            self.take()
+            count += 1
+        return count
+
+    def take_back(self, frames: frozenset[bytes], by: bytes) -> None:
+        """Whatever would begin what ``by`` ends is not done any more."""
+        for turn in [turn for turn in self if turn.frame in frames]:
+            self.remove(turn)
+            self._log.put("x", turn.frame, f"taken back by {by!r}, which came before its turn")

@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 
 from gateway.clients.access import Rights
-from gateway.clients.commands.client_log import ClientLog
 from gateway.clients.commands.outstanding import Begun
 from gateway.clients.commands.reply_cache import ReplyCache
 from gateway.clients.commands.turn import NO_IN_TIME, WAIT_FOR_MOUNT, Turn
@@ -17,8 +16,9 @@ from gateway.clients.equinox import Equinox
 from gateway.core.errors import Busy, Fault
 from gateway.core.motion_kinds import BY_HAND, begins_motion
 from gateway.core.operations import AbortSlew, ClockFromGps, Operation, Own, Read, StopAxis, Sync
+from gateway.core.wire_log import ClientLog
 from gateway.mount.controller import MountController
-from gateway.mount.link.scheduling import AT_ONCE, LATE
+from gateway.mount.link.queue import AT_ONCE, LATE
 from gateway.mount.readings.cache import FRESH, MISSING
 from gateway.mount.safety.rules.dead_man import HostActivity
 from gateway.protocols.base.session import Session
@@ -73,7 +73,7 @@ class TurnRunner:
                 if fault is not None:
                     turn.plain = False
                     continue
-                value = self._controller.peek(wanted)
+                value = self._controller.peek(wanted) if isinstance(wanted, Read) else MISSING
                 if value is MISSING:
                     return wanted
                 if type(wanted) in FRESH:
@@ -173,8 +173,8 @@ class TurnRunner:
 
     async def _deferred_special(self, special: str) -> None:
         """Run a special later; it has no reply, so it may also outlive its connection."""
-        turn = Turn(special.encode(), self._controller.stops, None, self._controller.now())
-        turn.steps = self._surface.call(special, self._session, None, {})
+        steps = self._surface.call(special, self._session, None, {})
+        turn = Turn(special.encode(), steps, self._controller.stops, None, self._controller.now())
         try:
             await self.finish(turn, self.advance(turn, None))
         except StopIteration:

@@ -15,7 +15,7 @@ from gateway.astro.spherical import wrap180
 from gateway.core import operations as op
 from gateway.mount.controller import MountController
 from gateway.mount.motion.wanted import Slew
-from gateway.mount.site.sources import shown
+from gateway.mount.safety.admission.contradictions import contradictions, shown, time_unknown
 
 #: Places over the horizon along the way of a goto, beginning and end counted.
 STEPS = 24
@@ -133,7 +133,7 @@ def _where_and_when(controller: MountController) -> dict[str, Any]:
     """The site and the clock in force, who says so, and who says otherwise."""
     sources = controller.sources
     sites, time = sources.sites(), sources.best_time()
-    doubts = [found.words for found in sources.contradictions()]
+    doubts = [found.words for found in contradictions(sites, sources.times())]
     site = None
     if sites:
         best = sites[0]
@@ -144,7 +144,7 @@ def _where_and_when(controller: MountController) -> dict[str, Any]:
         "clock": {"ahead": round(time.unix - controller.wire_log.clock(), 1), "source": time.source},
         "site_doubt": next((words for words in doubts if "clocks" not in words), ""),
         "clock_doubt": "nobody tells the time, and this computer has lost it"
-        if sources.time_unknown
+        if time_unknown(time)
         else next((words for words in doubts if "clocks" in words), ""),
     }
 

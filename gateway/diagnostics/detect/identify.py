@@ -17,9 +17,9 @@ from gateway.core.operations import Values
 from gateway.core.wire_log import WireLog
 from gateway.diagnostics.detect.capabilities import ways
 from gateway.diagnostics.detect.port_listener import PortListener
+from gateway.mount.link.driver_runner import carry_out
 from gateway.mount.link.line import MountLink
 from gateway.protocols.base.driver import Driver, Send
-from gateway.protocols.base.run_driver import carry_out
 
 #: Seconds in all; a mount that answers takes less than two.
 LONGEST = 20.0

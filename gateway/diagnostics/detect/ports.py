@@ -9,6 +9,8 @@ from pathlib import Path
 from msgspec import Struct
 
 from gateway.app.config.endpoints import Endpoint, parse_endpoint
+from gateway.core.errors import UserError
+from gateway.protocols.registry import mounts
 
 #: Where Linux keeps names of USB ports that outlast a change of sockets.
 LASTING = Path("/dev/serial/by-id")
@@ -46,6 +48,9 @@ def named(text: str) -> SerialPortInfo:
     what, at, where = text.partition("@")
     if at and "://" not in what and not what.startswith(("/", ".", "~")):
         endpoint = parse_endpoint(f"{what}@{whole(where)}")
+        if endpoint.protocol not in mounts():
+            listed = " or ".join(f"{name}@{where}" for name in mounts())
+            raise UserError(f"{text}: programs speak {endpoint.protocol}, and no mount does; write {where} or {listed}")
         return SerialPortInfo(endpoint.where, endpoint.where, named=endpoint)
     return SerialPortInfo(whole(text), whole(text))
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, Facts, Result, Said
 from gateway.diagnostics.doctor.places import gateways, listeners, meddlers, ports, state_folder
-from gateway.mount.site.sources import EARLIEST
+from gateway.mount.site.site_clock import EARLIEST
 
 #: The versions of Python that mount-gateway is tried with: the first and the last.
 OLDEST, NEWEST = (3, 11), (3, 14)

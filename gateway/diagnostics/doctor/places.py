@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gateway.diagnostics.doctor.facts import BAD, GOOD, NOTE, Facts, Port, Said
-from gateway.protocols.registry import PROTOCOLS
+from gateway.protocols.registry import ANY_PORT, PROTOCOLS
 
 #: TCP ports that a gateway is usually reached at, and by whom.
-USUAL = {4030: "most telescope programs", 4080: "browsers"}
+USUAL = {4030: "most telescope programs", ANY_PORT: "programs of every protocol", 4080: "browsers"}
 USUAL |= {spec.usual_port: spec.title for spec in PROTOCOLS.values() if spec.usual_port not in USUAL}
 #: What makes ModemManager leave all USB serial ports alone; `linux` looks for its effect.
 RULE = 'SUBSYSTEM=="tty", ENV{ID_BUS}=="usb", ENV{ID_MM_PORT_IGNORE}="1"'

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from gateway.core.errors import Fault, Refused
 from gateway.diagnostics.log.words import in_words, steady
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.frames import Framing, Unterminated
+from gateway.protocols.base.frames import Framer, Unterminated
 from gateway.protocols.base.reply_rules import Replies
 from gateway.protocols.wireformat.command_set import load
 
@@ -25,8 +25,8 @@ APART = 0.2
 #: Commands of one side whose replies may still be due, and bytes that may still become a reply.
 DUE, LONGEST = 256, 4096
 
-#: How a protocol's commands are cut out, by a clock that tells when bytes came.
-Cutting = Callable[[Callable[[], float]], Framing]
+#: What cuts a protocol's commands out.
+Cutting = Callable[[], Framer]
 
 
 class Heard(NamedTuple):
@@ -57,7 +57,7 @@ class Side:
 
     def __init__(self, protocol: str, framing: Cutting, dialogue: Replies) -> None:
         self._now = 0.0
-        self.protocol, self._framing, self._dialogue = protocol, framing(lambda: self._now), dialogue
+        self.protocol, self._framer, self._dialogue = protocol, framing(), dialogue
         self._due: deque[Send] = deque(maxlen=DUE)
         self._rest = b""
         #: What is told without having been asked for.
@@ -76,11 +76,11 @@ class Side:
     def _frames(self, data: bytes, at: float | None) -> Iterator[bytes]:
         if at is not None:
             self._now = at
-            yield from self._framing(data)
+            yield from self._framer.feed(data, at)
             return
         for number in range(len(data)):
             self._now += APART
-            yield from self._framing(data[number : number + 1])
+            yield from self._framer.feed(data[number : number + 1], self._now)
 
     def command(self, frame: bytes) -> Heard:
         """A whole command; the reply to it is due from now on."""

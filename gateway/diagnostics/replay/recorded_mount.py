@@ -124,7 +124,9 @@ class RecordedQueue(RequestQueue):
         self._recorded.granted += requests
         self.wake()
 
-    async def next(self, typical: float, gap: Callable[[Send], float]) -> Request | None:
+    async def next(self, typical: float, gap: Callable[[Send], float], answered: bool = False) -> Request | None:
+        if answered:
+            await self._what_follows()
         if self._recorded.granted > self._recorded.written and self._recorded.script:
             for request in self.in_turn():  # of two that ask the same the one goes first that did then
                 if not request.future.done() and self._bytes(request.ask) == self._recorded.script[0]:

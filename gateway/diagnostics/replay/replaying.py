@@ -24,11 +24,11 @@ from gateway.core.errors import UserError
 from gateway.core.wire_log import SKY_READY, Entry, WireLog
 from gateway.diagnostics.replay.recorded_mount import ROUNDED, RecordedLine, RecordedLoop, RecordedWire
 from gateway.diagnostics.replay.retraced import RetracedLoop
-from gateway.diagnostics.replay.retracing import Difference, Retracing, surface_and_host
+from gateway.diagnostics.replay.retracing import Retracing
+from gateway.diagnostics.replay.told import Difference, Told
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
 from gateway.protocols.base.reply_rules import ReplyRules
-from gateway.transport import ConnectionHandler
 from gateway.transport.wires import SimulatedTransport
 
 #: Turns of the event loop in which everything has come to rest that one event has set going.
@@ -220,81 +220,39 @@ def _mount(event: Event, asked: int, gateway: Gateway, wire: RecordedWire) -> No
             gateway.sky.load()
 
 
-class _Talk(NamedTuple):
-    """One connection, and what it is told now."""
-
-    name: str
-    guest: ConnectionHandler
-    told: bytearray
-
-
-class _Then(NamedTuple):
-    """What a connection was told then, and (offset, seconds) of every reply."""
-
-    told: bytearray
-    times: list[tuple[int, float]]
-
-
 class _Clients:
     """The recorded connections, by name; a name may be used again once it is gone."""
 
     def __init__(self, gateway: Gateway) -> None:
         self._gateway = gateway
-        self._here: dict[str, _Talk] = {}
-        self.all: list[_Talk] = []
+        self._here: dict[str, Told] = {}
+        self.all: list[Told] = []
 
     def play(self, event: Event) -> None:
         """Make what a client did happen again."""
-        match event.arrow:
-            case "+":
-                self._come(event)
-            case "-" if event.side in self._here:
-                self._here.pop(event.side).guest.close()
-            case "e" if event.side in self._here:
-                self._here[event.side].guest.gone()
-            case ">" if event.side in self._here:
-                self._here[event.side].guest.feed(event.data)
-
-    def _come(self, event: Event) -> None:
-        number, host = surface_and_host(event)
-        now = bytearray()
-        reception = self._gateway.receptions[number - 1]
-        talk = _Talk(event.side, reception.come(event.side, host, now.extend), now)  # it was not turned away then
-        if self._gateway.endpoints[number - 1].where.startswith(("tcp://", "rfc2217://")):
-            talk.guest.network(lambda last: None)  # a stranger's bytes are in no recording
-        self._here[event.side] = talk
-        self.all.append(talk)
+        if event.arrow == "+":
+            talk = self._here[event.side] = Told(event.side)
+            talk.come(self._gateway, event)
+            self.all.append(talk)
+        elif event.arrow in (">", "e", "-") and event.side in self._here:
+            self._here[event.side].play(event)
+            if event.arrow == "-":
+                del self._here[event.side]
 
     def compare(self, events: list[Event]) -> list[Difference]:
         """What every client was told then against now: one difference for each that was told something else."""
-        then: dict[str, _Then] = {}
+        then: dict[str, Told] = {}
         talks = iter(self.all)
-        pairs: list[tuple[_Talk, _Then]] = []
         for event in events:
             if event.side == MOUNT:
                 continue
             if event.arrow == "+":
-                then[event.side] = _Then(bytearray(), [])
-                pairs.append((next(talks), then[event.side]))
+                then[event.side] = next(talks)
             elif event.arrow == "-":
                 then.pop(event.side, None)  # what comes for it later goes nowhere
             elif event.arrow == "<" and event.side in then:
-                then[event.side].times.append((len(then[event.side].told), event.at))
-                then[event.side].told.extend(event.data)
-        return [found for talk, heard in pairs if (found := _difference(talk, heard))]
-
-
-def _difference(talk: _Talk, then: _Then) -> Difference | None:
-    if then.told == talk.told:
-        return None
-    at = next(
-        (i for i, (a, b) in enumerate(zip(then.told, talk.told, strict=False)) if a != b),
-        min(len(then.told), len(talk.told)),
-    )
-    start, when = max((item for item in then.times if item[0] <= at), default=(0, 0.0))
-    return Difference(talk.name, when, bytes(then.told[start : start + 24]), bytes(talk.told[start : start + 24]))
-
-
-def in_words(found: list[Difference]) -> list[str]:
-    """One line each."""
-    return [f"{item.at:.3f} s, {item.client}: then {item.then!r}, now {item.now!r}" for item in found]
+                then[event.side].was_told(event)
+                then[event.side].compare(less=True)
+        for talk in self.all:
+            talk.compare(more=True)
+        return [talk.difference for talk in self.all if talk.difference is not None]

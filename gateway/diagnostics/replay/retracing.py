@@ -8,56 +8,19 @@ is wanted, and of what was said only that is kept which still waits for its othe
 from __future__ import annotations
 
 import asyncio
-import re
 from collections import deque
-from typing import NamedTuple
 
 from gateway.app.control.orders import stopped
 from gateway.app.gateway import Gateway
 from gateway.app.recording.format import MOUNT, Event, Recording
 from gateway.app.recording.turns import BASE
-from gateway.core.errors import UserError
 from gateway.core.wire_log import SKY_READY
 from gateway.diagnostics.replay.retraced import TOLD, RetracedEntrance, RetracedLoop, RetracedWire, Turn, turns
+from gateway.diagnostics.replay.told import Difference, Told, surface_and_host
 from gateway.mount.link.line import MountLink
-from gateway.transport import ConnectionHandler
 
 #: What the gateway is given to end after the last turn, seconds.
 AFTERWARDS = 1.0
-#: What a connection was told in one piece, as far as it is shown.
-SHOWN = 24
-
-
-class Difference(NamedTuple):
-    """The first byte at which a client was told something else: what it received then, and now."""
-
-    client: str
-    at: float
-    then: bytes
-    now: bytes
-
-
-class _Talk:
-    """One connection: what it was told then and is told now, as far as they have not been compared."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-        self.guest: ConnectionHandler | None = None
-        self.then, self.now = bytearray(), bytearray()
-        self.at = 0.0
-        self.difference: Difference | None = None
-
-    def compare(self, less: bool = False, more: bool = False) -> None:
-        """Forget what is alike; once something is not, or ``less`` or ``more`` is told by the end, remember that."""
-        common = min(len(self.then), len(self.now))
-        if self.difference is None:
-            left = (less and len(self.then) > common) or (more and len(self.now) > common)
-            if left or self.then[:common] != self.now[:common]:
-                self.difference = Difference(self.name, self.at, bytes(self.then[:SHOWN]), bytes(self.now[:SHOWN]))
-            del self.then[:common], self.now[:common]
-        if self.difference is not None:
-            self.then.clear()
-            self.now.clear()
 
 
 class Retracing:
@@ -69,12 +32,12 @@ class Retracing:
         self.wire = RetracedWire(self.entrance, lambda: loop.elapsed)
         self.clients = self.replies = 0
         self.differences: list[Difference] = []
-        self._here: dict[str, _Talk] = {}
+        self._here: dict[str, Told] = {}
         #: The connections as the recording goes on, which is ahead of what has been played of it.
-        self._there: dict[str, _Talk] = {}
-        self._coming: deque[_Talk] = deque()
-        self._touched: list[_Talk] = []
-        self._left: list[_Talk] = []
+        self._there: dict[str, Told] = {}
+        self._coming: deque[Told] = deque()
+        self._touched: list[Told] = []
+        self._left: list[Told] = []
         self._tasks: list[asyncio.Task[object]] = []
         self._host = float("nan")
         #: The recording goes on to where the gateway was told to end.
@@ -122,14 +85,13 @@ class Retracing:
             elif event.side == MOUNT:
                 self.wire.then(event)
             elif event.arrow == "+":
-                self._there[event.side] = _Talk(event.side)
+                self._there[event.side] = Told(event.side)
                 self._coming.append(self._there[event.side])
             elif event.arrow == "-":
                 self._there.pop(event.side, None)  # what comes for it later goes nowhere
             elif event.arrow == "<" and event.side in self._there:
                 talk = self._there[event.side]
-                talk.then += event.data
-                talk.at = event.at
+                talk.was_told(event)
                 self.replies += 1
                 self._touched.append(talk)
 
@@ -142,7 +104,7 @@ class Retracing:
             self._settle(talk)
         self._left.clear()
 
-    def _settle(self, talk: _Talk) -> None:
+    def _settle(self, talk: Told) -> None:
         if talk.difference is not None and len(self.differences) < TOLD:
             self.differences.append(talk.difference)
 
@@ -154,15 +116,9 @@ class Retracing:
             self._come(event)
         elif event.side in self._here:
             talk = self._here[event.side]
-            assert talk.guest is not None
-            if event.arrow == ">":
-                talk.guest.feed(event.data)
-            elif event.arrow == "e":
-                talk.guest.gone()
-            else:
-                del self._here[event.side]
-                talk.guest.close()
-                self._left.append(talk)
+            talk.play(event)
+            if event.arrow not in ">e":
+                self._left.append(self._here.pop(event.side))
 
     def _mount(self, event: Event) -> None:
         gateway = self.gateway
@@ -195,19 +151,7 @@ class Retracing:
 
     def _come(self, event: Event) -> None:
         talk = self._coming.popleft()
-        number, host = surface_and_host(event)
-        reception = self.gateway.receptions[number - 1]
-        name = host.removeprefix("pty:")
-        talk.guest = reception.come(name if name.replace(" ", "_") == talk.name else talk.name, host, talk.now.extend)
-        if self.gateway.endpoints[number - 1].where.startswith(("tcp://", "rfc2217://")):
-            talk.guest.network(lambda last: None)
+        name = surface_and_host(event)[1].removeprefix("pty:")
+        talk.come(self.gateway, event, name if name.replace(" ", "_") == talk.name else None)
         self._here[talk.name] = talk
         self.clients += 1
-
-
-def surface_and_host(event: Event) -> tuple[int, str]:
-    """Where a connection came in, and from which host. Raises UserError."""
-    found = re.fullmatch(r"surface (\d+), host (.*)", event.data.decode("latin-1"))
-    if found is None:
-        raise UserError(f"recording, {event.at:.6f} s: a connection without its surface and host")
-    return int(found.group(1)), found.group(2)

@@ -7,18 +7,19 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Awaitable, Callable, Mapping
+from typing import Any, TypeVar
 
 from gateway.core.errors import Busy, Fault, Refused
 from gateway.core.operations import Operation
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.hibernation import HibernationGate
-from gateway.mount.link.scheduling import AT_ONCE, LATE, MOTION, STOP
+from gateway.mount.link.queue import AT_ONCE, LATE, MOTION, STOP
 from gateway.mount.link.verification import ReplyVerifier
-from gateway.protocols.base.driver import Schedule, Send, Steps
-from gateway.protocols.base.run_driver import carry_out
+from gateway.protocols.base.driver import Remark, Schedule, Send, Steps, Wait
+
+_T = TypeVar("_T")
 
 
 class DriverRunner:
@@ -46,7 +47,7 @@ class DriverRunner:
 
         Raises Fault.
         """
-        now = self._context.now
+        now, driver = self._context.now, self._context.driver
         self.exchanges = exchanges = 0
         asked: list[float] = []
         late = since is not None and now() - since > AT_ONCE
@@ -58,18 +59,19 @@ class DriverRunner:
             if late and (ask.prompt or not exchanges):
                 raise Busy(LATE)
             began = now()
-            self._gate.admit(ask, rank)
+            if driver.asleep:
+                self._gate.admit(ask, rank)
             heard, times = await self._verifier.exchange(ask, rank)
             late = late or now() - began > AT_ONCE
-            self._gate.answered(ask)
+            if driver.asleep:
+                self._gate.answered(ask)
             exchanges += times
             asked.append(heard.asked)
             return heard.values
 
         try:
             value = await carry_out(steps, exchange, self.scheduled.emit, self._context.note_once)
-            reads = self._context.driver.position_reads
-            self.exchanges, self.asked_at = exchanges, min(asked[-reads:], default=math.inf)
+            self.exchanges, self.asked_at = exchanges, min(asked[-driver.position_reads :], default=math.inf)
             return value
         except (Fault, asyncio.CancelledError):
             raise
@@ -78,3 +80,34 @@ class DriverRunner:
             if rank != STOP:  # a stop that fails is tried again by itself
                 self.broken.emit(None)
             raise Refused(f"Internal error: {error!r}") from error
+
+
+async def carry_out(
+    steps: Steps[_T],
+    exchange: Callable[[Send], Awaitable[Mapping[str, object]]],
+    plan: Callable[[Schedule], object],
+    remark: Callable[[str], object] = lambda text: None,
+) -> _T:
+    """Run a driver's generator to its end -> its value. A Fault of an exchange is thrown into it. Raises Fault."""
+    answer: Mapping[str, object] | None = None
+    fault: Fault | None = None
+    try:
+        while True:
+            step = steps.send(answer) if fault is None else steps.throw(fault)
+            answer, fault = None, None
+            if isinstance(step, Send):
+                try:
+                    answer = await exchange(step)
+                except Fault as error:
+                    fault = error
+            elif isinstance(step, Wait):
+                await asyncio.sleep(step.seconds)
+            elif isinstance(step, Remark):
+                remark(step.text)
+            else:
+                plan(step)
+    except StopIteration as end:
+        value: _T = end.value
+        return value
+    finally:
+        steps.close()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from gateway.core.errors import Asleep
 from gateway.mount.context import Context
-from gateway.mount.link.scheduling import POSITION, STOP
+from gateway.mount.link.queue import POSITION, STOP
 from gateway.mount.motion.wanted import WantedState
 from gateway.protocols.base.driver import Send
 
@@ -40,8 +40,8 @@ class HibernationGate:
         return self._driver.asleep and self._now() < self._next and not self._wanted.waking
 
     def admit(self, ask: Send, rank: int) -> None:
-        """Whether to ask this now. Raises Asleep."""
-        if not self._driver.asleep or rank == STOP or self._heard(ask) or self._wanted.waking:
+        """Whether to ask this of a mount that sleeps, now. Raises Asleep."""
+        if rank == STOP or self._heard(ask) or self._wanted.waking:
             return
         if self.deep or rank != POSITION:
             raise Asleep
@@ -52,6 +52,6 @@ class HibernationGate:
         return bool(self._driver.protocol.commands[ask.command].while_asleep)
 
     def answered(self, ask: Send) -> None:
-        """An answer has come."""
+        """A mount that sleeps has answered."""
         if not self._heard(ask):
             self._driver.asleep = False

@@ -8,15 +8,13 @@ step. A lost port is opened again with growing pauses, for ever; one that stays 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
 from typing import Any
 
 from gateway.core.errors import Busy, Fault, NoAnswer, Silence
 from gateway.core.signals import Signal
 from gateway.core.wire_log import WireLog
-from gateway.mount.link.queue import Request, RequestQueue
+from gateway.mount.link.queue import READ, STOP, RequestQueue
 from gateway.mount.link.recovery import Recovery
-from gateway.mount.link.scheduling import READ, STOP
 from gateway.mount.link.transaction import QUIET, Transaction
 from gateway.protocols.base.driver import Send
 from gateway.protocols.base.reply_rules import ReplyRules
@@ -28,8 +26,6 @@ HALF_COMMAND = 3.5
 BLIND = 0.2
 #: A port that nobody has answered on for this long is opened anew.
 MUTE = 20.0
-#: Timers come up to so much too early: who waits for the rest of it waits at least so long.
-TICK = 0.001
 #: Seconds after which an answer is overdue: whether the mount hears at all is not known from then on.
 OVERDUE = 2.0
 BACK_OFF = (0.5, 1.0, 2.0, 5.0)
@@ -56,7 +52,6 @@ class MountLink:
         self.reopened: Signal[list[bytes]] = Signal()
         self.reason = ""
         self._now = asyncio.get_running_loop().time
-        self._opened = 0
         self._spoken_on = False
         #: Since when what was sent has not been answered; None while all is well.
         self._silent_since: float | None = None
@@ -73,7 +68,7 @@ class MountLink:
 
     @wire.setter
     def wire(self, wire: Transport) -> None:
-        self.talk.use(wire)
+        self.talk.wire = wire
 
     @property
     def state(self) -> str:
@@ -147,27 +142,17 @@ class MountLink:
         if self.state == "busy" and rank != STOP:
             raise Busy
         outcome = self.queue.add(ask, rank)
-        self.talk.nudge(rank == STOP)
+        if rank == STOP or self.talk.long:
+            self.talk.nudge(rank == STOP)
         return await outcome
-
-    def doubt(self, ask: Send) -> int:
-        """How many answers to older questions may still come that could be taken for the answer to this one."""
-        return self.talk.doubt.count(ask, self._now())
-
-    async def clear_of_doubt(self, ask: Send) -> None:
-        """Wait until there is none."""
-        while (left := self.talk.doubt.until(ask, self._now()) - self._now()) > 0:
-            await asyncio.sleep(max(left, TICK))
 
     # --- the worker -----------------------------------------------------------------------------------------------
 
     async def _run(self) -> None:
         failures = 0
         while True:
-            self._opened += 1
-            self.talk.opening()
             try:
-                await self.wire.open(*self._callbacks(self._opened))
+                await self.wire.open(*self.talk.opening())
             except Exception as error:  # pyserial has more kinds of failure than OSError
                 reason = str(getattr(error, "strerror", None) or error)
                 self.wire_log.put("mount", "v", note=reason)
@@ -190,20 +175,6 @@ class MountLink:
                 await asyncio.sleep(BACK_OFF[0])
             await self.wire.close()
 
-    def _callbacks(self, opening: int) -> tuple[Callable[[bytes], None], Callable[[str], None]]:
-        """What a wire calls; a reader that outlived its opening is not listened to."""
-
-        def on_data(data: bytes) -> None:
-            if opening == self._opened:
-                self.talk.hear(data)
-
-        def on_lost(reason: str) -> None:
-            if opening == self._opened:
-                self.talk.lose(reason)
-                self.queue.wake()
-
-        return on_data, on_lost
-
     async def _reopened(self) -> None:
         """The wire is back: what is owed goes first, and nothing is taken for granted of what is on it."""
         words: list[bytes] = []
@@ -219,44 +190,37 @@ class MountLink:
 
     async def _serve(self) -> None:
         """Serve requests until the wire is lost."""
+        answered = False
         while not self.talk.lost:
             if self._spoken_on:
                 self._spoken_on = False
                 await self._recover()
-            request = await self.queue.next(self.typical, self.talk.gap)
+            request = await self.queue.next(self.typical, self.talk.gap, answered)
+            answered = False
             if request is None:
                 continue
             self._silent_since = self._silent_since or self._now()
-            outcome = await self._carry_out(request)
+            try:
+                outcome = await self.talk.carry_out(request.ask, request.rank == STOP)
+            except BaseException:  # it does not come to an end, and nobody waits for that
+                request.fail(NoAnswer())
+                raise
             self.exchanged.emit(outcome)
             if not isinstance(outcome, NoAnswer | Silence):
                 self._silent_since = None
-            self.talk.work_is_over()
             if not request.future.done():
                 if isinstance(outcome, Fault):
                     outcome.took = self.talk.times.took
                     request.future.set_exception(outcome)
                 else:
                     request.future.set_result((outcome, self.talk.times.took))
-                await self.queue.what_follows()
-            if isinstance(outcome, Silence) and self.dialogue.leaves_open(request.ask):
+                answered = True
+            if isinstance(outcome, Silence) and self.dialogue.expected(request.ask).leaves_open:
                 self.talk.send(self.dialogue.closing)
                 await self.talk.drain(max(QUIET, 2.0 * self.talk.times.typical))
             if isinstance(outcome, NoAnswer | Silence):
                 await self._recover()
         self._down(f"{self.wire.name} was lost")
-
-    async def _carry_out(self, request: Request) -> dict[str, Any] | Fault:
-        """The exchange; when it does not come to an end, nobody waits for that."""
-        hurried = self.talk.cut_short()
-        try:
-            outcome = await self.talk.exchange(request.ask, firm=hurried)
-            if hurried and request.rank == STOP and self.dialogue.pace(request.ask):
-                outcome = await self.talk.exchange(request.ask)  # a scope that needs its pause may have missed it
-            return outcome
-        except BaseException:
-            request.fail(NoAnswer())
-            raise
 
     async def _recover(self) -> None:
         """Bring the line into step again, however long that takes, unless the wire is lost meanwhile."""

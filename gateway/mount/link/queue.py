@@ -1,4 +1,8 @@
-"""The exchanges that wait for the line, and what is urgent on it."""
+"""The exchanges that wait for the line, and whose turn it is.
+
+A stop goes first, then motion, then the position, then settings, then other reads; what has waited long rises in rank.
+A read that would delay something urgent waits for that. Who goes first is decided by pure functions.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +10,29 @@ import asyncio
 import contextlib
 import heapq
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import count
 from typing import Any
 
 from gateway.core.errors import Busy, Fault, NoAnswer
-from gateway.mount.link.scheduling import LATE, MOTION, SETTING, STOP, held_back, in_turn, too_late
 from gateway.protocols.base.driver import Send
 
+STOP, MOTION, POSITION, WAITED, SETTING, READ = range(6)
+READS = (POSITION, READ)
+#: What begins a motion by hand is refused when it could not be sent within so many seconds: whoever pressed the key has
+#: let it go by then, or pressed another.
+AT_ONCE = 2.0
+#: What is said of it.
+LATE = "The line to the mount was busy for too long: this motion is not begun any more."
+#: Seconds after which a read has WAITED and goes before settings: clients that set without end must not blind the
+#: gateway. The position always does, and before other reads: its halves must be of one instant.
+AGED: Mapping[int, float] = {POSITION: 0.25, READ: 0.6, SETTING: 2.0}
+#: After so many exchanges for motions in a row one such read goes first: no flood of arrows may hide the mount.
+IN_A_ROW = 1
+#: After so many exchanges for others an aged setting goes first: reads of a mount that is slow or asleep never end.
+PASSED_OVER = 4
+#: Something urgent is waited for that is due within so many times what an exchange takes, and this many seconds longer.
+BEFORE_URGENT, AFTER_DUE = 1.5, 0.05
 #: Turns of the event loop in which whoever had an answer may ask on: the second half of a position, a motion that
 #: waited for one, and a halt that is coming go before reads of a lower rank.
 TURNS = 8
@@ -89,16 +108,19 @@ class RequestQueue:
             return True
         return False
 
-    async def next(self, typical: float, gap: Callable[[Send], float]) -> Request | None:
+    async def next(self, typical: float, gap: Callable[[Send], float], answered: bool = False) -> Request | None:
         """The request whose turn it is; None when that was waited for, and must be looked at again.
 
-        ``typical`` is how long an exchange takes, ``gap`` how much quiet a question still wants before it.
+        ``typical`` is how long an exchange takes, ``gap`` how much quiet a question still wants before it. Whoever
+        was ``answered`` just now may ask on first.
         """
+        if answered:
+            await self._what_follows()
         now = self._loop.time()
         self._waiting = [request for request in self._waiting if not self._over(request, now)]
         if not self._waiting:
             await self.news()
-            await self.what_follows()  # what woke a read may have brought a stop as well
+            await self._what_follows()  # what woke a read may have brought a stop as well
             return None
         while self._urgent and self._urgent[0] < now - 0.05:
             heapq.heappop(self._urgent)
@@ -127,7 +149,7 @@ class RequestQueue:
         self._passed_over = 0 if first.rank == SETTING else self._passed_over + 1
 
     @types.coroutine
-    def what_follows(self) -> Iterator[None]:
+    def _what_follows(self) -> Iterator[None]:
         """Give whoever had an answer its turns, unless nothing or a stop waits."""
         for _ in range(TURNS):
             if not self._waiting or self.stop_waits:
@@ -164,3 +186,36 @@ class RequestQueue:
         if not request.future.done() and too_late(request, now):
             request.future.set_exception(Busy(LATE))
         return request.future.done()
+
+
+def in_turn(waiting: Iterable[Request], now: float, motions: int, passed_over: int) -> list[Request]:
+    """Whatever waits, in the order in which its turn comes.
+
+    ``motions`` is how many exchanges in a row were for motions, ``passed_over`` how many since the last setting.
+    """
+    before_all = STOP + 0.5
+    waited = before_all if motions >= IN_A_ROW else WAITED
+    risen = {POSITION: waited, READ: waited, SETTING: before_all if passed_over >= PASSED_OVER else SETTING}
+
+    def turn(one: Request) -> tuple[float, int, int]:
+        if one.chosen and one.rank in READS:
+            return POSITION - 0.5, one.rank, one.number
+        aged = now - one.asked > AGED.get(one.rank, 1e9)
+        return min(one.rank, risen[one.rank]) if aged else one.rank, one.rank, one.number
+
+    return sorted(waiting, key=turn)
+
+
+def held_back(first: Request, now: float, urgent: float | None, typical: float) -> float | None:
+    """Seconds for which a read waits for something ``urgent`` that is due then; None when it need not.
+
+    ``typical`` is how long an exchange takes.
+    """
+    if urgent is None or first.rank not in READS or urgent - now >= BEFORE_URGENT * typical:
+        return None
+    return max(0.0, urgent - now) + AFTER_DUE
+
+
+def too_late(one: Request, now: float) -> bool:
+    """Whether it begins a motion by hand that is no longer meant."""
+    return one.ask.prompt and now - one.asked > AT_ONCE

@@ -8,16 +8,17 @@ in step; otherwise every later reply would be taken for the answer to an earlier
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
 from gateway.core.signals import Signal
 from gateway.core.wire_log import WireLog
-from gateway.mount.link.answer_times import AnswerTimes
-from gateway.mount.link.late_replies import LATEST, LateReplies
+from gateway.mount.link.answers import LATEST, AnswerTimes, LateReplies
 from gateway.mount.link.queue import RequestQueue
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.reply_rules import ReplyRules
+from gateway.protocols.base.reply_rules import Expected, ReplyRules
 from gateway.transport.wires import Transport
 
 #: Seconds of quiet that end a disturbance.
@@ -34,8 +35,9 @@ SETTLE = 0.02
 #: A long piece of work of the mount may take that many seconds before what waits behind it is refused.
 BUSY_AFTER = 1.0
 
-#: What was answered, and how many bytes of it.
-Taken = tuple[dict[str, Any] | Fault, int]
+#: What was answered, and that with how many bytes it takes.
+Answer = dict[str, Any] | Fault
+Taken = tuple[Answer, int]
 
 
 class Transaction:
@@ -58,29 +60,36 @@ class Transaction:
         #: When something was written last, seconds of the loop's clock; never yet is long ago.
         self.wrote = -1e9
         self.times = AnswerTimes()
-        self.doubt = LateReplies(dialogue.alike)
+        self.late = LateReplies(dialogue.alike)
         self._now = asyncio.get_running_loop().time
         #: Whether any byte has ever come; the last question that was not answered as it should, and what came instead.
         self.heard_ever = False
         self.trouble = b"", b""
-        self._buffer = b""
-        self._arrived = asyncio.Event()
+        self._buffer, self._arrived = b"", asyncio.Event()
         self._heard = self._stray = -1e9
         self._last: Send | None = None
         self._stops = 0
         #: When the last question was asked that has had no answer yet.
         self._unanswered_since: float | None = None
         self._settling = self._hurried = self._cut_short = False
+        self._opened = 0
 
-    def opening(self) -> None:
-        """The wire is being opened."""
-        self.lost = False
+    def opening(self) -> tuple[Callable[[bytes], None], Callable[[str], None]]:
+        """The wire is being opened -> what it calls; a reader that outlived its opening is not listened to."""
+        self._opened += 1
+        opening, self.lost = self._opened, False
 
-    def use(self, wire: Transport) -> None:
-        """Another wire takes the place of this one, before anything was said on it."""
-        self.wire = wire
+        def on_data(data: bytes) -> None:
+            if opening == self._opened:
+                self._hear(data)
 
-    def hear(self, data: bytes) -> None:
+        def on_lost(reason: str) -> None:
+            if opening == self._opened:
+                self.lose(reason)
+
+        return on_data, on_lost
+
+    def _hear(self, data: bytes) -> None:
         """Bytes have come."""
         self.wire_log.put("mount", "raw", data)
         self._buffer = (self._buffer + data)[-4096:]
@@ -95,9 +104,10 @@ class Transaction:
             self.wire_lost.emit(None)
         self.lost = True
         self._arrived.set()
+        self._queue.wake()
 
     def nudge(self, stop: bool) -> None:
-        """Something waits that may have to be sent before the reply comes, or as soon as it has come."""
+        """A stop waits, or something else while the mount is at a long piece of work: it cannot wait for the reply."""
         self._hurried |= stop
         if self.long or (stop and self._settling):
             self._arrived.set()
@@ -117,63 +127,65 @@ class Transaction:
 
     def gap(self, ask: Send) -> float:
         """Seconds of quiet still wanted before a question, lest the rest of the last answer be taken for its own."""
-        if self._now() > self.wrote + BABBLE:
+        now = self._now()
+        left = self._heard + GAP - now
+        if left <= 1e-6 or now > self.wrote + BABBLE:
             return 0.0
         if not self._buffer:
             if self._last is None or not self.dialogue.alike(self._last, ask):
                 return 0.0
-            if self._now() > self._stray + UNRULY and not self.dialogue.bare(ask):
+            if now > self._stray + UNRULY and not self.dialogue.expected(ask).bare:
                 return 0.0
-        left = self._heard + GAP - self._now()
-        return left if left > 1e-6 else 0.0
+        return left
 
-    def timeout(self, ask: Send, proof: bool = False) -> float:
-        """Seconds that the answer to a question may take on this line."""
-        place = not proof and self.dialogue.kind(ask) == "position"
-        return self.times.patience(self.dialogue.timeout(ask), place)
+    async def carry_out(self, ask: Send, stop: bool) -> Answer:
+        """The exchange whose turn it is; a pause that was cut short for a stop is kept after it."""
+        hurried, self._cut_short = self._cut_short, False
+        try:
+            outcome = await self.exchange(ask, firm=hurried, stop=stop)
+            if hurried and stop and self.dialogue.expected(ask).pace:
+                outcome = await self.exchange(ask, stop=True)  # a scope that needs its pause may have missed it
+            return outcome
+        finally:
+            self.busy = False
 
-    async def exchange(self, ask: Send, firm: bool = False, proof: bool = False) -> dict[str, Any] | Fault:
+    async def exchange(self, ask: Send, firm: bool = False, proof: bool = False, stop: bool = False) -> Answer:
         """One request and its reply, or the Fault that came instead. A ``firm`` pause after it is kept to its end; a
-        ``proof`` is waited for as long as the protocol says.
+        ``proof`` is waited for as long as the protocol says. A ``stop`` waits for no quiet before it.
         """
         try:
             request = self.dialogue.encode(ask)
         except Fault as fault:
             return fault
-        settle = GAP if self.gap(ask) else SETTLE  # a stop does not wait before, so it must look longer after
+        expected = self.dialogue.expected(ask)
+        settle = GAP if stop and self.gap(ask) else SETTLE  # what did not wait before must look longer after
         self.drop("nobody asked")
         self._arrived.clear()
         self._last = ask
         began = self.wrote = self._now()
         self.long, self._stops, self._hurried = ask.long, 0, False
-        taken = await self._reply(ask, began, settle, proof) if self.send(request) else None
+        taken = await self._reply(ask, expected, began, settle, proof) if self.send(request) else None
         self.long, self.long_until = False, self._now() if ask.long else self.long_until
         if taken is None:
-            return self._unanswered(ask, began)
+            return self._unanswered(ask, expected, began)
         outcome, length = taken
         if len(self._buffer) > length + self._stops:  # a stop that was sent meanwhile may be refused by one byte
             outcome = Garbled()
         if isinstance(outcome, Garbled):
-            self._distrust(ask, began)
+            self._distrust(ask, expected, began)
             self.drop("garbled")
             return outcome
         if ask.raw and isinstance(outcome, dict):
             outcome = {**outcome, "raw": self._buffer[:length]}
         self._cut(length)
         self.times.answered(self._heard - began, self._now() - began, counts=bool(length) and not ask.long)
-        pace = self.dialogue.pace(ask)
-        if pace and await self._pause(pace, firm):
+        if expected.pace and await self._pause(expected.pace, firm):
             outcome = self._objection(ask) or outcome
         return outcome
 
-    def _meanwhile(self, busy: bool) -> int:
-        """While the mount works: send the stops that need no answer; refuse all else once it is busy -> stops sent."""
-        self.busy = self.busy or busy
-        return self._queue.while_it_works(self.busy, self._send_unanswered)
-
     def _send_unanswered(self, ask: Send) -> bool | None:
         """Send a command that needs no answer -> whether the wire was there; None where it needs one."""
-        return self.send(self.dialogue.encode(ask)) if self.dialogue.take(ask, b"") is not None else None
+        return self.send(self.dialogue.encode(ask)) if self.dialogue.expected(ask).silent else None
 
     async def _pause(self, seconds: float, firm: bool) -> bool:
         """Give a scope time after a command without a reply. A stop cuts it short, unless ``firm``: then False."""
@@ -190,30 +202,26 @@ class Transaction:
         said, self.half = self.half, False
         return said
 
-    def work_is_over(self) -> None:
-        """Nothing is refused for it any more."""
-        self.busy = False
+    async def _reply(self, ask: Send, expected: Expected, began: float, settle: float, proof: bool) -> Taken | None:
+        """The reply and its length, once it is complete; None when it is not in time, or the wire was lost.
 
-    def cut_short(self) -> bool:
-        """Whether the pause before this was cut short for a stop: said once."""
-        said, self._cut_short = self._cut_short, False
-        return said
-
-    async def _reply(self, ask: Send, began: float, settle: float, proof: bool) -> Taken | None:
-        """The reply and its length, once it is complete; None when it is not in time, or the wire was lost."""
-        deadline, busy_at = began + (ask.patience or self.timeout(ask, proof)), began + BUSY_AFTER
+        A bare one is complete when nothing follows it for so many seconds (``settle``).
+        """
+        place = expected.kind == "position" and not proof
+        deadline, busy_at = began + (ask.patience or self.times.patience(expected.timeout, place)), began + BUSY_AFTER
         while not self.lost:
             now = self._now()
             self._arrived.clear()
             if ask.long:
-                self._stops += self._meanwhile(now >= busy_at)
-            taken = self._take(ask)
+                self.busy = self.busy or now >= busy_at
+                self._stops += self._queue.while_it_works(self.busy, self._send_unanswered)
+            taken = self._take(ask) if self._buffer or expected.silent else None
             if taken is not None and self._stops and isinstance(taken[0], Busy):
                 self._stops -= 1  # said to a stop, while nothing moves anyway
                 self._cut(taken[1], "busy: the stop was not heard")
                 self._arrived.set()
             elif taken is not None:
-                if taken[1] and self.dialogue.bare(ask) and not self._hurried:
+                if taken[1] and expected.bare and not self._hurried:
                     self._settling = True
                     if await self._something_within(settle):
                         taken = self._take(ask) or taken
@@ -224,21 +232,21 @@ class Transaction:
             await self._something_within((busy_at if ask.long and now < busy_at else deadline) - now)
         return None
 
-    def _unanswered(self, ask: Send, began: float) -> Fault:
+    def _unanswered(self, ask: Send, expected: Expected, began: float) -> Fault:
         """What it means that no reply came."""
         self.times.unanswered(self._now() - began)
         if self.lost:
             self.half = True
         elif ask.patience is not None and not ask.long and not self._buffer:
             return Silence()
-        self._distrust(ask, began)
+        self._distrust(ask, expected, began)
         half = bool(self._buffer)
         self.drop("no complete answer")
         return Garbled() if half and ask.patience is not None else NoAnswer()
 
-    def _distrust(self, ask: Send, began: float) -> None:
+    def _distrust(self, ask: Send, expected: Expected, began: float) -> None:
         """The answer may still come."""
-        self.doubt.add(ask, began + max(self.dialogue.timeout(ask), ask.patience or 0.0) + LATEST)
+        self.late.add(ask, began + max(expected.timeout, ask.patience or 0.0) + LATEST)
         self._unanswered_since = began
         self.trouble = self.request, self._buffer
 
@@ -285,9 +293,7 @@ class Transaction:
 
     async def _something_within(self, seconds: float) -> bool:
         """Wait for bytes -> whether any came in time (or the wire was lost)."""
-        try:
+        with suppress(TimeoutError):
             async with asyncio.timeout(seconds):
-                await self._arrived.wait()
-        except TimeoutError:
-            return False
-        return True
+                return await self._arrived.wait()
+        return False

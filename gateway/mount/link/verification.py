@@ -18,7 +18,7 @@ from msgspec import Struct
 from gateway.astro.spherical import wrap180
 from gateway.core.errors import Busy, Fault, Garbled, NoAnswer, Silence
 from gateway.mount.link.line import MountLink
-from gateway.mount.link.scheduling import AT_ONCE, STOP
+from gateway.mount.link.queue import AT_ONCE, STOP
 from gateway.protocols.base.driver import Send
 
 #: Degrees that a position may differ from the last one and be believed at once.
@@ -33,6 +33,8 @@ CLOCK = 1.6
 PROMPT, SLOW_TRIES = 0.5, 3
 #: How often something is asked, and how often when the answer was garbled.
 TRIES, GARBLED_TRIES = 9, 3
+#: Timers come up to so much too early: who waits for the rest of it waits at least so long.
+TICK = 0.001
 #: An order waits so long, in seconds, until older ones like it can no longer be answered.
 DOUBTFUL = 12.0
 #: Answers to older questions that are reckoned with at a time: of one more that agree, one is no stranger.
@@ -60,12 +62,13 @@ class ReplyVerifier:
 
     def __init__(self, line: MountLink, now: Callable[[], float], hurry: float = 1.0) -> None:
         self._line, self._now, self._fastest = line, now, FASTEST * hurry
+        self._late = line.talk.late
         self._known: dict[tuple[Any, ...], Heard] = {}
         self._latitudes: dict[str, float] = {}
 
     async def exchange(self, ask: Send, rank: int) -> tuple[Heard, int]:
         """An answer that can be believed, and how many exchanges that took. Raises Fault."""
-        kind = self._line.dialogue.kind(ask)
+        kind = self._line.dialogue.expected(ask).kind
         if kind is None:
             asked = self._now()
             return Heard(await self._order(ask, rank), None, asked, self._now()), 1
@@ -75,14 +78,15 @@ class ReplyVerifier:
         times = 0
         while times < TRIES:
             times += 1
-            strangers = max(strangers, self._line.doubt(ask))
+            strangers = max(strangers, self._late.count(ask, self._now()))
             heard = await self._hear(ask, rank)
             mute = isinstance(heard.fault, Silence)  # which takes its time always
             if mute and not ask.raw:
                 break  # whoever asks so knows what to make of it
             if ask.light:
                 break
-            if slow < SLOW_TRIES and not mute and heard.came - heard.asked > max(PROMPT, 2.5 * self._line.typical):
+            took = heard.came - heard.asked
+            if slow < SLOW_TRIES and not mute and took > PROMPT and took > 2.5 * self._line.typical:
                 slow += 1
                 continue
             if not (row and self._agree(kind, row[-1], heard)):
@@ -115,13 +119,14 @@ class ReplyVerifier:
         if rank != STOP:
             try:
                 async with asyncio.timeout(AT_ONCE if ask.prompt else DOUBTFUL):
-                    await self._line.clear_of_doubt(ask)
+                    while (left := self._late.until(ask, self._now()) - self._now()) > 0:
+                        await asyncio.sleep(max(left, TICK))
             except TimeoutError:  # others like it go on failing: nobody is kept waiting for the end of that
                 raise NoAnswer from None
             return await self._line.exchange(ask, rank)
         times = 0
         while True:
-            strangers = self._line.doubt(ask)
+            strangers = self._late.count(ask, self._now())
             answer = await self._line.exchange(ask, rank)
             times += 1
             if times > min(strangers, MOST_STRANGERS):

@@ -14,7 +14,6 @@ from msgspec.structs import replace
 from gateway.core import operations as op
 from gateway.core.errors import Refused
 from gateway.core.motion_kinds import BEGUN_ANEW, ENDS, GOTOS, axis_moved, ends_focus, survives_abort
-from gateway.mount.motion.patience import without_older_gotos
 from gateway.mount.motion.wanted import AGAIN, FIRST, IN_ORDER, RESUMED, Order, Press, Wanted
 from gateway.protocols.base.driver import Schedule
 
@@ -80,8 +79,9 @@ def planned(wanted: Wanted, later: Schedule, number: int, now: float) -> Wanted:
 
 def too_late(wanted: Wanted, operation: op.Operation, stops: int | None) -> bool:
     """Whether a stop has come since it was asked for; ``stops`` is how many there had been then."""
-    lasts = isinstance(operation, op.StopAxis) or survives_abort(operation)
-    return stops is not None and stops != wanted.stops and not lasts
+    if stops is None or stops == wanted.stops:
+        return False
+    return not (isinstance(operation, op.StopAxis) or survives_abort(operation))
 
 
 def take_back(wanted: Wanted, operation: op.Operation) -> Wanted:
@@ -172,7 +172,7 @@ def _goto(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     waiting = tuple(
         other for other in wanted.pending if pulses(other) is None or other.follow_up or other.number == wanted.active
     )
-    wanted = without_older_gotos(replace(wanted, gotos=wanted.gotos + 1, pending=waiting))
+    wanted = _without_older_gotos(replace(wanted, gotos=wanted.gotos + 1, pending=waiting))
     return _asked(wanted, order, now, slewing)
 
 
@@ -217,6 +217,16 @@ def _end(wanted: Wanted, order: Order, now: float, slewing: bool) -> Wanted:
     )
     order = replace(order, rank=FIRST if order.overtakes and not order.hammered else IN_ORDER)
     return interrupted(replace(wanted, pending=(*wanted.pending, order)), order)
+
+
+def _without_older_gotos(wanted: Wanted) -> Wanted:
+    """Before a newer goto: those that wait for the mount to hear are over."""
+    pending = tuple(
+        one
+        for one in wanted.pending
+        if not (isinstance(one.operation, GOTOS) and one.at > 0.0 and one.number != wanted.active)
+    )
+    return wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)
 
 
 def axis_ended(operation: op.Operation) -> int | None:

@@ -12,9 +12,8 @@ from gateway.core.errors import Busy, Fault
 from gateway.core.motion_kinds import ENDS, MOVING
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
-from gateway.mount.link.scheduling import MOTION, SETTING, STOP
-from gateway.mount.motion.moving import Movement
-from gateway.mount.motion.wanted import IN_ORDER, Order
+from gateway.mount.link.queue import MOTION, SETTING, STOP
+from gateway.mount.motion.wanted import IN_ORDER, Movement, Order
 from gateway.mount.safety.admission.motions import Admission
 
 #: The driver's own operations, by their type.

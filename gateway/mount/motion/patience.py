@@ -36,13 +36,3 @@ def postponed(wanted: Wanted, order: Order, now: float) -> Wanted:
     """It is due a little later."""
     pending = tuple(replace(one, at=now + LOOK) if one.number == order.number else one for one in wanted.pending)
     return replace(wanted, pending=pending, active=0 if wanted.active == order.number else wanted.active)
-
-
-def without_older_gotos(wanted: Wanted) -> Wanted:
-    """Before a newer goto: those that wait for the mount to hear are over."""
-    pending = tuple(
-        one
-        for one in wanted.pending
-        if not (isinstance(one.operation, GOTOS) and one.at > 0.0 and one.number != wanted.active)
-    )
-    return wanted if len(pending) == len(wanted.pending) else replace(wanted, pending=pending)

@@ -15,22 +15,21 @@ from typing import Any
 from msgspec.structs import replace
 
 from gateway.core import operations as op
+from gateway.core import shared_work
 from gateway.core.errors import Busy, Fault, NoAnswer
 from gateway.core.motion_kinds import ENDS, GOTOS, ends_focus, survives_abort
-from gateway.core.shared_work import result_of
+from gateway.core.shared_work import Outcome, result_of
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink
 from gateway.mount.motion import outcomes
 from gateway.mount.motion.apply import does_for, next_moment, next_operation, planned, stopped
-from gateway.mount.motion.awaited import Awaited, Outcome, done
-from gateway.mount.motion.moving import Movement
 from gateway.mount.motion.order_runner import OrderRunner
 from gateway.mount.motion.outcomes import Done, may_have_begun
 from gateway.mount.motion.patience import forsaken, may_wait, patient, postponed
 from gateway.mount.motion.stopping import Stopping
-from gateway.mount.motion.wanted import RESUMED, Order, Theirs, Wanted, WantedState
+from gateway.mount.motion.wanted import RESUMED, Movement, Order, Theirs, Wanted, WantedState
 from gateway.protocols.base.driver import Schedule
 
 #: Seconds until the focuser is told to stop once more, while its mount does not answer to that.
@@ -60,8 +59,10 @@ class Reconciler:
         self.done: Signal[Done] = Signal()
         self.lasting: Signal[None] = Signal()
         self._loop = asyncio.get_running_loop()
-        self._numbers = count(1)
-        self._awaited = Awaited()
+        #: Those of new orders.
+        self.numbers = count(1)
+        #: What whoever gave an order may wait for, by its number.
+        self._outcomes: dict[int, Outcome] = {}
         self._work: asyncio.Task[tuple[op.Operation, Any]] | None = None
         #: The number of the order that is being carried out.
         self._active = 0
@@ -87,25 +88,21 @@ class Reconciler:
 
     # --- orders -----------------------------------------------------------------------------------------------------
 
-    def number(self) -> int:
-        """That of a new order."""
-        return next(self._numbers)
-
     def take(self, order: Order, after: Wanted) -> Outcome:
         """``after`` is what is wanted with this order -> its outcome; perhaps that of one that does for it, too."""
         asked = any(one.number == order.number for one in after.pending)
         if asked:
-            self._awaited.expect(order.number)
+            self._outcomes[order.number] = shared_work.outcome()
         self._want(after)
         same = order if asked else does_for(after, order.operation)
-        outcome = self._awaited.of(same.number) if same is not None else None
+        outcome = self._outcomes.get(same.number) if same is not None else None
         self._go_on()
-        return outcome if outcome is not None else done()
+        return outcome if outcome is not None else shared_work.done()
 
     def outcomes_of(self, kind: type[op.Operation]) -> list[Outcome]:
         """What whoever asked for such operations waits for."""
         numbers = (order.number for order in self.wanted.pending if isinstance(order.operation, kind))
-        return [outcome for number in numbers if (outcome := self._awaited.of(number)) is not None]
+        return [outcome for number in numbers if (outcome := self._outcomes.get(number)) is not None]
 
     def want(self, wanted: Wanted) -> None:
         """This is wanted from now on."""
@@ -114,17 +111,7 @@ class Reconciler:
 
     def plan(self, later: Schedule) -> None:
         """Have a follow-up performed after some seconds; the same one planned again replaces the first."""
-        self.want(planned(self.wanted, later, next(self._numbers), self._loop.time()))
-
-    async def woken(self) -> None:
-        """Wait for what is to wake the mount, if anything is. Not for motions: it may wait behind them."""
-        waking = [
-            outcome
-            for order in self.wanted.pending
-            if isinstance(order.operation, op.Wake) and (outcome := self._awaited.of(order.number)) is not None
-        ]
-        if waking:
-            await asyncio.wait(waking)
+        self.want(planned(self.wanted, later, next(self.numbers), self._loop.time()))
 
     def arrived(self, _: None = None) -> None:
         """The goto under way is seen to be over."""
@@ -134,11 +121,11 @@ class Reconciler:
 
     def no_more(self) -> None:
         """What was asked for before now is not begun any more."""
-        self._state.replace(replace(self.wanted, stops=self.wanted.stops + 1))
+        self._put(replace(self.wanted, stops=self.wanted.stops + 1))
 
     def owe_stop(self) -> None:
         """Something that an earlier run of the gateway set moving is to stand still."""
-        self._state.replace(replace(self.wanted, owed=True))
+        self._put(replace(self.wanted, owed=True))
 
     def begin_stop(self) -> asyncio.Task[None]:
         """End every motion: what runs or waits dies now, and the stop goes to the line first.
@@ -167,21 +154,27 @@ class Reconciler:
 
     # --- carrying out -----------------------------------------------------------------------------------------------
 
+    def _put(self, wanted: Wanted) -> None:
+        self._state.value = wanted
+        self._state.changed.emit(wanted)
+
     def _want(self, wanted: Wanted) -> None:
         """Replace what is wanted; whoever asked for what is not any more is told, and work on it is given up."""
         before = self.wanted
-        self._state.replace(wanted)
+        self._put(wanted)
         if before.pending is not wanted.pending:
             left = {order.number for order in wanted.pending}
-            self._awaited.not_wanted(order for order in before.pending if order.number not in left)
+            for order in before.pending:
+                if order.number not in left and (outcome := self._outcomes.pop(order.number, None)) is not None:
+                    outcome.set_result(None) if order.unless else outcome.cancel()  # an arrow that was over is let go
             if self._work is not None and (wanted.active != self._active or self._active not in left):
                 self._work.cancel()
 
     def _go_on(self) -> None:
         """Begin what is due, unless something is being done; else look again when something is due."""
-        if self.closed or self._work is not None or self._stopping.under_way:
+        if self.closed or self._work is not None or self._stopping.task is not None:
             return
-        order = next_operation(self.wanted, self._loop.time())
+        order = next_operation(self.wanted, self._loop.time()) if self.wanted.pending else None
         while order is not None and self._link.occupied and patient(order):
             self._postpone(order)
             order = next_operation(self.wanted, self._loop.time())
@@ -189,11 +182,11 @@ class Reconciler:
             self._timer.cancel()
             self._timer = None
         if order is not None:
-            self._state.replace(replace(self.wanted, active=order.number))
+            self._put(replace(self.wanted, active=order.number))
             self._active = order.number
             self._work = self._loop.create_task(self._orders.carry_out(order, self.stop))
             self._work.add_done_callback(partial(self._has_ended, order))
-        elif (moment := next_moment(self.wanted)) is not None:
+        elif self.wanted.pending and (moment := next_moment(self.wanted)) is not None:
             self._timer = self._loop.call_at(moment, self._go_on)
 
     def _postpone(self, order: Order) -> None:
@@ -202,7 +195,7 @@ class Reconciler:
         if may_wait(order, now) and not forsaken(order):
             self._want(postponed(self.wanted, order, now))
             return
-        if not forsaken(order) and (outcome := self._awaited.take(order.number)) is not None:
+        if not forsaken(order) and (outcome := self._outcomes.pop(order.number, None)) is not None:
             outcome.set_exception(Busy())
         self._want(outcomes.refused(self.wanted, order))
 
@@ -210,7 +203,7 @@ class Reconciler:
         """An operation was carried out, failed, or was given up."""
         self._work, self._active = None, 0
         order = next((one for one in self.wanted.pending if one.number == order.number), replace(order, rank=-1))
-        outcome = self._awaited.take(order.number)
+        outcome = self._outcomes.pop(order.number, None)
         if work.cancelled():
             if order.rank == RESUMED and not self.closed:
                 self._was_interrupted(order, outcome)
@@ -226,9 +219,14 @@ class Reconciler:
             self._has_been_taken(order, operation, value)
         self._go_on()
 
+    def _keep(self, order: Order, outcome: Outcome | None) -> None:
+        """It is not decided yet."""
+        if outcome is not None:
+            self._outcomes[order.number] = outcome
+
     def _was_interrupted(self, order: Order, outcome: Outcome | None) -> None:
         """It is begun anew behind what goes first; perhaps the mount has heard of it already."""
-        self._awaited.keep(order.number, outcome)
+        self._keep(order, outcome)
         if isinstance(order.operation, op.Move | op.MoveAxis):
             self._moves(order, order.operation)
 
@@ -241,7 +239,7 @@ class Reconciler:
             and may_wait(order, now)
             and self._link.worked_after(order.since)
         ):  # it began to calculate while this was prepared
-            self._awaited.keep(order.number, outcome)
+            self._keep(order, outcome)
             self._want(postponed(self.wanted, order, now))
             return
         if outcome is not None:
@@ -273,7 +271,7 @@ class Reconciler:
         now = self._loop.time()
         self._want(outcomes.done(self.wanted, order, now))
         if isinstance(value, op.Pulsed):
-            self._want(outcomes.pulsed(self.wanted, order, value, next(self._numbers), now))
+            self._want(outcomes.pulsed(self.wanted, order, value, next(self.numbers), now))
             if not value.ends:
                 self._link.expect_urgent(now + value.seconds)
         if order.follow_up and not ends_focus(operation):

@@ -19,7 +19,7 @@ from gateway.core.signals import Signal
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink
-from gateway.mount.link.scheduling import STOP
+from gateway.mount.link.queue import STOP
 from gateway.mount.motion.wanted import WantedState
 
 #: How often a stop is sent again on a line that is up, when its answer was lost.
@@ -41,22 +41,18 @@ class Stopping:
         self.over: Signal[None] = Signal()
         self._closed = False
         self._loop = asyncio.get_running_loop()
-        self._task: asyncio.Task[None] | None = None
+        #: The stop that is being sent: nothing is begun meanwhile.
+        self.task: asyncio.Task[None] | None = None
         #: How often the stop was sent again, and when it will be.
         self._times = 0
         self._timer: asyncio.TimerHandle | None = None
 
-    @property
-    def under_way(self) -> bool:
-        """Whether a stop is being sent: nothing is begun meanwhile."""
-        return self._task is not None and not self._task.done()
-
     def send(self, given_up: asyncio.Task[Any] | None) -> asyncio.Task[None]:
         """Send a stop when this task has ended; one that is being sent does for it: nothing can have begun since."""
-        if self._task is None or self._task.done():
-            self._task = self._loop.create_task(self._send(given_up))
-            self._task.add_done_callback(self._ended)
-        return self._task
+        if self.task is None or self.task.done():
+            self.task = self._loop.create_task(self._send(given_up))
+            self.task.add_done_callback(self._ended)
+        return self.task
 
     async def _send(self, given_up: asyncio.Task[Any] | None) -> None:
         if given_up is not None:
@@ -82,6 +78,8 @@ class Stopping:
 
     def _ended(self, task: asyncio.Task[None]) -> None:
         heed(task)
+        if self.task is task:
+            self.task = None
         self.over.emit(None)
         if task.cancelled() or not isinstance(task.exception(), NoAnswer | Busy):
             self._times = 0
@@ -103,10 +101,10 @@ class Stopping:
 
     def _once_more(self, motion: object) -> None:
         """On a line that was lost meanwhile it goes first when that is back."""
-        if self._to_be_ended() is motion is not None and not self.under_way and self._link.usable:
+        if self._to_be_ended() is motion is not None and self.task is None and self._link.usable:
             self._times += 1
             self.send(None)
-        elif not self.under_way:
+        elif self.task is None:
             self._times = 0
 
     def close(self) -> None:

@@ -1,20 +1,33 @@
-"""What is wanted of a mount: one frozen value, replaced as a whole by ``apply`` and by nothing else.
+"""What is wanted of a mount: one frozen value, replaced as a whole by ``apply`` and by nothing else; what of it moves.
 
 ``pending`` holds what was asked for and not carried out yet, ``motion`` what the mount was told and has acknowledged.
 Orders change the first, outcomes move them to the second; what moves otherwise than it was told belongs to the person
-beside the mount, and nobody here wants anything of it (``Theirs``).
+beside the mount, and nobody here wants anything of it (``Theirs``). ``Movement`` tells what of ours moves at a moment.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from math import inf
 
 from msgspec import Struct
 
 from gateway.core.motion_kinds import ENDS, GOTOS
-from gateway.core.operations import Focus, Goto, GotoAxes, GotoHorizontal, Home, Move, MoveAxis, Operation, Park, Wake
+from gateway.core.operations import (
+    Focus,
+    Goto,
+    GotoAxes,
+    GotoHorizontal,
+    Home,
+    Move,
+    MoveAxis,
+    Operation,
+    Park,
+    Slewing,
+    Wake,
+)
 from gateway.core.signals import Signal
+from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.safety.rules.dead_man import HostActivity
 
 #: What ends a motion, or must come before it; what was interrupted for that; everything else.
@@ -157,16 +170,14 @@ class Wanted(Struct, frozen=True):
 
 
 class WantedState:
-    """The one place where it is kept: ``value``, which everybody may read. ``changed`` tells when it was replaced."""
+    """The one place where it is kept: ``value``, which everybody may read and the reconciler alone replaces.
+
+    ``changed`` tells that it did.
+    """
 
     def __init__(self) -> None:
         self.value = Wanted()
         self.changed: Signal[Wanted] = Signal()
-
-    def replace(self, wanted: Wanted) -> None:
-        """For the reconciler."""
-        self.value = wanted
-        self.changed.emit(wanted)
 
     @property
     def by_hand(self) -> dict[int, Move | MoveAxis]:
@@ -207,3 +218,37 @@ class WantedState:
     def waking(self) -> bool:
         """Whether the mount was asked to wake, and has not acknowledged it yet."""
         return any(isinstance(order.operation, Wake) for order in self.value.pending)
+
+
+class Moving(Struct, frozen=True):
+    """``by_hand`` is by axis; ``ending`` whether a stop or a halt was asked for and is not acknowledged."""
+
+    slewing: bool
+    by_hand: Mapping[int, Move | MoveAxis]
+    ending: bool = False
+
+    @property
+    def anything(self) -> bool:
+        """Whether there is anything that a stop should end."""
+        return self.slewing or bool(self.by_hand)
+
+
+class Movement:
+    """Tells it, from what is wanted and from what the mount has said last."""
+
+    def __init__(self, wanted: WantedState, cache: ReadingsCache) -> None:
+        self._wanted, self._cache = wanted, cache
+
+    @property
+    def slewing(self) -> bool:
+        """Whether the mount is seen to carry out a goto."""
+        return bool(self._cache.value(Slewing))
+
+    @property
+    def anything(self) -> bool:
+        """Whether anything moves that a stop should end."""
+        return bool(self._wanted.value.by_hand) or self.slewing
+
+    def now(self) -> Moving:
+        """All of it as a value."""
+        return Moving(self.slewing, self._wanted.value.by_hand, self._wanted.ending)

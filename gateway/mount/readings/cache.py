@@ -87,6 +87,12 @@ class ReadingsCache:
             return MISSING
         return seen.value
 
+    def asked(self, kind: Kind, now: float) -> Any:
+        """Somebody asks for this -> the answer where it is new enough on any line, else MISSING."""
+        self._asked[kind] = now
+        seen = self._seen.get(kind)
+        return MISSING if seen is None or now - seen.at > min(FRESH[kind], LAST_POSITION) else seen.value
+
     def until(self, kinds: list[Kind]) -> float:
         """The loop time until which the answers of these kinds may be told."""
         return min(self._seen[kind].at + FRESH[kind] if kind in self._seen else 0.0 for kind in kinds)
@@ -99,14 +105,3 @@ class ReadingsCache:
     def polled(self, kind: Kind, now: float) -> bool:
         """Whether somebody has asked for it lately."""
         return now - self._asked.get(kind, -1e9) <= POLLING
-
-
-class Version:
-    """``number`` grows whenever something that answers are made of changes: replies made of older ones are outdated."""
-
-    def __init__(self) -> None:
-        self.number = 0
-
-    def grow(self, _: object = None) -> None:
-        """A listener for whatever such answers are made of."""
-        self.number += 1

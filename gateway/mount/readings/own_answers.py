@@ -16,7 +16,7 @@ from gateway.core.errors import Fault, NoDevice, Silence, Unsupported
 from gateway.mount.context import Context
 from gateway.mount.fair_scheduler import FairScheduler
 from gateway.mount.link.driver_runner import DriverRunner
-from gateway.mount.link.scheduling import READ
+from gateway.mount.link.queue import READ
 from gateway.mount.readings.cache import MISSING
 from gateway.mount.site.site_clock import SiteClock
 

@@ -17,14 +17,12 @@ from gateway.mount.context import Context
 from gateway.mount.fair_scheduler import FairScheduler
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink
-from gateway.mount.link.scheduling import POSITION, READ
-from gateway.mount.motion.moving import Movement
-from gateway.mount.motion.wanted import Slew, WantedState
+from gateway.mount.link.queue import POSITION, READ
+from gateway.mount.motion.wanted import Movement, Slew, WantedState
 from gateway.mount.readings.arrival import missed
-from gateway.mount.readings.at_hand import AtHand
 from gateway.mount.readings.cache import MISSING, Kind, ReadingsCache
 from gateway.mount.readings.telling import read_in_time
-from gateway.mount.readings.told_position import ToldPosition
+from gateway.mount.readings.told_position import AtHand, ToldPosition
 from gateway.mount.site.astrometry import SiteAstrometry
 
 #: How soon it is noticed that the mount has begun to move, seconds.

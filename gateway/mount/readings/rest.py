@@ -16,7 +16,7 @@ from gateway.astro.spherical import separation, wrap180
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Fault, NoAnswer
 from gateway.mount.context import Context
-from gateway.mount.motion.moving import Movement
+from gateway.mount.motion.wanted import Movement
 from gateway.mount.readings.reader import Reader
 
 #: Seconds that a mount has to come to rest after it acknowledged a stop: running on takes up to two.

@@ -10,31 +10,35 @@ from typing import Any
 
 from gateway.core import operations as op
 from gateway.core.errors import Unsupported
+from gateway.core.signals import Signal
 from gateway.mount.context import Context
-from gateway.mount.motion.wanted import ByHand, Slew, Wanted, WantedState
+from gateway.mount.motion.wanted import ByHand, Slew, WantedState
 from gateway.mount.readings.reader import Reader
 from gateway.mount.site.astrometry import SiteAstrometry
 
 
 class Standing:
-    """``handlers`` answers the reads of this kind."""
+    """``handlers`` answers the reads of this kind; ``begun`` tells that the mount has acknowledged an order."""
 
-    def __init__(self, context: Context, reader: Reader, wanted: WantedState, astrometry: SiteAstrometry) -> None:
+    def __init__(
+        self, context: Context, reader: Reader, wanted: WantedState, begun: Signal[Any], astrometry: SiteAstrometry
+    ) -> None:
         self._context, self._reader, self._wanted, self._astrometry = context, reader, wanted, astrometry
         #: Whether it was sent home last, and nothing here has moved it since.
         self._homed = False
-        wanted.changed.connect(self._look)
+        begun.connect(self._look)
         self.handlers: dict[type[op.Operation], Callable[[Any], Any]] = {
             op.GetActivity: self._activity,
             op.GetAbilities: self._abilities,
             op.TubeSide: self._tube_side,
         }
 
-    def _look(self, wanted: Wanted) -> None:
-        """Something else is wanted."""
-        if isinstance(wanted.motion, Slew):
-            self._homed = isinstance(wanted.motion.operation, op.Home)
-        elif isinstance(wanted.motion, ByHand):
+    def _look(self, _: object) -> None:
+        """The mount has begun something."""
+        motion = self._wanted.value.motion
+        if isinstance(motion, Slew):
+            self._homed = isinstance(motion.operation, op.Home)
+        elif isinstance(motion, ByHand):
             self._homed = False
 
     async def _activity(self, _: op.GetActivity) -> op.Activity:

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from gateway.core import operations as op
 from gateway.mount.context import Context
-from gateway.mount.motion.moving import Movement
-from gateway.mount.motion.wanted import Slew, WantedState
+from gateway.mount.motion.wanted import Movement, Slew, WantedState
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.reckoning import Inside
 from gateway.mount.safety.limits import Limits

@@ -12,7 +12,7 @@ from typing import Any
 
 from gateway.core import operations as op
 from gateway.core.errors import Asleep, Busy, Fault, NoAnswer
-from gateway.mount.motion.moving import Movement
+from gateway.mount.motion.wanted import Movement
 from gateway.mount.readings.cache import MISSING
 from gateway.mount.readings.told_position import PLACES, ToldPosition
 

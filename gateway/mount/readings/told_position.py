@@ -7,6 +7,7 @@ all a stop, is not told after it: the mount is asked again.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from msgspec import Struct
@@ -16,19 +17,21 @@ from gateway.core.errors import Unsupported
 from gateway.core.motion_kinds import GOTOS
 from gateway.core.signals import Signal
 from gateway.mount.context import Context
+from gateway.mount.link.line import MountLink
 from gateway.mount.link.verification import FASTEST
-from gateway.mount.motion.moving import Movement
-from gateway.mount.motion.wanted import Slew, WantedState
-from gateway.mount.readings.at_hand import AtHand
-from gateway.mount.readings.cache import LAST_POSITION, MISSING, Kind, ReadingsCache
+from gateway.mount.motion.wanted import Movement, Slew, WantedState
+from gateway.mount.readings.cache import FRESH, LAST_POSITION, MISSING, Kind, ReadingsCache
 from gateway.mount.readings.reckoning import EARLIER, SOONEST, Course, Inside, Pair, Reading, course, place
 from gateway.mount.readings.target_limits import TargetLimits
 from gateway.mount.site.astrometry import SiteAstrometry
+from gateway.mount.site.site_clock import SiteClock
 
 #: The reads that tell where the mount points.
 PLACES: tuple[Kind, ...] = (op.Position, op.HorizontalPosition, op.AxisPosition)
 #: For so many seconds what was reckoned is told again.
 MOMENT = EARLIER
+#: An answer lives so many times as long as an exchange takes, at least.
+EXCHANGES = 2.5
 #: How a mount stands that has never said so: nothing is promised that it might not do.
 UNKNOWN = op.Status(tracking=op.Tracking.OFF, aligned=False, equatorial=False)
 
@@ -39,6 +42,34 @@ class Taken(Struct, frozen=True):
     value: Any
     reading: Reading
     asked: float
+
+
+class AtHand:
+    """``tell`` gives an answer, or MISSING; that somebody has asked is noted in the cache."""
+
+    def __init__(
+        self,
+        now: Callable[[], float],
+        link: MountLink,
+        cache: ReadingsCache,
+        wanted: WantedState,
+        site_clock: SiteClock,
+    ) -> None:
+        self._now, self._link, self._cache, self._wanted, self._site_clock = now, link, cache, wanted, site_clock
+
+    def tell(self, operation: op.Operation) -> Any:
+        """What the mount said last, when it is fresh enough; MISSING when it must be asked."""
+        kind = type(operation)
+        if kind not in FRESH:
+            known = self._site_clock.known(kind)
+            return MISSING if known is None else known
+        if kind is op.Slewing and self._wanted.goto_waits:
+            return True
+        now = self._now()
+        value = self._cache.asked(kind, now)
+        if value is not MISSING:
+            return value
+        return self._cache.fresh(kind, now, EXCHANGES * self._link.typical, self._link.state != "up")
 
 
 class ToldPosition:

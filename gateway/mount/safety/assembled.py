@@ -6,11 +6,10 @@ from gateway.core import operations as op
 from gateway.mount.context import Context
 from gateway.mount.link.line import MountLink
 from gateway.mount.motion.end_watch import EndWatch
-from gateway.mount.motion.moving import Movement
+from gateway.mount.motion.wanted import Movement
 from gateway.mount.readings.cache import RENEW, ReadingsCache
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.motions import Admission
-from gateway.mount.safety.admission.questions import Questions
 from gateway.mount.safety.at_start import doubts
 from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.rules.held import Hold
@@ -19,7 +18,7 @@ from gateway.mount.safety.rules.sync_sum import SyncTotal
 from gateway.mount.safety.watch import LimitWatch
 from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.settings_sync import SyncSettings
-from gateway.mount.site.sources import BestSources
+from gateway.mount.site.site_clock import BestSources
 
 
 class Safety:
@@ -45,20 +44,17 @@ class Safety:
             astrometry,
             suns,
             movement.now,
-            lambda: context.policy.limits,
+            context,
             lambda: link.typical,
             context.log,
             RENEW[op.Position],
-            context.policy.own_park,
-            context.policy.unaligned,
             lambda: sync.sets_sky,
         )
         self.hold, self.synced = Hold(), SyncTotal()
         self.ends = EndWatch(context.now, context.note)
         self.watch = LimitWatch(context, self.inputs, reader, self.ends, self.synced)
-        questions = Questions(reader.read, reader.anew, reader.tube_side)
         self.admission = Admission(
-            self.inputs, questions, self.watch, sources, self.synced, self.hold, context.milestones.settled
+            self.inputs, reader, self.watch, sources, self.synced, self.hold, context.milestones.settled
         )
         reader.goto_over.connect(self.watch.arrived)
         reader.position.connect(self.watch.look)

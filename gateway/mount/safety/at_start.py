@@ -9,9 +9,10 @@ from collections.abc import Iterator
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Unsupported
+from gateway.mount.safety.admission.contradictions import contradictions
 from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.rules.park import check_own_park
-from gateway.mount.site.sources import BestSources
+from gateway.mount.site.site_clock import BestSources
 
 
 def doubts(mount: MountInputs, sources: BestSources) -> str:
@@ -21,28 +22,28 @@ def doubts(mount: MountInputs, sources: BestSources) -> str:
 
 
 def _contradictions(sources: BestSources) -> Iterator[str]:
-    for place, _, words in sources.contradictions():
+    for place, _, words in contradictions(sources.sites(), sources.times()):
         if place is not None:
             yield f"{words} (gotos that either of them would forbid are refused)"
 
 
 def _park(mount: MountInputs) -> Iterator[str]:
     """Only where the mount can be parked at all."""
-    limits, status = mount.limits(), mount.readings.value(op.GetStatus)
+    limits, status = mount.context.policy.limits, mount.readings.value(op.GetStatus)
     if not mount.driver.way(op.Park) or status is None:
         return
     there = mount.driver.destination(op.Park())
     try:
         if there is not None:
             limits.check_altitude(_altitude(mount, there, status.equatorial))
-        elif not mount.own_park:
+        elif not mount.context.policy.own_park:
             check_own_park(op.Park(), limits)
     except Unsupported:
         return  # without a site nobody knows
     except Fault:
         yield (
             "its park position lies beyond lowest or highest, where it is parked all the same"
-            if mount.own_park
+            if mount.context.policy.own_park
             else "parking is refused, because its park position may lie beyond lowest or highest: see the key park"
         )
 

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, Protocol
 
 from gateway.core import operations as op
 from gateway.core.wire_log import WireLog
-from gateway.mount.motion.moving import Moving
-from gateway.mount.safety.limits import Limits
+from gateway.mount.context import Context
+from gateway.mount.motion.wanted import Moving
 from gateway.mount.safety.rules.sun import SunAvoidance
 from gateway.mount.safety.stop_timing import StopTiming
 from gateway.mount.site.astrometry import SiteAstrometry
@@ -25,9 +25,6 @@ class Readings(Protocol):
 class MountInputs(NamedTuple):
     """``exchange`` tells what an exchange with the mount takes, ``period`` is how often positions are asked in motion,
     ``being_set`` whether the mount has still to hear of a site or a time that was set.
-
-    ``own_park`` is a park position of the owner's own choice; ``unaligned`` his word on axis readings before the
-    alignment (``allow`` or ``refuse``).
     """
 
     driver: Driver
@@ -36,12 +33,10 @@ class MountInputs(NamedTuple):
     astrometry: SiteAstrometry
     suns: SunAvoidance
     moving: Callable[[], Moving]
-    limits: Callable[[], Limits]
+    context: Context
     exchange: Callable[[], float]
     wire_log: WireLog
     period: float
-    own_park: bool = False
-    unaligned: str = "refuse"
     being_set: Callable[[], bool] = lambda: False
 
     @property

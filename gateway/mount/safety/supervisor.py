@@ -8,7 +8,7 @@ from typing import Any
 
 from gateway.core.errors import Fault
 from gateway.core.operations import Focus, Operation, StopAxis
-from gateway.mount.motion.wanted import ByHand, Wanted
+from gateway.mount.motion.wanted import ByHand, Wanted, WantedState
 from gateway.mount.safety.rules.dead_man import EVERY, TRACKING, Presence, Supervised, missing
 
 
@@ -20,24 +20,23 @@ class Supervisor:
 
     def __init__(
         self,
+        wanted: WantedState,
         presence: Presence,
         silence: float,
         closed: float,
         perform: Callable[[Operation], Any],
         note: Callable[[str], None],
     ) -> None:
-        self._presence, self._silence, self._closed = presence, silence, closed
+        self._state, self._presence, self._silence, self._closed = wanted, presence, silence, closed
         self._perform, self._note = perform, note
         self._loop = asyncio.get_running_loop()
-        self._wanted = Wanted()
         self._watching: asyncio.TimerHandle | None = None
         self._ended: set[Supervised] = set()
         self._tasks: set[asyncio.Task[None]] = set()
 
-    def look_after(self, wanted: Wanted) -> None:
-        """This is wanted from now on."""
-        self._wanted = wanted
-        if self._watching is None and supervised(wanted):
+    def look_after(self, _: object = None) -> None:
+        """A motion may have begun."""
+        if self._watching is None and supervised(self._state.value):
             self._watching = self._loop.call_later(EVERY, self._look)
 
     def close(self) -> None:
@@ -47,7 +46,7 @@ class Supervisor:
 
     def _look(self) -> None:
         self._watching = None
-        motions = supervised(self._wanted)
+        motions = supervised(self._state.value)
         for gone in missing(motions, self._presence, self._loop.time(), self._silence, self._closed):
             if gone.motion not in self._ended:
                 self._ended.add(gone.motion)
@@ -55,7 +54,7 @@ class Supervisor:
                 self._note(f"{gone.motion.by.who} {gone.why}: {what} is stopped")
                 self._spawn(self._end(gone.motion.ends))
         self._ended.intersection_update(motions)
-        self.look_after(self._wanted)
+        self.look_after()
 
     def _spawn(self, work: Coroutine[object, object, None]) -> None:
         task = self._loop.create_task(work)

@@ -9,8 +9,8 @@ from __future__ import annotations
 from msgspec import Struct
 
 from gateway.core.operations import Status
-from gateway.mount.motion.moving import Moving
 from gateway.mount.motion.seen import Seen
+from gateway.mount.motion.wanted import Moving
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.stop_timing import StopTiming, ahead
 

@@ -20,7 +20,6 @@ from gateway.mount.motion.seen import NEVER, PositionSample, Seen
 from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.allow import allow, first_stretch
 from gateway.mount.safety.inputs import MountInputs
-from gateway.mount.safety.rules.aligned import UNWATCHED
 from gateway.mount.safety.rules.axis_altitude import AltitudeAxis
 from gateway.mount.safety.rules.meant_sky import MeantSky
 from gateway.mount.safety.rules.stalled import StallWatch
@@ -40,6 +39,7 @@ COASTING = 1.0
 #: How old the word of the mount may grow that it is not aligned, or does not track; and that on its pier side.
 STATUS_AGE = 5.0
 SIDE_AGE = 5.0
+UNWATCHED = "not aligned: positions mean nothing yet, so no limit can be watched"
 
 
 class LimitWatch:
@@ -58,7 +58,7 @@ class LimitWatch:
         self.looked: Signal[op.Status | None] = Signal()
         self._deadline, self._stalls = StopDeadline(asyncio.get_running_loop(), self._late), StallWatch()
         self.seen = Seen()
-        self._limits = mount.limits()
+        self._limits = mount.context.policy.limits
         self._restless_until = self._coasts_until = self._stopped_at = NEVER
         #: Whether it was sent to a place at any altitude, and was seen to rest there.
         self._own_place = self._parked = False
@@ -99,11 +99,13 @@ class LimitWatch:
     def began(self, operation: op.Operation) -> None:
         """A motion has begun; what was seen last is where it began, unless the mount moved already."""
         mount, moving = self._mount, self._mount.moving()
-        limits = mount.limits()
+        limits = mount.context.policy.limits
         self._own_place = False
         if isinstance(operation, op.Goto | op.GotoHorizontal | op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
-        elif isinstance(operation, op.Park) and (mount.own_park or mount.driver.destination(operation) is None):
+        elif isinstance(operation, op.Park) and (
+            mount.context.policy.own_park or mount.driver.destination(operation) is None
+        ):
             limits, self._own_place = limits.at_any_altitude(), True
         self._limits, self._coasts_until, self._astray = limits, NEVER, self.dips
         self._parked = False
@@ -218,7 +220,7 @@ class LimitWatch:
         if status is not None and last is not None and last.lifting is not None:
             self.seen = fold.lifted(self.seen, status.equatorial, mount.speed(last.lifting))
         if not moving.anything and (not self._own_place or self._left_park(status)):
-            self._limits, self._own_place = mount.limits(), False
+            self._limits, self._own_place = mount.context.policy.limits, False
 
     def _left_park(self, status: op.Status | None) -> bool:
         """Whether it tracks again where the owner has parked it: from then on the limits hold there, too."""
@@ -238,17 +240,8 @@ class LimitWatch:
         status = mount.readings.value(op.GetStatus)
         watches = self._limits.hour_angle is not None and status is not None and status.equatorial
         side = self._side() if watches and mount.driver.german and not moving.slewing else None
-        return View(
-            self.seen,
-            self._limits,
-            mount.timing,
-            moving,
-            mount.suns.limit,
-            status,
-            mount.driver.german,
-            side,
-            self._astray,
-        )
+        german, limit = mount.driver.german, mount.suns.limit
+        return View(self.seen, self._limits, mount.timing, moving, limit, status, german, side, self._astray)
 
     def _side(self) -> str | None:
         """The side of the pier by the last word on it, which is asked for anew when it grows old."""

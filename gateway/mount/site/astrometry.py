@@ -17,12 +17,10 @@ from gateway.core.errors import Unsupported
 
 
 class SiteAndTime(Protocol):
-    """Where and when: a site, UTC as Unix seconds, and the same as a clock reading where a clock tells it."""
+    """Where and when: a site, and UTC as Unix seconds."""
 
     def site(self) -> op.Place | None: ...
     def unix(self) -> float: ...
-    def clock(self) -> op.Moment | None: ...
-    def host(self) -> float: ...
 
 
 class SiteAstrometry:

@@ -17,7 +17,7 @@ from gateway.core.errors import Fault, Invalid, NoAnswer, NoDevice, Unsupported
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink
-from gateway.mount.link.scheduling import READ, SETTING
+from gateway.mount.link.queue import READ, SETTING
 from gateway.mount.readings.reader import FIRST_ANSWER
 from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.settings_sync import SyncSettings

@@ -15,8 +15,8 @@ from gateway.core.errors import Busy, Fault, NoAnswer, Unsupported
 from gateway.mount.context import Context
 from gateway.mount.link.driver_runner import DriverRunner
 from gateway.mount.link.line import MountLink
-from gateway.mount.link.scheduling import READ, SETTING
-from gateway.mount.motion.moving import Movement
+from gateway.mount.link.queue import READ, SETTING
+from gateway.mount.motion.wanted import Movement
 from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.reader import Reader
 from gateway.mount.site.owed import (

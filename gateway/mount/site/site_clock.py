@@ -1,4 +1,4 @@
-"""Site and clock as every client is told them, and what of a client's setting goes to the mount.
+"""Site and clock: as every client is told them, and, by the best source there is, as the limits go by them.
 
 An unaligned hand control is told what clients set; an aligned one keeps its own (telling it could cost the alignment),
 and the gateway then serves the client's values itself. Nothing here waits for the mount to answer a setting.
@@ -7,6 +7,7 @@ and the gateway then serves the client's values itself. Nothing here waits for t
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 from msgspec.structs import replace
 
@@ -19,6 +20,24 @@ SITE_EQUAL = 1.0 / 60.0
 CLOCK_EQUAL = 30.0
 #: How long one look at the mount's GPS unit serves everybody, with a fix and without.
 GPS_FIX, GPS_SEARCH = 300.0, 30.0
+#: A computer whose clock shows an earlier time than 2024-01-01 has lost it.
+EARLIEST = 1704067200.0
+MOUNT, GPS, CONFIGURED, COMPUTER, PROGRAM = (
+    "the mount", "its GPS", "the configuration", "this computer", "a program")  # fmt: skip
+
+
+class Site(NamedTuple):
+    """A site and who says so."""
+
+    place: Place
+    source: str
+
+
+class Time(NamedTuple):
+    """UTC as Unix seconds at this moment, and who says so."""
+
+    unix: float
+    source: str
 
 
 class SiteClock:
@@ -28,7 +47,7 @@ class SiteClock:
     """
 
     def __init__(self, now: Callable[[], float], host: Callable[[], float], site: Place | None) -> None:
-        self._now, self._host = now, host
+        self._now, self.host = now, host
         self.configured = site
         self.mount_site: Place | None = None
         self.kept_site: Place | None = None
@@ -69,11 +88,7 @@ class SiteClock:
     def unix(self) -> float:
         """UTC as the mount sees it, else as the host does."""
         moment = self.clock()
-        return self._host() if moment is None else moment.unix
-
-    def host(self) -> float:
-        """UTC by the host's own clock."""
-        return self._host()
+        return self.host() if moment is None else moment.unix
 
     # --- what was told --------------------------------------------------------------------------------------------
 
@@ -197,6 +212,59 @@ class SiteClock:
         elif isinstance(operation, SetSite):
             self.kept_site = None
         self.changed.emit(None)
+
+
+class BestSources:
+    """Site and time by the best source there is: what the limits go by, and what ``SiteAstrometry`` asks.
+
+    The mount's own count first: its coordinates are reckoned with them. Then its GPS receiver, the configuration (site)
+    or this computer's clock (time), and a program's word only where nothing else is known: any program may be set up
+    wrongly, and the limits belong to the owner of the telescope.
+    """
+
+    def __init__(self, site_clock: SiteClock) -> None:
+        self._told = site_clock
+        #: UTC by this computer's clock.
+        self.host = site_clock.host
+
+    def sites(self) -> list[Site]:
+        """Every site that is known, the best first."""
+        told = self._told
+        known = (
+            (told.mount_site, MOUNT),
+            (told.gps_site, GPS),
+            (told.configured, CONFIGURED),
+            (told.set_site(), PROGRAM),
+        )
+        return [Site(place, source) for place, source in known if place is not None]
+
+    def times(self) -> list[Time]:
+        """Every time that is known, the best first; this computer's last where it has plainly lost its clock."""
+        told = self._told
+        host = Time(told.host(), COMPUTER)
+        found = [
+            Time(moment.unix, source)
+            for moment, source in ((told.running(told.mount_clock), MOUNT), (told.running(told.gps_clock), GPS))
+            if moment is not None
+        ]
+        program = told.running(told.kept_clock)
+        rest = [host] + ([Time(program.unix, PROGRAM)] if program is not None else [])
+        return found + (rest if host.unix >= EARLIEST else rest[::-1])
+
+    def site(self) -> Place | None:
+        """The site in force for the limits; None when nobody has told one."""
+        told = self._told
+        return told.mount_site or told.gps_site or told.configured or told.set_site()
+
+    def best_time(self) -> Time:
+        """The best of ``times``, without the others where the mount tells one."""
+        told = self._told
+        moment = told.running(told.mount_clock)
+        return self.times()[0] if moment is None else Time(moment.unix, MOUNT)
+
+    def unix(self) -> float:
+        """UTC in force for the limits, Unix seconds."""
+        return self.best_time().unix
 
 
 def _same_place(one: Place, other: Place) -> bool:

@@ -21,7 +21,7 @@ class Framer:
         self._pending = bytearray()
         #: What comes is the rest of a line that was too long.
         self._lost = False
-        self.dropped = Dropped(TOO_LONG)
+        self.dropped = Dropped()
 
     @property
     def idle(self) -> bool:
@@ -30,21 +30,21 @@ class Framer:
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
         """The lines that these bytes complete, in order."""
-        self.dropped.forget()
+        self.dropped.clear()
         *whole, rest = (bytes(self._pending) + data).split(b"\n")
         frames = [line + b"\n" for line in whole]
         if self._lost and frames:
-            self.dropped.noise += frames.pop(0)
+            self.dropped.add(frames.pop(0), TOO_LONG)
             self._lost = False
         if len(rest) > LONGEST:
-            self.dropped.noise += rest
+            self.dropped.add(rest, TOO_LONG)
             rest, self._lost = b"", True
         self._pending = bytearray(rest)
         return frames
 
     def end(self) -> list[Unterminated]:
         """Half a request asks for nothing."""
-        self.dropped.forget()
+        self.dropped.clear()
         if self._pending:
             self.dropped.add(bytes(self._pending), CUT_OFF)
         return []

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from gateway.protocols.base.spec import MadeSurface, ProtocolSpec, SurfaceSettings
 from gateway.protocols.wireformat.command_set import load
 
 if TYPE_CHECKING:
-    from gateway.protocols.base.frames import Framing
+    from gateway.protocols.base.frames import Framer
     from gateway.transport.web_port import Web
 
 NAME = "alpaca"
 
 
-def _framing(now: Callable[[], float]) -> Framing:
-    from gateway.protocols.alpaca.framing import Framer
-    from gateway.protocols.base.frames import Framing
+def _framing() -> Framer:
+    from gateway.protocols.alpaca import framing
 
-    return Framing(Framer(), now)
+    return framing.Framer()
 
 
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:

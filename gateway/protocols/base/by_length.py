@@ -30,7 +30,7 @@ class LengthFramer(ABC):
         #: Nothing counts until it is quiet.
         self._lost = False
         self._heard = 0.0
-        self.dropped = Dropped(self.noise)
+        self.dropped = Dropped()
 
     @property
     def idle(self) -> bool:
@@ -41,7 +41,7 @@ class LengthFramer(ABC):
         """The commands that these bytes complete, in order. ``now`` is any clock, in seconds."""
         if not data:
             return []
-        self.dropped.forget()
+        self.dropped.clear()
         quiet, self._heard = now - self._heard, now
         if quiet >= RESYNC_GAP:
             self._lost = False
@@ -50,7 +50,7 @@ class LengthFramer(ABC):
             self._pending.clear()
             self._lost = self.wary
         if self._lost:
-            self.dropped.noise += data
+            self.dropped.add(data, self.noise)
             return []
         return self._cut(data)
 
@@ -60,7 +60,7 @@ class LengthFramer(ABC):
 
     def end(self) -> list[Unterminated]:
         """Half a command asks for nothing."""
-        self.dropped.forget()
+        self.dropped.clear()
         if self._pending:
             self.dropped.add(bytes(self._pending), self.cut_off)
         return []

@@ -9,7 +9,7 @@ while), ``Schedule`` (do this operation after some seconds) and ``Remark`` (say 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from gateway.core.errors import Fault, Unsupported
 from gateway.core.operations import (
@@ -240,25 +240,22 @@ class Driver:
 
     def perform(self, operation: Operation[_T]) -> Steps[_T]:
         """Carry out one operation; the generator's value is the operation's answer. Raises Fault."""
-        return self._perform(operation)
-
-    def _perform(self, operation: Operation) -> Steps:
         if isinstance(operation, PassThrough):
             if not self.knows(operation.command):
                 raise Unsupported
             patience = self.patience if self.protocol.commands[operation.command].replies else None
-            return (yield Send(operation.command, dict(operation.fields), patience, once=True))
+            return cast(_T, (yield Send(operation.command, dict(operation.fields), patience, once=True)))
         if isinstance(operation, Own):
-            return (yield from self.own(operation))
+            return cast(_T, (yield from self.own(operation)))
         way = self.way(type(operation))
         if way is None:
             raise Unsupported
         if way.call:
-            return (yield from self.handlers[way.call](self, operation))
+            return cast(_T, (yield from self.handlers[way.call](self, operation)))
         given = {name: getattr(operation, name) for name in operation.__struct_fields__}
         fields: Values = {}
         for name in way.send:
             fields |= yield Send(name, given)
         if isinstance(operation, Read) and operation.answers is not None:
-            return operation.answers(**fields)
-        return fields or None
+            return cast(_T, operation.answers(**fields))
+        return cast(_T, fields or None)

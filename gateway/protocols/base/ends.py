@@ -32,13 +32,10 @@ class Ends:
         self._protocol = protocol
 
     @cached_property
-    def _at_once(self) -> dict[bytes, Command]:
+    def at_once(self) -> dict[bytes, Command]:
+        """The commands that end something in the moment in which they come, by their frames."""
         urgent = [command for command in self._protocol.commands.values() if command.urgent in AT_ONCE]
         return {command.request.literal: command for command in urgent if command.name in self._protocol.surface}
-
-    def command(self, frame: bytes) -> Command | None:
-        """The command that ends something in the moment in which it comes; None where this frame is none."""
-        return self._at_once.get(frame)
 
     def takes_back(self, command: Command) -> frozenset[bytes]:
         """The commands that do not get their turn any more when it comes."""

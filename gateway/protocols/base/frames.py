@@ -8,7 +8,6 @@ tells two commands apart when nothing else does.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Protocol
 
 
@@ -43,28 +42,12 @@ class Suspect(bytes):
     """A command in one run of bytes with one that lost its end: it begins no motion."""
 
 
-class Dropped:
+class Dropped(dict[str, bytearray]):
     """What the bytes fed last have had dropped: reason -> bytes, for the log alone."""
-
-    def __init__(self, noise: str) -> None:
-        self._why = noise
-        self._reasons: dict[str, bytearray] = {}
-        #: Bytes that begin nothing, which may be many.
-        self.noise = bytearray()
-
-    @property
-    def reasons(self) -> dict[str, bytearray]:
-        """Everything since the last bytes."""
-        return {self._why: self.noise, **self._reasons} if self.noise else self._reasons
 
     def add(self, data: bytes, why: str) -> None:
         """More bytes of no use."""
-        self._reasons.setdefault(why, bytearray()).extend(data)
-
-    def forget(self) -> None:
-        """New bytes are fed."""
-        if self.noise or self._reasons:
-            self.noise, self._reasons = bytearray(), {}
+        self.setdefault(why, bytearray()).extend(data)
 
 
 class Framer(Protocol):
@@ -78,27 +61,3 @@ class Framer(Protocol):
     def feed(self, data: bytes, now: float) -> list[bytes]: ...
 
     def end(self) -> list[Unterminated]: ...
-
-
-class Framing:
-    """A framer with the clock by which bytes arrive: bytes as they came -> the commands that are complete now."""
-
-    def __init__(self, framer: Framer, now: Callable[[], float]) -> None:
-        self.framer, self._now = framer, now
-
-    def __call__(self, data: bytes) -> list[bytes]:
-        return self.framer.feed(data, self._now())
-
-    @property
-    def idle(self) -> bool:
-        """Whether the next bytes can be understood without those before."""
-        return self.framer.idle
-
-    @property
-    def dropped(self) -> dict[str, bytearray]:
-        """What of the bytes that were fed last, or before the end, is of no use, and why."""
-        return self.framer.dropped.reasons
-
-    def end(self) -> list[Unterminated]:
-        """Nothing more comes -> what was refused for lack of its end."""
-        return self.framer.end()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from gateway.core.errors import Fault
 from gateway.core.operations import Values
@@ -11,15 +11,32 @@ from gateway.protocols.base.driver import Send
 from gateway.protocols.wireformat.command_set import CommandSet
 
 
-def kind(commands: CommandSet, ask: Send) -> str | None:
-    """What the answer may do from one time to the next, by the tables; None where it is believed as it comes.
+class Expected(NamedTuple):
+    """What is known of an answer before it comes.
+
+    ``kind`` is what it may do from one time to the next, None where it is believed as it comes or the command is no
+    question. It may take ``timeout`` seconds; behind a command that is ``silent``, which has none, a scope needs a
+    pause of ``pace`` seconds. Of a ``bare`` one nothing tells that it is complete, and an unanswered command that
+    ``leaves_open`` what follows must be closed.
+    """
+
+    kind: str | None
+    timeout: float
+    bare: bool
+    pace: float = 0.0
+    silent: bool = False
+    leaves_open: bool = False
+
+
+def kind(commands: CommandSet, command: str, once: bool, raw: bool) -> str | None:
+    """What an answer may do from one time to the next, by the tables and by how it was asked for.
 
     What a program is told as the mount has written it is asked again like a state, whatever it is.
     """
-    answer = commands.commands[ask.command].answer
-    if ask.once or answer == "stream":
+    answer = commands.commands[command].answer
+    if once or answer == "stream":
         return None
-    return answer or ("state" if ask.raw else None)
+    return answer or ("state" if raw else None)
 
 
 class Replies(Protocol):
@@ -36,12 +53,8 @@ class ReplyRules(Replies, Protocol):
 
     closing: bytes
 
-    def timeout(self, ask: Send) -> float: ...
-    def pace(self, ask: Send) -> float: ...
-    def leaves_open(self, ask: Send) -> bool: ...
-    def bare(self, ask: Send) -> bool: ...
+    def expected(self, ask: Send) -> Expected: ...
     def alike(self, one: Send, other: Send) -> bool: ...
-    def kind(self, ask: Send) -> str | None: ...
     def as_written(self, command: str, reply: bytes) -> bytes: ...
     def encode(self, ask: Send) -> bytes: ...
     def proof(self, number: int) -> Iterator[Send]: ...

@@ -17,7 +17,7 @@ from gateway.protocols.wireformat.rows import Model, Version, parse_version
 
 if TYPE_CHECKING:
     from gateway.protocols.base.driver import Driver, FollowUps
-    from gateway.protocols.base.frames import Framing
+    from gateway.protocols.base.frames import Framer
     from gateway.protocols.base.reply_rules import ReplyRules
     from gateway.protocols.base.session import AltitudeLimits, ClientSettings
     from gateway.protocols.base.surface import Surface
@@ -133,7 +133,7 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     # --- what it is made of; None where there is no such thing ---
     #: How commands are cut out of bytes, by a clock; what a program may begin a connection with; how replies are taken
     #: apart, where a mount is spoken to in this protocol.
-    framing: Callable[[Callable[[], float]], Framing]
+    framing: Callable[[], Framer]
     opening: re.Pattern[bytes]
     reply_rules: Callable[[], ReplyRules] | None = None
     make_surface: Callable[[SurfaceSettings], MadeSurface] | None = None

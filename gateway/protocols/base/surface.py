@@ -9,7 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing, suppress
-from functools import cached_property
+from functools import cache, cached_property
+
+import msgspec
 
 from gateway.core import operations
 from gateway.core.errors import Disturbed, Fault, Invalid, NoTarget, Silence, Unsupported
@@ -17,7 +19,6 @@ from gateway.core.motion_kinds import begins_motion, may_begin_motion
 from gateway.core.operations import AbortMotion, Operation, Own, PassThrough, Values
 from gateway.protocols.base.ends import Ending, Ends
 from gateway.protocols.base.frames import Suspect, Unterminated
-from gateway.protocols.base.replies import fields_of, needs, refusal
 from gateway.protocols.base.session import Session
 from gateway.protocols.base.subscription import Subscription
 from gateway.protocols.base.wants import FireAndForget, Handling, Want, relayed
@@ -63,7 +64,7 @@ class Surface:
 
     def ending(self, session: Session, frame: bytes) -> Ending | None:
         """What a command ends when it comes, before it has its turn; None for all that wait for theirs."""
-        command = self.ends.command(frame)
+        command = self.ends.at_once.get(frame)
         if command is None:
             return None
         row = self.protocol.surface[command.name]
@@ -75,9 +76,10 @@ class Surface:
     def handle(self, session: Session, frame: bytes) -> Handling:
         """One framed command -> its reply (empty: none). Yields operations; never raises for what a client sent."""
         if isinstance(frame, Unterminated):
-            return self._refuse(session, frame)
-        steps = self._handle(session, frame)
-        return relayed(steps, _without_motion) if isinstance(frame, Suspect) else steps
+            return (yield from self._refuse(session, frame))
+        if isinstance(frame, Suspect):
+            return (yield from relayed(self._handle(session, frame), _without_motion))
+        return (yield from self._handle(session, frame))
 
     def _handle(self, session: Session, frame: bytes) -> Handling:
         if self.lacks(session.model, frame):
@@ -116,7 +118,7 @@ class Surface:
                     session.refused = f"{command.help}: {values['fault']}"
             return self.reply(session, command, answer)
         except Fault as fault:
-            said = refusal(command, fault)
+            said = _refusal(command, fault)
             if not said and isinstance(fault, Invalid):
                 session.refused = f"{command.help}: {fault}"
             return said or self.unanswered(frame, fault)
@@ -127,7 +129,7 @@ class Surface:
         for name in frame.names:
             self._clear(session, name)
         command = self.protocol.commands.get(frame.names[0])
-        return b"" if frame.late or command is None else refusal(command, Invalid())
+        return b"" if frame.late or command is None else _refusal(command, Invalid())
 
     def _clear(self, session: Session, name: str) -> None:
         """Have a command do to the session what it does when its value cannot be read."""
@@ -219,7 +221,7 @@ class Surface:
         kind = operations.named(row.ask or "")
         assert kind is not None
         fields: Values = {}
-        for field, required in needs(kind):
+        for field, required in _needs(kind):
             value = values.get(field, row.given.get(field, getattr(session.kept, field, None)))
             if value is None and required:
                 raise NoTarget
@@ -233,7 +235,7 @@ class Surface:
             return answer
         for reply, picture in command.replies:
             if reply.fault is None and reply.when in (None, session.kept.precision, session.model.get("name")):
-                return self.as_written(command.name, picture.encode(fields_of(answer, picture.fields)))
+                return self.as_written(command.name, picture.encode(_fields_of(answer, picture.fields)))
         return b""
 
 
@@ -244,3 +246,28 @@ def _without_motion(wanted: Want) -> bool:
     if isinstance(wanted, FireAndForget):
         return True
     raise Disturbed
+
+
+def _refusal(command: Command, fault: Fault) -> bytes:
+    """The reply form that stands for this fault, else the first that stands for any, else silence."""
+    refusals = [(reply, picture) for reply, picture in command.replies if reply.fault is not None]
+    name = type(fault).__name__
+    chosen = next((item for item in refusals if item[0].fault == name), refusals[0] if refusals else None)
+    if chosen is None:
+        return b""
+    return chosen[1].encode(dict.fromkeys(chosen[1].fields, str(fault)))
+
+
+@cache
+def _needs(kind: type[Operation]) -> tuple[tuple[str, bool], ...]:
+    """The fields of an operation, and whether each must be given; looking them up costs more than all of a reply."""
+    return tuple((field.name, field.required) for field in msgspec.structs.fields(kind))
+
+
+def _fields_of(answer: object, names: Mapping[str, object]) -> Mapping[str, object]:
+    """An answer as the fields a reply wants: a mapping, a struct, or one bare value for one field."""
+    if isinstance(answer, Mapping):
+        return answer
+    if isinstance(answer, msgspec.Struct):
+        return msgspec.structs.asdict(answer)
+    return dict.fromkeys(names, answer)

@@ -60,7 +60,7 @@ class Framer:
         #: Whatever comes in this run is.
         self._suspect = False
         self._frames: list[bytes] = []
-        self.dropped = Dropped(NOISE)
+        self.dropped = Dropped()
 
     @property
     def idle(self) -> bool:
@@ -72,7 +72,7 @@ class Framer:
         if not data:
             return []
         self._frames = []
-        self.dropped.forget()
+        self.dropped.clear()
         quiet, self._heard = now - self._heard, now
         if quiet >= RUN_GAP:
             self._begin_run()
@@ -113,7 +113,7 @@ class Framer:
     def end(self) -> list[Unterminated]:
         """Nothing more comes -> half a command with an argument, which must not count as the one before it."""
         self._frames, self._old = [], True
-        self.dropped.forget()
+        self.dropped.clear()
         if self._lost:
             self._give_up()
         else:
@@ -189,10 +189,10 @@ class Framer:
             if byte == _DOLLAR:
                 self._frame.append(byte)
             else:
-                self.dropped.noise.append(byte)
+                self.dropped.add(bytes((byte,)), NOISE)
             return
         if self._frame == b"$" and byte != ord("Q"):
-            self.dropped.noise += b"$" if byte == _DOLLAR else bytes((_DOLLAR, byte))
+            self.dropped.add(b"$" if byte == _DOLLAR else bytes((_DOLLAR, byte)), NOISE)
             self._begin(b"$" if byte == _DOLLAR else b"")
             return
         self._take(byte)

@@ -14,7 +14,7 @@ from functools import cache
 from gateway.core.errors import Busy, Fault, Garbled, Refused
 from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.reply_rules import kind
+from gateway.protocols.base.reply_rules import Expected, kind
 from gateway.protocols.lx200.handwriting import Handwriting
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
@@ -75,36 +75,19 @@ class Lx200ReplyRules:
     def __init__(self) -> None:
         self._hand = Handwriting()
 
-    def timeout(self, ask: Send) -> float:
-        return TIMEOUT
-
-    def pace(self, ask: Send) -> float:
-        return 0.0 if self.protocol.commands[ask.command].replies else PACE
-
-    def kind(self, ask: Send) -> str | None:
-        """What a question's answer may do from one to the next; None for a command that is no question."""
-        return kind(self.protocol, ask)
+    def expected(self, ask: Send) -> Expected:
+        """ACK has no end: whoever reads whole commands takes what comes next for the rest of it."""
+        return _expected(ask.command, ask.once, ask.raw)
 
     def as_written(self, command: str, reply: bytes) -> bytes:
         """A reply by the manual as this telescope would write it."""
         return self._hand.write(command, reply)
 
-    def leaves_open(self, ask: Send) -> bool:
-        """ACK has no end: whoever reads whole commands takes what comes next for the rest of it."""
-        return ask.command == "ACK"
-
-    def bare(self, ask: Send) -> bool:
-        """Whether nothing tells the end of the reply."""
-        return any("#" not in source for source in self._sources(ask))
-
     def alike(self, one: Send, other: Send) -> bool:
         """Whether the reply to the one could be taken for a reply to the other, by their forms."""
-        first, second = _shapes(self._sources(one)), _shapes(self._sources(other))
+        first, second = _shapes(_sources(one.command)), _shapes(_sources(other.command))
         either = first | second
         return bool(first & second) or ("text" in either and bool(first - {"bare"}) and bool(second - {"bare"}))
-
-    def _sources(self, ask: Send) -> tuple[str, ...]:
-        return tuple([str(picture.source) for _, picture in self.protocol.commands[ask.command].replies])
 
     def encode(self, ask: Send) -> bytes:
         """The request bytes; with ``low`` among the values in the low-precision form."""
@@ -139,7 +122,7 @@ class Lx200ReplyRules:
                 return _fault(reply.fault, values), length
             self._hand.learn(ask.command, found[0])
             return {**values, "length": length}, length
-        hashes = max(source.count("#") for source in self._sources(ask))
+        hashes = max(source.count("#") for source in _sources(ask.command))
         if buffer.count(b"#") >= max(1, hashes) or len(buffer) > LONGEST or not hashes:
             whole = hashes or len(buffer) >= max(picture.width or 1 for _, picture in replies)
             return (Garbled(), len(buffer)) if whole else None
@@ -152,6 +135,25 @@ class Lx200ReplyRules:
 
     def proven(self, ask: Send, values: Values) -> bool:
         return "ra" in values or "dec" in values
+
+
+@cache
+def _sources(command: str) -> tuple[str, ...]:
+    """The pictures of a command's replies."""
+    return tuple([str(picture.source) for _, picture in Lx200ReplyRules.protocol.commands[command].replies])
+
+
+@cache
+def _expected(command: str, once: bool, raw: bool) -> Expected:
+    protocol, sources = Lx200ReplyRules.protocol, _sources(command)
+    return Expected(
+        kind(protocol, command, once, raw),
+        TIMEOUT,
+        bare=any("#" not in source for source in sources),
+        pace=0.0 if sources else PACE,
+        silent=not sources,
+        leaves_open=command == "ACK",
+    )
 
 
 def _fault(name: str, values: Values) -> Fault:

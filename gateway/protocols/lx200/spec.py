@@ -19,7 +19,7 @@ from gateway.protocols.base.spec import (
 from gateway.protocols.wireformat.command_set import load
 
 if TYPE_CHECKING:
-    from gateway.protocols.base.frames import Framing
+    from gateway.protocols.base.frames import Framer
     from gateway.protocols.base.reply_rules import ReplyRules
     from gateway.protocols.lx200.simulator.server import SimulatedLx200
 
@@ -32,11 +32,10 @@ _POSITION = re.compile(rb"\d\d:\d\d(\.\d|:\d\d)#")
 OPENING = re.compile(rb"(?:[#\r\n\0 ?]|\x06|:[^#]*#|\$Q#)*", re.DOTALL)
 
 
-def _framing(now: Callable[[], float]) -> Framing:
-    from gateway.protocols.base.frames import Framing
-    from gateway.protocols.lx200.framing import Framer
+def _framing() -> Framer:
+    from gateway.protocols.lx200 import framing
 
-    return Framing(Framer(), now)
+    return framing.Framer()
 
 
 def _reply_rules() -> ReplyRules:

@@ -74,5 +74,5 @@ class Framer(LengthFramer):
                 self._more -= 1
             elif byte not in STRAY:
                 self._lost = True
-                self.dropped.noise += bytes((byte, *rest))
+                self.dropped.add(bytes((byte, *rest)), self.noise)
         return frames

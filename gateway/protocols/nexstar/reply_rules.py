@@ -8,44 +8,31 @@ from one reply alone is told here; whether it is likely, the controller judges.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 
 from gateway.core.errors import Fault, Garbled, NoDevice, Refused
 from gateway.core.operations import Values
 from gateway.protocols.base.driver import Send
-from gateway.protocols.base.reply_rules import kind
+from gateway.protocols.base.reply_rules import Expected, kind
 from gateway.protocols.wireformat.command_set import CommandSet, load
 
 #: StarSense answers ``t`` with more than one byte: how many more at most.
 EXTRA = {"t": 4}
 #: Printable bytes that an echo is asked for; none is ``#``, and a proof shares none with the ones before it.
 ECHOES = range(0x40, 0x7E)
+#: Seconds that a hand control may take, at worst. Source: Developer Notes, Timeouts.
+TIMEOUT = 3.5
 
 
 class NexStarReplyRules:
-    """What a line must know to exchange commands with a hand control. Source: Developer Notes, Timeouts."""
+    """What a line must know to exchange commands with a hand control."""
 
     protocol: CommandSet = load("nexstar")
     closing = b""
 
-    def timeout(self, ask: Send) -> float:
-        """A hand control may take 3.5 s, at worst."""
-        return 3.5
-
-    def pace(self, ask: Send) -> float:
-        """Every command is answered, so none need be waited for beyond its answer."""
-        return 0.0
-
-    def kind(self, ask: Send) -> str | None:
-        """What a question's answer may do from one to the next; None for a command that is no question."""
-        return kind(self.protocol, ask)
-
-    def leaves_open(self, ask: Send) -> bool:
-        """Every command has its length."""
-        return False
-
-    def bare(self, ask: Send) -> bool:
-        """Whether the reply is ``#`` alone."""
-        return self._width(ask) == 1
+    def expected(self, ask: Send) -> Expected:
+        """Every command is answered, by its length; a reply may be ``#`` alone."""
+        return _expected(ask.command, ask.once, ask.raw)
 
     def alike(self, one: Send, other: Send) -> bool:
         """Whether the reply to the one could be taken for a reply to the other: by its length, that is all there is."""
@@ -101,3 +88,10 @@ class NexStarReplyRules:
     def proven(self, ask: Send, values: Values) -> bool:
         """Whether a proof came back as it should."""
         return bool(values.get("echo") == ask.values["echo"])
+
+
+@cache
+def _expected(command: str, once: bool, raw: bool) -> Expected:
+    protocol = NexStarReplyRules.protocol
+    bare = protocol.commands[command].replies[0][1].width == 1
+    return Expected(kind(protocol, command, once, raw), TIMEOUT, bare)

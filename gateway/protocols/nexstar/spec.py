@@ -22,7 +22,7 @@ from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model, Version, parse_version, show_version
 
 if TYPE_CHECKING:
-    from gateway.protocols.base.frames import Framing
+    from gateway.protocols.base.frames import Framer
     from gateway.protocols.base.reply_rules import ReplyRules
     from gateway.protocols.nexstar.simulator.hand_control import SimulatedHandControl
 
@@ -54,11 +54,10 @@ OPENING = re.compile(
 )
 
 
-def _framing(now: Callable[[], float]) -> Framing:
-    from gateway.protocols.base.frames import Framing
-    from gateway.protocols.nexstar.framing import Framer
+def _framing() -> Framer:
+    from gateway.protocols.nexstar import framing
 
-    return Framing(Framer(), now)
+    return framing.Framer()
 
 
 def _reply_rules() -> ReplyRules:

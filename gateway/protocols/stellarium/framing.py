@@ -26,7 +26,7 @@ class Framer(LengthFramer):
         while len(self._pending) >= HEADER:
             length = int.from_bytes(self._pending[:2], "little")
             if not HEADER <= length <= LONGEST:
-                self.dropped.noise += self._pending
+                self.dropped.add(bytes(self._pending), self.noise)
                 self._pending.clear()
                 self._lost = True
             elif len(self._pending) < length:

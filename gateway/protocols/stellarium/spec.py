@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from gateway.protocols.base.spec import MadeSurface, ProtocolSpec, SurfaceSettings
 from gateway.protocols.wireformat.command_set import load
 
 if TYPE_CHECKING:
-    from gateway.protocols.base.frames import Framing
+    from gateway.protocols.base.frames import Framer
 
 NAME = "stellarium"
 #: The length and the type of a goto, the only message that programs send.
 GOTO = b"\x14\0\0\0"
 
 
-def _framing(now: Callable[[], float]) -> Framing:
-    from gateway.protocols.base.frames import Framing
-    from gateway.protocols.stellarium.framing import Framer
+def _framing() -> Framer:
+    from gateway.protocols.stellarium import framing
 
-    return Framing(Framer(), now)
+    return framing.Framer()
 
 
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:

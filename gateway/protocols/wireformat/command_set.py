@@ -10,7 +10,7 @@ others. Whatever cannot be used raises MappingError with file, row and reason.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TypeVar
 
@@ -41,10 +41,6 @@ class CommandSet:
             for picture in command.requests if command.asked else ():
                 self._by_literal.setdefault(picture.literal, []).append((command, picture))
         self._longest = max(map(len, self._by_literal), default=0)
-        self._surface: dict[str, SurfaceRow] | None = None
-        self._own: dict[str, OwnRow] | None = None
-        self._driver: dict[str, list[Way]] | None = None
-        self._models: dict[str, Model] | None = None
         self._extra: dict[str, dict[str, Model]] = {}
 
     def _where(self, file: str) -> str:
@@ -63,15 +59,13 @@ class CommandSet:
                 raise MappingError(self._where(file), key, str(error)) from None
         return rows
 
-    @property
+    @cached_property
     def surface(self) -> dict[str, SurfaceRow]:
         """Command name -> what the surface does with it."""
-        if self._surface is None:
-            where, rows = self._where("surface.toml"), self._read("surface.toml", SurfaceRow)
-            for key, row in rows.items():
-                self._check_surface(where, key, row)
-            self._surface = rows
-        return self._surface
+        where, rows = self._where("surface.toml"), self._read("surface.toml", SurfaceRow)
+        for key, row in rows.items():
+            self._check_surface(where, key, row)
+        return rows
 
     def _check_surface(self, where: str, key: str, row: SurfaceRow) -> None:
         if key not in self.commands:
@@ -91,31 +85,27 @@ class CommandSet:
         if "refused" in (row.outcome, row.without) and not row.why:
             raise MappingError(where, key, "a refused row says why")
 
-    @property
+    @cached_property
     def own(self) -> dict[str, OwnRow]:
         """Command name -> who answers it where the mount itself is presented."""
-        if self._own is None:
-            where, rows = self._where("own.toml"), self._read("own.toml", OwnRow)
-            for key, row in rows.items():
-                if key not in self.commands:
-                    raise MappingError(where, key, "commands.toml has no such command")
-                if row.keep is not None and row.keep not in KEEPS:
-                    raise MappingError(where, key, f"keep = {row.keep!r} is none of {', '.join(KEEPS)}")
-            self._own = rows
-        return self._own
+        where, rows = self._where("own.toml"), self._read("own.toml", OwnRow)
+        for key, row in rows.items():
+            if key not in self.commands:
+                raise MappingError(where, key, "commands.toml has no such command")
+            if row.keep is not None and row.keep not in KEEPS:
+                raise MappingError(where, key, f"keep = {row.keep!r} is none of {', '.join(KEEPS)}")
+        return rows
 
-    @property
+    @cached_property
     def driver(self) -> dict[str, list[Way]]:
         """Operation name -> the ways to carry it out, best first."""
-        if self._driver is None:
-            where, rows = self._where("driver.toml"), self._read("driver.toml", list[Way])
-            for key, ways in rows.items():
-                if operations.named(key) is None:
-                    raise MappingError(where, key, "no operation is called so")
-                for way in ways:
-                    self._check_way(where, key, way)
-            self._driver = rows
-        return self._driver
+        where, rows = self._where("driver.toml"), self._read("driver.toml", list[Way])
+        for key, ways in rows.items():
+            if operations.named(key) is None:
+                raise MappingError(where, key, "no operation is called so")
+            for way in ways:
+                self._check_way(where, key, way)
+        return rows
 
     def _check_way(self, where: str, key: str, way: Way) -> None:
         if bool(way.send) == bool(way.call):
@@ -128,12 +118,10 @@ class CommandSet:
         if way.outcome not in OUTCOMES:
             raise MappingError(where, key, f"outcome {way.outcome!r} is none of {', '.join(OUTCOMES)}")
 
-    @property
+    @cached_property
     def models(self) -> dict[str, Model]:
         """Model name -> what differs."""
-        if self._models is None:
-            self._models = self._read("models.toml", Model)
-        return self._models
+        return self._read("models.toml", Model)
 
     def traits(self, model: str, wedge: bool = False) -> frozenset[str]:
         """What rows may ask of a model: its name, how it is mounted, what it ``has``, and its keys that are true.

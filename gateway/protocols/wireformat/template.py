@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from functools import cached_property
 
 from gateway.core.operations import Values
 from gateway.protocols.wireformat.fields import Codec, codec
@@ -19,8 +20,6 @@ Source = str | list[str | int]
 class FrameTemplate:
     """One frame form. ``fields`` maps field names to codecs in wire order; ``literal`` is what comes before them."""
 
-    __slots__ = ("_matcher", "fields", "literal", "parts", "source", "width")
-
     def __init__(self, source: Source) -> None:
         self.source = source
         self.parts: list[bytes | tuple[str, Codec]] = []
@@ -30,7 +29,6 @@ class FrameTemplate:
         self.literal = self.parts[0] if self.parts and isinstance(self.parts[0], bytes) else b""
         widths = [len(part) if isinstance(part, bytes) else part[1].width for part in self.parts]
         self.width = None if None in widths else sum(width for width in widths if width is not None)
-        self._matcher: re.Pattern[bytes] | None = None
 
     def _add(self, piece: str | int) -> None:
         """Split one piece into literals and fields. Raises ValueError for a field that no codec knows."""
@@ -57,15 +55,13 @@ class FrameTemplate:
         elif literal:
             self.parts.append(literal)
 
-    @property
+    @cached_property
     def matcher(self) -> re.Pattern[bytes]:
         """The whole frame as a regular expression, one group per field."""
-        if self._matcher is None:
-            pattern = b"".join(
-                re.escape(part) if isinstance(part, bytes) else b"(" + part[1].pattern + b")" for part in self.parts
-            )
-            self._matcher = re.compile(pattern, re.DOTALL)
-        return self._matcher
+        pattern = b"".join(
+            re.escape(part) if isinstance(part, bytes) else b"(" + part[1].pattern + b")" for part in self.parts
+        )
+        return re.compile(pattern, re.DOTALL)
 
     def encode(self, values: Mapping[str, object]) -> bytes:
         """Values -> bytes. Raises KeyError for a missing field, ValueError for one that does not fit."""

@@ -165,8 +165,7 @@ def test_a_recording_of_all_of_them_replays_without_a_difference(running: list[R
     assert silent.hear(72)[:4] == b"\x18\0\0\0"
     assert late.hear(24)[:4] == b"\x18\0\0\0"
     late.link.sendall(b"#")
-    late.silent(0.3)  # what was under way
-    assert late.silent(1.0), "the first byte ends the positions"
+    assert any(late.silent(1.5) for _ in range(5)), "the first byte ends the positions, but for what was under way"
     assert late.ask(b":GVP#", 9) == b"Autostar#"
     lx200.link.sendall(b":Q#")
     for one in (silent, lx200, nexstar, page, mobile, late):

@@ -6,7 +6,6 @@ import asyncio
 
 import pytest
 
-from gateway.protocols.base.frames import Framing
 from gateway.protocols.lx200 import framing as lx200
 from gateway.protocols.nexstar.framing import Framer as NexStarFramer
 from tests.support.callers import Caller
@@ -122,7 +121,7 @@ def test_what_ends_nothing_and_asks_nothing_is_no_loss() -> None:
 
 @pytest.mark.parametrize("framer", [lx200.Framer, NexStarFramer])
 def test_noise_for_hours_takes_no_memory(framer: type[lx200.Framer] | type[NexStarFramer]) -> None:
-    framing = Framing(framer(), lambda: 0.0)
+    cutting = framer()
     for _ in range(1000):
-        framing(b"\xff" * 1000)
-    assert sum(len(data) for data in framing.dropped.values()) == 1000
+        cutting.feed(b"\xff" * 1000, 0.0)
+    assert sum(len(data) for data in cutting.dropped.values()) == 1000

@@ -30,7 +30,6 @@ async def cut(bridge: Any, seconds: float) -> list[bytes]:
 
     wire.open = no_port
     bridge.controller.line.talk.lose("unplugged")
-    bridge.controller.line.queue.wake()
     await asyncio.sleep(seconds)
     before = len(bridge.sent())
     wire.open = opening

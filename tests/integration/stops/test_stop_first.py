@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway.mount.link.scheduling import STOP
+from gateway.mount.link.queue import STOP
 from gateway.protocols.base.driver import Send
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run

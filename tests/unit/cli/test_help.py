@@ -91,8 +91,9 @@ def test_bash_completes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
         ask mount-gateway run --mode ''
         ask mount-gateway run --config n
         ask mount-gateway completion f
+        ask mount-gateway run --surface an
     """
     done = subprocess.run(["bash", "-c", asking], cwd=tmp_path, capture_output=True, text=True, timeout=20, check=True)
     commands, *others = done.stdout.splitlines()
     assert sorted(commands.split()) == ["decode", "demo", "detect"]
-    assert others == ["--mode", "alt-az eq-north eq-south", "night.toml", "fish"]
+    assert others == ["--mode", "alt-az eq-north eq-south", "night.toml", "fish", "any@tcp://127.0.0.1:4040"]

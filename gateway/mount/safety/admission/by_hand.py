@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from gateway.astro.spherical import SIDEREAL_RATE
 from gateway.core import operations as op
 from gateway.core.errors import Fault, PastMeridian
+from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission.first_stretch import (
     Start,
     as_motion,
@@ -19,7 +20,7 @@ from gateway.mount.safety.admission.first_stretch import (
     knows_meridian,
     turn,
 )
-from gateway.mount.safety.admission.questions import Questions, over, tilt
+from gateway.mount.safety.admission.questions import over, tilt
 from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.rules.altitude import leaving
@@ -35,7 +36,7 @@ A_WHILE = 60.0
 class HandAdmission:
     """Asked for every motion by hand, every guide pulse, and when tracking is to go on."""
 
-    def __init__(self, mount: MountInputs, ask: Questions, watch: LimitWatch) -> None:
+    def __init__(self, mount: MountInputs, ask: Reader, watch: LimitWatch) -> None:
         self._mount, self._ask, self._watch = mount, ask, watch
 
     async def check(self, operation: op.Move | op.MoveAxis) -> None:
@@ -44,7 +45,7 @@ class HandAdmission:
         start = await self._start()
         if start is None:
             return
-        limits = mount.limits()
+        limits = mount.context.policy.limits
         if isinstance(operation, op.Move):
             limits = limits.narrowed(operation.lowest, operation.highest)
         by_hand = {**mount.moving().by_hand, operation.axis: operation}
@@ -56,11 +57,11 @@ class HandAdmission:
         start = await self._start()
         if start is not None:
             motion, degrees = as_motion(pulse)
-            await self._check(self._mount.limits(), start, {motion.axis: motion}, {motion.axis: degrees})
+            await self._check(self._mount.context.policy.limits, start, {motion.axis: motion}, {motion.axis: degrees})
 
     async def check_tracking(self) -> None:
         """Tracking that is off and would lead farther beyond a limit. Raises BelowHorizon, TooHigh or PastMeridian."""
-        mount, limits = self._mount, self._mount.limits()
+        mount, limits = self._mount, self._mount.context.policy.limits
         start = await self._start()
         if start is None or start.status.tracking is not op.Tracking.OFF or mount.moving().anything:
             return
@@ -102,9 +103,10 @@ class HandAdmission:
             seen = await self._ask.read(op.Position())
         elif mount.now() - age < self._watch.rests_since and not mount.moving().by_hand:  # it was seen on its way
             seen = await self._ask.anew(op.Position())
-        watched = mount.limits().hour_angle is not None and status.equatorial and mount.driver.german
+        watched = mount.context.policy.limits.hour_angle is not None and status.equatorial and mount.driver.german
         side = await self._ask.tube_side() if watched else None
-        return Start(seen, status, await tilt(mount, self._ask, self._watch), side)
+        axis = self._watch.altitude_axis
+        return Start(seen, status, await tilt(mount, self._ask, axis) if axis.tells else 0.0, side)
 
     async def _sense(self, operation: op.Move | op.MoveAxis, status: op.Status) -> int:
         """-1 where what is positive for a motor is not so on the sky: in the south, beyond the pole or the zenith."""

@@ -5,14 +5,22 @@ What is under way already is ended by the best source alone: whoever is wrong mu
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import NamedTuple
+
 from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from gateway.core.errors import Fault, NearSun
-from gateway.core.operations import Equatorial
+from gateway.core.operations import Equatorial, Place
 from gateway.mount.safety.limits import Limits
 from gateway.mount.safety.rules.sun import SUN_IS_UP
-from gateway.mount.site.sources import BestSources
+from gateway.mount.site.site_clock import COMPUTER, EARLIEST, BestSources, Site, Time
 
+#: Sources that differ by more than this contradict each other: degrees on the Earth, and seconds.
+SITE_MATTERS, CLOCK_MATTERS = 0.5, 120.0
+#: A computer that is off by more than a day, which is no wrong zone and no morning for evening, contradicts nobody:
+#: many have no battery and no network.
+LOST = 86400.0
 #: Without the date nobody knows where the Sun is.
 UNKNOWN_TIME = (
     "The time is unknown: this computer's clock is lost, and neither the mount nor a program tells it. "
@@ -20,22 +28,100 @@ UNKNOWN_TIME = (
 )
 
 
-def check_contradictions(sources: BestSources, sky: Sky, limits: Limits, goal: Equatorial) -> None:
-    """A goto to ``goal`` by every source that contradicts the best one.
+class Contradiction(NamedTuple):
+    """A site and a time that may be the true ones all the same; ``words`` say who says what."""
+
+    place: Place | None
+    unix: float
+    words: str
+
+
+def check_contradictions(sources: BestSources, sky: Sky, limits: Limits, goal: Equatorial, doubted: bool) -> None:
+    """A goto to ``goal`` by every source that contradicts the best one; its altitude only where that is ``doubted``.
 
     Raises BelowHorizon, TooHigh or NearSun, with who says what; NearSun also where nobody knows the time.
     """
-    if limits.sun > 0.0 and sources.time_unknown:
+    sites, times = sources.sites(), sources.times()
+    if limits.sun > 0.0 and time_unknown(times[0]):
         raise NearSun(UNKNOWN_TIME)
-    for place, unix, words in sources.contradictions():
+    for place, unix, words in contradictions(sites, times):
         if place is None:
             continue
         altitude = sky.horizon(goal.ra, goal.dec, place.latitude, place.longitude, unix)[1]
         sun = sky.sun(unix)
         risen = sky.horizon(*sun, place.latitude, place.longitude, unix)[1] >= SUN_IS_UP
         try:
-            limits.check_altitude(altitude)
+            if doubted:
+                limits.check_altitude(altitude)
             if risen and separation(goal.ra, goal.dec, *sun) < limits.sun:
                 raise NearSun
         except Fault as fault:
             raise type(fault)(f"{fault} {words[0].upper()}{words[1:]}.") from None
+
+
+def contradictions(sites: list[Site], times: list[Time]) -> Iterator[Contradiction]:
+    """What others say that differs by more than matters, each site and each time with the best of the other."""
+    unix, by = times[0]
+    if sites:
+        (place, who), others = sites[0], sites[1:]
+        for other in others:
+            if _apart(place, other.place) > SITE_MATTERS:
+                hint = mistaken(place, other.place)
+                yield Contradiction(
+                    other.place,
+                    unix,
+                    f"{who} stands at {shown(place)}, {other.source} says "
+                    f"{shown(other.place)}{': ' * bool(hint)}{hint}",
+                )
+    for time in times[1:]:
+        apart = abs(time.unix - unix)
+        if apart > CLOCK_MATTERS and not (time.source == COMPUTER and apart > LOST):
+            yield Contradiction(
+                sites[0].place if sites else None,
+                time.unix,
+                f"the clocks of {by} and of {time.source} differ by {_span(time.unix - unix)}",
+            )
+
+
+def _apart(one: Place, other: Place) -> float:
+    return separation(one.longitude, one.latitude, other.longitude, other.latitude)
+
+
+def shown(place: Place) -> str:
+    """A site as people write it: ``45.0 N 10.0 E``."""
+    north, east = "NS"[place.latitude < 0], "EW"[place.longitude < 0]
+    return f"{abs(place.latitude):.1f} {north} {abs(place.longitude):.1f} {east}"
+
+
+def mistaken(one: Place, other: Place) -> str:
+    """How one of two sites was most likely written wrongly; nothing where neither looks like the other."""
+    written = {
+        "the sign of a longitude looks wrong, east is positive": Place(one.latitude, -one.longitude),
+        "the sign of a latitude looks wrong, north is positive": Place(-one.latitude, one.longitude),
+        "both signs look wrong, north and east are positive": Place(-one.latitude, -one.longitude),
+        "latitude and longitude look swapped, latitude comes first": Place(one.longitude, one.latitude),
+    }
+    return next(
+        (
+            words
+            for words, place in written.items()
+            if abs(place.latitude) <= 90.0 and _apart(place, other) <= SITE_MATTERS
+        ),
+        "",
+    )
+
+
+def _span(seconds: float) -> str:
+    minutes = abs(seconds) / 60.0
+    return (
+        f"{minutes:.0f} minutes"
+        if minutes < 90
+        else f"{minutes / 60:.1f} hours"
+        if minutes < 2880
+        else (f"{minutes / 1440:.0f} days")
+    )
+
+
+def time_unknown(best: Time) -> bool:
+    """Whether nobody tells the time: this computer has plainly lost its clock, and there is no other."""
+    return best.source == COMPUTER and best.unix < EARLIEST

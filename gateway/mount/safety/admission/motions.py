@@ -15,20 +15,20 @@ from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.errors import BelowHorizon, Fault, NearSun, NotAligned, Refused, TooHigh, Unsupported
 from gateway.core.motion_kinds import GOTOS
+from gateway.mount.readings.reader import Reader
 from gateway.mount.safety.admission import slew_paths
 from gateway.mount.safety.admission.by_hand import HandAdmission
 from gateway.mount.safety.admission.contradictions import check_contradictions
 from gateway.mount.safety.admission.path_shapes import clear
-from gateway.mount.safety.admission.questions import Questions, over, tilt
+from gateway.mount.safety.admission.questions import over, tilt
 from gateway.mount.safety.inputs import MountInputs
 from gateway.mount.safety.limits import Limits
-from gateway.mount.safety.rules.aligned import needs_alignment
 from gateway.mount.safety.rules.held import Hold
 from gateway.mount.safety.rules.meridian import check_hour_angle, check_shaft
 from gateway.mount.safety.rules.park import CHOOSE, check_own_park
 from gateway.mount.safety.rules.sync_sum import SyncTotal, check_sum, check_sync
 from gateway.mount.safety.watch import LimitWatch
-from gateway.mount.site.sources import BestSources
+from gateway.mount.site.site_clock import BestSources
 
 #: Seconds that a sync waits for the end of a goto, and between two looks at it.
 NEARLY, PAUSE = 2.5, 0.2
@@ -42,7 +42,7 @@ class Admission:
     def __init__(
         self,
         mount: MountInputs,
-        ask: Questions,
+        ask: Reader,
         watch: LimitWatch,
         sources: BestSources,
         synced: SyncTotal,
@@ -82,7 +82,7 @@ class Admission:
         elif isinstance(operation, op.GotoAxes):
             if not self._mount.driver.way(op.AxisPosition) and (await self._status()).equatorial:
                 return await self._admit(self._mount.astrometry.from_axes(operation, not self._mount.driver.german))
-            await self._check_axes(operation, self._mount.limits())
+            await self._check_axes(operation, self._mount.context.policy.limits)
         elif isinstance(operation, op.Goto):
             return await self._admit_goto(operation)
         elif isinstance(operation, op.Sync):
@@ -103,7 +103,7 @@ class Admission:
 
     async def _check_aligned(self, operation: op.Operation) -> None:
         """Raises NotAligned."""
-        if not needs_alignment(operation, self._mount.driver.sync_aligns, self._mount.unaligned):
+        if not needs_alignment(operation, self._mount.driver.sync_aligns, self._mount.context.policy.unaligned):
             return
         if not (await self._status()).aligned:
             anew: op.Status = await self._ask.anew(op.GetStatus())  # it may be so since a moment ago
@@ -113,7 +113,7 @@ class Admission:
     # --- syncs ------------------------------------------------------------------------------------------------------
 
     async def _admit_sync(self, operation: op.Sync) -> op.Operation:
-        mount, limits = self._mount, self._mount.limits()
+        mount, limits = self._mount, self._mount.context.policy.limits
         await self._goto_ends()
         if mount.moving().anything:
             raise Refused("The mount is moving, so nothing is centred: sync when it has stopped.")
@@ -140,18 +140,18 @@ class Admission:
     # --- gotos ------------------------------------------------------------------------------------------------------
 
     async def _admit_goto(self, operation: op.Goto) -> op.Operation:
-        mount = self._mount
-        limits = mount.limits().narrowed(operation.lowest, operation.highest)
+        mount, axis = self._mount, self._watch.altitude_axis
+        limits = mount.context.policy.limits.narrowed(operation.lowest, operation.highest)
+        told = axis.tells
         goal = op.Equatorial(operation.ra, operation.dec)
-        await self._check_target(limits, goal)
+        await self._check_target(limits, goal, told)
         await self._check_way(limits, goal)
-        doubted = limits.at_any_altitude() if self._watch.altitude_axis.tells else limits
-        check_contradictions(self._sources, mount.astrometry.sky, doubted, goal)
+        check_contradictions(self._sources, mount.astrometry.sky, limits, goal, not (told or axis.tells))
         return mount.astrometry.to_mount(operation)
 
     async def _admit_horizontal(self, operation: op.GotoHorizontal) -> op.Operation:
         mount = self._mount
-        mount.limits().narrowed(operation.lowest, operation.highest).check_altitude(operation.alt)
+        mount.context.policy.limits.narrowed(operation.lowest, operation.highest).check_altitude(operation.alt)
         fork = not (await self._status()).equatorial
         if fork and mount.driver.way(op.GotoAxes) and not mount.driver.displaced:
             return await self._admit(op.GotoAxes(operation.az, operation.alt, operation.fastest))
@@ -159,10 +159,10 @@ class Admission:
 
     async def _check_own_place(self, operation: op.Park | op.Home) -> None:
         """Where park or home leads to. What the owner has chosen may lie at any altitude, but not near the Sun."""
-        mount, limits = self._mount, self._mount.limits()
+        mount, limits = self._mount, self._mount.context.policy.limits
         if isinstance(operation, op.Park):
             await self._status()  # how the mount stands decides where it is parked
-            if mount.own_park:
+            if mount.context.policy.own_park:
                 limits = limits.at_any_altitude()
         there = mount.driver.destination(operation)
         if there is None:
@@ -173,13 +173,14 @@ class Admission:
         except (BelowHorizon, TooHigh) as fault:
             raise type(fault)(f"{fault} {CHOOSE}" if isinstance(operation, op.Park) else str(fault)) from None
 
-    async def _check_target(self, limits: Limits, goal: op.Equatorial) -> None:
+    async def _check_target(self, limits: Limits, goal: op.Equatorial, told: bool) -> None:
+        """Raises BelowHorizon or TooHigh. ``told``: an axis tells the altitude."""
         mount = self._mount
         altitude = mount.astrometry.altitude(goal.ra, goal.dec)
         if altitude is None:
             mount.wire_log.note_once("mount", "site unknown: gotos are not checked against the horizon")
             return
-        limits.check_altitude(altitude + await tilt(self._mount, self._ask, self._watch))
+        limits.check_altitude(altitude + (await tilt(mount, self._ask, self._watch.altitude_axis) if told else 0.0))
         status = mount.readings.value(op.GetStatus)
         if status is not None and status.equatorial and mount.driver.tube_side("E") is None:
             check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
@@ -215,7 +216,7 @@ class Admission:
         """
         mount, astrometry = self._mount, self._mount.astrometry
         limit, suns = mount.suns.limit, mount.suns.up()
-        if any(distance < limit for distance in mount.suns.distances(goal)):
+        if any(separation(goal.ra, goal.dec, sun.ra, sun.dec) < limit for sun in suns):
             raise NearSun
         status = await self._status()
         if not status.aligned or not (suns or status.equatorial or limits.highest < 90.0):
@@ -257,3 +258,14 @@ def _first(turned: Pair, stretch: float) -> Pair:
     """No more than the first degrees of either axis."""
     first, second = (max(-stretch, min(stretch, degrees)) for degrees in turned)
     return first, second
+
+
+def needs_alignment(operation: op.Operation, sync_aligns: bool, unaligned: str) -> bool:
+    """Whether only an aligned mount may be told this; ``unaligned`` is the owner's word on axis readings.
+
+    A hand control without alignment acknowledges whatever it is told and does nothing, or moves who knows where.
+    """
+    by_axes = isinstance(operation, op.GotoAxes | op.GotoHorizontal | op.Park | op.Home)
+    if sync_aligns or not (by_axes or isinstance(operation, op.Sync)):
+        return False
+    return not (by_axes and unaligned == "allow")

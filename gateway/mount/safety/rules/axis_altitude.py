@@ -60,9 +60,9 @@ class AltitudeAxis:
         """
         driver = self._mount.driver
         status = self._status = self._mount.readings.value(op.GetStatus) or self._status
-        if status is None or status.equatorial or not status.aligned or driver.german or not self._mount.site_known:
+        if status is None or status.equatorial or not status.aligned or driver.german:
             return False
-        return driver.way(op.AxisPosition) is not None
+        return self._mount.astrometry.site_clock.site() is not None and driver.way(op.AxisPosition) is not None
 
     def every(self, moves: bool) -> float | None:
         """How often the axes are to be read, seconds; None where that is not needed."""

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from gateway.astro.ephemeris.sky import Sky
 from gateway.astro.spherical import separation
 from gateway.core import operations as op
 from gateway.core.wire_log import WireLog
 from gateway.mount.safety.view import ALLOWED, Verdict, View
-from gateway.mount.site.astrometry import SiteAstrometry
+from gateway.mount.site.site_clock import COMPUTER, BestSources
 
 DAY = 86400.0
 #: The Sun moves a twenty-thousandth of a degree a second against the stars: one place is good for a minute.
@@ -30,9 +31,9 @@ class SunAvoidance:
     """
 
     def __init__(
-        self, astrometry: SiteAstrometry, wire_log: WireLog, limit: float, settled: Callable[[], bool]
+        self, sky: Sky, sources: BestSources, wire_log: WireLog, limit: float, settled: Callable[[], bool]
     ) -> None:
-        self._astrometry, self._wire_log, self.limit, self._settled = astrometry, wire_log, limit, settled
+        self._sky, self._sources, self._wire_log, self.limit, self._settled = sky, sources, wire_log, limit, settled
         self._key: tuple[object, ...] = ()
         self._up: list[op.Equatorial] = []
 
@@ -40,17 +41,16 @@ class SunAvoidance:
         """The places of date of every Sun that counts now."""
         if not self.limit:
             return []
-        site_clock = self._astrometry.site_clock
-        if site_clock.clock() is None and self._settled():
+        best, host, site = self._sources.best_time(), self._sources.host(), self._sources.site()
+        if best.source == COMPUTER and self._settled():
             self._wire_log.note_once(
                 "mount", "WARNING: nobody has told a date: the Sun is avoided by this computer's date and time"
             )
-        mount, host, site = site_clock.unix(), site_clock.host(), site_clock.site()
-        key = mount // KEPT, host // KEPT, site
+        key = best.unix // KEPT, host // KEPT, site
         if key != self._key:
             self._key = key
-            moments = [mount]
-            if abs(mount - host) > DAY:
+            moments = [best.unix]
+            if abs(best.unix - host) > DAY:
                 moments.append(host)
                 self._wire_log.note_once(
                     "mount", "WARNING: the mount's date is not this computer's: the Sun is avoided by both"
@@ -60,7 +60,7 @@ class SunAvoidance:
 
     def _place(self, unix: float, site: op.Place | None) -> op.Equatorial | None:
         """The Sun of one moment; None when it is down. Without a site it counts as up."""
-        sky = self._astrometry.sky
+        sky = self._sky
         ra, dec = sky.sun(unix)
         if site is not None and sky.horizon(ra, dec, site.latitude, site.longitude, unix)[1] < SUN_IS_UP:
             return None

@@ -5,7 +5,7 @@ An LX200GPS that seeks its home is busy and tells nothing; it is not moved by ha
 
 from __future__ import annotations
 
-from gateway.mount.motion.moving import Moving
+from gateway.mount.motion.wanted import Moving
 
 #: How old the last position may be when the next one is not told, seconds; and from one stop for that to the next.
 BLIND = 1.0

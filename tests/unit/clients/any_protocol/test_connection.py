@@ -7,6 +7,8 @@ import struct
 from collections.abc import Awaitable, Callable
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from gateway.diagnostics.virtual_time import run
 from tests.support.any_port import AnyBridge
@@ -22,6 +24,27 @@ FIRST = [
     (b"?e", b"#", 18, "nexstar"),
     (b"V", b"#", 3, "nexstar"),
     (b"P\x01\x10\xfe\0\0\0\x02", b"#", 3, "nexstar"),
+]
+#: Pieces that begin something, and are put together at random.
+ODD = [
+    b":",
+    b"#",
+    b"?",
+    b"Ka",
+    b"K",
+    b"P",
+    b"R",
+    b"G",
+    b"GET ",
+    b"H",
+    b"\x14",
+    GOTO,
+    b"E",
+    b":GR#",
+    b"\x06",
+    b"\0",
+    b"S",
+    b"$",
 ]
 Program = Callable[[AnyBridge], Awaitable[None]]
 
@@ -66,6 +89,8 @@ def test_idle_bytes_decide_nothing(idle: bytes) -> None:
         for caller in (one, other):
             caller.tell(idle)
         await asyncio.sleep(10.0)
+        one.tell(idle * 1000)
+        assert len(one._guest.sent) <= 64, "however many come, few are kept"
         assert one.heard == b"" and bridge.spoken() == [] and bridge.any.programs() == 0
         assert len(await one.ask(b":GR#")) == 9
         assert len(await other.ask(b"e")) == 18
@@ -139,6 +164,22 @@ def test_stellarium_mobile_begins_with_an_echo_and_goes_on_in_either() -> None:
         assert at_once.heard.startswith(b"a#") and len(at_once.heard) == 11
         assert bridge.spoken() == ["nexstar", "nexstar", "lx200", "nexstar", "lx200"]
         assert sorted(bridge.any.here()) == ["10.0.0.1", "10.0.0.2", "10.0.0.3"]
+
+    play(program)
+
+
+def test_stellarium_mobile_is_recognised_by_all_that_it_has_said() -> None:
+    """It counts in J2000; a program that says the same without the echo does not."""
+
+    async def program(bridge: AnyBridge) -> None:
+        bridge.controller.astrometry.sky.load()
+        mobile, other = bridge.call("10.0.0.1"), bridge.call("10.0.0.2")
+        for caller, said in ((mobile, [b"Ka", b"##", b"#\x06"]), (other, [b"##", b"#\x06"])):
+            for words in said:
+                await caller.ask(words, 0.9)
+        assert (mobile.heard, other.heard) == (b"a#A", b"A")
+        assert await mobile.ask(b":GR#") != await other.ask(b":GR#")
+        assert [one.profile for one in bridge.any.connections()].count("Stellarium Mobile PLUS") == 1
 
     play(program)
 
@@ -222,6 +263,20 @@ def test_the_dead_man_stops_an_arrow_whose_program_is_gone() -> None:
     play(program)
 
 
+def test_positions_that_are_told_hold_no_arrow() -> None:
+    """Who only listens says nothing: the arrow of another connection of the same computer ends without that one."""
+
+    async def program(bridge: AnyBridge) -> None:
+        caller, listener = bridge.call(), bridge.call()
+        caller.tell(b":RS#:Mn#")
+        await asyncio.sleep(4.0)
+        assert bridge.controller.wanted.axes and listener.heard
+        await asyncio.sleep(4.0)
+        assert not bridge.controller.wanted.axes
+
+    play(program, config={"dead_man": 6.0})
+
+
 def test_closing_while_nothing_is_known() -> None:
     async def program(bridge: AnyBridge) -> None:
         for sent in (b"", b"#", b"P"):
@@ -233,5 +288,27 @@ def test_closing_while_nothing_is_known() -> None:
             caller._guest.close()
         await asyncio.sleep(10.0)
         assert [entry.arrow for entry in bridge.entries if entry.arrow in "+-~"] == ["+", "-"] * 3
+
+    play(program)
+
+
+@given(
+    pieces=st.lists(st.one_of(st.binary(min_size=1, max_size=30), st.sampled_from(ODD)), min_size=1, max_size=12),
+    pauses=st.lists(st.sampled_from([0.0, 0.05, 1.2, 3.5]), min_size=12, max_size=12),
+)
+@settings(max_examples=60)
+def test_whatever_comes_is_bounded_and_ends_well(pieces: list[bytes], pauses: list[float]) -> None:
+    async def program(bridge: AnyBridge) -> None:
+        caller = bridge.call()
+        for piece, pause in zip(pieces, pauses, strict=False):
+            caller.tell(piece)
+            assert caller.gone or len(caller._guest.sent) < 200
+            await asyncio.sleep(pause)
+        other = bridge.call("10.0.0.9")
+        assert len(await other.ask(b":GVP#")) == 9
+        if not caller.gone:
+            caller._guest.close()
+        told = [entry.arrow for entry in bridge.entries if entry.side.startswith("127") and entry.arrow in "+-"]
+        assert told == ["+", "-"]
 
     play(program)

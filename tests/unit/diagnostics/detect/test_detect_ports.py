@@ -337,3 +337,13 @@ def test_a_terminals_rate_is_read_even_without_a_name() -> None:
 def test_a_rate_is_more_than_nothing(rate: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sim", "nexstar:cpc", f"--baud={rate}", "--at", "pty:/tmp/never"]) == 2
     assert "--baud is a rate like 9600" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    ("stellarium@/dev/ttyS0", "programs speak stellarium, and no mount does; write /dev/ttyS0 or lx200@/dev/ttyS0"),
+    ("any@/dev/ttyS0", "write any@tcp://HOST:PORT, or one protocol"),
+])  # fmt: skip
+def test_no_mount_speaks_what_only_programs_do(text: str, words: str) -> None:
+    with pytest.raises(UserError) as raised:
+        named(text)
+    assert words in str(raised.value)

@@ -153,7 +153,7 @@ def test_what_is_not_as_it_should_be(check: str, facts: dict[str, object], state
 
 def test_a_taken_port_does_not_hide_the_free_ones() -> None:
     taken, free = of("network", replace(WELL, listeners=[Listener(4030, 9, "nc")]))
-    assert taken.state == NOTE and free == Result("network", GOOD, "TCP ports 4080, 10001, 11111: free")
+    assert taken.state == NOTE and free == Result("network", GOOD, "TCP ports 4040, 4080, 10001, 11111: free")
 
 
 def test_a_built_in_port_is_not_modem_managers_to_disturb() -> None:

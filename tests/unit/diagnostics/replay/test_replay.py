@@ -26,6 +26,7 @@ PAIRS = {
     "lx200 on nexstar": ("nexstar:cpc/4.21", "lx200"),
     "nexstar on lx200": ("lx200:lx200gps", "nexstar"),
     "lx200 on lx200": ("lx200:autostar", "lx200"),
+    "lx200 on a port for every protocol": ("nexstar:cpc/4.21", "any"),
 }
 LX200 = (
     b":GR#",
@@ -91,7 +92,7 @@ def _live(path: Path, mount: str, presented: str) -> bytes:
         gateway.prepare(lambda dialogue, to: MountLink(wire, dialogue, to))
         gateway.begin()
         random = Random(path.name)
-        words = LX200 if presented == "lx200" else NEXSTAR
+        words = NEXSTAR if presented == "nexstar" else LX200
 
         async def client(number: int) -> None:
             await asyncio.sleep(0.31 * number)

@@ -12,7 +12,7 @@ from gateway.core import operations as op
 from gateway.core.errors import Garbled, NoAnswer
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.line import HALF_COMMAND, MountLink
-from gateway.mount.link.scheduling import READ, STOP
+from gateway.mount.link.queue import READ, STOP
 from gateway.protocols.base.driver import Send
 from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 from gateway.protocols.nexstar.reply_rules import NexStarReplyRules

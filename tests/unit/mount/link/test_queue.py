@@ -12,7 +12,7 @@ import pytest
 from gateway.core.errors import NoAnswer, NoDevice, Silence
 from gateway.core.wire_log import WireLog
 from gateway.mount.link.line import MountLink
-from gateway.mount.link.scheduling import MOTION, POSITION, READ, SETTING, STOP
+from gateway.mount.link.queue import MOTION, POSITION, READ, SETTING, STOP
 from gateway.protocols.base.driver import Send
 from gateway.protocols.lx200.reply_rules import Lx200ReplyRules
 from gateway.protocols.nexstar.reply_rules import NexStarReplyRules

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import struct
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
-from gateway.clients.access import Access
+from gateway.clients.access import Access, networks
 from gateway.clients.greeting import Beginning, Piece
 from gateway.diagnostics.rehearsal.stage import Stage, Visitor
 from gateway.diagnostics.virtual_time import run
 from gateway.protocols.registry import PROTOCOLS
+from gateway.transport.handler import ConnectionRefused
 
 START = 1769634000.0
 #: The Crab nebula, and what is below the horizon at the place of a simulated mount; J2000.
@@ -45,8 +46,8 @@ def heard(program: Visitor) -> list[Position]:
     ]
 
 
-def stage(mount: str = "6-8se", driven: str = "nexstar", access: Access = Access()) -> Stage:
-    return Stage(mount, start=START, driven=driven, presented="stellarium", named=True, access=access)
+def stage(mount: str = "6-8se", driven: str = "nexstar", access: Access = Access(), **others: Any) -> Stage:
+    return Stage(mount, start=START, driven=driven, presented="stellarium", named=True, access=access, **others)
 
 
 @pytest.mark.parametrize(("mount", "driven"), [("6-8se", "nexstar"), ("lx200gps", "lx200"), ("lx200", "lx200")])
@@ -107,6 +108,49 @@ def test_who_may_only_look_is_told_positions_and_moves_nothing() -> None:
             client.tell(goto(*CRAB))
             await asyncio.sleep(1.5)
             assert not own.sim.slewing and heard(client)[-1].status == -1
+
+    run(program())
+
+
+def test_who_is_not_allowed_is_told_nothing() -> None:
+    async def program() -> None:
+        async with stage(access=Access(networks(["192.0.2.0/24"]))) as own:
+            with pytest.raises(ConnectionRefused):
+                own.client("198.51.100.1")
+            client = own.client("192.0.2.7")
+            await asyncio.sleep(1.0)
+            assert heard(client)
+
+    run(program())
+
+
+def test_the_operators_limits_hold() -> None:
+    """The Crab nebula is up, and lower than the operator wants it."""
+
+    async def program() -> None:
+        async with stage(config={"lowest": 80.0}) as own:
+            own.controller.astrometry.sky.load()
+            client = own.client()
+            client.tell(goto(*CRAB))
+            await asyncio.sleep(1.5)
+            assert not own.sim.slewing and heard(client)[-1].status == -1
+            assert "Goto: Object Below Lower Limit." in [word.text for word in own.wire_log.lately]
+
+    run(program())
+
+
+def test_the_dead_man_leaves_a_goto_alone() -> None:
+    """A program of this protocol says nothing after its goto."""
+
+    async def program() -> None:
+        async with stage(config={"dead_man": 2.0, "dead_man_closed": 1.0}) as own:
+            client, other = own.client(), own.client("192.0.2.7")
+            client.tell(goto(*CRAB))
+            await asyncio.sleep(4.0)
+            assert own.sim.slewing and heard(other)[-1].status == 0
+            client.close()
+            await asyncio.sleep(2.0)
+            assert own.sim.slewing
 
     run(program())
 

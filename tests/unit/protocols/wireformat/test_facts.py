@@ -43,14 +43,13 @@ def test_what_answers_do_from_one_time_to_the_next() -> None:
 
 
 def test_what_is_believed_as_it_comes() -> None:
-    lx200, nexstar = Lx200ReplyRules(), NexStarReplyRules()
-    assert (lx200.kind(Send("GW")), lx200.kind(Send("h?")), nexstar.kind(Send("p"))) == ("state", "state", "state")
-    assert (lx200.kind(Send("Gr", once=True)), lx200.kind(Send("gps", raw=True)), nexstar.kind(Send("K"))) == (
-        None,
-        None,
-        None,
-    )
-    assert (lx200.kind(Send("MS")), lx200.kind(Send("LM", raw=True)), nexstar.kind(Send("M"))) == (None, "state", None)
+    lx200, nexstar = Lx200ReplyRules().expected, NexStarReplyRules().expected
+    kinds = [
+        one.kind for one in (lx200(Send("GW")), lx200(Send("h?")), nexstar(Send("p")), lx200(Send("LM", raw=True)))
+    ]
+    assert kinds == ["state"] * 4
+    believed = (lx200(Send("Gr", once=True)), lx200(Send("gps", raw=True)), lx200(Send("MS")))
+    assert [one.kind for one in (*believed, nexstar(Send("K")), nexstar(Send("M")))] == [None] * 5
 
 
 def test_what_ends_motions() -> None:

@@ -107,7 +107,7 @@ def test_no_row_is_missing(client: str, mount: str) -> None:
 
 def test_a_missing_row_fails_the_check(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     kept = {name: row for name, row in load("lx200").surface.items() if name != "LM"}
-    monkeypatch.setattr(load("lx200"), "_surface", kept)
+    monkeypatch.setattr(load("lx200"), "surface", kept)
     assert command_tables.check() == 1
     assert "mappings/lx200/surface.toml: [LM]: nothing answers it on a nexstar mount" in capsys.readouterr().err
 
@@ -138,7 +138,7 @@ def test_the_table_of_one_mount() -> None:
 
 def test_a_row_that_one_old_version_lacks_fails_the_check(monkeypatch: pytest.MonkeyPatch) -> None:
     kept = {name: ways[:1] if name == "Sync" else ways for name, ways in load("nexstar").driver.items()}
-    monkeypatch.setattr(load("nexstar"), "_driver", kept)
+    monkeypatch.setattr(load("nexstar"), "driver", kept)
     assert command_outcomes.missing("lx200", "nexstar") == ["CL", "CM"]
 
 

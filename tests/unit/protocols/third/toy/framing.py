@@ -10,7 +10,7 @@ class Lines:
 
     def __init__(self) -> None:
         self._rest = b""
-        self.dropped = Dropped("no line")
+        self.dropped = Dropped()
 
     @property
     def idle(self) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from gateway.core.operations import Equatorial, Position
@@ -11,15 +10,13 @@ from gateway.protocols.base.spec import MadeSurface, ProtocolSpec, SurfaceSettin
 from gateway.protocols.wireformat.command_set import load
 
 if TYPE_CHECKING:
-    from gateway.protocols.base.frames import Framing
+    from gateway.protocols.base.frames import Framer
 
 
-def _framing(now: Callable[[], float]) -> Framing:
+def _framing() -> Framer:
     from gateway.protocols.toy.framing import Lines
 
-    from gateway.protocols.base.frames import Framing
-
-    return Framing(Lines(), now)
+    return Lines()
 
 
 def _make_surface(settings: SurfaceSettings) -> MadeSurface:

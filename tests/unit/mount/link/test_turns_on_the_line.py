@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import pytest
 
-from gateway.mount.link.scheduling import (
+from gateway.mount.link.queue import (
     AGED,
     AT_ONCE,
     IN_A_ROW,

@@ -1,0 +1,82 @@
+"""A connection that is played again: what it was told then and is told now, as far as they have not been compared."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from gateway.app.gateway import Gateway
+from gateway.app.recording.format import Event
+from gateway.core.errors import UserError
+from gateway.transport import ConnectionHandler
+
+#: What a connection was told in one piece, as far as it is shown.
+SHOWN = 24
+
+
+class Difference(NamedTuple):
+    """The first byte at which a client was told something else: what it received then, and now."""
+
+    client: str
+    at: float
+    then: bytes
+    now: bytes
+
+
+class Told:
+    """One connection; ``at`` is when it was told the last of ``then``."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.guest: ConnectionHandler | None = None
+        self.then, self.now = bytearray(), bytearray()
+        self.at = 0.0
+        self.difference: Difference | None = None
+
+    def come(self, gateway: Gateway, event: Event, name: str | None = None) -> None:
+        """Connect again as in a recorded event, under a ``name`` of its own if need be. Raises UserError."""
+        number, host = surface_and_host(event)
+        reception = gateway.receptions[number - 1]
+        self.guest = reception.come(name or self.name, host, self.now.extend)  # it was not turned away then
+        if gateway.endpoints[number - 1].where.startswith(("tcp://", "rfc2217://")):
+            self.guest.network(lambda last: None)  # a stranger's bytes are in no recording
+
+    def play(self, event: Event) -> None:
+        """Make what it did happen again; any other event is its end."""
+        assert self.guest is not None
+        if event.arrow == ">":
+            self.guest.feed(event.data)
+        elif event.arrow == "e":
+            self.guest.gone()
+        else:
+            self.guest.close()
+
+    def was_told(self, event: Event) -> None:
+        """A reply of then."""
+        self.then += event.data
+        self.at = event.at
+
+    def compare(self, less: bool = False, more: bool = False) -> None:
+        """Forget what is alike; once something is not, or ``less`` or ``more`` is told by the end, remember that."""
+        common = min(len(self.then), len(self.now))
+        if self.difference is None:
+            left = (less and len(self.then) > common) or (more and len(self.now) > common)
+            if left or self.then[:common] != self.now[:common]:
+                self.difference = Difference(self.name, self.at, bytes(self.then[:SHOWN]), bytes(self.now[:SHOWN]))
+            del self.then[:common], self.now[:common]
+        if self.difference is not None:
+            self.then.clear()
+            self.now.clear()
+
+
+def surface_and_host(event: Event) -> tuple[int, str]:
+    """Where a connection came in, and from which host. Raises UserError."""
+    found = re.fullmatch(r"surface (\d+), host (.*)", event.data.decode("latin-1"))
+    if found is None:
+        raise UserError(f"recording, {event.at:.6f} s: a connection without its surface and host")
+    return int(found.group(1)), found.group(2)
+
+
+def in_words(found: list[Difference]) -> list[str]:
+    """One line each."""
+    return [f"{item.at:.3f} s, {item.client}: then {item.then!r}, now {item.now!r}" for item in found]

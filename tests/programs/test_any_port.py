@@ -1,0 +1,97 @@
+"""Real programs of every protocol on one port: Hamlib, INDI's drivers, Stellarium, Chromium; and all at once."""
+
+from __future__ import annotations
+
+import pytest
+
+from . import scenario
+from .browser import Browser, Site
+from .hamlib import CELESTRON, MEADE, Rotator, terminal_to
+from .hand_control import HandControl
+from .meade import Meade
+from .processes import Workshop, requires, wait_until
+from .product import Endpoint, start_any_gateway, start_meade, start_simulator
+from .sky import NORTH, Spot, arcseconds
+from .stellarium import Planetarium
+from .tap import Tap
+from .telescope import Telescope
+from .test_browser import ATTACK, FETCH, FORM, QUESTIONS
+from .test_hamlib import turns_and_stops
+from .test_stellarium import NEAR, STAR, told
+
+LX200, NEXSTAR = ("indi_lx200autostar", "LX200 Autostar"), ("indi_celestron_gps", "Celestron GPS")
+
+
+def start(workshop: Workshop, mount: str) -> tuple[Endpoint, HandControl | Meade]:
+    """The port, and the mount behind it."""
+    if mount == "nexstar":
+        wire, truth = start_simulator(workshop, "nexstar:6-8se", NORTH, speed=4.0)
+        return start_any_gateway(workshop, wire, mount), truth
+    meade, seen = start_meade(workshop, "lx200gps", NORTH, speed=4.0)
+    return start_any_gateway(workshop, meade, mount), seen
+
+
+@pytest.mark.parametrize(("mount", "model"), [("nexstar", MEADE), ("lx200", CELESTRON)], ids=["meade", "celestron"])
+def test_hamlib(workshop: Workshop, mount: str, model: int) -> None:
+    """It opens terminals only; the connection behind this one is opened before Hamlib says anything."""
+    requires("rotctld", "socat")
+    surface, truth = start(workshop, mount)
+    turns_and_stops(Rotator(workshop, model, terminal_to(workshop, surface.port)), truth)
+
+
+@pytest.mark.parametrize(("mount", "driver"), [("nexstar", LX200), ("lx200", NEXSTAR)], ids=["lx200", "nexstar"])
+def test_indi(workshop: Workshop, mount: str, driver: tuple[str, str]) -> None:
+    requires("indiserver", driver[0])
+    surface, truth = start(workshop, mount)
+    telescope = Telescope(workshop, *driver, surface)
+    scenario.shows_position(telescope, truth)
+
+
+@pytest.mark.parametrize("mount", ["nexstar", "lx200"])
+def test_stellarium(workshop: Workshop, mount: str) -> None:
+    """It waits for the first word, and is told positions after three seconds; then its goto decides."""
+    requires("stellarium", "Xvfb", "xdotool")
+    surface, truth = start(workshop, mount)
+    Planetarium(workshop, surface.port, "Aldebaran", NORTH).slew()
+    wait_until("the slew", truth.goto_running, 20.0)
+    wait_until("arrival", lambda: not truth.goto_running(), 120.0)
+    wait_until("the position that is told", lambda: arcseconds(told(surface.port), STAR) < NEAR, 20.0)
+
+
+def test_a_browser_shows_the_console(workshop: Workshop) -> None:
+    requires("chromium")
+    surface, _ = start(workshop, "nexstar")
+    browser = Browser(workshop)
+    tab = browser.visit(f"http://127.0.0.1:{surface.port}/")
+    wait_until("the page tells what the mount does", lambda: browser.shows(tab)[1] == "Tracking · 6-8se", 30.0)
+
+
+def test_a_hostile_page_moves_nothing(workshop: Workshop) -> None:
+    """What it posts begins as HTTP does, so that all of it is HTTP's, and the console refuses it."""
+    requires("chromium")
+    wire, truth = start_simulator(workshop, "nexstar:cpc", NORTH)
+    tap = Tap(workshop, wire.port)
+    surface = start_any_gateway(workshop, Endpoint(wire.speaks, f"tcp://127.0.0.1:{tap.port}"), "nexstar")
+    pages = {"/fetch": FETCH % (surface.port, ATTACK), "/form": FORM % (surface.port, ATTACK)}
+    site, browser = Site(workshop, pages), Browser(workshop)
+    before = len(tap.heard)
+    browser.visit(f"{site.url}/fetch")
+    wait_until("the page has posted", lambda: "/done" in site.asked, 20.0)
+    tab = browser.visit(f"{site.url}/form")
+    wait_until("the form was answered", lambda: browser.shows(tab)[0] == f"http://127.0.0.1:{surface.port}/x", 20.0)
+    for piece in tap.heard[before:]:
+        assert QUESTIONS["nexstar"].fullmatch(piece), piece
+    assert not truth.goto_running()
+
+
+def test_all_at_once(workshop: Workshop) -> None:
+    """Two drivers, a browser and Stellarium's own protocol: each sees the mount, and a goto of one is every one's."""
+    requires("indiserver", LX200[0], NEXSTAR[0], "chromium")
+    surface, truth = start(workshop, "nexstar")
+    drivers = [Telescope(workshop, *driver, surface) for driver in (LX200, NEXSTAR)]
+    Browser(workshop).visit(f"http://127.0.0.1:{surface.port}/")
+    drivers[0].goto(Spot(STAR.ra, STAR.dec))
+    wait_until("arrival", lambda: not truth.goto_running(), 120.0)
+    for telescope in drivers:
+        scenario.shows_position(telescope, truth)
+    assert arcseconds(told(surface.port), truth.position()) < 2400.0, "in J2000"
