@@ -14,8 +14,11 @@ import os
 import shutil
 import tempfile
 import time
+from collections.abc import Coroutine
 from datetime import UTC, datetime
+from itertools import cycle
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 from PIL import Image
@@ -33,6 +36,8 @@ EVENING = datetime(2026, 1, 16, 19, 30, tzinfo=UTC).timestamp()
 SITE = (48.1, 11.6)
 PHONE, DESK = (390, 844), (1280, 800)
 LARGEST = 250_000
+#: The Crab nebula in the east, and a place in Pegasus in the west: the way from one to the other takes half a minute.
+GOALS = (b":Sr05:34:32#:Sd+22*00:52#:MS#", b":Sr23:05:00#:Sd+28*00:00#:MS#")
 TASKS: set[asyncio.Task[None]] = set()
 #: Name, size, the view, by night?
 SHOTS = (
@@ -69,10 +74,9 @@ async def main() -> None:
             async with async_playwright() as playwright:
                 where = os.environ.get("CHROMIUM") or shutil.which("chromium")
                 browser = await playwright.chromium.launch(executable_path=where, args=["--no-sandbox"])
-                for name, size, view, night in SHOTS:
-                    if name == "conversation":
-                        TASKS.add(asyncio.ensure_future(_talk(gateway)))
-                    await _shoot(browser, console, name, size, view, night)
+                for (name, size, view, night), goal in zip(SHOTS, cycle(GOALS), strict=False):
+                    busy = _talk(gateway) if name == "conversation" else _send(gateway, goal)
+                    await _shoot(browser, console, name, size, view, night, busy)
                 await browser.close()
         finally:
             await console.close()
@@ -80,11 +84,9 @@ async def main() -> None:
 
 
 async def _program(gateway: Gateway) -> None:
-    """Another program sends the mount on a way that takes a while, and polls it."""
+    """A program that polls the mount."""
     host, port = gateway.ports[0].where.removeprefix("tcp://").split(":")
     reader, writer = await asyncio.open_connection(host, int(port))
-    writer.write(b":Sr05:34:32#:Sd+22*00:52#:MS#")
-    await reader.readexactly(3)
 
     async def poll() -> None:
         while True:
@@ -94,7 +96,15 @@ async def _program(gateway: Gateway) -> None:
             await asyncio.sleep(0.7)
 
     TASKS.add(asyncio.ensure_future(poll()))
-    await asyncio.sleep(4.0)
+
+
+async def _send(gateway: Gateway, goal: bytes) -> None:
+    """Another program sends the mount on a way that takes a while."""
+    host, port = gateway.ports[0].where.removeprefix("tcp://").split(":")
+    reader, writer = await asyncio.open_connection(host, int(port))
+    writer.write(goal)
+    assert await reader.readexactly(3) == b"110", "the mount does not go there"
+    writer.close()
 
 
 async def _talk(gateway: Gateway) -> None:
@@ -106,14 +116,20 @@ async def _talk(gateway: Gateway) -> None:
         writer.write(command)
 
 
-async def _shoot(browser: Browser, console: Console, name: str, size: tuple[int, int], view: str, night: bool) -> None:
+async def _shoot(
+    browser: Browser, console: Console, name: str, size: tuple[int, int], view: str, night: bool,
+    busy: Coroutine[Any, Any, None],
+) -> None:  # fmt: skip
+    """Take a picture of a view seconds after something has begun."""
     page = await browser.new_page(viewport={"width": size[0], "height": size[1]}, device_scale_factor=1)
     await page.clock.set_system_time(EVENING + 15.0)
     mode = "night" if night else "day"
     kept = f"localStorage.setItem('light-mode', '{mode}'); localStorage.setItem('light-shown', '{mode}')"
     await page.add_init_script(kept)
     await page.goto(f"{console.where}#{view}")
-    await asyncio.sleep(7.0)
+    await asyncio.sleep(4.0)  # the sky is painted, and the line to the mount has been seen for a while
+    TASKS.add(asyncio.ensure_future(busy))
+    await asyncio.sleep(7.0 if view == "/talk" else 4.0)
     picture = Image.open(io.BytesIO(await page.screenshot())).convert("RGB")
     await page.close()
     PICTURES.mkdir(exist_ok=True)

@@ -102,6 +102,11 @@ class ClientConnection:
         self._take = self._on_line if lasting else self._listen if face.manners else client.feed
 
     @property
+    def protocol(self) -> str:
+        """What is spoken."""
+        return self._face.surface.protocol.name
+
+    @property
     def ended(self) -> bool:
         """Whether the last bytes did nothing but end motions without a reply."""
         return self.client.ended and not self._waiting

@@ -6,13 +6,16 @@ import asyncio
 from collections.abc import Sequence
 
 from gateway.app.gateway import Gateway
+from gateway.app.recording.format import unescape
+from gateway.clients.any_protocol.deciding import decide
+from gateway.clients.strangers import IDLE
 from gateway.console.gate import same_token
 from gateway.console.places import Unknown
 from gateway.console.recording import Recording
 from gateway.console.shown.publisher import Publisher
 from gateway.core.about import VERSION
 from gateway.core.operations import GetIdentity, Identity
-from gateway.protocols.registry import spoken
+from gateway.protocols.registry import ANY, PROTOCOLS, spoken
 from gateway.protocols.wireformat.command_set import load
 from gateway.system.own_commands import own_words
 
@@ -47,7 +50,7 @@ class Mounts:
 
     async def explain(self, gateway: Gateway, surface: str, command: str) -> tuple[bool, str]:
         """What ``explain`` says of a command on this mount: played in a process of its own, one at a time."""
-        face = spoken(surface or gateway.names()[0].partition("@")[0])[0]
+        face = _spoken(surface or gateway.names()[0].partition("@")[0], command)
         words = [*own_words(), "explain", "--", face, _called(gateway), command]
         async with self._explaining:
             process = await asyncio.create_subprocess_exec(
@@ -73,3 +76,12 @@ def _called(gateway: Gateway) -> str:
     if identity is not None and identity.model in load(at.protocol).models:
         model, version = model or identity.model, version or identity.version
     return at.protocol + (f":{model}" if model else "") + (f"/{version}" if model and version else "")
+
+
+def _spoken(surface: str, command: str) -> str:
+    """A surface as ``explain`` wants it; where every protocol is spoken, the one that the command belongs to."""
+    if surface != ANY:
+        return surface
+    sent = unescape(command).lstrip(IDLE)
+    verdict = decide(sent) if sent else None
+    return verdict.protocol if verdict is not None and verdict.protocol in PROTOCOLS else spoken(ANY)[0]

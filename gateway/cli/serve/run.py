@@ -16,6 +16,8 @@ Examples:
       NexStar programs, on other computers too, drive a Meade; every word of it is shown
   mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface lx200@pty:/tmp/lx200 --lowest 15
       a program that wants a serial port gets /tmp/lx200; nothing is pointed lower than 15 degrees
+  mount-gateway run --mount nexstar@/dev/ttyUSB0 --surface any@tcp://127.0.0.1:4040
+      programs of every protocol, and a browser, on one port
   mount-gateway run --config gateway.toml
       all that from a file: mount-gateway config --example prints one
 """

@@ -17,13 +17,14 @@ from gateway.console.shown.talk import Talk
 
 #: Seconds for which Sun, Moon and planets stay where they were; while some are missing; programs and what they said.
 BODIES_FRESH, BODIES_MISSING, PROGRAMS_FRESH = 10.0, 1.0, 1.0
-#: Programs that are told in one piece.
-AT_ONCE = 10
+#: Programs that are told in one piece; seconds between two pieces.
+AT_ONCE, TURN = 10, 0.001
 
 
 async def turn() -> None:
-    """Whoever else has something to do does it now."""
-    await asyncio.sleep(0)
+    """Whoever else has something to do does it now, with all that follows from it: a stop takes several turns of the
+    event loop to the mount's line, and is to meet one piece at the most."""
+    await asyncio.sleep(TURN)
 
 
 class ShownMount:

@@ -9,6 +9,7 @@ from gateway.app.gateway import Gateway
 from gateway.app.status import Rate
 from gateway.core.wire_log import Entry, show
 from gateway.diagnostics.log.printing import MOUNT
+from gateway.protocols.registry import ANY
 
 #: Sides whose last words are kept; bytes that are shown of them.
 MOST, SHOWN = 200, 40
@@ -45,7 +46,13 @@ class Programs:
             client, side = visit.client, visit.client.log.name
             rate = self._rates.setdefault(side, Rate()).per_second(now, self._counts.get(side, 0))
             yield {
-                "name": show(side.encode()), "surface": surface, "profile": visit.profile,
+                "name": show(side.encode()), "surface": _spoken(surface, visit.protocol), "profile": visit.profile,
                 "last": show(self._last.get(side, b"")[:SHOWN]), "rate": round(rate, 1),
                 "read_only": client.runner.rights.read_only,
             }  # fmt: skip
+
+
+def _spoken(surface: str, protocol: str) -> str:
+    """Where a program is connected; where every protocol is spoken, with the one that it speaks."""
+    what, at, where = surface.partition("@")
+    return f"{protocol}{at}{where}" if what == ANY else surface

@@ -1,8 +1,8 @@
 """Frames for everybody who looks: one task makes them, at most five times a second, and only while a page is open.
 
-A frame is made in pieces of a fraction of a millisecond, and one page after the other is told of it: programs and
-stops come between any two of them. A page that is not waiting for a frame, because its browser has not taken the last
-one, holds up nobody; when it looks again it finds the newest.
+A frame is made in pieces of about 0.1 ms, and one page after the other is told of it; between any two of them lies a
+millisecond in which programs are answered and stops go out. A page that is not waiting for a frame, because its browser
+has not taken the last one, holds up nobody; when it looks again it finds the newest.
 """
 
 from __future__ import annotations

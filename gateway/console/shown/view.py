@@ -26,18 +26,21 @@ BODIES = ("Sun", "Moon", "Mercury", "Venus", "Mars", "Jupiter", "Saturn", "Uranu
 
 
 def parts(gateway: Gateway, index: int) -> Iterator[dict[str, Any]]:
-    """Everything but the line's pulse, the programs and the bodies of the sky; a part takes a fraction of a ms."""
+    """Everything but the line's pulse, the programs and the bodies of the sky; each part takes about 0.1 ms."""
     controller = gateway.controller
     assert controller is not None
     state = gather(controller, gateway.config.name or "", str(gateway.mount), ())
-    look, snapshot = state.look, controller.cache
-    status: op.Status | None = snapshot.value(op.GetStatus)
+    look = state.look
+    yield {}  # to gather is a piece of work by itself
     here = None if look.position is None else place(controller, look.position)
+    yield {"position": here and {**here, "age": round(look.age, 1)}}
+    snapshot = controller.cache
+    status: op.Status | None = snapshot.value(op.GetStatus)
     yield {
         "index": index, "name": look.name, "at": state.mount, "found": state.found, "product": state.product,
         "model": state.model, "version": state.version, "state": look.state, "reason": look.reason,
-        "does": does(look), "position": here and {**here, "age": round(look.age, 1)},
-        "pier": snapshot.value(op.PierSide) or "", "tracking": status.tracking.value if status else "",
+        "does": does(look), "pier": snapshot.value(op.PierSide) or "",
+        "tracking": status.tracking.value if status else "",
         "tracks": status is not None and status.tracking is not op.Tracking.OFF,
         "aligned": status.aligned if status else None, "equatorial": status.equatorial if status else None,
         "german": controller.driver.german, "slewing": look.slewing, "by_hand": look.by_hand, "asleep": look.asleep,

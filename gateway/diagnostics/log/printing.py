@@ -76,6 +76,9 @@ class Rows:
         if entry.arrow not in "<>x":
             return Heard(entry.data, ", ".join(filter(None, (EVENTS.get(entry.arrow, ""), _plain(entry.note)))))
         side = self._sides.get(entry.side)
+        if side is None and entry.arrow == "<" and entry.side != MOUNT:
+            # A program that was here before: its next command tells its protocol.
+            return Heard(entry.data, _plain(entry.note), fails=bool(entry.note))
         if side is None:
             protocol = self._mount if entry.side == MOUNT else guess(entry.data) or self._mount
             side = self._sides[entry.side] = self._new(protocol)

@@ -42,7 +42,10 @@ def test_find_and_go(console: Console, visit: Callable[..., Visit]) -> None:
     page.page.click("#go")
     page.until("it slews", lambda: page.does("Slewing"))
     page.until("the mount itself goes", lambda: console.moved_from(start))
-    page.until("it says where to", lambda: "It goes to 04:3" in page.text("#notices"))
+    page.until("it says where to", lambda: page.text("#notices") == "It goes to Aldebaran.")
+    page.until("and that it goes there already", lambda: page.text("#go") == "On its way…")
+    page.page.click("#stop")
+    page.until("which it does no longer", lambda: page.text("#go") == "Go there")
 
 
 def test_a_star_that_is_tapped(visit: Callable[..., Visit]) -> None:

@@ -58,6 +58,11 @@ def test_a_question_a_refusal_and_suggestions_are_red(visit: Callable[..., Visit
 def test_by_itself_it_is_red_while_the_sun_is_low(visit: Callable[..., Visit]) -> None:
     page = visit(light_mode="auto", light_shown="day")  # it is night at the simulated mount
     page.until("it is red", lambda: page.page.evaluate("document.documentElement.dataset.light") == "night")
+    page.until("and says why", lambda: page.text("#notices").startswith("Red while the Sun is down"))
+    page.page.reload()
+    page.until("the page is there again", lambda: page.text("#name").startswith("Celestron"))
+    page.page.wait_for_timeout(300)
+    assert page.text("#notices") == "", "it is said once"
     page.page.click("#light")
     assert page.page.evaluate("[document.documentElement.dataset.light, localStorage.getItem('light-mode')]") == [
         "day",

@@ -147,3 +147,16 @@ def test_unknown_bytes_are_bytes() -> None:
     side = Side("lx200", *speech("lx200"))
     assert side.command(b":XX#").words == "no command of the lx200 protocol"
     assert side.reply(b"\xffwhat").words == ""
+
+
+def test_a_reply_tells_nothing_of_the_protocol_of_a_program_that_was_here_before() -> None:
+    """The log may begin between a command and its reply; the next command is understood all the same."""
+    rows, side = Rows("nexstar", ["lx200"], speech), "1.2.3.4:5"
+    entries = [
+        Entry(0.0, side, "<", b"-10*19:29#"),
+        Entry(1.0, side, ">", b":GD#"),
+        Entry(1.1, side, "<", b"+01*00:00#"),
+    ]
+    shown = [row for entry in entries for row in rows.take(entry)]
+    assert [row.kind for row in shown] == ["program"] * 3
+    assert [row.words.partition(" ")[0] for row in shown] == ["", "declination", "GD:"]

@@ -52,7 +52,21 @@ export function forget() {
 }
 
 async function go() {
-  answered(await ask({ do: "goto", ...aim() }));
+  if (onItsWay()) return;
+  const name = chosen.found.name;
+  const answer = await ask({ do: "goto", ...aim() });
+  answered(answer.ok && name ? { ...answer, words: `It goes to ${name}` } : answer);
+}
+
+/** Degrees within which a goto leads to the chosen place. */
+const SAME = 0.05;
+
+/** Whether the telescope is going there already. */
+function onItsWay() {
+  const seen = mount(), found = chosen?.found;
+  if (!seen?.slewing || !found || seen.target?.ra2000 == null) return false;
+  const aside = ((seen.target.ra2000 - found.ra2000 + 540) % 360) - 180;
+  return Math.hypot(aside * Math.cos((found.dec2000 * Math.PI) / 180), seen.target.dec2000 - found.dec2000) < SAME;
 }
 
 export async function sync() {
@@ -78,7 +92,7 @@ const kindOf = (found) =>
   [found.kind, Number.isFinite(found.magnitude) ? `magnitude ${found.magnitude.toFixed(1)}` : ""].filter(Boolean).join(", ");
 
 function card(found) {
-  const may = state.act && found.may;
+  const may = state.act && found.may, going = onItsWay();
   const [event, when] = nextEvent(found);
   return [
     el("header", {},
@@ -90,14 +104,14 @@ function card(found) {
       el("div", {}, el("dt", {}, event), el("dd", {}, when))),
     found.may ? null : el("p", { class: "why" }, found.why),
     el("div", { class: "buttons" },
-      button("Go there", go, { class: "primary", id: "go", disabled: !may }),
+      button(going ? "On its way…" : "Go there", go, { class: "primary", id: "go", disabled: !may, "aria-disabled": String(going) }),
       button("Sync here…", sync, { id: "sync", disabled: !state.act })),
   ].filter(Boolean);
 }
 
 function draw() {
   const box = byId("place");
-  const key = JSON.stringify([chosen?.found ?? null, state.act]);
+  const key = JSON.stringify([chosen?.found ?? null, state.act, onItsWay()]);
   if (key === drawn) return;
   drawn = key;
   // The focus stays on the button that has it when the figures are renewed.

@@ -3,11 +3,13 @@
 
 import { byId } from "../core/dom.js";
 import { mount, subscribe } from "../core/store.js";
+import { notice } from "./notices.js";
 
 const DUSK = -6;
 const root = document.documentElement;
 const listeners = [];
 let mode = remembered("light-mode") ?? "auto";
+let explained = remembered("light-explained") !== null;
 
 function remembered(key) {
   try {
@@ -71,7 +73,17 @@ export function setStep(step) {
 
 function follow() {
   const sun = sunAltitude();
-  if (mode === "auto" && sun !== null) show(sun < DUSK);
+  if (mode !== "auto" || sun === null) return;
+  show(sun < DUSK);
+  if (sun < DUSK) explain();
+}
+
+/** Said once in every browser: who has not met it takes a red page for a fault. */
+function explain() {
+  if (explained) return;
+  explained = true;
+  remember("light-explained", "1");
+  notice("Red while the Sun is down at the mount; the button beside this changes it.");
 }
 
 export function start() {

@@ -4,7 +4,8 @@
 import { button, byId, el } from "../core/dom.js";
 import { sentence } from "../core/format.js";
 
-const GONE = 4000;
+/** Milliseconds after which it goes, and how many a word takes to be read where that is longer. */
+const GONE = 4000, WORD = 400;
 let timer = 0;
 
 /** @param {string} words @param {"done"|"refused"} [kind] */
@@ -14,7 +15,7 @@ export function notice(words, kind = "done") {
   if (!words) return box.replaceChildren();
   const close = kind === "refused" ? button("Close", () => box.replaceChildren(), { class: "quiet" }) : null;
   box.replaceChildren(el("div", { class: `notice ${kind}` }, el("p", {}, sentence(words)), close));
-  if (kind === "done") timer = setTimeout(() => box.replaceChildren(), GONE);
+  if (kind === "done") timer = setTimeout(() => box.replaceChildren(), Math.max(GONE, words.split(" ").length * WORD));
 }
 
 /** Show the answer to a request; returns it. */

@@ -1,0 +1,36 @@
+"""A port for every protocol, as the console shows it: each program with what it speaks, each command as whose it is."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from gateway.console.mounts import _spoken
+from gateway.console.shown.programs import Programs
+from gateway.diagnostics.virtual_time import run
+from tests.support.any_port import AnyBridge
+
+
+def test_programs_are_shown_with_what_they_speak() -> None:
+    async def program() -> None:
+        async with AnyBridge() as bridge:
+            gateway: Any = SimpleNamespace(names=lambda: ["any@tcp://127.0.0.1:4040"], receptions=[bridge.any])
+            shown = Programs(gateway)
+            bridge.wire_log.sinks.append(shown.put)
+            assert list(shown.told(0.0)) == []
+            for said in (b":GR#", b"e"):
+                await bridge.call().ask(said)
+            told = sorted((one["surface"], one["last"]) for one in shown.told(1.0))
+            assert told == [("lx200@tcp://127.0.0.1:4040", ":GR#"), ("nexstar@tcp://127.0.0.1:4040", "e")]
+
+    run(program())
+
+
+@pytest.mark.parametrize(("surface", "command", "face"), [
+    ("any", ":GR#", "lx200"), ("any", "E", "nexstar"), ("any", "\\x06", "lx200"), ("any", "", "lx200"),
+    ("any", "GET / HTTP/1.1", "lx200"), ("nexstar:cpc", ":GR#", "nexstar:cpc"),
+])  # fmt: skip
+def test_a_command_is_explained_as_the_protocols_that_has_it(surface: str, command: str, face: str) -> None:
+    assert _spoken(surface, command) == face
