@@ -15,6 +15,7 @@ from gateway.clients.access import Access, networks
 from gateway.clients.any_protocol.acceptor import AnyAcceptor
 from gateway.clients.any_protocol.web import Web
 from gateway.clients.equinox import J2000
+from gateway.clients.late import LateAcceptor
 from gateway.clients.profiles import ClientProfile, SurfaceBinding
 from gateway.core.errors import UserError
 from gateway.mount.controller import MountController
@@ -28,8 +29,9 @@ from gateway.protocols.base.spec import DriverSettings, MadeDriver, SurfaceSetti
 from gateway.protocols.registry import ANY, PROTOCOLS, mounts, spoken, surfaces
 from gateway.transport import Listener, open_port
 from gateway.transport.handler import Arrive
+from gateway.transport.listening import SERVED
 from gateway.transport.tcp import exposed
-from gateway.transport.web_port import WebDevice
+from gateway.transport.web_port import Elsewhere, WebDevice
 from gateway.transport.wires import SerialTransport, Transport
 
 Cutting = Callable[[], Framer]
@@ -85,16 +87,22 @@ def make_surface(endpoint: Endpoint, config: SurfaceConfig, limits: Limits) -> S
     )
 
 
-async def open_surface(endpoint: Endpoint, baud: int | None, arrive: Arrive, title: str, mount: str) -> Listener:
+async def open_surface(endpoint: Endpoint, baud: int | None, arrive: Arrive, title: str) -> Listener:
     """The port of a surface; programs that speak HTTP are told the mount by its ``title``. Raises UserError."""
     spec = PROTOCOLS.get(endpoint.protocol)
+    if endpoint.where == SERVED:
+        return Elsewhere()
     if spec is None or spec.web is None:
         return await open_port(endpoint.where, arrive, baud)
-    return await spec.web().open_port(endpoint.where, WebDevice(arrive, title, mount))
+    return await spec.web().open_port(endpoint.where, WebDevice(arrive, title))
 
 
 def _nobody(words: str) -> None:
     """Which type was chosen in a program does not matter where every protocol is spoken: nobody is told."""
+
+
+#: What accepts the connections of a surface.
+Acceptor = ConnectionAcceptor | AnyAcceptor | LateAcceptor
 
 
 class Acceptors:
@@ -121,8 +129,11 @@ class Acceptors:
         self.faces: list[tuple[str, SurfaceBinding]] = []
         self.own: list[SurfaceBinding] = []
 
-    def make(self, number: int, endpoint: Endpoint, surface: SurfaceConfig) -> ConnectionAcceptor | AnyAcceptor:
+    def make(self, number: int, endpoint: Endpoint, surface: SurfaceConfig) -> Acceptor:
         """For a surface, counted from 1. Raises UserError."""
+        if endpoint.where == SERVED:
+            entry = access(surface, self._config)
+            return LateAcceptor(number, entry, lambda: self._one(number, endpoint, surface, self._warn))
         if endpoint.protocol != ANY:
             return self._one(number, endpoint, surface, self._warn)
         speaking, titles = {}, ", ".join(PROTOCOLS[name].title for name in spoken(ANY))

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from gateway.app.bindings import (
+    Acceptor,
     Acceptors,
     check_pair,
     exposure,
@@ -29,8 +30,6 @@ from gateway.app.state.mount_claim import MountClaim
 from gateway.app.state.store import PreviousRun, StateStore, recall, selected_site
 from gateway.app.watchdog import Watchdog, WatchedMount
 from gateway.astro.ephemeris.sky import Sky
-from gateway.clients.acceptor import ConnectionAcceptor
-from gateway.clients.any_protocol.acceptor import AnyAcceptor
 from gateway.clients.any_protocol.web import Web
 from gateway.clients.profiles import SurfaceBinding
 from gateway.core import operations as op
@@ -44,6 +43,8 @@ from gateway.protocols.base.reply_rules import ReplyRules
 from gateway.protocols.base.session import Shared
 from gateway.system.runtime_folders import folders
 from gateway.transport import Listener
+from gateway.transport.listening import SERVED
+from gateway.transport.web_port import WebDevice
 from gateway.transport.wires import on_the_wire
 
 
@@ -72,7 +73,7 @@ class Gateway:
         self.mount = parse_endpoint(config.at)
         self.endpoints = [parse_endpoint(surface.at) for surface in surfaces]
         check_pair(self.mount, self.endpoints)
-        self.receptions: list[ConnectionAcceptor | AnyAcceptor] = []
+        self.receptions: list[Acceptor] = []
         self.ports: list[Listener] = []
         self.faces: list[tuple[str, SurfaceBinding]] = []
         #: What speaks HTTP where every protocol is spoken.
@@ -106,7 +107,7 @@ class Gateway:
         for endpoint, surface, reception in zip(self.endpoints, self.surfaces, self.receptions, strict=True):
             try:
                 arrive = self.entrance.arrive(reception)
-                self.ports.append(await open_surface(endpoint, surface.baud, arrive, self.title, str(self.mount)))
+                self.ports.append(await open_surface(endpoint, surface.baud, arrive, self.title))
             except UserError:
                 await self.close()
                 raise
@@ -237,7 +238,16 @@ class Gateway:
         return [
             f"{shown(endpoint.protocol, reception.model)}@{port.where}{name}"
             for endpoint, reception, port in zip(self.endpoints, self.receptions, self.ports, strict=True)
+            if port.where != SERVED
         ]
+
+    def served(self) -> dict[str, WebDevice]:
+        """What a web server of somebody else's is to serve, by protocol."""
+        return {
+            endpoint.protocol: WebDevice(self.entrance.arrive(reception), self.title)
+            for endpoint, reception in zip(self.endpoints, self.receptions, strict=True)
+            if endpoint.where == SERVED
+        }
 
     @property
     def title(self) -> str:

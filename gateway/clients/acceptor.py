@@ -77,7 +77,7 @@ class ConnectionAcceptor:
         face = self.face
         session = face.surface.session(face.model, face.settings, self.clock, self.shared)
         at, kept = self._left.get(host, (-1e9, session.kept))
-        if self.controller.now() - at <= INHERIT_FOR:
+        if session.inherits and self.controller.now() - at <= INHERIT_FOR:
             session.kept = copy(kept)
         client = CommandProcessor(
             name,

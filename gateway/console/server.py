@@ -23,6 +23,7 @@ from gateway.console import gate
 from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
 from gateway.diagnostics.metrics.exposition import Metrics, missing
+from gateway.protocols.registry import PROTOCOLS
 
 PAGE = Path(__file__).parent / "page"
 #: What the page consists of, by ending.
@@ -49,6 +50,7 @@ class Console:
         self._metrics = Metrics(gateways)
         self._pages: set[asyncio.Task[Any]] = set()
         self._runner: web.AppRunner | None = None
+        self._served: list[Callable[[], None]] = []
         self.host, self.port = "", 0
 
     @property
@@ -62,6 +64,7 @@ class Console:
     async def open(self, host: str, port: int, others: int = OTHERS) -> None:
         """Listen on a port, or on the next free one of ``others``. Raises OSError."""
         app = web.Application(middlewares=[self._gate()], client_max_size=1024)
+        self._served = self._serve_programs(app)
         app.add_routes([
             web.get("/", self._index), web.get("/socket", self._socket), web.get("/metrics", self._figures),
             web.get("/recording/{mount}/{name}", self._recording), web.get("/{path:.+}", self._file),
@@ -80,6 +83,15 @@ class Console:
         assert site._server is not None
         self.host, self.port = host, int(site._server.sockets[0].getsockname()[1])  # type: ignore[attr-defined]
 
+    def _serve_programs(self, app: web.Application) -> list[Callable[[], None]]:
+        """Programs that speak HTTP are answered at the same port -> what ends that."""
+        served = [gateway.served() for gateway in self._mounts.gateways]
+        return [
+            spec.web().add_routes(app, [one[name] for one in served], self._names, self._acts)
+            for name, spec in PROTOCOLS.items()
+            if spec.web is not None and all(name in one for one in served)
+        ]
+
     def serve(self, transport: asyncio.Transport, data: bytes) -> None:
         """Take over a connection that came in elsewhere, and of which these bytes have been read."""
         assert self._runner is not None and self._runner.server is not None
@@ -94,6 +106,8 @@ class Console:
             task.cancel()
         if self._pages:
             await asyncio.wait(self._pages, timeout=1.0)
+        for end in self._served:
+            end()
         if self._runner is not None:
             await self._runner.cleanup()
             self._runner = None

@@ -11,6 +11,8 @@ from gateway.core.errors import UserError
 
 #: Connections that may wait to be accepted: programs that open one per command come in crowds.
 BACKLOG = 512
+#: In the place of an address: what is spoken over HTTP is served by the web server of somebody else.
+SERVED = "web"
 
 
 async def listen(where: str, make: Callable[[], asyncio.BaseProtocol]) -> tuple[asyncio.Server, str]:
@@ -64,6 +66,11 @@ def split_address(where: str) -> tuple[str, int]:
     if not colon or not decimal or (":" in host and not (host.startswith("[") and host.endswith("]"))):
         raise UserError(f"{where}: write {scheme}://HOST:PORT, for example {scheme}://127.0.0.1:4030")
     return host.strip("[]") or "127.0.0.1", int(number)
+
+
+def networked(where: str) -> bool:
+    """Whether whoever comes in there comes over a network."""
+    return where.startswith(("tcp://", "rfc2217://")) or where == SERVED
 
 
 def in_brackets(host: str) -> str:

@@ -14,7 +14,7 @@ from typing import Any, Protocol, cast
 from msgspec import Struct
 
 from gateway.transport.handler import Arrive, Listener
-from gateway.transport.listening import listen
+from gateway.transport.listening import SERVED, listen
 
 #: Bytes of one connection that are kept until the server is there; no honest request is longer.
 MOST = 16384
@@ -63,6 +63,15 @@ class WebPort:
                 await (await self._loading).close()
 
 
+class Elsewhere:
+    """Open as long as that web server is."""
+
+    where = SERVED
+
+    async def close(self) -> None:
+        """It is not ours."""
+
+
 class _Waiting(asyncio.Protocol):
     """A connection that came before the server was loaded."""
 
@@ -99,11 +108,10 @@ class _Waiting(asyncio.Protocol):
 
 
 class WebDevice(Struct, frozen=True):
-    """One mount that is offered: how lines of its programs come in, what it is called, and its lasting ``key``."""
+    """One mount that is offered: how lines of its programs come in, and what it is called, now and later."""
 
     arrive: Arrive
     title: str
-    key: str
 
 
 class Web(Protocol):
@@ -112,5 +120,12 @@ class Web(Protocol):
     async def open_port(self, where: str, device: WebDevice, names: Sequence[str] = ()) -> Listener:
         """A port of its own. ``names`` are further names by which programs may call this computer. Raises UserError."""
 
-    def add_routes(self, app: Any, devices: Sequence[WebDevice], names: Sequence[str] = ()) -> Callable[[], None]:
-        """Serve the devices as a part of an aiohttp application -> what ends that."""
+    def add_routes(
+        self, app: Any, devices: Sequence[WebDevice], names: Sequence[str], may_act: Callable[[Any], bool]
+    ) -> Callable[[], None]:
+        """Serve the devices as a part of an aiohttp application -> what ends that. ``may_act`` tells of a request
+        whether it may do more than look and stop.
+        """
+
+    async def answer_discovery(self, places: Sequence[tuple[str, int]]) -> Callable[[], None]:
+        """Let programs find these addresses and ports -> what ends that. Raises OSError."""

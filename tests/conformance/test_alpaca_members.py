@@ -77,7 +77,7 @@ MOUNTS: dict[tuple[str, str], dict[str, Any]] = {
     },
     ("lx200gps", "lx200"): {
         "alignmentmode": FORK, "sideofpier": -1, "canpark": True, "cansettracking": True, "canslewaltaz": True,
-        "trackingrates": [0], "cansetguiderates": True, "canfindhome": True, "canpulseguide": True,
+        "trackingrates": [0, 1, 2], "cansetguiderates": True, "canfindhome": True, "canpulseguide": True,
     },
 }  # fmt: skip
 TYPES: dict[str, tuple[type, ...]] = {

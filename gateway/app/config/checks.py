@@ -84,6 +84,11 @@ def _endpoints(config: Config) -> Iterator[Mistake]:
             if meant := right(where, place[0] == "surface"):
                 yield Mistake(place, f"{at}: write {at.partition('@')[0]}@{meant}")
                 continue
+            spec = PROTOCOLS.get(parse_endpoint(at).protocol)
+            if place[0] == "surface" and spec is not None and spec.web is not None and not where.startswith("tcp://"):
+                words = f"{at}: {spec.title} is spoken over HTTP; write {spec.name}@tcp://127.0.0.1:{spec.usual_port}"
+                yield Mistake(place, words)
+                continue
             if place[0] == "surface" and where.startswith(_LISTENING):
                 from gateway.transport.tcp import split_address
 

@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from gateway.app.discovery.mdns import Publisher, publish
 from gateway.app.discovery.offer import Offer, offered
 from gateway.app.discovery.skyfi import PORT, answer_skyfi
+from gateway.protocols.registry import PROTOCOLS
 from gateway.system.own_commands import how_to_add
 
 __all__ = ["Announcement", "Offer", "offered"]
@@ -25,17 +26,31 @@ class Announcement:
     def __init__(self, warn: Callable[[str], object], note: Callable[[str], object]) -> None:
         self._warn, self._note = warn, note
         self._skyfi: asyncio.DatagramTransport | None = None
+        #: What ends the answers to programs that look for servers.
+        self._found: list[Callable[[], None]] = []
         self._publishing: asyncio.Task[None] | None = None
         self._publisher: Publisher | None = None
 
     async def answer(self, offers: Sequence[Offer], host: str = "0.0.0.0", port: int = PORT) -> None:
         """Answer SkySafari's question for a SkyFi from now on, if there is anything to find."""
+        offers = [offer for offer in offers if offer.protocol not in PROTOCOLS or PROTOCOLS[offer.protocol].web is None]
         if not any(offer.reached_by_ipv4 for offer in offers):
             return
         try:
             self._skyfi = await answer_skyfi(offers, host, port)
         except OSError as error:
             self._warn(f"SkySafari will not find this gateway by itself: UDP port {port}: {error.strerror or error}")
+
+    async def let_find(self, offers: Sequence[Offer]) -> None:
+        """Answer the questions of programs that look for servers of theirs, of every protocol that has such a way."""
+        for name, spec in PROTOCOLS.items():
+            places = [(offer.host, offer.port) for offer in offers if offer.protocol == name]
+            if spec.web is None or not places:
+                continue
+            try:
+                self._found.append(await spec.web().answer_discovery(places))
+            except OSError as error:
+                self._warn(f"{spec.title} programs will not find this gateway by themselves: {error.strerror or error}")
 
     @property
     def skyfi_port(self) -> int:
@@ -58,6 +73,8 @@ class Announcement:
 
     async def close(self) -> None:
         """Take everything back."""
+        for end in self._found:
+            end()
         if self._skyfi is not None:
             self._skyfi.close()
         if self._publishing is not None:

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from gateway.app.config import Config
+from gateway.app.config import Config, MountConfig, SurfaceConfig
 from gateway.app.config.sections.console import ConsoleConfig
 from gateway.cli.serve.live import Screen
-from gateway.protocols.registry import ANY
+from gateway.protocols.registry import ANY, PROTOCOLS
+from gateway.transport.listening import SERVED
 
 if TYPE_CHECKING:
     from gateway.app.discovery import Offer
@@ -40,6 +41,19 @@ async def open_console(config: Config, gateways: Sequence[Gateway], screen: Scre
     for line in from_elsewhere(page):
         screen.say(line)
     return page
+
+
+def answered_there(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
+    """The surfaces of programs that speak HTTP, which the console's server answers by the console's rules."""
+    page = config.page
+    if page is None:
+        return []
+    looks = page.read_only if page.pin is None else True
+    return [
+        SurfaceConfig(at=f"{name}@{SERVED}", mount=mount.name, allow=page.allow, read_only=looks)
+        for name, spec in PROTOCOLS.items()
+        if spec.web is not None
+    ]
 
 
 def _doors(gateways: Sequence[Gateway]) -> dict[int, Access]:
@@ -74,6 +88,14 @@ def offer(page: Console) -> Offer:
     from gateway.app.discovery.offer import Offer
 
     return Offer("http", "mount-gateway", "tcp", page.host, page.port)
+
+
+def to_be_found(page: Console | None) -> list[Offer]:
+    """The same server as programs that speak HTTP look for it."""
+    from gateway.app.discovery.offer import Offer
+
+    speaking = [name for name, spec in PROTOCOLS.items() if spec.web is not None]
+    return [Offer(name, "", "tcp", one.host, one.port) for one in announced(page) for name in speaking]
 
 
 def announced(page: Console | None) -> list[Offer]:

@@ -16,10 +16,10 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.app.config import Config, MountConfig, parse_endpoint
+from gateway.app.config import Config, MountConfig, SurfaceConfig, parse_endpoint
 from gateway.app.recording.turns import TurnLoop
 from gateway.cli.serve.broker import let_in, open_broker
-from gateway.cli.serve.console import announced, open_console
+from gateway.cli.serve.console import announced, answered_there, open_console, to_be_found
 from gateway.cli.serve.finding import serve
 from gateway.cli.serve.live import Screen, find_terminal, look_on
 from gateway.cli.serve.signals import before_suspension, until_signal
@@ -87,9 +87,11 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
     web = Web(asyncio.get_running_loop().call_later) if config.page is not None else Web()
     announcement = Announcement(screen.warn, lambda text: gateways[0].wire_log.note("mount", text))
 
+    def surfaces() -> list[Offer]:
+        return offered(name for gateway in gateways for name in gateway.names()) if config.discovery else []
+
     def offers() -> list[Offer]:
-        names = [name for gateway in gateways for name in gateway.names()] if config.discovery else []
-        return [offer for offer in offered(names) if offer.wide]
+        return [offer for offer in surfaces() if offer.wide]
 
     if words := make_room(_programs(config), len(config.mount) + len(config.surface)):
         screen.warn(words)
@@ -98,7 +100,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         if config.log:
             wire_log.sinks.append(_log(config, mount))
         clock = _host_clock() if mount.record else time.time
-        gateways.append(Gateway(mount, config.of(mount), wire_log, sky, clock, screen.warn, watchdog))
+        gateways.append(Gateway(mount, _surfaces(config, mount), wire_log, sky, clock, screen.warn, watchdog))
         gateways[-1].web = web
         gateways[-1].remember()
         if mount.record:
@@ -146,6 +148,8 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
             else:
                 web.close()
         pages = announced(console) if config.discovery else []
+        if config.discovery:
+            await announcement.let_find([*surfaces(), *to_be_found(console)])
         announcement.publish([*offers(), *pages])  # by now it is known which model fits the mount
         await done.wait()
     finally:
@@ -210,12 +214,17 @@ def _part(gateway: Gateway, moved: bool, screen: Screen, several: bool) -> None:
         (screen.warn if said.warns else screen.say)(f"{gateway.title}: " * several + said.text)
 
 
+def _surfaces(config: Config, mount: MountConfig) -> list[SurfaceConfig]:
+    """Where programs reach a mount, numbered in this order."""
+    return [*config.of(mount), *answered_there(config, mount)]
+
+
 def _log(config: Config, mount: MountConfig) -> Sink:
     """What shows the conversation of one mount, or as much of it as is asked for."""
     from gateway.app.bindings import speech
     from gateway.diagnostics.log.printing import Rows, printer
 
-    surfaces = [parse_endpoint(surface.at).protocol for surface in config.of(mount)]
+    surfaces = [parse_endpoint(surface.at).protocol for surface in _surfaces(config, mount)]
     rows = Rows(parse_endpoint(mount.at).protocol, surfaces, speech, as_json.kept(config.log), mount.name or "")
     if as_json.wanted(config.log):
         return as_json.json_printer(rows, sys.stderr, mount.name or mount.at)

@@ -105,8 +105,14 @@ def traits(face: Endpoint, command: Command) -> frozenset[str]:
 
 def before(face: Endpoint, row: SurfaceRow) -> Before:
     """What a program has said before this command, and what just before."""
-    after = (*PROTOCOLS[face.protocol].target, *row.after)
+    spec = PROTOCOLS[face.protocol]
+    after = (*spec.hello, *spec.target, *row.after)
     return Before(tuple(map(unescape, after)), tuple(map(unescape, row.during)))
+
+
+def greeted(face: Endpoint) -> Before:
+    """What a program has said before it is answered anything."""
+    return Before(tuple(map(unescape, PROTOCOLS[face.protocol].hello)))
 
 
 def play_one(face: Endpoint, mount: Endpoint, frame: bytes, row: SurfaceRow | None) -> tuple[Play, str]:

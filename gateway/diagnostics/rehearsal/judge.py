@@ -157,4 +157,7 @@ def _has_no(command: Command, surface: Surface, frame: bytes) -> bool:
 def is_no(command: Command, reply: bytes, surface: Surface, frame: bytes) -> bool:
     """Whether a reply says no."""
     forms = [form for answer, form in command.replies if answer.fault]
-    return bool(reply) and (any(form.matcher.fullmatch(reply) for form in forms) or reply == _no_form(surface, frame))
+    if not reply:
+        return False
+    told = any(form.matcher.fullmatch(reply) for form in forms) or surface.denies(reply)
+    return told or reply == _no_form(surface, frame)

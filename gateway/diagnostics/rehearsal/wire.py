@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 from gateway.app.config import Endpoint
 from gateway.diagnostics.command_outcomes import Kind, versions
-from gateway.diagnostics.rehearsal.explain import before, counted, sky, traits
+from gateway.diagnostics.rehearsal.explain import before, counted, greeted, sky, traits
 from gateway.diagnostics.rehearsal.judge import Case, differences, writes
-from gateway.diagnostics.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Before, Play, Player, stage
+from gateway.diagnostics.rehearsal.play import GLANCE, WATCHED, WATCHED_SETTING, Play, Player, stage
 from gateway.diagnostics.rehearsal.samples import example
 from gateway.diagnostics.rehearsal.stage import Stage
 from gateway.diagnostics.virtual_time import run
@@ -125,7 +125,7 @@ async def _one(
     row = protocol.surface.get(command.name)
     frame = example(command)
     own: Stage = player.stage
-    said = before(pair.face, row) if row is not None and _alone(row) else Before()
+    said = before(pair.face, row) if row is not None and _alone(row) else greeted(pair.face)
     play: Play = await player.play(frame, said, watched)
     asked = frozenset(found[0].name for data in own.sent() if (found := driven.find(data)) is not None)
     surface = own.face.surface

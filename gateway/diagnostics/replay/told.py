@@ -9,6 +9,7 @@ from gateway.app.gateway import Gateway
 from gateway.app.recording.format import Event
 from gateway.core.errors import UserError
 from gateway.transport import ConnectionHandler
+from gateway.transport.listening import networked
 
 #: What a connection was told in one piece, as far as it is shown.
 SHOWN = 24
@@ -38,7 +39,7 @@ class Told:
         number, host = surface_and_host(event)
         reception = gateway.receptions[number - 1]
         self.guest = reception.come(name or self.name, host, self.now.extend)  # it was not turned away then
-        if gateway.endpoints[number - 1].where.startswith(("tcp://", "rfc2217://")):
+        if networked(gateway.endpoints[number - 1].where):
             self.guest.network(lambda last: None)  # a stranger's bytes are in no recording
 
     def play(self, event: Event) -> None:

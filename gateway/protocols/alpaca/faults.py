@@ -46,3 +46,8 @@ def refusal(frame: bytes, fault: Fault | None) -> bytes:
     """The answer to a request that is not carried out, or that nobody has."""
     told = fault or Fault("There is no such member.")
     return msgspec.json.encode({"ErrorNumber": number(told), "ErrorMessage": str(told)}) + b"\n"
+
+
+def is_refusal(reply: bytes) -> bool:
+    """Whether a line is such an answer: no value looks so."""
+    return reply.startswith(b'{"ErrorNumber"')

@@ -17,5 +17,6 @@ class AlpacaKept(Kept):
 class AlpacaSession(Session):
     """One client: a program on one computer that counts as one by its ClientID."""
 
+    inherits = False  # another one of the same computer is another program
     state = AlpacaKept
     kept: AlpacaKept

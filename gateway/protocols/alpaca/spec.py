@@ -54,7 +54,7 @@ SPEC = ProtocolSpec(
     opening=re.compile(rb"(?:(?:get|put) [^\n]*\n)*"),
     make_surface=_make_surface,
     web=_web,
-    target=("put connected Connected=true\\x0a",),
+    hello=("put connected Connected=true\\x0a",),
     hint=_hint,
     recognises=lambda sent: 1.0 if re.match(rb"(?:get|put) [a-z]+[ \n]", sent) else 0.0,
 )

@@ -95,6 +95,8 @@ class Kept(Struct):
 class Session:
     """What belongs to one client of a surface: what it has set, what it is presented, and what it has in common."""
 
+    #: Whether the next connection of the same host goes on with what this one has set.
+    inherits = True
     #: What a client of this protocol can set for itself.
     state: type[Kept] = Kept
     kept: Kept

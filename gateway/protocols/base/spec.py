@@ -191,6 +191,8 @@ class ProtocolSpec(Struct, frozen=True, kw_only=True):
     #: Requests that give a client a target, and what may be wrong with one that is not known; without it a command that
     #: begins alike is shown.
     target: tuple[str, ...] = ()
+    #: Requests without which no client is answered anything.
+    hello: tuple[str, ...] = ()
     hint: Callable[[bytes], str] | None = None
     #: What the tables say above the models that it presents.
     presented_remark: str = ""

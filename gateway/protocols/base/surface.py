@@ -54,6 +54,8 @@ class Surface:
         self.as_written: Callable[[str, bytes], bytes] = lambda name, reply: reply
         #: What a client is told without asking, from the beginning of its connection on.
         self.subscriptions: Callable[[Session], Sequence[Subscription]] = lambda session: ()
+        #: Whether a reply says no, where no row has a form for that.
+        self.denies: Callable[[bytes], bool] = lambda reply: False
         #: Why what is presented does not know a frame, which is then passed over whatever it says; empty: it knows it.
         self.lacks: Callable[[Model, bytes], str] = lambda model, frame: ""
 

@@ -34,7 +34,7 @@ class Device:
             if not told["ErrorNumber"] and member(asked.command.name).arrival:
                 await _arrival(program)
         except NoAnswerInTime as error:
-            told = _error(NoAnswer(str(error)))
+            told = refused(NoAnswer(str(error)))
         return told
 
 
@@ -56,7 +56,8 @@ def _taken_apart(line: bytes) -> dict[str, Any]:
     return {"ErrorNumber": 0, "ErrorMessage": ""} | ({} if value is None else {"Value": value})
 
 
-def _error(fault: Fault) -> dict[str, Any]:
+def refused(fault: Fault) -> dict[str, Any]:
+    """An answer that says no."""
     return {"ErrorNumber": number(fault), "ErrorMessage": str(fault)}
 
 

@@ -5,14 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gateway.core.errors import UserError
 from gateway.transport.handler import Listener
 from gateway.transport.web_port import WebDevice, WebPort, WebServer
-
-if TYPE_CHECKING:
-    from gateway.protocols.alpaca.http.server import AlpacaServer
 
 
 class AlpacaWeb:
@@ -28,21 +25,26 @@ class AlpacaWeb:
         async def load() -> WebServer:
             await asyncio.to_thread(import_module, "aiohttp.web")
             from gateway.protocols.alpaca.http.own_port import OwnServer
+            from gateway.protocols.alpaca.http.server import AlpacaServer
 
-            return await OwnServer.start(_server([device], names))
+            return await OwnServer.start(AlpacaServer([device], names))
 
         port = WebPort(load)
         await port.open(where)
         return port
 
-    def add_routes(self, app: Any, devices: Sequence[WebDevice], names: Sequence[str] = ()) -> Callable[[], None]:
-        """Serve the devices as a part of an aiohttp application -> what ends that."""
-        server = _server(devices, names)
+    def add_routes(
+        self, app: Any, devices: Sequence[WebDevice], names: Sequence[str], may_act: Callable[[Any], bool]
+    ) -> Callable[[], None]:
+        """Serve the devices as a part of the console's application -> what ends that."""
+        from gateway.protocols.alpaca.http.server import AlpacaServer
+
+        server = AlpacaServer(devices, names, may_act, console=True)
         server.add_to(app)
         return server.close
 
+    async def answer_discovery(self, places: Sequence[tuple[str, int]]) -> Callable[[], None]:
+        """By ASCOM's own way -> what ends that. Raises OSError."""
+        from gateway.protocols.alpaca.http.discovery import answer_discovery
 
-def _server(devices: Sequence[WebDevice], names: Sequence[str]) -> AlpacaServer:
-    from gateway.protocols.alpaca.http.server import AlpacaServer
-
-    return AlpacaServer(devices, names)
+        return await answer_discovery(places)

@@ -15,9 +15,11 @@ from urllib.parse import parse_qsl
 from aiohttp import web
 
 from gateway.core.about import VERSION
-from gateway.protocols.alpaca.http.answers import Device, numbered
+from gateway.core.errors import ReadOnly
+from gateway.protocols.alpaca.http.answers import Device, numbered, refused
 from gateway.protocols.alpaca.http.requests import BadRequest, Pairs, understood, who_asks
 from gateway.protocols.alpaca.http.unique import unique_id
+from gateway.protocols.alpaca.members import member
 from gateway.system.own_names import known_host
 from gateway.transport.handler import ConnectionRefused
 from gateway.transport.web_port import WebDevice
@@ -25,14 +27,27 @@ from gateway.transport.web_port import WebDevice
 #: The longest body of a request, bytes.
 LONGEST = 8192
 FORM = "application/x-www-form-urlencoded"
+CONSOLE = '<a href="/">The console</a> shows and moves the mount.'
+NO_CONSOLE = (
+    "Its console shows and moves the mount; the address stands in the line <q>ready console</q> that it prints."
+)
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class AlpacaServer:
-    """The devices of one port. ``names`` are further names by which this computer may be called."""
+    """The devices of one port. ``names`` are further names by which this computer may be called; who ``may_act`` may do
+    more than look and stop; ``console``: the same port has the console's page.
+    """
 
-    def __init__(self, devices: Sequence[WebDevice], names: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        devices: Sequence[WebDevice],
+        names: Sequence[str] = (),
+        may_act: Callable[[web.Request], bool] = lambda request: True,
+        console: bool = False,
+    ) -> None:
         self._devices, self._names = [Device(device) for device in devices], tuple(names)
+        self._may_act, self._console = may_act, console
 
     def add_to(self, app: web.Application) -> None:
         """Serve it under the addresses that ASCOM has for it."""
@@ -83,7 +98,11 @@ class AlpacaServer:
         device = self._device(request)
         pairs = await _parameters(request)
         asked = understood(request.method, request.match_info["member"], pairs)
-        told = await device.answer(asked, request.remote or "?")
+        harmless = request.method == "GET" or member(asked.command.name).always
+        if harmless or self._may_act(request):
+            told = await device.answer(asked, request.remote or "?")
+        else:
+            told = refused(ReadOnly())
         return web.json_response(numbered(told, asked.transaction))
 
     def _device(self, request: web.Request) -> Device:
@@ -112,7 +131,7 @@ class AlpacaServer:
     async def _configured(self, request: web.Request) -> web.StreamResponse:
         return _value(request, [
             {"DeviceName": device.web.title, "DeviceType": "Telescope", "DeviceNumber": number,
-             "UniqueID": unique_id(device.web.key)}
+             "UniqueID": unique_id(device.web.title)}
             for number, device in enumerate(self._devices)
         ])  # fmt: skip
 
@@ -125,8 +144,8 @@ class AlpacaServer:
         page = (
             '<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n<title>mount-gateway</title>\n'
             f"<h1>mount-gateway {VERSION}</h1>\n<p>by the mount-gateway developers. Its telescopes:\n<ul>{rows}</ul>\n"
-            "<p>It is set up where it was started: by its command line or its configuration file. The address of its "
-            "console, where the mount is shown and moved, stands in the line <q>ready console</q> that it prints.\n"
+            f"<p>{CONSOLE if self._console else NO_CONSOLE}\n"
+            "<p>It is set up where it was started: by its command line or its configuration file.\n"
         )
         return web.Response(text=page, content_type="text/html")
 

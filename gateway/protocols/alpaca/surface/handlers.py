@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gateway.core.errors import Refused
 from gateway.core.operations import GetActivity, GetStatus, Tracking, Values
-from gateway.protocols.alpaca.faults import NotConnected, Parked, refusal
+from gateway.protocols.alpaca.faults import NotConnected, Parked, is_refusal, refusal
 from gateway.protocols.alpaca.members import member
 from gateway.protocols.alpaca.session import AlpacaSession
 from gateway.protocols.alpaca.surface import abilities, device, motion, pointing, site, tracking
@@ -29,7 +29,7 @@ class AlpacaSurface(Surface):
 
     def __init__(self, protocol: CommandSet) -> None:
         super().__init__(protocol, HANDLERS, refusal)
-        self.session = AlpacaSession
+        self.session, self.denies = AlpacaSession, is_refusal
 
     def _act(self, session: Session, command: Command, row: SurfaceRow, values: Values) -> Handling:
         yield from _admitted(session, command.name)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 from gateway.core import operations as op
-from gateway.core.errors import Invalid, NoTarget, Unsupported
+from gateway.core.errors import Fault, Invalid, NoTarget, Unsupported
 from gateway.core.operations import Values
 from gateway.protocols.alpaca.session import AlpacaSession
 from gateway.protocols.alpaca.surface.given import axis, given, place, within
@@ -72,11 +74,15 @@ def park(session: AlpacaSession, command: Command, values: Values) -> Handling:
 
 
 def unpark(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    """Raises Unsupported for a mount that cannot be parked."""
+    """It tracks again, where it can be told to. Raises Unsupported for a mount that cannot be parked."""
     if "Park" not in (yield op.GetAbilities()).can:
         raise Unsupported("This mount cannot be parked.")
-    if (yield op.GetActivity()).parked:
-        yield op.Unpark()
+    if not (yield op.GetActivity()).parked:
+        return
+    yield op.Unpark()
+    if (yield op.GetStatus()).tracking is op.Tracking.OFF:
+        with suppress(Fault):  # it is in service all the same
+            yield op.SetTracking(True)
 
 
 def find_home(session: AlpacaSession, command: Command, values: Values) -> Handling:

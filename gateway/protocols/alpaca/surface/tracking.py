@@ -53,9 +53,8 @@ def set_tracking_rate(session: AlpacaSession, command: Command, values: Values) 
 
 
 def _rates() -> Handling:
-    """A mount without a way to set a rate, or one that follows the sky by both axes, has the sidereal one alone."""
-    able = "TrackRate" in (yield op.GetAbilities()).can and (yield op.GetStatus()).equatorial
-    return list(RATES) if able else [0]
+    """A mount without a way to set one has the sidereal rate alone."""
+    return list(RATES) if "TrackRate" in (yield op.GetAbilities()).can else [0]
 
 
 def guide_rate(session: AlpacaSession, command: Command, values: Values) -> Handling:

@@ -73,7 +73,7 @@ class Served:
 @contextlib.asynccontextmanager
 async def served(names: tuple[str, ...] = ()) -> AsyncIterator[Served]:
     mount = Mount()
-    device = WebDevice(mount.arrive, "a mount", "made up")
+    device = WebDevice(mount.arrive, "a mount")
     port = await AlpacaWeb().open_port("tcp://127.0.0.1:0", device, names)
     try:
         async with aiohttp.ClientSession(timeout=aiohttp.ClientTimeout(total=PATIENCE)) as http:

@@ -1,0 +1,1 @@
+"""ASCOM Alpaca in processes of the product."""

@@ -1,0 +1,110 @@
+"""A real process that speaks Alpaca: at its own port, the console's, and one for every protocol; and recorded."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+
+import pytest
+
+from tests.support.process import GATEWAY, PATIENCE, Running
+
+API = "/api/v1/telescope/0/"
+
+
+def ask(where: str, method: str, member: str, **parameters: str) -> Any:
+    """The value; an error as its number below 0, and what is not understood as its HTTP status."""
+    host, _, port = where.split("://")[1].rstrip("/").rpartition(":")
+    link = http.client.HTTPConnection(host, int(port), timeout=PATIENCE)
+    form = {"Content-Type": "application/x-www-form-urlencoded"} if method == "PUT" else {}
+    try:
+        link.request(method, API + member, urlencode(parameters) if method == "PUT" else None, form)
+        response = link.getresponse()
+        told = response.read()
+        if response.status != 200:
+            return response.status
+        answer = json.loads(told)
+        return -answer["ErrorNumber"] if answer["ErrorNumber"] else answer.get("Value")
+    finally:
+        link.close()
+
+
+def used(where: str) -> None:
+    """A program connects, looks, and goes somewhere."""
+    assert ask(where, "PUT", "connected", Connected="True") is None
+    assert isinstance(ask(where, "GET", "rightascension"), float)
+    assert ask(where, "PUT", "slewtocoordinatesasync", RightAscension="5.5", Declination="88") is None
+    assert ask(where, "GET", "slewing") is True
+    assert ask(where, "PUT", "abortslew") is None
+    assert ask(where, "GET", "nothing") == 400
+
+
+def start(state: Path, *more: str) -> Running:
+    return Running("run", "--mount", "nexstar@sim", "--sun", "0", "--no-discovery", "--state", str(state), *more)
+
+
+def played(path: Path) -> str:
+    done = subprocess.run([*GATEWAY, "replay", str(path)], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("loop", ["uvloop", "asyncio"])
+def test_at_a_port_of_its_own(tmp_path: Path, loop: str) -> None:
+    """A recording is made on asyncio's own loop; without one it runs on uvloop where that is installed."""
+    recorded = ["--record", str(tmp_path / "a.rec")] if loop == "asyncio" else []
+    own = start(tmp_path, "--surface", "alpaca@tcp://127.0.0.1:0", *recorded)
+    used(own.ready())
+    time.sleep(0.5)
+    assert own.end() == 0
+    if recorded:
+        assert "1 connection" in played(tmp_path / "a.rec")
+
+
+def test_at_the_consoles_port_and_at_one_for_every_protocol(tmp_path: Path) -> None:
+    """Both are the same server; the recording holds its programs as it holds all others."""
+    path = tmp_path / "a.rec"
+    own = start(tmp_path, "--surface", "any@tcp://127.0.0.1:0", "--console", "tcp://127.0.0.1:0", "--record", str(path))
+    every = own.ready()
+    assert own.process.stdout is not None
+    page = next(line.split()[-1] for line in own.process.stdout if line.startswith("ready console"))
+    used(page)
+    used(every)
+    time.sleep(0.5)
+    assert own.end() == 0
+    assert "the same bytes" in played(path)
+    told = subprocess.run([*GATEWAY, "decode", str(path)], capture_output=True, text=True, timeout=60).stdout
+    assert "go to a position: RA 05:30:00" in told and "rightascension: RA" in told
+
+
+def test_the_web_server_is_loaded_when_somebody_asks(tmp_path: Path) -> None:
+    """Not before: no start waits for it."""
+    told = "atexit.register(lambda: print('aiohttp' in sys.modules, file=sys.stderr))"
+    look = f"import atexit, sys, runpy; sys.argv[0] = 'mount-gateway'; {told}; runpy.run_module('gateway')"
+    for asked in (False, True):
+        own = Running(
+            "run", "--mount", "nexstar@sim", "--no-discovery", "--state", str(tmp_path / str(asked)),
+            "--surface", "alpaca@tcp://127.0.0.1:0", by=[sys.executable, "-c", look],
+        )  # fmt: skip
+        where = own.ready()
+        if asked:
+            assert ask(where, "GET", "interfaceversion") == 4
+        assert own.end(signal.SIGTERM) == 0
+        assert own.said.splitlines()[-1] == str(asked)
+
+
+@pytest.mark.parametrize("where", ["pty:/tmp/mount", "rfc2217://127.0.0.1:4030", "web"])
+def test_it_is_spoken_over_http_alone(where: str) -> None:
+    done = subprocess.run(
+        [*GATEWAY, "config", "--mount", "nexstar@sim", "--surface", f"alpaca@{where}"],
+        capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "is spoken over HTTP; write alpaca@tcp://127.0.0.1:11111" in done.stderr

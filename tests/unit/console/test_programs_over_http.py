@@ -1,0 +1,113 @@
+"""Programs that speak HTTP are answered by the console's server, by the console's rules."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import pytest
+
+from gateway.app.config import Config, MountConfig, SurfaceConfig
+from gateway.app.config.sections.console import ConsoleConfig
+from gateway.app.gateway import Gateway
+from gateway.cli.serve.console import answered_there
+from gateway.clients.access import Access
+from gateway.console.server import Console
+
+PATIENCE = 10.0
+API = "api/v1/telescope/"
+PLACE = {"RightAscension": "5.5", "Declination": "22.0"}
+
+
+@contextlib.asynccontextmanager
+async def opened(state: Path, mounts: int = 1, **page: Any) -> AsyncIterator[tuple[list[Gateway], Any]]:
+    config = Config(mount=[], surface=[], console=[ConsoleConfig(**page)])
+    gateways, pin = [], page.get("pin") or ""
+    for number in range(mounts):
+        mount = MountConfig(at="nexstar@sim", name=f"pier {number}", sun=0.0, speed=8.0, state=str(state / str(number)))
+        surfaces = [SurfaceConfig(at="lx200@tcp://127.0.0.1:0"), *answered_there(config, mount)]
+        gateways.append(Gateway(mount, surfaces, warn=lambda text: None))
+    console = Console(gateways, Access(), pin)
+    try:
+        for gateway in gateways:
+            await gateway.open()
+        await console.open("127.0.0.1", 0)
+        async with aiohttp.ClientSession() as http:
+
+            async def ask(method: str, path: str, **more: Any) -> Any:
+                async with http.request(method, console.where + path, **more) as response:
+                    return await response.json() if response.content_type == "application/json" else response.status
+
+            for number, gateway in enumerate(gateways):
+                assert await gateway.found(PATIENCE)
+                assert (await ask("PUT", f"{API}{number}/connected", data={"Connected": "true"}))["ErrorNumber"] == 0
+            yield gateways, ask
+    finally:
+        await console.close()
+        for gateway in gateways:
+            await gateway.close()
+
+
+def test_every_mount_is_a_device_with_its_number(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path, mounts=2) as (gateways, ask):
+            devices = (await ask("GET", "management/v1/configureddevices"))["Value"]
+            assert [one["DeviceName"].split(":")[0] for one in devices] == ["pier 0", "pier 1"]
+            assert len({one["UniqueID"] for one in devices}) == 2
+            assert [one["DeviceNumber"] for one in devices] == [0, 1]
+            assert (await ask("PUT", f"{API}1/slewtocoordinatesasync", data=PLACE))["ErrorNumber"] == 0
+            assert (await ask("GET", f"{API}1/slewing"))["Value"] is True
+            assert (await ask("GET", f"{API}0/slewing"))["Value"] is False
+            assert gateways[1].programs() == ["127.0.0.1"]
+            assert len(gateways[0].names()) == 1, "it is no port of its own"
+            assert await ask("GET", f"{API}2/slewing") == 400
+
+    asyncio.run(work())
+
+
+@pytest.mark.parametrize("rules", [{"pin": "4711"}, {"read_only": True}, {"read_only": ["127.0.0.0/8"]}])
+def test_where_pages_only_look_programs_do_so_too(tmp_path: Path, rules: dict[str, Any]) -> None:
+    async def work() -> None:
+        async with opened(tmp_path, **rules) as (_, ask):
+            assert (await ask("GET", f"{API}0/declination"))["ErrorNumber"] == 0
+            assert (await ask("PUT", f"{API}0/slewtocoordinatesasync", data=PLACE))["ErrorNumber"] == 0x40B
+            assert (await ask("PUT", f"{API}0/tracking", data={"Tracking": "false"}))["ErrorNumber"] == 0x40B
+            assert (await ask("PUT", f"{API}0/abortslew"))["ErrorNumber"] == 0, "a stop is never refused"
+            assert (await ask("GET", f"{API}0/slewing"))["Value"] is False
+
+    asyncio.run(work())
+
+
+@pytest.mark.parametrize(
+    "headers", [{"Origin": "http://127.0.0.1"}, {"Origin": "http://evil.example"}, {"Host": "evil.example"},
+                {"Sec-Fetch-Site": "same-origin"}],
+)  # fmt: skip
+def test_no_page_asks_for_it_not_even_the_consoles_own(tmp_path: Path, headers: dict[str, str]) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as (gateways, ask):
+            before = len(gateways[0].wire_log.lately)
+            assert await ask("PUT", f"{API}0/slewtocoordinatesasync", data=PLACE, headers=headers) == 403
+            assert await ask("GET", f"{API}0/name", headers=headers) == 403
+            assert (await ask("GET", f"{API}0/slewing"))["Value"] is False
+            assert len(gateways[0].wire_log.lately) == before
+
+    asyncio.run(work())
+
+
+def test_the_setup_page_leads_to_the_console(tmp_path: Path) -> None:
+    async def work() -> None:
+        async with opened(tmp_path) as (_, ask):
+            assert await ask("GET", "setup") == 200 and await ask("GET", "") == 200
+
+    asyncio.run(work())
+
+
+def test_without_a_console_nobody_answers_there() -> None:
+    assert (
+        answered_there(Config(mount=[], surface=[], console=[ConsoleConfig(at="off")]), MountConfig(at="nexstar@sim"))
+        == []
+    )

@@ -1,0 +1,109 @@
+"""Programs that ask everybody on the network for Alpaca ports are told of those that they reach."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+from contextlib import closing
+
+import pytest
+
+from gateway.app.discovery import Announcement, Offer
+from gateway.protocols.alpaca.http import discovery
+from gateway.protocols.alpaca.http.discovery import QUESTION, answer_discovery, answers
+
+EVERYWHERE, HERE = ("0.0.0.0", 11111), ("127.0.0.1", 4040)
+
+
+def ports(places: list[tuple[str, int]], asker: str, question: bytes = QUESTION) -> list[int]:
+    return [json.loads(reply)["AlpacaPort"] for reply in answers(question, places, asker)]
+
+
+def test_who_is_told_what() -> None:
+    assert ports([EVERYWHERE, HERE], "192.0.2.7") == [11111], "another computer does not reach the second one"
+    assert ports([EVERYWHERE, HERE], "127.0.0.1") == [11111, 4040]
+    assert ports([EVERYWHERE], "192.0.2.7", b"alpacadiscovery1 and more") == [11111]
+    assert ports([EVERYWHERE], "192.0.2.7", b"alpacadiscovery2") == []
+    assert ports([EVERYWHERE], "192.0.2.7", b"") == []
+    assert ports([EVERYWHERE], "2001:db8::7") == [] and ports([("::", 11111)], "2001:db8::7") == [11111]
+    assert ports([("::", 11111)], "192.0.2.7") == [11111], "both kinds arrive there"
+
+
+@pytest.mark.parametrize(("family", "host", "place"), [(socket.AF_INET, "127.0.0.1", EVERYWHERE),
+                                                      (socket.AF_INET6, "::1", ("::", 11111))])  # fmt: skip
+def test_two_servers_share_the_port(family: socket.AddressFamily, host: str, place: tuple[str, int]) -> None:
+    """The one that is asked answers; the other's socket may be open at the same time."""
+
+    async def program() -> None:
+        with closing(socket.socket(family, socket.SOCK_DGRAM)) as asker:
+            try:
+                asker.bind((host, 0))
+            except OSError:
+                pytest.skip("this computer has no such address")
+            asker.setblocking(False)
+            port = _free(family, host)
+            ends = [await answer_discovery([place], port), await answer_discovery([place], port)]
+            loop = asyncio.get_running_loop()
+            await loop.sock_sendto(asker, QUESTION, (host, port))
+            async with asyncio.timeout(10.0):
+                assert json.loads(await loop.sock_recv(asker, 100)) == {"AlpacaPort": 11111}
+            for end in ends:
+                end()
+            await asyncio.sleep(0)
+
+    asyncio.run(program())
+
+
+def _free(family: socket.AddressFamily, host: str) -> int:
+    with closing(socket.socket(family, socket.SOCK_DGRAM)) as tried:
+        tried.bind((host, 0))
+        return int(tried.getsockname()[1])
+
+
+def test_an_announcement_lets_programs_find_what_speaks_alpaca(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[list[tuple[str, int]]] = []
+    ended: list[bool] = []
+
+    async def answering(places: list[tuple[str, int]]) -> object:
+        asked.append(places)
+        return lambda: ended.append(True)
+
+    monkeypatch.setattr(discovery, "answer_discovery", answering)
+
+    async def program() -> None:
+        own = Announcement(lambda text: None, lambda text: None)
+        await own.let_find([Offer("lx200", "", "tcp", "0.0.0.0", 4030)])
+        assert asked == [], "nothing that would be looked for so"
+        await own.let_find([Offer("lx200", "", "tcp", "0.0.0.0", 4030), Offer("alpaca", "", "tcp", *EVERYWHERE)])
+        assert asked == [[EVERYWHERE]]
+        await own.close()
+        assert ended == [True]
+
+    asyncio.run(program())
+
+
+def test_a_port_that_cannot_be_had_is_told_and_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def failing(places: object) -> object:
+        raise OSError(98, "Address already in use")
+
+    monkeypatch.setattr(discovery, "answer_discovery", failing)
+
+    async def program() -> None:
+        said: list[str] = []
+        own = Announcement(said.append, lambda text: None)
+        await own.let_find([Offer("alpaca", "", "tcp", *EVERYWHERE)])
+        await own.close()
+        assert said == ["ASCOM Alpaca programs will not find this gateway by themselves: Address already in use"]
+
+    asyncio.run(program())
+
+
+def test_skysafari_is_not_sent_to_a_port_of_alpaca() -> None:
+    async def program() -> None:
+        own = Announcement(lambda text: None, lambda text: None)
+        await own.answer([Offer("alpaca", "", "tcp", *EVERYWHERE)], port=0)
+        assert own.skyfi_port == 0
+        await own.close()
+
+    asyncio.run(program())
