@@ -68,7 +68,7 @@ class BrokerLink:
         flood: int = FLOOD,
     ) -> None:
         self._connect = connect or connecting(access)
-        self._subscriptions = [(topic, 1) for topic in subscriptions]
+        self._subscriptions = list(subscriptions)
         self._hear, self._told, self._flood = hear, told, flood
         self._greeting, self._parting = greeting, parting
         self._outbox = Outbox()
