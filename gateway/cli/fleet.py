@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import re
 import time
 from typing import TYPE_CHECKING
 
@@ -45,10 +46,13 @@ def add(commands: Commands) -> None:
 
 
 def _fleet(arguments: argparse.Namespace) -> int:
+    from gateway.app.config.sections.mqtt import PARTS
     from gateway.fleet.access import access
 
     if not 0 <= arguments.port <= 65535:
         raise UserError(f"--port {arguments.port}: write a number from 1 to 65535")
+    if re.match(PARTS, arguments.prefix) is None:
+        raise UserError(f"--prefix {arguments.prefix!r}: write words of letters, digits and _ . -, with / between")
     let_in = access(arguments.mqtt, None, arguments.password_file, arguments.ca)
     return asyncio.run(_serve(let_in, arguments.prefix, arguments.port))
 

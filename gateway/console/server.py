@@ -147,8 +147,6 @@ class Console:
             return "Only the console's own page may ask for this."
         if request.path != "/" and gate.from_elsewhere(headers):
             return "Only the console's own page may ask for this."
-        if request.method not in ("GET", "HEAD") and self._only_looks(request):
-            return "At this port you may only look (read-only)."
         return ""
 
     def _only_looks(self, request: web.Request) -> bool:

@@ -13,7 +13,7 @@ from gateway.core.errors import UserError
 from gateway.diagnostics.captures import Chunk
 from gateway.diagnostics.log.conversation import Cutting, Side
 from gateway.diagnostics.log.layout import Row, plain
-from gateway.diagnostics.log.printing import EVENTS
+from gateway.diagnostics.log.printing import happened
 from gateway.protocols.base.reply_rules import Replies
 
 #: So many commands that no protocol has are shown of one side.
@@ -44,7 +44,7 @@ def decode(
             if chunk.arrow == "-":
                 yield from _left_out(talks.pop(chunk.side), chunk, began)
             text = chunk.data.decode("latin-1")
-            yield _line(chunk, began, b"", ", ".join(filter(None, (EVENTS.get(chunk.arrow, ""), text))))
+            yield _line(chunk, began, b"", happened(chunk.arrow, text))
             continue
         pieces = side.commands(chunk.data, chunk.at) if chunk.arrow == ">" else side.replies(chunk.data)
         lines = [

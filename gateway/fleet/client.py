@@ -1,7 +1,8 @@
 """The MQTT client of one connection, held within bounds: what a broker sends may be small, or the connection is cut.
 
 aiomqtt has no limit of its own for what comes in, and leaves a connection open that did not answer. Both is mended here
-and nowhere else, for it needs paho's client, which lies within.
+and nowhere else, for it needs paho's client, which lies within. MQTT 5 is spoken, by which a broker passes on whether a
+message was published with the retain flag; one that knows only 3.1.1 tells that of stored messages alone.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import contextlib
 import logging
 import secrets
 import socket
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import Any, Protocol
 
@@ -19,6 +20,10 @@ from gateway.fleet.topics import Message
 
 #: Seconds after which a broker that said nothing is asked, and that an answer may take.
 KEEPALIVE, ANSWER = 10, 5.0
+#: How the topics end by which mounts are given orders.
+ORDERS = "/command"
+#: How a broker refuses MQTT 5 because it is older: in its own words, and in those of 3.1.1.
+OLD = (1, 132)
 #: Bytes of one packet, and messages that wait to be looked at.
 LARGEST, WAITING = 65536, 2000
 
@@ -28,8 +33,28 @@ class Client(Protocol):
 
     @property
     def messages(self) -> Any: ...
-    async def subscribe(self, topic: list[tuple[str, int]], /) -> Any: ...
+    async def subscribe(self, topics: Sequence[str], /) -> None: ...
     async def publish(self, topic: str, /, payload: bytes, qos: int, retain: bool) -> None: ...
+
+
+class _Subscriber:
+    """Of aiomqtt's client, what is used. Of orders it is told whether they were published with the retain flag."""
+
+    def __init__(self, client: Any, v5: bool) -> None:
+        self._client, self._v5 = client, v5
+        self.publish = client.publish
+
+    @property
+    def messages(self) -> Any:
+        return self._client.messages
+
+    async def subscribe(self, topics: Sequence[str], /) -> None:
+        from paho.mqtt.subscribeoptions import SubscribeOptions
+
+        def how(topic: str) -> Any:
+            return SubscribeOptions(qos=1, retainAsPublished=topic.endswith(ORDERS)) if self._v5 else 1
+
+        await self._client.subscribe([(topic, how(topic)) for topic in topics])
 
 
 class Flooded(Exception):
@@ -48,10 +73,13 @@ Connect = Callable[[Message | None], AbstractAsyncContextManager[Client]]
 def connecting(access: Access) -> Connect:
     """Connections to a broker. They raise Flooded, an OSError, a ValueError or aiomqtt's MqttError."""
 
+    old = False
+
     @asynccontextmanager
     async def connect(will: Message | None) -> AsyncIterator[Client]:
         import aiomqtt
 
+        nonlocal old
         quiet = logging.getLogger("gateway.mqtt")
         quiet.setLevel(logging.CRITICAL)  # what matters is told in words, by whoever uses the connection
         broker = access.broker
@@ -62,7 +90,9 @@ def connecting(access: Access) -> Connect:
             password=access.password,
             identifier=f"mg-{secrets.token_hex(8)}",
             will=None if will is None else aiomqtt.Will(will.topic, will.payload, 1, will.retain),
-            clean_session=True,  # what was ordered while nobody listened is not carried out later
+            protocol=aiomqtt.ProtocolVersion.V311 if old else aiomqtt.ProtocolVersion.V5,
+            # What was ordered while nobody listened is not carried out later; in MQTT 5 no session outlives its end.
+            clean_session=True if old else None,
             timeout=ANSWER,
             keepalive=KEEPALIVE,
             max_queued_incoming_messages=WAITING,
@@ -75,8 +105,10 @@ def connecting(access: Access) -> Connect:
         _limit(paho, too_long)
         try:
             async with client:
-                yield client
-        except Exception:
+                yield _Subscriber(client, not old)
+        except Exception as error:
+            reason = getattr(error, "rc", None)
+            old = old or getattr(reason, "value", reason) in OLD
             if too_long:
                 raise too_much(too_long[0]) from None
             raise

@@ -1,7 +1,8 @@
 """The connection to a broker, on a thread of its own: made anew for ever, and never waited for by a mount.
 
 What is to be sent is taken from the outbox, a few messages at a time, and the next ones go when the broker has
-acknowledged these. A broker that is slow gets the newest states, one that floods is left for a while.
+acknowledged the last of these, and with it all: it takes them in order, and states are told again after a loss. A
+broker that is slow gets the newest states, one that floods is left for a while.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import random
+import re
 import threading
 from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Executor
@@ -27,7 +29,7 @@ PAUSES = (0.25, 0.5, 1.0)
 #: The same after so many vain attempts, and where a broker refuses or floods.
 LONG_AWAY, SELDOM = 300, 5.0
 #: Messages that are under way at a time, and that a broker may send in a second.
-AT_A_TIME, FLOOD = 10, 500
+AT_A_TIME, FLOOD = 50, 500
 #: Seconds that the last words may take at the end.
 PARTING = 1.0
 
@@ -66,7 +68,7 @@ class BrokerLink:
         flood: int = FLOOD,
     ) -> None:
         self._connect = connect or connecting(access)
-        self._subscriptions = [(topic, 1) for topic in subscriptions]
+        self._subscriptions = list(subscriptions)
         self._hear, self._told, self._flood = hear, told, flood
         self._greeting, self._parting = greeting, parting
         self._outbox = Outbox()
@@ -81,10 +83,19 @@ class BrokerLink:
         self._home, self._loop = asyncio.get_running_loop(), _Loop()
         threading.Thread(target=self._run, name="mqtt", daemon=True).start()
 
+    def put(self, message: Message) -> None:
+        """Have a message sent with the next that is."""
+        self._outbox.put(message)
+
+    def send(self) -> None:
+        """Have what waits sent when the broker takes it; the thread is woken once for all of it."""
+        if self._outbox.any:
+            self._on_thread(self._wake.set)
+
     def publish(self, message: Message) -> None:
         """Have a message sent when the broker takes it."""
-        self._outbox.put(message)
-        self._on_thread(self._wake.set)
+        self.put(message)
+        self.send()
 
     async def close(self) -> None:
         """Say the last words, if the broker takes them at once."""
@@ -174,11 +185,13 @@ class BrokerLink:
                 await self._wake.wait()
                 self._wake.clear()
                 continue
-            await asyncio.gather(*(_send(client, message) for message in messages))
+            for message in messages[:-1]:
+                await _send(client, message, int(not message.newest))
+            await _send(client, messages[-1])
 
 
-async def _send(client: Client, message: Message) -> None:
-    await client.publish(message.topic, payload=message.payload, qos=1, retain=message.retain)
+async def _send(client: Client, message: Message, qos: int = 1) -> None:
+    await client.publish(message.topic, payload=message.payload, qos=qos, retain=message.retain)
 
 
 async def _first_of(*works: Coroutine[Any, Any, object]) -> None:
@@ -196,7 +209,7 @@ async def _first_of(*works: Coroutine[Any, Any, object]) -> None:
 
 def _why(error: Exception) -> str:
     """What happened, in a few words."""
-    words = str(error).removeprefix("[Errno ").strip() or type(error).__name__
+    words = re.sub(r"^\[Errno -?\d+\] ", "", str(error)).strip() or type(error).__name__
     if "[code:134]" in words or "[code:135]" in words or "uthori" in words:
         return "it refuses: the user or the password is not what it knows"
-    return words.partition("] ")[2] or words if words[:1].isdecimal() else words
+    return words

@@ -1,6 +1,6 @@
 """What the broker asks of a mount: an order like any person's, with the same limits, the same order, the same refusals.
 
-A stop acts in the call that brings it. What lay on the broker before (the retain flag) is obeyed by nobody: it would be
+A stop waits for no other order. What lay on the broker before (the retain flag) is obeyed by nobody: it would be
 carried out again at every connection.
 """
 

@@ -32,6 +32,11 @@ class Outbox:
             else:
                 self._events.append(message)
 
+    @property
+    def any(self) -> bool:
+        """Whether anything waits."""
+        return bool(self._waiting or self._events)
+
     def take(self, most: int) -> list[Message]:
         """The next ones; they do not wait any more."""
         with self._lock:

@@ -1,14 +1,15 @@
 """The mounts of one gateway on a broker: shown once a second where something has changed, and stopped from there.
 
-Looking costs the mounts no exchange. The looks are spread over the second, so that no program waits for ten of them.
+Looking costs the mounts no exchange. Between two looks programs are served; what has changed is then sent together.
 """
 
 from __future__ import annotations
 
 import asyncio
-import json
 from collections.abc import Callable, Sequence
 from typing import Any
+
+import msgspec
 
 from gateway.app.config.checks import EVERY
 from gateway.app.config.sections.mqtt import MqttConfig
@@ -33,13 +34,14 @@ class _Shown:
 
     def __init__(self, station: Station, gateway: Gateway) -> None:
         self.gateway, self.name = gateway, gateway.config.name or UNNAMED
-        self._station, self._state, self._about = station, {}, b""
+        self._station, self._state, self._identity = station, {}, (None,)
         topic = station.topics.of(self.name, "event")
         self.events = Events(lambda told: station.link.publish(Message(topic, told)), gateway.clock)
         self.orders = Orders(gateway, station.config.orders, station.doubt, self._has_become)
         gateway.wire_log.sinks.append(self.events.put)
 
     _state: dict[str, Any]
+    _identity: tuple[object, ...]
 
     def _has_become(self, kind: str, words: str) -> None:
         self.events.tell(kind, WHO, words)
@@ -50,15 +52,13 @@ class _Shown:
         if now == self._state:
             return
         self._state = now
-        told = json.dumps({**now, "time": round(self.gateway.clock(), 3)})
-        topic = station.topics.of(self.name, "state")
-        station.link.publish(Message(topic, told.encode(), retain=True, newest=True))
+        told = msgspec.json.encode({**now, "time": round(self.gateway.clock(), 3)})
+        station.link.put(Message(station.topics.of(self.name, "state"), told, retain=True, newest=True))
+        identity = (now["product"], now["model"], now["version"])
         prefix = station.config.home_assistant
-        if prefix != OFF:
-            about = discovery(prefix, station.topics, self.name, now, station.config.orders)
-            if about.payload != self._about:
-                self._about = about.payload
-                station.link.publish(about)
+        if prefix != OFF and identity != self._identity:
+            self._identity = identity
+            station.link.put(discovery(prefix, station.topics, self.name, now, station.config.orders))
 
     def close(self) -> None:
         """Nothing is told or obeyed any more."""
@@ -117,7 +117,9 @@ class Station:
                     shown.look()
                 except Exception as error:  # a defect here must cost nothing but the sight of the mount
                     shown.gateway.wire_log.note_once("mqtt", f"internal error, please report it: {error!r}")
-                await asyncio.sleep(EVERY_SECOND / len(self._shown))
+                await asyncio.sleep(0)
+            self.link.send()
+            await asyncio.sleep(EVERY_SECOND)
 
     def _hear(self, heard: Heard) -> None:
         if self._presence.hear(heard):

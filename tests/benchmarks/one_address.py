@@ -25,7 +25,7 @@ KINDS = {
     "LX200": (b":GR#", b"#"),
     "NexStar": (b"e", b"#"),
     "browser": (GET, b"HTTP/1.1 200"),
-    "Alpaca": (ALPACA, b"HTTP/1.1 "),
+    "Alpaca": (ALPACA, b"HTTP/1.1 200"),
 }
 #: Positions that are told without being asked: bytes of one.
 TOLD = 24

@@ -11,6 +11,7 @@ from tests.support.process import GATEWAY, ask
 from .mosquitto import Broker, Onlooker, folder
 from .processes import Process, Workshop, requires, wait_until
 
+EVENT = "mount-gateway/pier/mount/event"
 STATE, COMMAND, HERE = "mount-gateway/pier/mount/state", "mount-gateway/pier/mount/command", (
     "mount-gateway/pier/availability"
 )  # fmt: skip
@@ -62,6 +63,18 @@ def test_a_broker_that_is_away_costs_the_mount_nothing_and_knows_all_when_it_ret
     wait_until("it is shown again", lambda: onlooker.state(STATE).get("online"), 4.0)
     assert time.monotonic() - since < 4.0 and onlooker.told(HERE)[-1] == b"online"
     assert process.output().count("cannot be reached") == 1
+
+
+def test_an_order_with_the_retain_flag_is_not_obeyed_not_even_when_it_comes(workshop: Workshop) -> None:
+    broker = Broker(workshop)
+    onlooker = Onlooker(workshop, broker)
+    process, _ = gateway(workshop, url=broker.url)
+    process.wait_for_lines("ready broker", 1)
+    wait_until("the mount is shown", lambda: onlooker.state(STATE).get("aligned"))
+    onlooker.say(COMMAND, "park", retain=True)
+    wait_until("it is refused", lambda: any(b"retain flag" in told for told in onlooker.told(EVENT)))
+    assert not onlooker.state(STATE)["moving"]
+    onlooker.say(COMMAND, b"", retain=True)
 
 
 def test_a_message_that_is_too_long_is_not_taken(workshop: Workshop) -> None:

@@ -174,7 +174,10 @@ _RIGHT: dict[type[op.Operation], Callable[[Any], bool]] = {
     op.HomeState: lambda value: value in (0, 1, 2),
     op.TubeSide: lambda value: value in ("E", "W"),
     op.GetActivity: lambda value: isinstance(value, op.Activity),
-    op.GetAbilities: lambda value: isinstance(value, op.Abilities) and all(0 < one <= two for one, two in value.speeds),
+    op.GetAbilities: lambda value: isinstance(value, op.Abilities)
+    and all(_between(low, 0, 20) and low <= high for low, high in value.speeds),
+    op.Pulse: lambda value: value is None or isinstance(value, op.Pulsed),
+    op.PulseAxis: lambda value: value is None or isinstance(value, op.Pulsed),
 }  # fmt: skip
 
 

@@ -33,7 +33,7 @@ def _kill_once(moving: Moving, chance: random.Random) -> tuple[bool, bool, bool]
         moving.gateway.end(signal.SIGKILL)
     left, marked = moving.moves(), any(moving.state.glob("*.moving"))
     moving.begin()
-    return left, marked, moving.tracking() and not moving.moves()
+    return left, marked, moving.rests() and moving.tracking()
 
 
 def main() -> int:

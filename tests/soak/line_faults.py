@@ -15,6 +15,7 @@ import math
 import sys
 import time
 from collections import Counter, deque
+from itertools import pairwise
 from random import Random
 from statistics import mean
 from typing import Any
@@ -36,8 +37,17 @@ AGE, EXCHANGE = 0.5, 0.9
 LONGEST_WAIT = 60.0
 #: Seconds after which the end or the beginning of a slew must have been told, whatever was lost meanwhile.
 SETTLED = 40.0
+#: Seconds from one sample of the truth to the next; between them it is where they are or on the way.
+SAMPLED = 0.05
 POSITION = {"nexstar": b":GR#", "lx200": b"e"}
 MOUNTS = {"nexstar": ("cge", "6-8se"), "lx200": ("autostar", "lx200gps", "lx200")}
+
+
+def _apart(offsets: list[float]) -> float:
+    """How near to zero they come, or pass by between two of them."""
+    if any(one * other <= 0.0 and abs(one - other) < 90.0 for one, other in pairwise(offsets)):
+        return 0.0
+    return min(map(abs, offsets), default=999.0)
 
 
 class Trial:
@@ -160,6 +170,7 @@ class Trial:
             tasks = [
                 asyncio.ensure_future(work)
                 for work in (
+                    self._follow(),
                     self._poller(0.25),
                     self._poller(0.6),
                     self._watcher(),
@@ -180,6 +191,12 @@ class Trial:
             await asyncio.sleep(60.0)  # a line that is left alone must come back
             if self.line.state != "up" or not await self._request(bridge.client(), POSITION[self.driven], 1):
                 self._is_wrong("hang", f"line {self.line.state}: {self.line.reason}")
+
+    async def _follow(self) -> None:
+        """What is told between two questions is reckoned: the truth must be known there as well."""
+        while True:
+            self._sample()
+            await asyncio.sleep(SAMPLED)
 
     async def _poller(self, every: float) -> None:
         """A program that shows where the telescope points, through the surface."""
@@ -284,8 +301,8 @@ class Trial:
         oldest = self._oldest(now)
         samples = [sample for sample in self.trail if sample[0] >= oldest]
         if self.exact:
-            off_ra = min((abs(wrap180(ra - s[1])) * math.cos(math.radians(dec)) for s in samples), default=999.0)
-            off_dec = min((abs(dec - s[2]) for s in samples), default=999.0)
+            off_ra = _apart([wrap180(s[1] - ra) * math.cos(math.radians(dec)) for s in samples])
+            off_dec = _apart([s[2] - dec for s in samples])
             low = self.driven == "lx200" and now - self.rebooted < 40.0  # until it is told to be precise
             off, allowed = max(off_ra, off_dec), 0.03 if low else self.resolution
         else:

@@ -15,12 +15,13 @@ SIMULATED = {"nexstar": "nexstar:cge", "lx200": "lx200:lx200gps"}
 #: What a gateway can come to grief by: a signal, and whether its process lives on.
 FATES = {"killed": signal.SIGKILL, "frozen": signal.SIGSTOP, "quit": signal.SIGQUIT, "blocked": signal.SIGUSR1}
 #: A gateway whose event loop SIGUSR1 blocks for so many seconds; astropy it does not load (see `GATEWAY`).
-BLOCKED = 9
+BLOCKED = 6
 PROGRAM = f"""
 import signal, sys, time
 from gateway.astro.ephemeris.tables import TableLoader
 from gateway.cli import main
 TableLoader.start = lambda *_: None
+signal.signal(signal.SIGQUIT, signal.SIG_DFL)  # a shell in the background has it ignored
 signal.signal(signal.SIGUSR1, lambda number, frame: time.sleep({BLOCKED}))
 sys.exit(main(sys.argv[1:]))
 """

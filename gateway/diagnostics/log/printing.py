@@ -74,7 +74,7 @@ class Rows:
     def _heard(self, entry: Entry) -> Heard:
         """What an entry says, in words."""
         if entry.arrow not in "<>x":
-            return Heard(entry.data, ", ".join(filter(None, (EVENTS.get(entry.arrow, ""), _plain(entry.note)))))
+            return Heard(entry.data, happened(entry.arrow, _plain(entry.note)))
         side = self._sides.get(entry.side)
         if side is None and entry.arrow == "<" and entry.side != MOUNT:
             # A program that was here before: its next command tells its protocol.
@@ -89,6 +89,11 @@ class Rows:
         if entry.note:
             return Heard(entry.data, _plain(entry.note), fails=True)
         return side.command(entry.data) if entry.arrow == ">" else side.reply(entry.data)
+
+
+def happened(arrow: str, note: str) -> str:
+    """What no bytes tell, in words."""
+    return (" " if arrow == "~" else ", ").join(filter(None, (EVENTS.get(arrow, ""), note)))
 
 
 def _plain(text: str) -> str:

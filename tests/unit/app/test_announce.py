@@ -16,8 +16,10 @@ import pytest
 from gateway.app.config import Config, MountConfig, SurfaceConfig
 from gateway.app.discovery import Announcement, Offer, offered
 from gateway.app.discovery.addresses import in_words, to_type
+from gateway.app.discovery.mdns import Publisher
 from gateway.app.discovery.skyfi import answer
 from gateway.cli.serve import serving
+from gateway.protocols.registry import streams
 from gateway.system.own_commands import how_to_add
 from tests.support.process import Running
 
@@ -239,3 +241,19 @@ def test_the_ready_line_is_followed_by_it(started: list[Running]) -> None:
     assert line.startswith(("on your phone: ", "no other computer reaches port ")) and local not in line
     assert gateway.end() == 0
     assert gateway.process.stdout.closed
+
+
+def test_a_port_for_every_protocol_is_found_as_each_of_them() -> None:
+    """Programs look for their own."""
+    pytest.importorskip("zeroconf")
+    found: list[tuple[str, int | None]] = []
+
+    class Registering:
+        async def async_register_service(self, info: Any, allow_name_change: bool) -> Any:
+            found.append((info.type, info.port))
+            return asyncio.sleep(0)
+
+    there: Any = Registering()
+    offers = [Offer("any", "", "tcp", "192.168.1.5", 4040), Offer("http", "mount-gateway", "tcp", "192.168.1.5", 80)]
+    asyncio.run(Publisher(there).add(offers))
+    assert found == [*((f"_{name}._tcp.local.", 4040) for name in streams()), ("_http._tcp.local.", 80)]

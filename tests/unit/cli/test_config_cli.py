@@ -96,7 +96,7 @@ def test_a_signal_ends_the_search_for_a_mute_mount() -> None:
             process.send_signal(signal.SIGINT)
             out, error = process.communicate(timeout=20)
     assert (process.returncode, out, error) == (0, "", "")
-    assert time.monotonic() - began < 2.5
+    assert time.monotonic() - began < 3.4  # an answer of the mount would be waited for 3.5 s
 
 
 def test_whatever_is_under_way_ends_with_the_signal() -> None:

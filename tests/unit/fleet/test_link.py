@@ -94,6 +94,17 @@ def test_after_a_loss_the_newest_state_is_told_again() -> None:
     play(work())
 
 
+def test_a_broker_that_has_forgotten_a_state_is_told_it_again() -> None:
+    async def work() -> None:
+        async with linked() as there:
+            there.link.publish(state(b"1"))
+            await until(lambda: there.broker.told("a/state") == [b"1"])
+            there.broker.lose()
+            await until(lambda: there.broker.told("a/state") == [b"1", b"1"])
+
+    play(work())
+
+
 def test_a_broker_that_acknowledges_nothing_gets_the_newest_state_later() -> None:
     async def work() -> None:
         async with linked() as there:
@@ -151,6 +162,7 @@ def test_the_end_does_not_wait_for_a_broker_that_says_nothing(monkeypatch: pytes
     [
         (OSError(111, "Connection refused"), "Connection refused"),
         (OSError("[Errno 111] Connection refused"), "Connection refused"),
+        (OSError("[Errno -2] Name or service not known"), "Name or service not known"),
         (ValueError("[code:135] Not authorized"), "it refuses: the user or the password is not what it knows"),
         (TimeoutError(), "TimeoutError"),
     ],

@@ -14,8 +14,9 @@ from gateway.app.config.declaring import Plain, key
 
 #: What a part of a topic may be: no slash, no wildcard.
 PART = r"[A-Za-z0-9_.-]+"
+PARTS = rf"^{PART}(/{PART})*$"
 _Part = Annotated[str, Meta(pattern=f"^{PART}$", title="a word of letters, digits and _ . -")]
-_Parts = Annotated[str, Meta(pattern=f"^{PART}(/{PART})*$", title="words of letters, digits and _ . -, with / between")]
+_Parts = Annotated[str, Meta(pattern=PARTS, title="words of letters, digits and _ . -, with / between")]
 
 
 class MqttConfig(Struct, frozen=True, forbid_unknown_fields=True, rename="kebab"):

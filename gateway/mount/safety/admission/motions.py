@@ -181,7 +181,7 @@ class Admission:
             mount.wire_log.note_once("mount", "site unknown: gotos are not checked against the horizon")
             return
         limits.check_altitude(altitude + (await tilt(mount, self._ask, self._watch.altitude_axis) if told else 0.0))
-        status = mount.readings.value(op.GetStatus)
+        status = mount.readings.value(op.GetStatus) if limits.hour_angle is not None else None
         if status is not None and status.equatorial and mount.driver.tube_side("E") is None:
             check_hour_angle(limits, mount.astrometry.sidereal_time() - goal.ra)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import pytest
 
 from gateway.core.errors import Fault
@@ -38,6 +40,7 @@ def test_stops_are_counted_with_the_time_until_they_were_acknowledged() -> None:
         async with Bridge() as bridge:
             counts = Counts(bridge.controller)
             await bridge.controller.stop()
+            await asyncio.sleep(100.0)
             await bridge.controller.stop()
             assert counts.stops == 2 and sum(counts.stopping.counts) == 2
             assert 0.0 < counts.stopping.sum < 2.0

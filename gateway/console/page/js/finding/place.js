@@ -1,7 +1,7 @@
 // The card of a chosen place: how high it stands, when it rises and sets, whether the mount may go there and if not why.
 // One more press goes there; a sync asks first, because it changes what the mount believes.
 
-import { button, byId, el } from "../core/dom.js";
+import { button, byId, el, say } from "../core/dom.js";
 import { angle, azimuth, declination, hours, timeOfDay } from "../core/format.js";
 import { answered, notice } from "../frame/notices.js";
 import { question } from "../frame/question.js";
@@ -92,7 +92,7 @@ const kindOf = (found) =>
   [found.kind, Number.isFinite(found.magnitude) ? `magnitude ${found.magnitude.toFixed(1)}` : ""].filter(Boolean).join(", ");
 
 function card(found) {
-  const may = state.act && found.may, going = onItsWay();
+  const may = state.act && found.may;
   const [event, when] = nextEvent(found);
   return [
     el("header", {},
@@ -104,15 +104,25 @@ function card(found) {
       el("div", {}, el("dt", {}, event), el("dd", {}, when))),
     found.may ? null : el("p", { class: "why" }, found.why),
     el("div", { class: "buttons" },
-      button(going ? "On its way…" : "Go there", go, { class: "primary", id: "go", disabled: !may, "aria-disabled": String(going) }),
+      button("Go there", go, { class: "primary", id: "go", disabled: !may }),
       button("Sync here…", sync, { id: "sync", disabled: !state.act })),
   ].filter(Boolean);
 }
 
 function draw() {
   const box = byId("place");
-  const key = JSON.stringify([chosen?.found ?? null, state.act, onItsWay()]);
-  if (key === drawn) return;
+  const key = JSON.stringify([chosen?.found ?? null, state.act]);
+  if (key !== drawn) redraw(box, key);
+  if (chosen) tellWay(byId("go"), onItsWay());
+}
+
+/** In place: a button that is replaced under a finger is not pressed. */
+function tellWay(goes, going) {
+  say(goes, going ? "On its way…" : "Go there");
+  goes.setAttribute("aria-disabled", String(going));
+}
+
+function redraw(box, key) {
   drawn = key;
   // The focus stays on the button that has it when the figures are renewed.
   const focused = box.contains(document.activeElement) ? document.activeElement.id : "";

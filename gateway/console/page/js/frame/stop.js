@@ -10,12 +10,21 @@ const UNHEARD = "STOP DID NOT REACH THE GATEWAY. Use the mount's own keys or its
 /** Seconds for which a stop that nobody heard is still wanted. */
 const WANTED = 30;
 let owed = 0;
+/** Stops that are on their way: the mount is given the time to come to rest before one is answered. */
+let underWay = 0;
+
+/** What is stopped, or that it is being stopped. */
+function tell() {
+  byId("stop").classList.toggle("pressed", underWay > 0);
+  say(byId("stop-says"), underWay ? "stopping…" : state.mounts.length > 1 ? "all mounts" : "all motion");
+}
 
 export async function stop() {
-  const pressed = byId("stop");
-  pressed.classList.add("pressed");
+  underWay += 1;
+  tell();
   const answer = await ask({ do: "stop", mount: -1 });
-  pressed.classList.remove("pressed");
+  underWay -= 1;
+  tell();
   owed = answer.lost ? performance.now() : 0;
   if (answer.lost) notice(UNHEARD, "refused");
   else answered(answer);
@@ -38,5 +47,5 @@ export function start() {
   // Space presses a button at its release; here it has stopped already.
   addEventListener("keyup", (event) => event.key === " " && !isTyping(event.target) && event.preventDefault(), { capture: true });
   on("open", () => owed && performance.now() - owed < WANTED * 1000 && stop());
-  subscribe(() => say(byId("stop-says"), state.mounts.length > 1 ? "all mounts" : "all motion"));
+  subscribe(tell);
 }

@@ -1,0 +1,52 @@
+"""The log of a port for every protocol: what a connection turns out to speak is told with it, and folded with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from gateway.app.bindings import speech
+from gateway.core.wire_log import Entry
+from gateway.diagnostics.log.printing import Rows
+
+
+def visits(count: int) -> Iterator[Entry]:
+    """A program that opens a connection for every question."""
+    for number in range(count):
+        side, at = f"10.0.0.1:{5000 + number}", float(number)
+        yield Entry(at, side, "+", b"", "surface 1, host 10.0.0.1")
+        yield Entry(at, side, "~", b"", "nexstar")
+        yield Entry(at, side, ">", b"e")
+        yield Entry(at, side, "<", b"34AB0500,12CE0500#")
+        yield Entry(at, side, "-", b"")
+
+
+def shown(entries: Iterator[Entry], kept: str = "all") -> list[str]:
+    rows = Rows("lx200", ["any"], speech, kept)
+    return [f"{row.arrow} {row.words}".partition(",")[0] for entry in entries for row in rows.take(entry)]
+
+
+def test_the_first_is_shown_and_the_others_are_counted() -> None:
+    first = ["+ connected", "~ speaks nexstar", "> precise right ascension and declination", "< e: RA 04:56:15"]
+    assert shown(visits(1))[:4] == first
+    assert [row for row in shown(visits(20)) if row[0] in "+~"] == first[:2]
+
+
+@pytest.mark.parametrize(("kept", "arrows"), [("refusals", ""), ("changes", "+~-")])
+def test_less_is_shown_where_less_is_wanted(kept: str, arrows: str) -> None:
+    assert {row[0] for row in shown(visits(5), kept)} <= set(arrows)
+
+
+def test_what_is_refused_is_shown_with_who_it_was() -> None:
+    entries = [*visits(1)]
+    entries[3:4] = [Entry(0.5, "10.0.0.1:5000", "!", b"", "refused: why")]
+    assert shown(iter(entries), "refusals")[:2] == ["+ connected", "~ speaks nexstar"]
+
+
+def test_a_reason_is_told() -> None:
+    silent = Entry(3.0, "10.0.0.1:5000", "~", b"", "stellarium, because the program has said nothing for 3 s")
+    rows = Rows("lx200", ["any"], speech)
+    assert [row.words for row in rows.take(silent)] == [
+        "speaks stellarium, because the program has said nothing for 3 s"
+    ]
