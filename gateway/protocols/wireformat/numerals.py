@@ -16,8 +16,8 @@ _TRUTH = {b"true": True, b"false": False}
 _BEGINNING = datetime(1970, 1, 1, tzinfo=UTC)
 #: The first and the last second that have a date of four digits, Unix time.
 _FIRST, _LAST = -62_135_596_800.0, 253_402_300_799.0
-#: No whole number of more digits is meant as one.
-_DIGITS = 12
+#: Whole numbers are those of 32 bits, which have no more digits.
+_DIGITS, _WHOLE = 12, range(-(2**31), 2**31)
 
 
 def number(value: float) -> bytes:
@@ -52,8 +52,8 @@ def whole(value: int) -> bytes:
 def parse_whole(raw: bytes) -> int:
     """Digits with a sign or without."""
     digits = raw[1:] if raw[:1] in (b"-", b"+") else raw
-    if not digits.isdigit() or len(digits) > _DIGITS:
-        raise ValueError(f"{raw!r} is no whole number")
+    if not digits.isdigit() or len(digits) > _DIGITS or int(raw) not in _WHOLE:
+        raise ValueError(f"{raw!r} is no whole number of 32 bits")
     return int(raw)
 
 

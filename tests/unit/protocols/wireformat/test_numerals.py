@@ -14,7 +14,7 @@ from gateway.protocols.wireformat.fields import codec
     [
         ("number", b"1.5", 1.5), ("number", b"-3", -3.0), ("number", b"1e-3", 0.001), ("number", b"+7", 7.0),
         ("hours", b"6", 90.0), ("hours", b"-1", -15.0), ("hours", b"23.5", 352.5),
-        ("whole", b"-12", -12), ("whole", b"+3", 3), ("whole", b"007", 7),
+        ("whole", b"-12", -12), ("whole", b"+3", 3), ("whole", b"007", 7), ("whole", b"-2147483648", -(2**31)),
         ("truth", b"True", True), ("truth", b"fALSE", False),
         ("moment", b"1970-01-01T00:00:10.5Z", 10.5), ("moment", b"1970-01-01T01:00:00+01:00", 0.0),
         ("moment", b"1970-01-01T00:00:01%2B00:00", 1.0), ("moment", b"1970-01-02", 86400.0),
@@ -30,6 +30,8 @@ def test_what_comes_in(form: str, raw: bytes, value: object) -> None:
     [
         ("number", b""), ("number", b"inf"), ("number", b"nan"), ("number", b"1_0"), ("number", b"1,5"),
         ("number", b"\xb2"), ("whole", b"1.0"), ("whole", b""), ("whole", b"-"), ("whole", b"9" * 13),
+        ("whole", b"2147483648"),
+        ("whole", b"-2147483649"),
         ("truth", b"1"), ("truth", b""), ("moment", b"yesterday"), ("moment", b""), ("json", b"{"),
         ("moment", b"0001-01-01T00:00:00+23:59x"),
     ],
