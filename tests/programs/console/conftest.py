@@ -1,4 +1,7 @@
-"""One gateway and one browser for all tests of the console's page that a process runs; a page for each test."""
+"""One gateway and one browser for the tests of the console's page that a process runs in a row; a page for each.
+
+Not longer than that: Playwright keeps an event loop running in the thread, beside which no other can run.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from ..processes import Workshop
 from .page import PHONE, Console, Visit, open_browser
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def console(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Console]:
     shop = Workshop(tmp_path_factory.mktemp("console"))
     try:
@@ -21,7 +24,7 @@ def console(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Console]:
     assert not faults, faults
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def browser(console: Console) -> Iterator[Browser]:
     with sync_playwright() as playwright:
         opened = open_browser(playwright)

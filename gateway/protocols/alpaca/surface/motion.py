@@ -60,7 +60,9 @@ def is_pulse_guiding(session: AlpacaSession, command: Command, values: Values) -
 
 
 def at_park(session: AlpacaSession, command: Command, values: Values) -> Handling:
-    return (yield op.GetActivity()).parked
+    """Once it stands there: what has acknowledged the end of a park may run down for a moment."""
+    parked: bool = (yield op.GetActivity()).parked
+    return parked and not (yield from slewing(session, command, values))
 
 
 def at_home(session: AlpacaSession, command: Command, values: Values) -> Handling:

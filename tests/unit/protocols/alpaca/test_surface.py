@@ -136,6 +136,7 @@ def test_parking(mount: tuple[str, str]) -> None:
             for _ in range(1200):
                 slews, parked = await ask(client, "get slewing"), await ask(client, "get atpark")
                 if parked:
+                    assert await ask(client, "get slewing") is False, "what is parked is at rest"
                     break
                 assert slews or await ask(client, "get atpark")
                 await asyncio.sleep(0.1)
