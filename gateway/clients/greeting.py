@@ -41,7 +41,7 @@ class Beginning:
     @property
     def over(self) -> bool:
         """Whether it is known who it is."""
-        return not self._recogniser.open
+        return self._recogniser.over
 
     def hear(self, piece: Piece) -> list[Piece]:
         """More bytes have come -> those that may go on to the mount's client now; none of a stranger."""

@@ -12,6 +12,7 @@ from functools import cache
 
 from msgspec import Struct
 
+from gateway.clients.own_method import OwnMethod
 from gateway.core.tables import read_table
 from gateway.protocols.registry import PROTOCOLS
 
@@ -30,6 +31,10 @@ class Greeting(Struct, frozen=True):
     #: A page is shown to whoever sends it; HEAD is answered without the page's text.
     http: bool = False
     head_only: bool = False
+
+
+#: The one that is told by its form.
+OWN_METHOD = Greeting("an HTTP request with a method of its own", (), http=True)
 
 
 def _from_text(text: str) -> tuple[Octet, ...]:
@@ -88,13 +93,28 @@ class Recogniser:
 
     def __init__(self, own: str = "") -> None:
         self._own = own
-        #: Whether a stranger may still be recognised.
-        self.open = True
+        #: Whether one of the table may still be recognised.
+        self._known = True
+        self._own_method = OwnMethod(IDLE)
         self._begun: list[tuple[Greeting, int]] = []
         self._leading = True
 
+    @property
+    def open(self) -> bool:
+        """Whether what has come may be the beginning of a greeting."""
+        return self._known or self._own_method.begun
+
+    @property
+    def over(self) -> bool:
+        """Whether no stranger can be recognised any more."""
+        return not (self._known or self._own_method.possible)
+
     def hear(self, data: bytes) -> Greeting | None:
         """More bytes have come -> the greeting that they complete, if they do."""
+        known = self._hear_known(data) if self._known else None
+        return OWN_METHOD if self._own_method.hear(data) and known is None else known
+
+    def _hear_known(self, data: bytes) -> Greeting | None:
         for byte in data:
             begun = [(greeting, count + 1) for greeting, count in self._begun if byte in greeting.first[count]]
             if self._leading:
@@ -102,11 +122,11 @@ class Recogniser:
                 self._leading = byte in IDLE
             for greeting, count in begun:
                 if count == len(greeting.first):
-                    self.open = False
+                    self._known = False
                     return greeting
             self._begun = begun
             if not begun and not self._leading:
-                self.open = False
+                self._known = False
                 break
         return None
 

@@ -34,7 +34,8 @@ MAY_ASK = {
 }
 #: Shorter than what makes a hand control forget half a command, and longer.
 PAUSES = (0.0, 0.15, 1.2)
-HTTP = {"a visit", "Prometheus", "a form", "a look", "a preflight", "a WebDAV folder", "HTTP/2"}
+HTTP = {"a visit", "Prometheus", "a form", "a look", "a preflight", "a WebDAV folder", "HTTP/2",
+        "a method of a page's own", "a method in small letters"}  # fmt: skip
 
 
 def notes(bridge: Bridge) -> list[str]:

@@ -337,6 +337,23 @@ def test_no_more_programs_than_are_kept(monkeypatch: pytest.MonkeyPatch) -> None
     run(test)
 
 
+@pytest.mark.parametrize(
+    "sent", [b"GET / HTTP/1.1\r\n\r\n", b"GET / HTTP/1.1\r\nA: " + b"a" * 9000, b":Mn#\x01##\r\n\r\n"]
+)
+def test_what_is_no_http_is_answered_and_leaves_no_traceback(sent: bytes, caplog: pytest.LogCaptureFixture) -> None:
+    async def test(own: Served) -> None:
+        host, port = own.url.removeprefix("http://").split(":")
+        await own.ask("GET", API + "name")
+        reader, writer = await asyncio.open_connection(host, int(port))
+        writer.write(sent)
+        async with asyncio.timeout(PATIENCE):
+            assert b"400 Bad Request" in await reader.read()
+        writer.close()
+
+    run(test)
+    assert caplog.records == []
+
+
 def test_management() -> None:
     async def test(own: Served) -> None:
         _, versions = await own.ask("GET", "/management/apiversions?ClientTransactionID=9")
