@@ -17,7 +17,9 @@ from gateway.transport.web_port import WebDevice
 #: Seconds between two looks at whether a goto has ended, and how many of them one may last.
 LOOK, LONGEST = 0.25, 900.0
 #: What is asked then, and how it is said that none is under way.
-SLEWING, RESTS = b"get slewing\n", b"false"
+CONNECT, SLEWING, RESTS = b"put connect\n", b"get slewing\n", b"false"
+#: What is never refused.
+STOP = "abortslew"
 
 
 class Device:
@@ -28,24 +30,29 @@ class Device:
 
     async def answer(self, asked: Asked, host: str) -> dict[str, Any]:
         """The value or the error. Raises ConnectionRefused."""
-        program = self.programs.of(host, asked.client)
+        stop = asked.command.name == STOP
+        program = self.programs.of(host, asked.client, stop)
         try:
-            told = _taken_apart(await program.ask(asked.line))
+            told = _taken_apart(await program.ask(asked.line, stop))
             if not told["ErrorNumber"] and member(asked.command.name).arrival:
-                await _arrival(program)
+                await _arrival(self.programs.beside(host, asked.client))
         except NoAnswerInTime as error:
             told = refused(NoAnswer(str(error)))
         return told
 
 
-async def _arrival(program: Program) -> None:
-    """Wait until the goto is over; others of this program are answered meanwhile."""
+async def _arrival(beside: Program) -> None:
+    """Wait until the goto is over; others of the program are answered meanwhile."""
     loop = asyncio.get_running_loop()
     end = loop.time() + LONGEST
-    while loop.time() < end:
-        await asyncio.sleep(LOOK)
-        if await program.ask(SLEWING) == RESTS:
-            return
+    try:
+        await beside.ask(CONNECT)
+        while loop.time() < end:
+            await asyncio.sleep(LOOK)
+            if await beside.ask(SLEWING) == RESTS:
+                return
+    finally:
+        beside.close()
 
 
 def _taken_apart(line: bytes) -> dict[str, Any]:

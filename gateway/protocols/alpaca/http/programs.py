@@ -39,9 +39,9 @@ class Program:
         """Whether nothing of it waits for an answer."""
         return not self._waiting
 
-    async def ask(self, line: bytes) -> bytes:
-        """-> the line that answers it. Raises NoAnswerInTime."""
-        if self.gone or len(self._waiting) >= WAITING:
+    async def ask(self, line: bytes, stop: bool = False) -> bytes:
+        """-> the line that answers it; a stop is said however many wait. Raises NoAnswerInTime."""
+        if self.gone or (len(self._waiting) >= WAITING and not stop):
             raise NoAnswerInTime("Too many requests of this program wait for an answer.")
         self.last = self._loop.time()
         answer: asyncio.Future[bytes] = self._loop.create_future()
@@ -81,16 +81,21 @@ class Programs:
         self._arrive = arrive
         self._known: dict[tuple[str, int], Program] = {}
 
-    def of(self, host: str, client: int) -> Program:
-        """The one of this ClientID on this computer. Raises ConnectionRefused for one that may not come in."""
+    def of(self, host: str, client: int, stop: bool = False) -> Program:
+        """The one of this ClientID on this computer; for a ``stop`` there is always room. Raises ConnectionRefused for
+        one that may not come in."""
         self._sweep()
         program = self._known.get((host, client))
         if program is None or program.gone:
-            if len(self._known) >= MOST:
+            if len(self._known) >= MOST and not stop:
                 raise ConnectionRefused
-            name = f"[{host}]:id-{client}" if ":" in host else f"{host}:id-{client}"
-            program = self._known[host, client] = Program(self._arrive, name, host)
+            program = self._known[host, client] = Program(self._arrive, _name(host, client), host)
         return program
+
+    def beside(self, host: str, client: int) -> Program:
+        """A further connection for a program: what the gateway asks there is no sign that the program lives. Raises
+        ConnectionRefused."""
+        return Program(self._arrive, f"{_name(host, client)}-arrival", host)
 
     def _sweep(self) -> None:
         """Forget whoever is gone or has long been silent; the longest silent one where there are too many."""
@@ -109,3 +114,7 @@ class Programs:
         for program in self._known.values():
             program.close()
         self._known.clear()
+
+
+def _name(host: str, client: int) -> str:
+    return f"[{host}]:id-{client}" if ":" in host else f"{host}:id-{client}"

@@ -7,6 +7,7 @@ module: import it when somebody has asked.
 
 from __future__ import annotations
 
+import asyncio
 import html
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Any
@@ -26,6 +27,8 @@ from gateway.transport.web_port import WebDevice
 
 #: The longest body of a request, bytes.
 LONGEST = 8192
+#: Seconds that it may take to come.
+PATIENCE = 5.0
 FORM = "application/x-www-form-urlencoded"
 CONSOLE = '<a href="/">The console</a> shows and moves the mount.'
 NO_CONSOLE = (
@@ -157,12 +160,24 @@ async def _parameters(request: web.Request) -> Pairs:
     if request.content_type not in (FORM, "application/octet-stream"):
         raise BadRequest(f"The parameters of a PUT stand in its body as {FORM}")
     try:
-        body = (await request.content.read(LONGEST + 1)).decode("utf-8")
-        if len(body) > LONGEST:
-            raise BadRequest(f"The body is longer than {LONGEST} bytes")
+        body = (await _body(request)).decode("utf-8")
         return parse_qsl(body, keep_blank_values=True, max_num_fields=100, errors="strict")
     except ValueError:
         raise BadRequest("The parameters cannot be read") from None
+
+
+async def _body(request: web.Request) -> bytes:
+    """All of it: it may come in pieces, and half a number is another number. Raises BadRequest."""
+    body = b""
+    try:
+        async with asyncio.timeout(PATIENCE):
+            async for piece in request.content.iter_any():
+                body += piece
+                if len(body) > LONGEST:
+                    raise BadRequest(f"The body is longer than {LONGEST} bytes")
+    except TimeoutError:
+        raise BadRequest(f"The body has not come within {PATIENCE:g} s") from None
+    return body
 
 
 def _value(request: web.Request, value: Any) -> web.StreamResponse:

@@ -158,6 +158,40 @@ def test_what_is_not_understood_reaches_no_mount(method: str, path: str, status:
     run(test)
 
 
+def test_a_body_that_comes_in_pieces_is_read_whole() -> None:
+    """Half a number would be another number, and the mount would go elsewhere."""
+
+    async def test(own: Served) -> None:
+        async def pieces() -> AsyncIterator[bytes]:
+            for piece in (b"TargetDec", b"lination=2", b"2.0145"):
+                yield piece
+                await asyncio.sleep(0.05)
+
+        form = {"Content-Type": "application/x-www-form-urlencoded"}
+        for more in ({}, {"Content-Length": "25"}):
+            status, _ = await own.ask("PUT", API + "targetdeclination", data=pieces(), headers=form | more)
+            assert status == 200
+            assert own.mount.said[-1][1] == b"put targetdeclination TargetDeclination=22.0145\n"
+
+    run(test)
+
+
+def test_a_body_that_does_not_come_is_waited_for_in_vain_for_some_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.protocols.alpaca.http.server.PATIENCE", 0.2)
+
+    async def test(own: Served) -> None:
+        async def pieces() -> AsyncIterator[bytes]:
+            yield b"Axis=0&Rate=1"
+            await asyncio.sleep(0.5)
+            yield b".5"
+
+        form = {"Content-Type": "application/x-www-form-urlencoded"}
+        assert (await own.ask("PUT", API + "moveaxis", data=pieces(), headers=form))[0] == 400
+        assert own.mount.said == []
+
+    run(test)
+
+
 @pytest.mark.parametrize("body", [b"\xff\xfe", b"Connected=%ff", b"x" * 9000, b"&".join([b"a=1"] * 200)])
 def test_a_body_that_cannot_be_read(body: bytes) -> None:
     async def test(own: Served) -> None:
@@ -241,6 +275,45 @@ def test_a_goto_that_is_waited_for_blocks_its_own_request_alone() -> None:
         own.mount.answers[b"get slewing\n"] = b"false\n"
         status, answer = await waited
         assert status == 200 and answer["ErrorNumber"] == 0
+
+    run(test)
+
+
+def test_waiting_for_an_arrival_is_no_sign_that_the_program_lives() -> None:
+    """The dead man's switch would let a motion by hand of a vanished program go on for ever."""
+
+    async def test(own: Served) -> None:
+        own.mount.answers[b"get slewing\n"] = b"true\n"
+        place = {"RightAscension": "5.5", "Declination": "-3", "ClientID": "1"}
+        waited = asyncio.create_task(own.ask("PUT", API + "slewtocoordinates", data=place))
+        while len(own.mount.said) < 4:
+            await asyncio.sleep(0.01)
+        assert [line for name, line in own.mount.said if name == "127.0.0.1:id-1"] == [
+            b"put slewtocoordinates RightAscension=5.5 Declination=-3\n"
+        ]
+        own.mount.answers[b"get slewing\n"] = b"false\n"
+        assert (await waited)[1]["ErrorNumber"] == 0
+        assert [guest.closed for guest in own.mount.guests] == [False, True]
+
+    run(test)
+
+
+def test_a_stop_is_said_however_many_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(programs, "WAITING", 2)
+    monkeypatch.setattr(programs, "MOST", 2)
+    monkeypatch.setattr(programs, "PATIENCE", 1.0)
+
+    async def test(own: Served) -> None:
+        own.mount.answers |= {b"get azimuth\n": None, b"put abortslew\n": None}
+        asked = [asyncio.create_task(own.ask("GET", API + f"azimuth?ClientID={one % 2}")) for one in range(4)]
+        while len(own.mount.said) < 4:
+            await asyncio.sleep(0.01)
+        _, full = await own.ask("GET", API + "altitude?ClientID=1")
+        assert full["ErrorNumber"] == 0x500 and "Too many" in full["ErrorMessage"]
+        assert (await own.ask("GET", API + "altitude?ClientID=2"))[0] == 403
+        stops = [asyncio.create_task(own.ask("PUT", API + "abortslew", data={"ClientID": one})) for one in (1, 2)]
+        await asyncio.gather(*asked, *stops)
+        assert [line for _, line in own.mount.said].count(b"put abortslew\n") == 2
 
     run(test)
 
