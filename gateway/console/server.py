@@ -24,6 +24,7 @@ from gateway.console.mounts import Mounts
 from gateway.console.page_session import PageSession
 from gateway.diagnostics.metrics.exposition import Metrics, missing
 from gateway.protocols.registry import PROTOCOLS
+from gateway.system.web_log import web_log
 
 PAGE = Path(__file__).parent / "page"
 #: What the page consists of, by ending.
@@ -69,7 +70,7 @@ class Console:
             web.get("/", self._index), web.get("/socket", self._socket), web.get("/metrics", self._figures),
             web.get("/recording/{mount}/{name}", self._recording), web.get("/{path:.+}", self._file),
         ])  # fmt: skip
-        self._runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=0.5)
+        self._runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=0.5, logger=web_log())
         await self._runner.setup()
         for attempt in range(others + 1):
             try:

@@ -24,6 +24,7 @@ from gateway.fleet.client import Connect
 from gateway.fleet.link import BrokerLink
 from gateway.fleet.overview.roster import Roster
 from gateway.fleet.topics import Heard, Message, Topics
+from gateway.system.web_log import web_log
 
 OWN = Path(__file__).parent / "page"
 #: What is taken from the console's page.
@@ -72,7 +73,7 @@ class Overview:
             web.get("/", self._index), web.get("/fleet.json", self._mounts), web.post("/stop", self._stop),
             web.get("/{path:.+}", self._file),
         ])  # fmt: skip
-        self._runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=0.5)
+        self._runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=0.5, logger=web_log())
         await self._runner.setup()
         site = web.TCPSite(self._runner, "127.0.0.1", port)
         try:

@@ -7,6 +7,7 @@ import asyncio
 from aiohttp import web
 
 from gateway.protocols.alpaca.http.server import LONGEST, AlpacaServer
+from gateway.system.web_log import web_log
 
 #: Seconds that requests under way are given at the end.
 END = 0.5
@@ -23,7 +24,7 @@ class OwnServer:
         """Ready for connections."""
         app = web.Application(client_max_size=LONGEST)
         alpaca.add_to(app)
-        runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=END)
+        runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=END, logger=web_log())
         await runner.setup()
         return cls(runner, alpaca)
 
