@@ -27,7 +27,7 @@ Exit codes:
 WHERE = """\
 An endpoint is PROTOCOL[:MODEL[/VERSION]]@WHERE. Without a model a mount is asked what it is, and programs are
 presented one that fits.
-  PROTOCOL  lx200 (Meade) or nexstar (Celestron); of a surface stellarium, too (Stellarium's own protocol),
+  PROTOCOL  lx200 (Meade) or nexstar (Celestron); of a surface stellarium (Stellarium's own) and alpaca (ASCOM), too,
             and any (tcp:// only): every one of them and web browsers, told by what they say first
   VERSION   of the hand control, like 4.21
   WHERE     of a mount: /dev/ttyUSB0, COM3, socket://HOST:PORT, rfc2217://HOST:PORT, or sim (a simulated one)

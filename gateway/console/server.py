@@ -70,7 +70,7 @@ class Console:
             web.get("/", self._index), web.get("/socket", self._socket), web.get("/metrics", self._figures),
             web.get("/recording/{mount}/{name}", self._recording), web.get("/{path:.+}", self._file),
         ])  # fmt: skip
-        self._runner = web.AppRunner(app, access_log=None, logger=web_log(), handle_signals=False, shutdown_timeout=0.5)
+        self._runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=0.5, logger=web_log())
         await self._runner.setup()
         for attempt in range(others + 1):
             try:

@@ -211,5 +211,5 @@ def _why(error: Exception) -> str:
     """What happened, in a few words."""
     words = re.sub(r"^\[Errno -?\d+\] ", "", str(error)).strip() or type(error).__name__
     if "[code:134]" in words or "[code:135]" in words or "uthori" in words:
-        return "it refuses: the user or the password is not what it knows"
+        return "it refuses the user or the password: look at user and password-file, or MOUNT_GATEWAY_MQTT_PASSWORD"
     return words

@@ -1,24 +1,24 @@
-"""Where web servers of the gateway write what goes wrong in them: to the terminal, as every log, but for one thing.
+"""What the web server says on the terminal: its own failures, with their traceback.
 
-A request that is no HTTP is the fault of whoever sent it, and is answered with 400. Anybody could fill the terminal
-with tracebacks by it.
+A request that is no HTTP is answered with 400. That is nobody's failure here, and nothing is said about it.
 """
 
 from __future__ import annotations
 
 import logging
-
-#: Where the errors of requests that cannot be read are defined.
-UNREADABLE = "aiohttp.http_exceptions"
+from functools import cache
 
 
+@cache
 def web_log() -> logging.Logger:
-    """For ``AppRunner(logger=...)``."""
+    """The log for a web server's ``logger``."""
     log = logging.getLogger("gateway.web")
-    log.addFilter(_of_our_own)  # the same one is not added twice
+    log.addFilter(_is_ours)
     return log
 
 
-def _of_our_own(record: logging.LogRecord) -> bool:
-    kind = record.exc_info[0] if record.exc_info else None
-    return kind is None or kind.__module__ != UNREADABLE
+def _is_ours(record: logging.LogRecord) -> bool:
+    """Whether it is more than a request that cannot be read."""
+    from aiohttp.http_exceptions import HttpProcessingError
+
+    return not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError))

@@ -201,7 +201,11 @@ def open_port(url: str, baud: int) -> Serial:
             raise OSError(errno.EINVAL, "the port number is missing, for example socket://192.168.1.50:4030") from None
         raise OSError(number or errno.EIO, text.rpartition(": ")[2] or text) from None
     except ValueError as error:
-        raise OSError(errno.EINVAL, f"{error}; socket://HOST:PORT, rfc2217://HOST:PORT or a device will do") from None
+        raise OSError(
+            errno.EINVAL,
+            f"{error}; socket://HOST:PORT, rfc2217://HOST:PORT or a serial port will do, "
+            "and where programs connect tcp://HOST:PORT or pty:PATH",
+        ) from None
 
 
 #: (how to send what comes after some seconds) -> (bytes in -> the bytes that are answered at once).

@@ -50,7 +50,10 @@ class Announcement:
             try:
                 self._found.append(await spec.web().answer_discovery(places))
             except OSError as error:
-                self._warn(f"{spec.title} programs will not find this gateway by themselves: {error.strerror or error}")
+                self._warn(
+                    f"{spec.title} programs will not find this gateway by themselves: {error.strerror or error}; "
+                    "type its address and port into them"
+                )
 
     @property
     def skyfi_port(self) -> int:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from gateway.cli.help import Commands
@@ -83,9 +84,14 @@ def lines(state: State) -> Iterator[str]:
         "site": [state.site or "not known: altitudes cannot be reckoned"],
         "clock": [state.clock or "not known"],
         "line": [f"{line}; an answer takes {state.reply:.2f} s, {state.answers} so far"],
-        "programs": [", ".join(state.programs) or "none"],
+        "programs": [", ".join(_counted(state.programs)) or "none"],
         "lately": state.lately or ["nothing was refused in the last minute"],
     }
     for name, sentences in told.items():
         for number, sentence in enumerate(sentences):
             yield f"  {name if number == 0 else '':<9} {sentence}"
+
+
+def _counted(names: Iterable[str]) -> Iterator[str]:
+    """Every name once, with how often where that is more."""
+    return (f"{name} ({often} times)" if often > 1 else name for name, often in Counter(names).items())

@@ -17,7 +17,12 @@ from gateway.mount.site.site_clock import EARLIEST
 #: The versions of Python that mount-gateway is tried with: the first and the last.
 OLDEST, NEWEST = (3, 11), (3, 14)
 #: What does not work without an extra.
-WITHOUT = {"library": "M, NGC, IC, Caldwell and HIP numbers are unknown", "mdns": "surfaces are not announced by mDNS"}
+WITHOUT = {
+    "library": "M, NGC, IC, Caldwell and HIP numbers are unknown",
+    "mdns": "surfaces are not announced by mDNS",
+    "metrics": "the console has no figures for Prometheus",
+    "mqtt": "the mounts cannot be shown on an MQTT broker",
+}
 #: Seconds in a day; days before their end at which data count as old.
 DAY, SOON = 86400.0, 60.0
 

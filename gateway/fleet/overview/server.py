@@ -73,7 +73,7 @@ class Overview:
             web.get("/", self._index), web.get("/fleet.json", self._mounts), web.post("/stop", self._stop),
             web.get("/{path:.+}", self._file),
         ])  # fmt: skip
-        self._runner = web.AppRunner(app, access_log=None, logger=web_log(), handle_signals=False, shutdown_timeout=0.5)
+        self._runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=0.5, logger=web_log())
         await self._runner.setup()
         site = web.TCPSite(self._runner, "127.0.0.1", port)
         try:

@@ -163,7 +163,10 @@ def test_the_end_does_not_wait_for_a_broker_that_says_nothing(monkeypatch: pytes
         (OSError(111, "Connection refused"), "Connection refused"),
         (OSError("[Errno 111] Connection refused"), "Connection refused"),
         (OSError("[Errno -2] Name or service not known"), "Name or service not known"),
-        (ValueError("[code:135] Not authorized"), "it refuses: the user or the password is not what it knows"),
+        (
+            ValueError("[code:135] Not authorized"),
+            "it refuses the user or the password: look at user and password-file, or MOUNT_GATEWAY_MQTT_PASSWORD",
+        ),
         (TimeoutError(), "TimeoutError"),
     ],
 )

@@ -21,12 +21,18 @@ function trouble(words) {
   say(byId("trouble"), words);
 }
 
-let unsent = "";
+/** Milliseconds for which it is said that a stop was sent: cards take a second or two to tell what came of it. */
+const TOLD = 4000;
+let unsent = "", sent = -TOLD;
 async function stop(pressed, of) {
   pressed.classList.add("pressed");
   try {
     const answer = await ask("stop", { method: "POST", body: JSON.stringify(of) });
     unsent = answer.sent ? "" : answer.words;
+    if (answer.sent) {
+      sent = performance.now();
+      say(byId("attention"), answer.words);
+    }
   } catch {
     unsent = "STOP WAS NOT SENT: this page's server does not answer. Use the mounts' own keys or their power switches.";
   }
@@ -96,7 +102,8 @@ function showAll({ mounts, there, why }) {
   const away = mounts.filter(lost).length;
   const move = mounts.filter((mount) => mount.moving && !lost(mount)).length;
   say(byId("summary"), mounts.length === 1 ? "1 mount" : `${mounts.length} mounts`);
-  say(byId("attention"), [move ? `${move} moving` : "none moves", away ? `${away} not there` : "all there"].join(", "));
+  const told = performance.now() - sent < TOLD ? ["stop sent"] : [];
+  say(byId("attention"), [...told, move ? `${move} moving` : "none moves", away ? `${away} not there` : "all there"].join(", "));
   byId("none").hidden = mounts.length > 0 || !there;
   trouble(there ? unsent : `The broker is not there (${why}): what is shown is old, and STOP is not sent.`);
 }

@@ -80,9 +80,9 @@ def _ipv4(port: int) -> socket.socket:
     made = _shared(socket.AF_INET)
     try:
         made.bind(("0.0.0.0", port))
-    except OSError:
+    except OSError as error:
         made.close()
-        raise
+        raise OSError(error.errno, f"UDP port {port}: {error.strerror}") from None
     return made
 
 

@@ -24,7 +24,7 @@ class OwnServer:
         """Ready for connections."""
         app = web.Application(client_max_size=LONGEST)
         alpaca.add_to(app)
-        runner = web.AppRunner(app, access_log=None, logger=web_log(), handle_signals=False, shutdown_timeout=END)
+        runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=END, logger=web_log())
         await runner.setup()
         return cls(runner, alpaca)
 

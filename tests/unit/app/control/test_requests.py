@@ -104,6 +104,8 @@ def test_what_a_program_was_refused_is_told_without_a_log() -> None:
                 "192.168.1.23: Goto: Object Below Horizon. (2 times)"
             ]
             assert state.programs == ("192.168.1.23",)
+            crowd = msgspec.structs.replace(state, programs=("10.0.0.2", "192.168.1.23", "10.0.0.2"))
+            assert "  programs  10.0.0.2 (2 times), 192.168.1.23" in list(lines(crowd))
             bridge.wire_log.sinks.append(bridge.entries.append)
 
     run(program())

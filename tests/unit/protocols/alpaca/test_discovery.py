@@ -85,7 +85,7 @@ def test_an_announcement_lets_programs_find_what_speaks_alpaca(monkeypatch: pyte
 
 def test_a_port_that_cannot_be_had_is_told_and_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     async def failing(places: object) -> object:
-        raise OSError(98, "Address already in use")
+        raise OSError(98, "UDP port 32227: Address already in use")
 
     monkeypatch.setattr(discovery, "answer_discovery", failing)
 
@@ -94,7 +94,10 @@ def test_a_port_that_cannot_be_had_is_told_and_costs_nothing(monkeypatch: pytest
         own = Announcement(said.append, lambda text: None)
         await own.let_find([Offer("alpaca", "", "tcp", *EVERYWHERE)])
         await own.close()
-        assert said == ["ASCOM Alpaca programs will not find this gateway by themselves: Address already in use"]
+        assert said == [
+            "ASCOM Alpaca programs will not find this gateway by themselves: UDP port 32227: Address already in use; "
+            "type its address and port into them"
+        ]
 
     asyncio.run(program())
 

@@ -18,6 +18,11 @@ export function notice(words, kind = "done") {
   if (kind === "done") timer = setTimeout(() => box.replaceChildren(), Math.max(GONE, words.split(" ").length * WORD));
 }
 
+/** What went well before is no news any more. */
+export function outdated() {
+  byId("notices").querySelector(".notice.done")?.remove();
+}
+
 /** Show the answer to a request; returns it. */
 export function answered(answer) {
   notice(answer.words, answer.ok ? "done" : "refused");

@@ -2,7 +2,7 @@
 // and stops every mount of this gateway. One that could not be sent is sent as soon as the gateway is there again.
 
 import { byId, isTyping, say } from "../core/dom.js";
-import { answered, notice } from "./notices.js";
+import { answered, notice, outdated } from "./notices.js";
 import { ask, on } from "../core/socket.js";
 import { state, subscribe } from "../core/store.js";
 
@@ -22,6 +22,7 @@ function tell() {
 export async function stop() {
   underWay += 1;
   tell();
+  outdated();
   const answer = await ask({ do: "stop", mount: -1 });
   underWay -= 1;
   tell();
