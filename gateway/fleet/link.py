@@ -209,7 +209,11 @@ async def _first_of(*works: Coroutine[Any, Any, object]) -> None:
 
 def _why(error: Exception) -> str:
     """What happened, in a few words."""
+    if isinstance(error, TimeoutError):
+        return "it does not answer"
     words = re.sub(r"^\[Errno -?\d+\] ", "", str(error)).strip() or type(error).__name__
     if "[code:134]" in words or "[code:135]" in words or "uthori" in words:
         return "it refuses the user or the password: look at user and password-file, or MOUNT_GATEWAY_MQTT_PASSWORD"
+    if words.startswith("Disconnected"):
+        return "the connection to it broke"
     return words

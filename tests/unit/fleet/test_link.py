@@ -167,7 +167,9 @@ def test_the_end_does_not_wait_for_a_broker_that_says_nothing(monkeypatch: pytes
             ValueError("[code:135] Not authorized"),
             "it refuses the user or the password: look at user and password-file, or MOUNT_GATEWAY_MQTT_PASSWORD",
         ),
-        (TimeoutError(), "TimeoutError"),
+        (ValueError("Disconnected during message iteration"), "the connection to it broke"),
+        (TimeoutError(), "it does not answer"),
+        (RuntimeError(), "RuntimeError"),
     ],
 )
 def test_why_it_is_away_is_told_in_words(error: Exception, why: str) -> None:
