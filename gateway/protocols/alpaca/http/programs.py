@@ -16,6 +16,8 @@ from gateway.transport.handler import Arrive, ConnectionRefused
 PATIENCE, FORGET = 5.0, 600.0
 #: Programs of one mount, and requests of one program that may wait at a time.
 MOST, WAITING = 64, 64
+#: How a line begins that only asks.
+LOOKS = b"get "
 
 
 class NoAnswerInTime(Exception):
@@ -31,6 +33,8 @@ class Program:
         self._rest = b""
         self.last = self._loop.time()
         self.gone = False
+        #: Whether it has ever done more than look, which a web page cannot.
+        self.acts = False
         self._handler = arrive(name, host, self._hear)
         self._handler.network(lambda last: self.close())
 
@@ -44,6 +48,7 @@ class Program:
         if self.gone or (len(self._waiting) >= WAITING and not stop):
             raise NoAnswerInTime("Too many requests of this program wait for an answer.")
         self.last = self._loop.time()
+        self.acts |= not line.startswith(LOOKS)
         answer: asyncio.Future[bytes] = self._loop.create_future()
         self._waiting.append(answer)
         self._handler.feed(line)
@@ -98,7 +103,8 @@ class Programs:
         return Program(self._arrive, f"{_name(host, client)}-arrival", host)
 
     def _sweep(self) -> None:
-        """Forget whoever is gone or has long been silent; the longest silent one where there are too many."""
+        """Forget whoever is gone or has long been silent; of too many, who only looks before others, and of
+        these the longest silent one."""
         now = asyncio.get_running_loop().time()
         for key, program in list(self._known.items()):
             if program.gone or (program.idle and now - program.last > FORGET):
@@ -107,7 +113,10 @@ class Programs:
         if len(self._known) >= MOST:
             idle = [key for key, program in self._known.items() if program.idle]
             if idle:
-                self._known.pop(min(idle, key=lambda key: self._known[key].last)).close()
+                self._known.pop(min(idle, key=self._rank)).close()
+
+    def _rank(self, key: tuple[str, int]) -> tuple[bool, float]:
+        return self._known[key].acts, self._known[key].last
 
     def close(self) -> None:
         """Nobody is heard any more."""

@@ -337,6 +337,19 @@ def test_no_more_programs_than_are_kept(monkeypatch: pytest.MonkeyPatch) -> None
     run(test)
 
 
+def test_who_only_looks_drives_out_nobody_who_has_connected(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A web page may send GETs without end, each with another ClientID."""
+    monkeypatch.setattr(programs, "MOST", 3)
+
+    async def test(own: Served) -> None:
+        await own.ask("PUT", API + "connected", data={"Connected": "true", "ClientID": "7"})
+        for client in range(10, 16):
+            assert (await own.ask("GET", API + f"altitude?ClientID={client}"))[0] == 200
+        assert [guest.closed for guest in own.mount.guests] == [False, True, True, True, True, False, False]
+
+    run(test)
+
+
 @pytest.mark.parametrize(
     "sent", [b"GET / HTTP/1.1\r\n\r\n", b"GET / HTTP/1.1\r\nA: " + b"a" * 9000, b":Mn#\x01##\r\n\r\n"]
 )
