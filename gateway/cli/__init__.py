@@ -11,7 +11,7 @@ import sys
 
 from gateway.cli.command_line import COMMANDS, commands_of, parser
 from gateway.core.errors import UserError
-from gateway.system import journal, streams
+from gateway.system import garbage, journal, streams
 
 #: What may stand in the place of a command.
 ABOUT = ("-h", "--help", "--version")
@@ -28,6 +28,7 @@ def main(argv: list[str] | None = None) -> int:
 
     What was to be told on stdout and cannot be is bad input, too; a reader that has had enough is none.
     """
+    garbage.starting()
     streams.take_up()
     code = 0
     try:

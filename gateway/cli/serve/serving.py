@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import gc
 import sys
 import time
 from collections.abc import Callable, Coroutine, Sequence
@@ -26,6 +25,7 @@ from gateway.cli.serve.signals import before_suspension, until_signal
 from gateway.core.errors import Fault
 from gateway.core.wire_log import SKY_READY, Sink
 from gateway.diagnostics.log import as_json
+from gateway.system import garbage
 from gateway.system.file_limits import make_room
 from gateway.system.systemd import notify
 
@@ -117,7 +117,7 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         patient = config.wait or len(gateways) > 1
 
         def sky_ready() -> None:
-            gc.freeze()
+            garbage.started()
             sky.use()
             for gateway in gateways:
                 gateway.wire_log.note("mount", SKY_READY)
@@ -139,10 +139,10 @@ async def serve_mounts(config: Config, banner: str = "", watchdog: Watchdog | No
         await _unless(
             done, asyncio.gather(*(serve(gateway, patient, start_sky, ready, screen.warn) for gateway in gateways))
         )
-        gc.freeze()  # what was made so far lives on: looking through it for garbage would hold up a stop
+        garbage.started()
         if not done.is_set():
             console = await open_console(config, gateways, screen)
-            gc.freeze()  # the web server as well
+            garbage.started()  # the web server as well
             if console is not None:
                 web.open(console.serve)
             else:
