@@ -18,7 +18,7 @@ from gateway.clients.commands.turn import ANSWER_WITHIN, LONG_AGO, WAIT_FOR_MOUN
 from gateway.clients.commands.turn_runner import TurnRunner
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import AbortMotion, Operation
-from gateway.core.wire_log import ClientLog, WireLog
+from gateway.core.wire_log import ClientLog, WireLog, show
 from gateway.mount.controller import MountController
 from gateway.mount.safety.rules.dead_man import HostActivity
 from gateway.protocols.base.ends import Ending
@@ -239,7 +239,7 @@ class CommandProcessor:
     def _say_refused(self, frame: bytes) -> None:
         if self.session.refused:
             why, self.session.refused = self.session.refused, ""
-            self.log.refused_once(f"{frame!r} refused: {why}")
+            self.log.refused_once(f"`{show(frame.rstrip())}` refused: {why}")
 
     def _explain(self, frame: bytes) -> None:
         """Leave a reason for a silence, once for every command of every host."""
