@@ -239,7 +239,7 @@ class CommandProcessor:
     def _say_refused(self, frame: bytes) -> None:
         if self.session.refused:
             why, self.session.refused = self.session.refused, ""
-            self.log.refused_once(f"`{show(frame.rstrip())}` refused: {why}")
+            self.log.refused_once(f"`{show(frame.removesuffix(b'\n'))}` refused: {why}")
 
     def _explain(self, frame: bytes) -> None:
         """Leave a reason for a silence, once for every command of every host."""

@@ -6,6 +6,7 @@ import asyncio
 
 import pytest
 
+from gateway.core.wire_log import show
 from tests.support.in_process_gateway import Bridge
 from tests.support.virtual import run
 
@@ -57,7 +58,7 @@ def test_a_nexstar_command_whose_answer_is_always_the_same(said: bytes) -> None:
             client = bridge.client()
             before = len(bridge.sent())
             assert await client.ask(said) == b"#"
-            assert any(repr(said) in entry.note and "refused" in entry.note for entry in bridge.entries)
+            assert any(show(said) in entry.note and "refused" in entry.note for entry in bridge.entries)
             assert not [data for data in bridge.sent()[before:] if data[1:2] in (b"S", b"M", b"A")]
 
     run(play())
