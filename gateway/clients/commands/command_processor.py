@@ -239,7 +239,8 @@ class CommandProcessor:
     def _say_refused(self, frame: bytes) -> None:
         if self.session.refused:
             why, self.session.refused = self.session.refused, ""
-            self.log.refused_once(f"`{show(frame.removesuffix(b'\n'))}` refused: {why}")
+            sent = show(frame.removesuffix(b"\n"))
+            self.log.refused_once(f"`{sent}` refused: {why}")
 
     def _explain(self, frame: bytes) -> None:
         """Leave a reason for a silence, once for every command of every host."""
