@@ -22,22 +22,23 @@ QUIET = (
     "--disable-sync",
     "--disable-default-apps",
     "--disable-extensions",
-    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 )
 
 
 class Browser:
-    """One running browser."""
+    """One running browser. ``names`` are hosts that are this computer."""
 
-    def __init__(self, workshop: Workshop) -> None:
+    def __init__(self, workshop: Workshop, *names: str) -> None:
         requires("chromium")
         folder = workshop.folder / "chromium"
+        here = "".join(f"MAP {name} 127.0.0.1, " for name in names)
         argv = [
             "chromium",
             "--headless",
             "--disable-gpu",
             "--disable-dev-shm-usage",
             *QUIET,
+            f"--host-resolver-rules={here}MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
             f"--user-data-dir={folder}",
             "--remote-debugging-port=0",
         ]
@@ -87,6 +88,11 @@ class Site:
 
         server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
         threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
-        workshop.keep(server.server_close)
-        workshop.keep(server.shutdown)
+        self._server = server
+        workshop.keep(self.close)
         self.url = f"http://127.0.0.1:{server.server_port}"
+
+    def close(self) -> None:
+        """It is served no more."""
+        self._server.shutdown()
+        self._server.server_close()
