@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
@@ -72,6 +73,7 @@ class Process:
                 stdout=sink,
                 stderr=subprocess.STDOUT,
                 env={**os.environ, **(environment or {})},
+                start_new_session=True,
             )
 
     def output(self) -> str:
@@ -109,6 +111,10 @@ class Process:
         except subprocess.TimeoutExpired:
             self._process.kill()
             return self._process.wait(seconds)
+        finally:
+            # What it has started is in its session: a driver whose server has gone would run on for ever.
+            with suppress(ProcessLookupError):
+                os.killpg(self._process.pid, signal.SIGKILL)
 
     def __str__(self) -> str:
         return " ".join(self.argv)

@@ -196,6 +196,7 @@ class Mechanics(AxisMotion):
 
     def advance(self, now: float) -> None:
         """Let happen, in their order, the arrivals and the ends of pulses that are due by ``now``."""
+        self._begin_ramps()  # a way is as long as its ramps make it, whether anybody has looked meanwhile or not
         while True:
             ends = [(motor.pulse_ends, number) for number, motor in self._axes.items() if motor.pulse]
             legs = [motor.leg.ends for motor in self._axes.values() if motor.leg is not None]

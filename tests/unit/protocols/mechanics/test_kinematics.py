@@ -97,6 +97,15 @@ def test_speed_shortens_gotos_only() -> None:
     assert wrap180(quick.axes(START + 5.5)[0] - quick.axes(START + 4.5)[0]) == pytest.approx(2.0)
 
 
+@pytest.mark.parametrize("speed", [4.0, 20.0])
+def test_a_hurried_goto_that_nobody_looks_at_ends_at_its_goal(speed: float) -> None:
+    made = mount(Build.ALTAZ, 48.1)
+    made.speed = speed
+    ra, dec = made.truth(START + 1.0)
+    made.goto_sky(START + 1.0, ra + 40.0, dec - 10.0)
+    assert apart(made, START + 61.0, ra + 40.0, dec - 10.0) < 1.0
+
+
 def test_what_is_seen_does_not_depend_on_looking() -> None:
     looked, blind = mount(Build.ALTAZ, 45.0), mount(Build.ALTAZ, 45.0)
     for made in (looked, blind):
