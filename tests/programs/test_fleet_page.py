@@ -25,6 +25,7 @@ def page() -> Iterator[Page]:
         arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
         browser = play.chromium.launch(executable_path="/usr/bin/chromium", args=arguments)
         tab = browser.new_page()
+        tab.add_init_script("localStorage.setItem('light-shown', 'day')")  # else the hour decides how it opens
         wrong: list[str] = []
         tab.on("pageerror", lambda error: wrong.append(str(error)))
         yield tab
