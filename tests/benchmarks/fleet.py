@@ -204,12 +204,12 @@ class _Play:
         self._ask(b":GR#", lambda heard: heard.endswith(b"#"))
         self._positions.append(time.perf_counter() - began)
         self._number += 1
-        match self._number % 50:
-            case 10:
+        match self._number % 15:
+            case 3:
                 self._link.sendall(b":Mgn0200#")
-            case 25:
+            case 7:
                 self._ask(GOTO, lambda heard: len(heard) >= 3)
-            case 45:
+            case 12:
                 self._stops.append(time.time())
                 self._link.sendall(b":Q#")
 
@@ -227,7 +227,7 @@ class _Play:
         times = self._positions
         return (
             f":GR# {1e6 * middle(times):.0f} µs, p99 {1e6 * percentile(times, 99):.0f} µs of {len(times)}; "
-            f"stop {1e3 * middle(took):.0f} ms, p99 {1e3 * percentile(took, 99):.0f} ms of {len(took)}"
+            f"stop {1e3 * middle(took):.1f} ms, p99 {1e3 * percentile(took, 99):.1f} ms of {len(took)}"
         )
 
 
