@@ -7,8 +7,8 @@ from gateway.core.errors import Invalid, Unsupported
 from gateway.core.operations import Values
 from gateway.protocols.alpaca.faults import Parked
 from gateway.protocols.alpaca.session import AlpacaSession
-from gateway.protocols.alpaca.surface.given import given, within
-from gateway.protocols.base.wants import Handling
+from gateway.protocols.alpaca.surface.given import within
+from gateway.protocols.base.wants import Handling, given
 from gateway.protocols.wireformat.command import Command
 
 #: Arcseconds a second of the sidereal rate, and the same in degrees.
