@@ -6,9 +6,9 @@ goto, would go at them. Put back is what the telescope has at power-on, or what 
 
 from __future__ import annotations
 
+from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core.operations import Operation
 from gateway.protocols.base.driver import Schedule, Steps
-from gateway.protocols.lx200.driver.speeds import SIDEREAL
 from gateway.protocols.lx200.driver.state import Lx200Driver, ask
 
 #: Seconds after the end of a motion; so a program that presses again at once finds its rate still there.
@@ -56,7 +56,7 @@ def at_most(mount: Lx200Driver, degrees: float | None) -> Steps:
 def guide_at(mount: Lx200Driver, fraction: float) -> Steps:
     """:Rg where the model has it, when it differs from what was sent last: no Meade tells it again."""
     if _guides_otherwise(mount, fraction):
-        yield from ask(mount, "Rg", rate=min(1.0, fraction) * SIDEREAL)
+        yield from ask(mount, "Rg", rate=min(1.0, fraction) * SIDEREAL_ARCSECONDS)
         mount.guides_at = fraction
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core.errors import Invalid
 from gateway.core.operations import Direction, Move, Pulse, Rate, SetGuideRate, Values
 from gateway.protocols.base.wants import FireAndForget, Handling, given
@@ -9,7 +10,6 @@ from gateway.protocols.lx200.session import LxSession
 from gateway.protocols.wireformat.command import Command
 
 _NAMES = {"RG": "guide", "RC": "center", "RM": "find", "RS": "max"}
-_SIDEREAL = 15.041067
 LONGEST_PULSE = 60_000
 
 
@@ -53,7 +53,7 @@ def max_rate(session: LxSession, command: Command, values: Values) -> None:
 
 def guide_rate(session: LxSession, command: Command, values: Values) -> Handling:
     """:Rg - arcseconds a second, at most sidereal."""
-    fraction = min(1.0, given(values)["rate"] / _SIDEREAL)
+    fraction = min(1.0, given(values)["rate"] / SIDEREAL_ARCSECONDS)
     for axis in (1, 2):
         yield FireAndForget(SetGuideRate(axis, fraction))
 

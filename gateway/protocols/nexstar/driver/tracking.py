@@ -6,6 +6,7 @@ axis moves and put back once after the last one has stopped (NexStar protocol, S
 
 from __future__ import annotations
 
+from gateway.astro.spherical import SIDEREAL_ARCSECONDS
 from gateway.core import operations as op
 from gateway.core.errors import NoDevice, Refused, Unsupported
 from gateway.protocols.base.driver import Remark, Schedule, Send, Steps
@@ -13,9 +14,8 @@ from gateway.protocols.nexstar.driver.state import NexStar
 from gateway.protocols.nexstar.rates import DRIVE_CODES
 from gateway.protocols.nexstar.versions import code_of, modes
 
-_SIDEREAL_ARCSECONDS = 15.041067
 #: What the motors' own drive rates turn at, arcseconds a second.
-_DRIVES = {"sidereal": _SIDEREAL_ARCSECONDS, "solar": 15.0, "lunar": 14.685}
+_DRIVES = {"sidereal": SIDEREAL_ARCSECONDS, "solar": 15.0, "lunar": 14.685}
 _ASSUMED = (
     "the hand control does not tell how it tracks: after motion it is put back to {}, as the mount is built; "
     "where that is wrong, say it by the key mode"
@@ -213,13 +213,13 @@ def track_rate(mount: NexStar, operation: op.TrackRate) -> Steps:
 
 def drive_rate(mount: NexStar, _: op.DriveRate) -> Steps:
     """-> float: what it tracks at when it tracks, a multiple of sidereal. No hand control tells it."""
-    return abs(drive_speed(mount)) * 3600.0 / _SIDEREAL_ARCSECONDS
+    return abs(drive_speed(mount)) * 3600.0 / SIDEREAL_ARCSECONDS
     yield  # a generator like all others
 
 
 def drive_speed(mount: NexStar) -> float:
     """How fast its drive turns the motor in right ascension, degrees a second, signed as the motor counts."""
-    arcseconds = _DRIVES.get(mount.rate.name or "", _SIDEREAL_ARCSECONDS * (mount.rate.factor or 0.0))
+    arcseconds = _DRIVES.get(mount.rate.name or "", SIDEREAL_ARCSECONDS * (mount.rate.factor or 0.0))
     return (-arcseconds if mount.native_mode is op.Tracking.EQ_SOUTH else arcseconds) / 3600.0
 
 
@@ -229,7 +229,7 @@ def _send_rate(mount: NexStar) -> Steps:
         yield Send(f"rate_azm_{sense}", {"rate": DRIVE_CODES[mount.rate.name]})
         mount.drive = "told"
         return
-    arcseconds = _SIDEREAL_ARCSECONDS * (mount.rate.factor or 0.0)
+    arcseconds = SIDEREAL_ARCSECONDS * (mount.rate.factor or 0.0)
     try:
         yield Send(f"fine_rate_{sense}", {"device": 16, "rate": round(arcseconds * 1024)})
     except NoDevice:
