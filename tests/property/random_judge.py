@@ -82,6 +82,8 @@ class Judge:
         self.bridge, self.sim, self.protocol = bridge, bridge.sim, protocol
         self.lowest, self.highest, self.circle, self.latency = lowest, highest, circle, latency
         self.complaints: list[str] = []
+        #: Programs that were not answered, with the reason in the log: an answer that late would be taken for another.
+        self.unanswered: set[str] = set()
         self.worst = {"low": 0.0, "high": 0.0, "sun": 0.0}
         self.looks = 0
         self.began = bridge.clock()
@@ -185,6 +187,8 @@ class Judge:
     def _hear(self, entry: Any) -> None:
         if entry.arrow == "!" and "internal error" in entry.note:
             self.complain(entry.note)
+        if entry.arrow == "!" and entry.note.startswith("no reply to"):
+            self.unanswered.add(entry.side)
         if entry.side != "mount" and entry.arrow == ">" and self._unsettles.match(entry.data):
             self.strict = False
         if entry.side == "mount" and entry.arrow == ">" and entry.data:
