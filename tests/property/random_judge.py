@@ -82,8 +82,8 @@ class Judge:
         self.bridge, self.sim, self.protocol = bridge, bridge.sim, protocol
         self.lowest, self.highest, self.circle, self.latency = lowest, highest, circle, latency
         self.complaints: list[str] = []
-        #: Programs that were not answered, with the reason in the log: an answer that late would be taken for another.
-        self.unanswered: set[str] = set()
+        #: Who was not answered, and the reason, which the log tells once: so late it would be taken for another's.
+        self.unanswered: set[tuple[str, str]] = set()
         self.worst = {"low": 0.0, "high": 0.0, "sun": 0.0}
         self.looks = 0
         self.began = bridge.clock()
@@ -188,7 +188,7 @@ class Judge:
         if entry.arrow == "!" and "internal error" in entry.note:
             self.complain(entry.note)
         if entry.arrow == "!" and entry.note.startswith("no reply to"):
-            self.unanswered.add(entry.side)
+            self.unanswered.add((entry.side, entry.note))
         if entry.side != "mount" and entry.arrow == ">" and self._unsettles.match(entry.data):
             self.strict = False
         if entry.side == "mount" and entry.arrow == ">" and entry.data:

@@ -182,7 +182,6 @@ class _Player:
         now = self.bridge.clock()
         spoilt = self.spoilt[number] > 0.0
         visitor.heard, silent = b"", self._may_be_silent()
-        self.judge.unanswered.discard(host := f"127.0.0.{number + 1}")
         self.said.append(f"{now - self.judge.began:8.1f} s  {number}  {step.data!r}")
         visitor.tell(step.data)
         if step.shapes is None:
@@ -198,10 +197,15 @@ class _Player:
             silent = silent or self._may_be_silent()
         if _whole(visitor, step):
             return
-        if silent or self._may_be_silent() or host in self.judge.unanswered:  # it is late, if it comes at all
+        if silent or self._may_be_silent() or self._withheld(number, step.data):  # it is late, if it comes at all
             self.spoilt[number] = self.bridge.clock() + SPOILT
         else:
             self.judge.complain(f"{step.data!r} got {visitor.heard!r}, not {step.shapes!r}")
+
+    def _withheld(self, number: int, data: bytes) -> bool:
+        """Whether the log has the reason why this program gets no reply to this."""
+        begins = f"no reply to {data!r}: the mount has not answered"
+        return any(side == f"127.0.0.{number + 1}" and note.startswith(begins) for side, note in self.judge.unanswered)
 
     async def clear(self, number: int) -> None:
         """After noise: ask what has one answer, as programs do, until it comes."""
