@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
+from msgspec import Struct
+
 from gateway.core.errors import Fault, Unsupported
 from gateway.core.operations import (
     Abilities,
@@ -20,8 +22,10 @@ from gateway.core.operations import (
     Operation,
     Own,
     PassThrough,
+    Place,
     Rate,
     Read,
+    Tracking,
     Values,
 )
 from gateway.protocols.wireformat.command import Command
@@ -40,6 +44,8 @@ else:
 _T = TypeVar("_T")
 #: Outcomes of ways by which nothing is done.
 IN_VAIN = ("refused", "silent")
+#: Why there is no guide pulse.
+SLEWING = "The mount is slewing: the guide pulse is dropped."
 
 
 class Send(NamedTuple):
@@ -104,6 +110,17 @@ def by_name(*handlers: Handler) -> dict[str, Handler]:
     return {handler.__name__: handler for handler in handlers}
 
 
+class GotoUnderWay(Struct):
+    """A goto under way: since when, and what is done at its goal.
+
+    ``unsure``: its acknowledgement was lost, and nobody has seen whether it was begun.
+    """
+
+    since: float
+    then: str | None = None
+    unsure: bool = False
+
+
 class Driver:
     """Carries out operations by the rows of ``driver.toml``, and keeps what is known of the mount.
 
@@ -141,8 +158,9 @@ class Driver:
     version: Version | None = None
     #: Whether tracking was put off for a motion and has not been put back yet.
     tracking_suspended = False
-    #: Whether a goto may be under way that the mount was sent and has not acknowledged.
-    unsure = False
+    goto: GotoUnderWay | None = None
+    #: The site that the mount has told, or was told.
+    site: Place | None = None
     #: Whether its motors have no power while it answers all the same.
     powerless = False
     #: Seconds after which it counts as an answer that what was handed on to the mount stays unanswered; None where all
@@ -155,6 +173,21 @@ class Driver:
 
     def __init__(self, handlers: Mapping[str, Handler]) -> None:
         self.handlers = handlers
+
+    @property
+    def unsure(self) -> bool:
+        """Whether a goto may be under way that the mount was sent and has not acknowledged."""
+        return self.goto is not None and self.goto.unsure
+
+    @property
+    def southern(self) -> bool:
+        """Whether it is known to stand in the south."""
+        return self.site is not None and self.site.latitude < 0
+
+    @property
+    def equatorial_mode(self) -> Tracking:
+        """The mode in which it tracks by one axis."""
+        return Tracking.EQ_SOUTH if self.southern else Tracking.EQ_NORTH
 
     def knows(self, name: str) -> bool:
         """Whether the mount that was found has this command, by the manual: nothing is probed."""
