@@ -210,8 +210,8 @@ def track_rate(mount: NexStar, operation: op.TrackRate) -> Steps:
 
 def drive_rate(mount: NexStar, _: op.DriveRate) -> Steps:
     """-> float: what it tracks at when it tracks, a multiple of sidereal. No hand control tells it."""
+    yield from ()  # a generator like all others
     return abs(drive_speed(mount)) * 3600.0 / SIDEREAL_ARCSECONDS
-    yield  # a generator like all others
 
 
 def drive_speed(mount: NexStar) -> float:
