@@ -6,11 +6,11 @@ outside.
 
 from __future__ import annotations
 
-import secrets
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from gateway.app.control import commands
+from gateway.app.control.messages import draw
 from gateway.app.control.orders import orders
 from gateway.app.control.requests import DONE
 from gateway.app.gateway import Gateway
@@ -35,14 +35,9 @@ async def carry_out(gateway: Gateway, command: commands.Wish) -> tuple[bool, str
     return word == DONE, rest
 
 
-def number() -> str:
-    """A number that no other order has."""
-    return secrets.token_hex(8)
-
-
 def command(request: requests.Act, who: str, where: Callable[[requests.Aimed], commands.Where]) -> commands.Wish:
     """The order that a request stands for, where it is one of those without a further state."""
-    return MAKE[type(request)](request, number(), who, where)
+    return MAKE[type(request)](request, draw(), who, where)
 
 
 def _aimed(kind: Any) -> Callable[..., Any]:
@@ -84,7 +79,7 @@ class Jogging:
         """Press one; the opposite one is let go."""
         for other in [one for one in self._held if one.axis == direction.axis and one is not direction]:
             await self.let_go(other)
-        known = number()
+        known = draw()
         self._held[direction] = known, rate
         done, words = await carry_out(self._gateway, commands.Press(known, direction, rate, who=self._who))
         if not done and self._held.get(direction, ("", 0))[0] == known:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Coroutine
 from typing import Any, Protocol
 
 import msgspec
@@ -19,6 +18,7 @@ from gateway.console.mounts import Mounts
 from gateway.console.places import Unknown, known, look_up, verdict, where
 from gateway.console.shown.frame import Frame, talk
 from gateway.core import operations as op
+from gateway.core.background import BackgroundTasks
 from gateway.core.errors import UserError
 from gateway.core.operations import Direction
 
@@ -53,7 +53,7 @@ class PageSession:
         #: The number of the next row of the conversation; None while it is not shown.
         self._row: int | None = None
         self._jogging = [actions.Jogging(gateway, self._who) for gateway in mounts.gateways]
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._tasks = BackgroundTasks()
 
     # --- what the page sees -----------------------------------------------------------------------------------------
 
@@ -77,8 +77,8 @@ class PageSession:
             subscription.end()
             self._listen(False)
             await asyncio.shield(self._let_go())
-            for task in (guard, *self._tasks):
-                task.cancel()
+            guard.cancel()
+            self._tasks.cancel()
 
     async def _show(self, frame: Frame) -> None:
         """What has changed since the last time; all there is, where the page has not taken the frame before."""
@@ -106,20 +106,15 @@ class PageSession:
             if not any(jogging.any for jogging in self._jogging):
                 continue
             if now - self._heard > SILENT:
-                self._spawn(self._let_go())
+                self._tasks.spawn(self._let_go())
             elif now - self._said > HOLD_ON:
                 self._said = now
                 for jogging in self._jogging:
-                    self._spawn(jogging.hold_on())
+                    self._tasks.spawn(jogging.hold_on())
 
     async def _let_go(self) -> None:
         for jogging in self._jogging:
             await jogging.let_go()
-
-    def _spawn(self, work: Coroutine[Any, Any, Any]) -> None:
-        task: asyncio.Task[None] = self._loop.create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
 
     # --- what the page asks for -------------------------------------------------------------------------------------
 
@@ -129,14 +124,14 @@ class PageSession:
         try:
             request = requests.read(text)
         except ValueError as error:
-            self._spawn(self._answer(0, False, f"the console does not understand this: {error}"))
+            self._tasks.spawn(self._answer(0, False, f"the console does not understand this: {error}"))
             return
         if isinstance(request, requests.Beat):
             return
         if len(self._tasks) >= AT_ONCE and not isinstance(request, requests.Stop | requests.LetGo):
-            self._spawn(self._answer(request.id, False, "too much at once; wait a moment"))
+            self._tasks.spawn(self._answer(request.id, False, "too much at once; wait a moment"))
             return
-        self._spawn(self._carry_out(request))
+        self._tasks.spawn(self._carry_out(request))
 
     async def _carry_out(self, request: requests.Any) -> None:
         try:
