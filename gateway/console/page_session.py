@@ -13,13 +13,15 @@ from typing import Any, Protocol
 
 import msgspec
 
+from gateway.app.control.commands import Spot
+from gateway.app.control.requests import of_date
 from gateway.console import actions, requests
 from gateway.console.mounts import Mounts
-from gateway.console.places import Unknown, known, look_up, verdict, where
+from gateway.console.places import known, look_up, verdict, where
 from gateway.console.shown.frame import Frame, talk
-from gateway.core import operations as op
+from gateway.core.about import VERSION
 from gateway.core.background import BackgroundTasks
-from gateway.core.errors import UserError
+from gateway.core.errors import Fault, UserError
 from gateway.core.operations import Direction
 
 #: Seconds without a sign of life after which arrows are let go; how often that is looked at, and held ones said again.
@@ -64,7 +66,7 @@ class PageSession:
         guard = self._loop.create_task(self._look_after_arrows())
         try:
             await self._send({"hello": {
-                "version": mounts.version, "act": self._acts, "pin": bool(mounts.pin) and not self._acts,
+                "version": VERSION, "act": self._acts, "pin": bool(mounts.pin) and not self._acts,
                 "now": mounts.now(),
             }})  # fmt: skip
             last = 0
@@ -136,7 +138,7 @@ class PageSession:
     async def _carry_out(self, request: requests.Any) -> None:
         try:
             await self._do(request)
-        except (UserError, Unknown) as error:
+        except (UserError, Fault) as error:
             await self._answer(request.id, False, str(error))
         except ConnectionError:
             pass
@@ -178,9 +180,7 @@ class PageSession:
                 found = await look_up(controller, request.name)
                 await self._answer(request.id, True, "", found)
             case requests.Ask():
-                goal = op.Equatorial(request.ra, request.dec)
-                if request.j2000:
-                    goal = await controller.perform(op.ToEquinoxOfDate(request.ra, request.dec))
+                goal = await of_date(controller, Spot(request.ra, request.dec, request.j2000))
                 await self._answer(request.id, True, "", verdict(controller, goal))
             case requests.Search():
                 await self._answer(request.id, True, "", {"found": await known(request.text)})

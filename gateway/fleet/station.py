@@ -34,14 +34,13 @@ class _Shown:
 
     def __init__(self, station: Station, gateway: Gateway) -> None:
         self.gateway, self.name = gateway, gateway.config.name or UNNAMED
-        self._station, self._state, self._identity = station, {}, (None,)
+        self._station = station
+        self._state: dict[str, Any] = {}
+        self._identity: tuple[object, ...] = (None,)
         topic = station.topics.of(self.name, "event")
         self.events = Events(lambda told: station.link.publish(Message(topic, told)), gateway.clock)
         self.orders = Orders(gateway, station.config.orders, station.doubt, self._has_become)
         gateway.wire_log.sinks.append(self.events.put)
-
-    _state: dict[str, Any]
-    _identity: tuple[object, ...]
 
     def _has_become(self, kind: str, words: str) -> None:
         self.events.tell(kind, WHO, words)
@@ -63,8 +62,7 @@ class _Shown:
     def close(self) -> None:
         """Nothing is told or obeyed any more."""
         self.orders.close()
-        if self.events.put in self.gateway.wire_log.sinks:
-            self.gateway.wire_log.sinks.remove(self.events.put)
+        self.gateway.wire_log.leave(self.events.put)
 
 
 class Station:

@@ -66,8 +66,8 @@ class Folding:
     succeeds.
     """
 
-    def __init__(self, kept: str = "all", every: float = EVERY) -> None:
-        self._kept, self._every = kept, every
+    def __init__(self, kept: str = "all") -> None:
+        self._kept = kept
         self._parties: dict[str, _Party] = {}
         self._gone: dict[str, _Party] = {}
 
@@ -161,7 +161,7 @@ class Folding:
             return [*counted, *self._held(party), told.row]
         party.held.remove(asked)
         run.count, run.last = run.count + 1, told.row.words
-        return self._count(told.asked, run, told.row) if told.row.time - run.since >= self._every else []
+        return self._count(told.asked, run, told.row) if told.row.time - run.since >= EVERY else []
 
     def _unasked(self, party: _Party, told: Told) -> list[Row]:
         """What is told again and again: shown once, then counted."""
@@ -172,7 +172,7 @@ class Folding:
             run.values = told.values
             return [*counted, *self._held(party), told.row]
         run.count, run.last = run.count + 1, told.row.words
-        return self._count(UNASKED, run, told.row) if told.row.time - run.since >= self._every else []
+        return self._count(UNASKED, run, told.row) if told.row.time - run.since >= EVERY else []
 
     def _unanswered(self, party: _Party) -> list[Row]:
         """A request that was held back and has had no answer when the next one comes: that is worth knowing."""
