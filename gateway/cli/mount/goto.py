@@ -33,8 +33,7 @@ def add(commands: Commands) -> None:
 
 def _goto(arguments: argparse.Namespace) -> int:
     from gateway.app.control import commands as wishes
-    from gateway.app.control.messages import draw
     from gateway.cli.mount.asking import wish_for
     from gateway.cli.mount.places import place
 
-    return wish_for(arguments, wishes.Goto(draw(), place(arguments)), arguments.wait)
+    return wish_for(arguments, lambda number: wishes.Goto(number, place(arguments)), arguments.wait)

@@ -23,8 +23,7 @@ def add(commands: Commands) -> None:
 
 
 def _park(arguments: argparse.Namespace) -> int:
-    from gateway.app.control import commands as wishes
-    from gateway.app.control.messages import draw
+    from gateway.app.control.commands import Park
     from gateway.cli.mount.asking import wish_for
 
-    return wish_for(arguments, wishes.Park(draw()), arguments.wait)
+    return wish_for(arguments, Park, arguments.wait)

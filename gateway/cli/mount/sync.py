@@ -25,8 +25,7 @@ def add(commands: Commands) -> None:
 
 def _sync(arguments: argparse.Namespace) -> int:
     from gateway.app.control import commands as wishes
-    from gateway.app.control.messages import draw
     from gateway.cli.mount.asking import wish_for
     from gateway.cli.mount.places import place
 
-    return wish_for(arguments, wishes.Sync(draw(), place(arguments)), wait=False)
+    return wish_for(arguments, lambda number: wishes.Sync(number, place(arguments)))
