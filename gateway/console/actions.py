@@ -29,7 +29,6 @@ async def order(gateway: Gateway, word: str) -> tuple[bool, str]:
 
 async def carry_out(gateway: Gateway, command: commands.Wish) -> tuple[bool, str]:
     """-> whether it was done or begun, and words."""
-    assert gateway.desk is not None
     answer = await gateway.entrance.wish(commands.written(command), gateway.desk.carry_out)
     word, _, rest = answer.partition(" ")
     return word == DONE, rest

@@ -136,7 +136,7 @@ class Retracing:
                 self._tasks.append(self._loop.create_task(gateway.controller.stop()))
             case "o":
                 self._tasks.append(self._loop.create_task(stopped(gateway.controller)))
-            case "c" if gateway.desk is not None:
+            case "c":
                 wish = gateway.desk.carry_out(event.data.decode("latin-1"))
                 self._tasks.append(self._loop.create_task(wish))
             case "h" | "u":

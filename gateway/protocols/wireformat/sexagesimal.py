@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import datetime
 import re
+from functools import cache
 
 _SEPARATOR = rb"(?:\xc2\xb0|[\xdf\xb0*:' ])[ ]*"
-_PARTS = re.compile(
+_PARTS = (
     rb"[ ]*([+-]?)[ ]*(\d{1,3}(?:\.\d*)?)(?:"
     + _SEPARATOR
     + rb"(\d{1,2}(?:\.\d*)?)(?:"
@@ -21,12 +22,18 @@ _PARTS = re.compile(
 )
 
 
+@cache
+def _parts() -> re.Pattern[bytes]:
+    """Compiled when the first text is read: that takes longer than to load this module."""
+    return re.compile(_PARTS)
+
+
 def parse(raw: bytes, least: int = 2) -> float:
     """``sDD*MM:SS`` in any of its written forms, as a signed number of whole units.
 
     Raises ValueError, also for fewer than ``least`` parts.
     """
-    found = _PARTS.fullmatch(raw)
+    found = _parts().fullmatch(raw)
     if found is None:
         raise ValueError(f"{raw!r} is not a sexagesimal number")
     parts = [text for text in found.groups()[1:] if text is not None]
@@ -43,7 +50,7 @@ def parse(raw: bytes, least: int = 2) -> float:
 
 def below_sixty(raw: bytes) -> bytes:
     """The same text. Raises ValueError for minutes or seconds of exactly 60, which no program sends as a target."""
-    found = _PARTS.fullmatch(raw)
+    found = _parts().fullmatch(raw)
     if found is not None and any(text is not None and float(text) >= 60 for text in found.groups()[2:]):
         raise ValueError(f"{raw!r} has minutes or seconds over 59")
     return raw
