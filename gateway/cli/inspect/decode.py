@@ -13,7 +13,6 @@ from gateway.system import streams
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     decode = commands.add_parser(
         "decode",
         help="a recording or a capture of a serial line, in words",

@@ -15,7 +15,6 @@ Examples:
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     from gateway.cli.mount.asking import add_wait, add_which
     from gateway.cli.mount.places import PLACES, add_place
 

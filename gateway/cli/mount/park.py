@@ -8,7 +8,6 @@ from gateway.cli.help import Commands
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     from gateway.cli.mount.asking import add_wait, add_which
 
     park = commands.add_parser(
