@@ -17,7 +17,7 @@ from gateway.app.control.commands import Spot
 from gateway.app.control.requests import of_date
 from gateway.console import actions, requests
 from gateway.console.mounts import Mounts
-from gateway.console.places import known, look_up, verdict, where
+from gateway.console.places import known, look_up, verdict
 from gateway.console.shown.frame import Frame, talk
 from gateway.core.about import VERSION
 from gateway.core.background import BackgroundTasks
@@ -135,7 +135,7 @@ class PageSession:
             return
         self._tasks.spawn(self._carry_out(request))
 
-    async def _carry_out(self, request: requests.Any) -> None:
+    async def _carry_out(self, request: requests.Asked) -> None:
         try:
             await self._do(request)
         except (UserError, Fault) as error:
@@ -146,7 +146,7 @@ class PageSession:
             self._mounts.gateways[0].wire_log.note("console", f"internal error, please report it: {error!r}")
             await self._answer(request.id, False, f"internal error, please report it: {error!r}")
 
-    async def _do(self, request: requests.Any) -> None:
+    async def _do(self, request: requests.Asked) -> None:
         mounts, gateways = self._mounts, self._mounts.gateways
         if isinstance(request, requests.Stop):
             chosen = gateways if request.mount == -1 else [mounts.gateway(request.mount)]
@@ -190,8 +190,7 @@ class PageSession:
             case requests.Record():
                 await self._record(request)
             case _:
-                place = await where(request) if isinstance(request, requests.Aimed) else None
-                command = actions.command(request, self._who, lambda aimed: place)  # type: ignore[arg-type,return-value]
+                command = await actions.command(request, self._who)
                 await self._answer(request.id, *await actions.carry_out(gateway, command))
 
     def _listen(self, on: bool) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Any, Protocol, TypeVar
 
-from gateway.app.bindings import speech
 from gateway.app.config import parse_endpoint
 from gateway.app.recording.format import MOUNT, Recording
 from gateway.clients.any_protocol.deciding import may_change
@@ -83,7 +82,7 @@ class RecordedSides:
 
     def side(self, name: str) -> Side:
         """Somebody whose bytes are to be understood."""
-        return Side(self.protocol(name), *speech(self.protocol(name)))
+        return Side(self.protocol(name))
 
 
 def protocol_of(settings: dict[str, Any]) -> str:

@@ -22,10 +22,10 @@ WHO = "mqtt"
 #: Characters of an order; seconds between two stops on the line, however many are asked for.
 LONGEST, BETWEEN = 100, 0.25
 #: What is understood, beside stop.
-PLAIN: dict[str, Callable[[str], commands.Wish]] = {
-    "park": lambda number: commands.Park(number, who=WHO),
-    "wake": lambda number: commands.Unpark(number, who=WHO),
-    "home": lambda number: commands.Home(number, who=WHO),
+PLAIN: dict[str, type[commands.Park | commands.Unpark | commands.Home]] = {
+    "park": commands.Park,
+    "wake": commands.Unpark,
+    "home": commands.Home,
 }
 GOTO = "goto"
 
@@ -98,7 +98,7 @@ class Orders:
         self._busy = True
         try:
             number = draw()
-            wish = commands.Goto(number, await find(rest), who=WHO) if word == GOTO else PLAIN[word](number)
+            wish = commands.Goto(number, await find(rest), who=WHO) if word == GOTO else PLAIN[word](number, who=WHO)
             done, words = await actions.carry_out(self._gateway, wish)
         except UserError as error:
             done, words = False, str(error)

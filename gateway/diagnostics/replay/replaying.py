@@ -150,7 +150,6 @@ def replay_on_simulator(recording: Recording, show: Callable[[str], object]) -> 
 
 
 async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> None:
-    from gateway.app.bindings import speech
     from gateway.app.simulated import DEFAULT_SITE, make_simulator
     from gateway.diagnostics.log.layout import plain
     from gateway.diagnostics.log.printing import Rows
@@ -166,7 +165,7 @@ async def _on_simulator(recording: Recording, show: Callable[[str], object]) -> 
 
     gateway = _gateway(recording, clock)
 
-    rows = Rows(gateway.mount.protocol, [endpoint.protocol for endpoint in gateway.endpoints], speech)
+    rows = Rows(gateway.mount.protocol, [endpoint.protocol for endpoint in gateway.endpoints])
 
     def put(entry: Entry) -> None:
         for row in rows.take(entry):
