@@ -6,8 +6,9 @@ from collections.abc import Iterable, Iterator
 from typing import Any, Protocol, TypeVar
 
 from gateway.app.config import parse_endpoint
-from gateway.app.recording.format import MOUNT, Recording
+from gateway.app.recording.format import Recording
 from gateway.clients.any_protocol.deciding import may_change
+from gateway.core.wire_log import MOUNT
 from gateway.diagnostics.log.conversation import Side
 from gateway.protocols.registry import ANY, spoken
 

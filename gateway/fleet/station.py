@@ -39,7 +39,7 @@ class _Shown:
         self._identity: tuple[object, ...] = (None,)
         topic = station.topics.of(self.name, "event")
         self.events = Events(lambda told: station.link.publish(Message(topic, told)), gateway.clock)
-        self.orders = Orders(gateway, station.config.orders, station.doubt, self._has_become)
+        self.orders = Orders(gateway, station.config.orders, lambda: station.presence.clash, self._has_become)
         gateway.wire_log.sinks.append(self.events.put)
 
     def _has_become(self, kind: str, words: str) -> None:
@@ -79,10 +79,10 @@ class Station:
     ) -> None:
         self.config, self._broker, self._say, self._warn = config, access.broker, say, warn
         self.topics = Topics(config.prefix, config.id or own_id())
-        self._presence = Presence(self.topics, self._publish, warn)
+        self.presence = Presence(self.topics, lambda message: self.link.publish(message), warn)
         own = [self.topics.availability, self.topics.gateway, self.topics.of("+", "command"), self.topics.everyone]
         self.link = BrokerLink(
-            access, own, self._hear, self._told, self._presence.greeting, self._presence.parting, connect
+            access, own, self._hear, self._told, self.presence.greeting, self.presence.parting, connect
         )
         self._shown = {(shown := _Shown(self, gateway)).name: shown for gateway in gateways}
         self._there: bool | None = None
@@ -101,13 +101,6 @@ class Station:
             shown.close()
         await self.link.close()
 
-    def doubt(self) -> str:
-        """Why only stops are obeyed; empty where all is well."""
-        return self._presence.clash
-
-    def _publish(self, message: Message) -> None:
-        self.link.publish(message)
-
     async def _look_on(self) -> None:
         while True:
             for shown in list(self._shown.values()):
@@ -120,7 +113,7 @@ class Station:
             await asyncio.sleep(EVERY_SECOND)
 
     def _hear(self, heard: Heard) -> None:
-        if self._presence.hear(heard):
+        if self.presence.hear(heard):
             return
         to = [*self.topics.parts(heard.topic), ""]
         if to[0] == EVERY:

@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from gateway.app.gateway import Gateway
-from gateway.core.wire_log import Entry, show
+from gateway.core.wire_log import MOUNT, Entry, show
 from gateway.diagnostics.log.layout import Row
-from gateway.diagnostics.log.printing import MOUNT, Rows
+from gateway.diagnostics.log.printing import Rows
 
 #: Rows that are kept for pages; things that were said and wait to be put into words. The oldest are dropped.
 MOST, WAITING = 400, 2000

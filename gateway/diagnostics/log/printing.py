@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TextIO
 
 from gateway.clients.wrong_preset import other
-from gateway.core.wire_log import Entry, show
+from gateway.core.wire_log import MOUNT, Entry, show
 from gateway.diagnostics.log.conversation import Heard, Side
 from gateway.diagnostics.log.folding import Folding, Told
 from gateway.diagnostics.log.layout import Row, colours_of, columns_of, painted, plain, wrapped
@@ -18,8 +18,6 @@ from gateway.system import journal
 SILENT = ("raw", "r", "v")
 #: What arrows mean that are no bytes.
 EVENTS = {"+": "connected", "-": "gone", "~": "speaks", "^": "port opened", "v": "port lost"}
-
-MOUNT = "mount"
 
 
 class Rows:
@@ -55,7 +53,7 @@ class Rows:
         elif entry.arrow == "-":
             self._sides.pop(entry.side, None)
             self._asked.pop(entry.side, None)
-        return self._folding.take(Told(row, host, heard.asks, heard.fails, heard.values, asked, heard.pushed))
+        return self._folding.take(Told(row, host, heard, asked))
 
     def _begin(self, entry: Entry) -> None:
         """A program has come to a surface, whose number the entry tells."""

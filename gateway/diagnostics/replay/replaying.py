@@ -16,12 +16,12 @@ import msgspec
 
 from gateway.app.config import MountConfig, SurfaceConfig
 from gateway.app.gateway import Gateway
-from gateway.app.recording.format import MOUNT, WITHOUT_TURNS, Event, Recording
+from gateway.app.recording.format import WITHOUT_TURNS, Event, Recording
 from gateway.app.state.store import PreviousRun
 from gateway.core import operations as op
 from gateway.core.about import VERSION
 from gateway.core.errors import UserError
-from gateway.core.wire_log import SKY_READY, Entry, WireLog
+from gateway.core.wire_log import MOUNT, SKY_READY, Entry, WireLog
 from gateway.diagnostics.replay.recorded_mount import ROUNDED, RecordedLine, RecordedLoop, RecordedWire
 from gateway.diagnostics.replay.retraced import RetracedLoop
 from gateway.diagnostics.replay.retracing import Retracing
