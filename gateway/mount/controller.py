@@ -8,7 +8,7 @@ they are not; while any client polls, the cache is refreshed, so a hundred polle
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import Coroutine
 from typing import Any, TypeVar, cast
 
 from gateway.astro.ephemeris.sky import Sky
@@ -44,20 +44,21 @@ from gateway.mount.site.astrometry import SiteAstrometry
 from gateway.mount.site.settings import SiteAndClock
 from gateway.mount.site.settings_sync import SyncSettings
 from gateway.mount.site.site_clock import BestSources, SiteClock
-from gateway.protocols.base.driver import Driver
+from gateway.protocols.base.driver import Driver, FollowUps
 
 _T = TypeVar("_T")
 
 
 class MountController:
     """``perform`` carries out any operation, ``begin`` one that nobody waits for; ``impossible`` says why nothing can
-    come of one; ``peek`` answers a read at once when that needs no exchange.
+    come of one. ``peek`` answers a read at once when that needs no exchange, ``read`` waits for one where it does, and
+    ``anew`` asks the mount however fresh the last answer is.
     """
 
     def __init__(
         self,
         driver: Driver,
-        follow_ups: dict[type[Any], Callable[[Any, Any], Any]],
+        follow_ups: FollowUps,
         line: MountLink,
         sky: Sky,
         site_clock: SiteClock,
@@ -75,7 +76,7 @@ class MountController:
         self.sources = BestSources(site_clock)
         astrometry = self.astrometry = SiteAstrometry(sky, self.sources, policy.equinox)
         self.told_astrometry = SiteAstrometry(sky, site_clock, policy.equinox)
-        self.suns = SunAvoidance(sky, self.sources, wire_log, policy.limits.sun, context.milestones.settled.is_set)
+        self.suns = SunAvoidance(context, sky, self.sources)
         # Exchanges with the mount.
         gate = HibernationGate(context, wanted)
         self.verifier = ReplyVerifier(line, self.now, driver.hurry)
@@ -88,6 +89,7 @@ class MountController:
         reader = self.reader = Reader(
             context, line, runner, self.fair_scheduler, cache, at_hand, told, wanted, movement, astrometry
         )
+        self.read, self.anew = reader.read, reader.anew
         runner.stirs.connect(told.stirs)
         self.own = OwnAnswers(context, runner, self.fair_scheduler, site_clock)
         sync = SyncSettings(context, line, runner, cache, reader, movement, site_clock)
@@ -112,9 +114,7 @@ class MountController:
         self.perform, self.begin, self.impossible = self.orders.perform, self.orders.begin, self.orders.impossible
         TrackingAtLimit(context, cache, reader, safety.watch, self.orders.perform).must_stop.connect(self._stop_now)
         self.presence = Presence(self.now)
-        self.supervisor = Supervisor(
-            wanted, self.presence, policy.silence, policy.silence_closed, self.orders.perform, context.note
-        )
+        self.supervisor = Supervisor(context, wanted, self.presence, self.orders.perform)
         reconciler.done.connect(self.supervisor.look_after)
         self.identification = Identification(
             context, line, runner, gate, cache, reader, self.own, site_clock, sync, reconciler, self.ends, safety.doubts
@@ -167,11 +167,6 @@ class MountController:
         return self.context.policy
 
     @property
-    def closed(self) -> bool:
-        """Whether nothing is begun any more."""
-        return self.context.closed
-
-    @property
     def moving(self) -> bool:
         """Whether anything moves that a stop should end."""
         return self.movement.anything
@@ -192,10 +187,6 @@ class MountController:
         """How many stops there were: a motion that was asked for before the last one is not begun."""
         return self.wanted.value.stops
 
-    def doubts(self) -> str:
-        """What does not fit together of what the mount has said and the configuration; nothing where all fits."""
-        return self.safety.doubts()
-
     # --- reading --------------------------------------------------------------------------------------------------
 
     def peek(self, operation: op.Operation[_T]) -> _T:
@@ -210,14 +201,6 @@ class MountController:
     def touch(self, kinds: list[Kind], now: float) -> None:
         """A client was served a repeated reply: it is polling what that was made of all the same."""
         self.cache.touch(kinds, now)
-
-    async def read(self, operation: op.Operation[_T]) -> _T:
-        """What the mount says, at hand or by an exchange that everyone who asks shares. Raises Fault."""
-        return cast(_T, await self.reader.read(operation))
-
-    async def anew(self, operation: op.Operation[_T]) -> _T:
-        """A read from the mount, however fresh the last answer is. Raises Fault."""
-        return cast(_T, await self.reader.anew(operation))
 
     async def come_to_rest(self, seconds: float = SIGHT) -> None:
         """Look at the mount until it is seen to rest. Raises Fault that says what was seen, or could not be."""

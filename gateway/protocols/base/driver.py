@@ -99,6 +99,11 @@ FollowUps = dict[type[Operation], Handler]
 Remembered = dict[str, Any]
 
 
+def by_name(*handlers: Handler) -> dict[str, Handler]:
+    """The functions that rows may call, by the word in the row."""
+    return {handler.__name__: handler for handler in handlers}
+
+
 class Driver:
     """Carries out operations by the rows of ``driver.toml``, and keeps what is known of the mount.
 
@@ -158,10 +163,10 @@ class Driver:
 
     def way(self, operation: type[Operation]) -> Way | None:
         """The first way of carrying out an operation whose commands this mount has."""
-        for way in self.protocol.driver.get(operation.__name__, ()):
-            if all(self.knows(name) for name in (*way.send, *way.needs)):
-                return way
-        return None
+        return next(filter(self._has, self.protocol.driver.get(operation.__name__, ())), None)
+
+    def _has(self, way: Way) -> bool:
+        return all(self.knows(name) for name in (*way.send, *way.needs))
 
     @property
     def ends(self) -> frozenset[str]:
@@ -184,9 +189,7 @@ class Driver:
             name
             for name, ways in self.protocol.driver.items()
             for way in ways
-            if way.outcome not in IN_VAIN
-            and (way.part is None or way.part in traits)
-            and all(self.knows(command) for command in (*way.send, *way.needs))
+            if way.outcome not in IN_VAIN and (way.part is None or way.part in traits) and self._has(way)
         )
         keys = sorted({self.speed(Rate(key=key)) for key in range(1, 10)})
         return Abilities(frozenset(can), tuple((speed, speed) for speed in keys), german=self.german)

@@ -12,8 +12,7 @@ from typing import Any
 from gateway.core.errors import Fault, Invalid
 from gateway.core.operations import Equatorial, Goto, Position
 from gateway.protocols.base.session import Session
-from gateway.protocols.base.subscription import Subscription
-from gateway.protocols.base.wants import Handling
+from gateway.protocols.base.wants import Handling, Subscription
 from gateway.protocols.stellarium.session import REFUSED, WELL, StellariumSession
 from gateway.protocols.wireformat.command import Command
 from gateway.protocols.wireformat.command_set import load

@@ -100,8 +100,8 @@ def _split(ticks: int, *bases: int) -> list[int]:
     return [ticks, *reversed(parts)]
 
 
-def _ticks(value: float, per_degree: float) -> tuple[str, int]:
-    ticks = round(abs(value) * per_degree)
+def _ticks(value: float, per_unit: float) -> tuple[str, int]:
+    ticks = round(abs(value) * per_unit)
     return ("-" if value < 0 and ticks else "+"), ticks
 
 
@@ -181,10 +181,8 @@ def limit_to_set(raw: bytes) -> float:
 
 def offset_in_full(value: float) -> str:
     """Hours -> ``sHH.H``."""
-    tenths = round(abs(value) * 10)
-    sign = "-" if value < 0 and tenths else "+"
-    whole, part = divmod(tenths, 10)
-    return f"{sign}{whole:02d}.{part}"
+    sign, tenths = _ticks(value, 10)
+    return sign + "{:02d}.{:d}".format(*_split(tenths, 10))
 
 
 def offset(value: float) -> str:
@@ -228,9 +226,8 @@ def parse_date(raw: bytes) -> datetime.date:
 
 def dms_bytes(degrees: float) -> bytes:
     """NexStar site field: degrees, minutes, seconds, 1 for south or west; degrees are north/east positive."""
-    ticks = round(abs(degrees) * 3600.0)
-    d, m, s = _split(ticks, 60, 60)
-    return bytes((d, m, s, 1 if degrees < 0 and ticks else 0))
+    sign, ticks = _ticks(degrees, 3600)
+    return bytes((*_split(ticks, 60, 60), "+-".index(sign)))
 
 
 def parse_dms_bytes(raw: bytes, limit: int) -> float:

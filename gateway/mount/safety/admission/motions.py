@@ -98,8 +98,7 @@ class Admission:
             await self._by_hand.check(moving)
 
     async def _status(self) -> op.Status:
-        status: op.Status = await self._ask.read(op.GetStatus())
-        return status
+        return await self._ask.read(op.GetStatus())
 
     async def _check_aligned(self, operation: op.Operation) -> None:
         """Raises NotAligned."""
@@ -178,7 +177,7 @@ class Admission:
         mount = self._mount
         altitude = mount.astrometry.altitude(goal.ra, goal.dec)
         if altitude is None:
-            mount.wire_log.note_once("mount", "site unknown: gotos are not checked against the horizon")
+            mount.context.note_once("site unknown: gotos are not checked against the horizon")
             return
         limits.check_altitude(altitude + (await tilt(mount, self._ask, self._watch.altitude_axis) if told else 0.0))
         status = mount.readings.value(op.GetStatus) if limits.hour_angle is not None else None
@@ -197,7 +196,7 @@ class Admission:
         try:
             goal = mount.astrometry.from_axes(wanted, wedge=not mount.driver.german)
         except Unsupported:
-            mount.wire_log.note_once("mount", "site unknown: axis gotos are not checked")
+            mount.context.note_once("site unknown: axis gotos are not checked")
             return
         limits.check_altitude(mount.astrometry.horizon(op.Equatorial(goal.ra, goal.dec)).alt)
         if mount.driver.german:

@@ -10,22 +10,11 @@ from msgspec.structs import replace
 
 from gateway.core import operations as op
 from gateway.core.errors import Fault, Refused, Unsupported
-from gateway.protocols.base.driver import Handler, Remembered
+from gateway.protocols.base.driver import Handler, Remembered, Send
+from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.nexstar.driver.hand_control import HandControl
 from gateway.protocols.nexstar.rates import SIDEREAL, rate_tables
 from gateway.protocols.wireformat.rows import Version
-
-
-class Settings(Struct, frozen=True):
-    """What a user may set for a NexStar mount; the defaults suit most."""
-
-    site: tuple[float, float] | None = None
-    mode: str | None = None
-    guide_rate: float = 0.5
-    guide_directions: str = "motor"  # what a pulse's direction means: the motor's, or the sky's
-    park: tuple[float, float] | None = None
-    aux_home: bool = False  # home is where the motors' own switches are
-    lowest: float = 0.0  # where nobody has chosen a park position it is not below that
 
 
 class GotoState(Struct):
@@ -67,12 +56,10 @@ class NexStar(HandControl):
     def __init__(
         self,
         now: Callable[[], float],
-        settings: Settings = Settings(),
-        model: str | None = None,
-        version: str | None = None,
+        settings: DriverSettings = DriverSettings(),
         handlers: Mapping[str, Handler] = {},
     ) -> None:
-        super().__init__(model, version, handlers)
+        super().__init__(settings.model, settings.version, handlers)
         rate_tables()  # read now: when the first arrow comes there may be no file left that can be opened
         self.now, self.settings = now, settings
         # the drive
@@ -94,7 +81,7 @@ class NexStar(HandControl):
         #: It was woken, and is to go on tracking by and by.
         self.woken = False
         self.steps: dict[int, Stepping] = {}
-        self.guide_rates = {1: settings.guide_rate, 2: settings.guide_rate}  # of pulses, until they are set
+        self.guide_rates = dict.fromkeys(AXES, settings.guide_rate or GUIDE_RATE)  # of pulses, until they are set
         #: The axes that a guide pulse turns which has to be ended by a command.
         self.pulsing: set[int] = set()
         #: What is added to the tracking rates of both axes of an alt-az mount, degrees a second: a share for each axis
@@ -113,9 +100,7 @@ class NexStar(HandControl):
         self.parked = False
         self.home: op.Horizontal | None = None
         self.home_state = 0
-        # site and clock
         self.site: op.Place | None = None
-        self.clock: op.Moment | None = None
 
     @property
     def unsure(self) -> bool:  # type: ignore[override]
@@ -274,6 +259,15 @@ class NexStar(HandControl):
         return max([key for key in range(1, 10) if self.key_speed(key) <= wanted + 1e-9], default=1)
 
 
+def rest(axis: int) -> Send:
+    """Rate 0 to the motor of an axis."""
+    return Send(f"slew_{AXES[axis]}_pos", {"rate": 0})
+
+
+#: What the motors of both axes are called in the names of commands.
+AXES = {1: "azm", 2: "alt"}
+#: Of a mount whose owner has not chosen any, as a part of sidereal: its motors' own.
+GUIDE_RATE = 0.5
 #: Speeds this near are one, degrees a second; of guiding, as a part of the speed.
 SAME_SPEED, SAME_GUIDING = 0.01, 0.02
 #: Motor firmware that knows guide pulses.
