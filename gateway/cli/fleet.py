@@ -27,7 +27,6 @@ The page is for browsers of this computer. From elsewhere: ssh -L 4090:127.0.0.1
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     fleet = commands.add_parser(
         "fleet", help="a page with all mounts on an MQTT broker, and STOP for all of them",
         description="Shows every mount on an MQTT broker in the browser: what it does, where it points, whether it is "

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import tomli
 
-from gateway.app.config.characters import misspelt
 from gateway.app.config.checks import Mistake, mistakes
 from gateway.app.config.describing import keys, named
 from gateway.app.config.endpoints import misplaced, nearest
@@ -30,6 +30,10 @@ _HINTS = {
 
 #: What word processors and web pages make of plain quotes.
 _CURLY = set("\u201c\u201d\u201e\u2018\u2019\u201a\u00ab\u00bb")
+
+#: What no name and no path has, and is refused wherever it is written, before anything is opened or shown: a NUL ends
+#: one early, an escape sequence rewrites a terminal.
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
 #: What the parser gives up at that TOML itself allows.
 _BEYOND: dict[type[Exception], str] = {
@@ -121,9 +125,22 @@ def _broken_off(text: str) -> int:
     return bisect_left(range(1, len(lines)), True, key=given_up) + 1
 
 
+def _misspelt(tables: object, place: Place = ()) -> Iterator[Mistake]:
+    """Every text in tables that has a control character, and where it is."""
+    if isinstance(tables, str):
+        if found := _CONTROL.search(tables):
+            yield Mistake(place, f"there is a control character (U+{ord(found.group()):04X}) in it; write it without")
+    elif isinstance(tables, dict):
+        for key, value in tables.items():
+            yield from _misspelt(value, (*place, key))
+    elif isinstance(tables, list):
+        for number, value in enumerate(tables):
+            yield from _misspelt(value, (*place, number))
+
+
 def make_config(tables: dict[str, object], source: Source) -> Config:
     """Plain tables, ``mount`` being a list of them -> what they say. Raises UserError that names place and key."""
-    for place, words in misspelt(tables):
+    for place, words in _misspelt(tables):
         raise _line(source, Mistake(place[:3] if place[0] in TABLES else place[:1], words))
     try:
         config = msgspec.convert(tables, Config)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gateway.app.recording.format import MOUNT
 from gateway.app.recording.recorder import Recorder
 from gateway.app.recording.turns import BASE, TurnLoop
+from gateway.core.wire_log import MOUNT
 
 #: The host's clock was set when it has gone this much more or less than time has passed, seconds.
 SET = 0.01

@@ -23,7 +23,6 @@ NONE_FOUND = 1
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     detect = commands.add_parser(
         "detect", help="which mount is on which port, and how to start",
         description="Looks for a mount on all serial ports, or on those given. A port is asked two harmless "

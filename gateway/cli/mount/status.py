@@ -21,7 +21,6 @@ Examples:
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     from gateway.cli.mount.asking import add_which
 
     status = commands.add_parser(

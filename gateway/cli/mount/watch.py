@@ -9,7 +9,6 @@ from gateway.cli.help import Commands
 
 
 def add(commands: Commands) -> None:
-    """Put the command into the parser."""
     from gateway.cli.mount.asking import add_which
 
     watch = commands.add_parser(

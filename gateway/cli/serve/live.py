@@ -122,8 +122,8 @@ def look(gateway: Gateway, rate: Rate) -> StatusLine:
     from gateway.app.control import gather
 
     assert gateway.controller is not None
-    programs = sum(reception.programs() for reception in gateway.receptions)
-    return gather.look(gateway.controller, gateway.config.name or "", str(gateway.mount), programs, rate)
+    here = len(gateway.programs())
+    return gather.look(gateway.controller, gateway.config.name or "", str(gateway.mount), here, rate)
 
 
 def look_on(gateways: Sequence[Gateway], screen: Screen) -> list[asyncio.Task[None]]:

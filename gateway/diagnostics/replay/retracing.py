@@ -12,9 +12,9 @@ from collections import deque
 
 from gateway.app.control.orders import stopped
 from gateway.app.gateway import Gateway
-from gateway.app.recording.format import MOUNT, Event, Recording
+from gateway.app.recording.format import Event, Recording
 from gateway.app.recording.turns import BASE
-from gateway.core.wire_log import SKY_READY
+from gateway.core.wire_log import MOUNT, SKY_READY
 from gateway.diagnostics.replay.retraced import TOLD, RetracedEntrance, RetracedLoop, RetracedWire, Turn, turns
 from gateway.diagnostics.replay.told import Difference, Told, surface_and_host
 from gateway.mount.link.line import MountLink

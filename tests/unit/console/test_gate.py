@@ -7,6 +7,7 @@ import socket
 import pytest
 
 from gateway.console import gate
+from gateway.system.own_names import known_host
 
 NAME = socket.gethostname().lower().partition(".")[0]
 
@@ -33,7 +34,7 @@ NAME = socket.gethostname().lower().partition(".")[0]
     ],
 )
 def test_the_host_is_this_computer(header: str | None, allowed: bool) -> None:
-    assert gate.known_host(header, "192.0.2.7", ["Pier.example.org"]) is allowed
+    assert known_host(header, "192.0.2.7", ["Pier.example.org"]) is allowed
 
 
 @pytest.mark.parametrize(
