@@ -9,8 +9,7 @@ from typing import Literal
 from msgspec import Struct
 
 from gateway.astro.catalog import Entry
-from gateway.core.errors import NoTarget
-from gateway.core.operations import Equatorial, Fields, MoonPlace, PlanetPlace, Rate
+from gateway.core.operations import Fields, MoonPlace, PlanetPlace, Rate
 from gateway.protocols.base.session import AltitudeLimits, Kept, Session
 
 #: The place on the Moon whose halves were not set yet.
@@ -93,13 +92,6 @@ class LxKept(Kept):
     twelve: bool = False
     help: tuple[str, ...] = ()
     help_line: int = 0
-
-    @property
-    def target(self) -> Equatorial:
-        """Raises NoTarget, with words where something was selected in vain."""
-        if self.ra is None or self.dec is None:
-            raise NoTarget(self.object)
-        return Equatorial(self.ra, self.dec)
 
 
 class LxSession(Session):

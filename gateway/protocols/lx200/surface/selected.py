@@ -7,7 +7,7 @@ coordinates ends the selection, and a selection that fails leaves no target, so 
 from __future__ import annotations
 
 from gateway.astro.catalog import Entry, describe
-from gateway.core.errors import Fault
+from gateway.core.errors import Fault, NoTarget
 from gateway.core.operations import Equatorial, MoonPlace, PlanetPlace, ToEquinoxOfDate
 from gateway.protocols.base.wants import Handling
 from gateway.protocols.lx200.session import LxSession
@@ -46,9 +46,13 @@ def follow(session: LxSession, moving: MoonPlace | PlanetPlace, words: str) -> H
 
 
 def target(session: LxSession) -> Handling:
-    """-> Equatorial: where the target is now. Raises NoTarget, and what its place raises."""
+    """-> Equatorial: where the target is now. Raises what its place raises, and NoTarget, with words where something
+    was selected in vain.
+    """
     kept = session.kept
     if kept.moving is not None:
         place: Equatorial = yield kept.moving
         kept.ra, kept.dec = place.ra, place.dec
-    return kept.target
+    if kept.ra is None or kept.dec is None:
+        raise NoTarget(kept.object)
+    return Equatorial(kept.ra, kept.dec)

@@ -5,11 +5,12 @@ A goto counts as under way from the moment the hand control acknowledged it; ``L
 
 from __future__ import annotations
 
+from gateway.astro.spherical import fold_declination
 from gateway.core import operations as op
 from gateway.core.errors import Fault, NoAnswer, NotAligned, Unsupported
 from gateway.protocols.base.driver import Schedule, Send, Steps, Wait
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.position import axis_readings, to_mount
+from gateway.protocols.nexstar.driver.position import axis_readings
 from gateway.protocols.nexstar.driver.state import AXES, GotoState, NexStar, rest
 
 START_GRACE = 3.0
@@ -22,12 +23,12 @@ MOTORS, FOUND = (16, 17), 255
 
 
 def goto(mount: NexStar, operation: op.Goto) -> Steps:
-    """``r`` or ``R``."""
+    """``r`` or ``R``, less the offset of a sync that the hand control could not take."""
     yield from need_alignment(mount)
     yield from stop_current_motion(mount)
     if operation.track and mount.tracking is op.Tracking.OFF and tracking.native_mode(mount) and mount.knows("T"):
         yield from tracking.set_tracking(mount, op.SetTracking(on=True))
-    ra, dec = to_mount(mount, operation.ra, operation.dec)
+    ra, dec = fold_declination(operation.ra - mount.offset[0], operation.dec - mount.offset[1])
     yield from _begin(mount, Send("r" if mount.knows("r") else "R", {"ra": ra, "dec": dec}), None)
 
 

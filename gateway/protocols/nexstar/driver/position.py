@@ -48,11 +48,6 @@ def pier_side(mount: NexStar, _: PierSide) -> Steps:
     return "W" if wrap180(answer["alt"] - POLE_AXES[1]) > 0.0 else "E"
 
 
-def to_mount(mount: NexStar, ra: float, dec: float) -> tuple[float, float]:
-    """A place of date as this hand control must be told it."""
-    return fold_declination(ra - mount.offset[0], dec - mount.offset[1])
-
-
 def sync(mount: NexStar, operation: Sync) -> Steps:
     """``s`` or ``S``; before 4.10 an offset kept here and added to everything the mount says."""
     if mount.knows("s"):
