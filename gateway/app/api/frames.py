@@ -9,7 +9,7 @@ except ``Splitter``, which remembers the half command that it has been given.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from msgspec import Struct
 
@@ -144,6 +144,5 @@ def _filled(command: Command, template: FrameTemplate, values: Mapping[str, obje
         raise FrameError(f"{command.name} ({command.help}): {error}") from None
 
 
-def _listed(names: object) -> str:
-    words = [str(name) for name in names]  # type: ignore[attr-defined]
-    return ", ".join(words) or "no values"
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(names) or "no values"
