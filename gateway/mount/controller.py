@@ -102,7 +102,7 @@ class MountController:
         reconciler = self.reconciler = Reconciler(context, line, runner, wanted, movement, carried_out)
         #: Emitted when something that outlives the gateway may have changed.
         self.changed = reconciler.lasting
-        Consequences(context, gate, cache, told, wanted, astrometry, safety).listen(reconciler)
+        Consequences(context, gate, cache, told, wanted, astrometry, safety, reconciler)
         safety.watch.must_stop.connect(self._stop_now)
         safety.ends.again.connect(reconciler.send_again)
         reader.goto_over.connect(reconciler.arrived)

@@ -85,5 +85,4 @@ def _soon(mount: MountInputs, start: Start, turns: dict[int, float]) -> op.Equat
     if start.status.equatorial or mount.driver.stepping:
         return op.Equatorial(*fold_declination(start.seen.ra - first, start.seen.dec + second))
     here = mount.astrometry.horizon(start.seen)
-    goal = mount.astrometry.equatorial(op.GotoHorizontal(*fold_declination(here.az + first, here.alt + second)))
-    return op.Equatorial(goal.ra, goal.dec)
+    return mount.astrometry.equatorial(op.Horizontal(*fold_declination(here.az + first, here.alt + second)))

@@ -19,7 +19,8 @@ from aiohttp import web
 
 from gateway.core.about import VERSION
 from gateway.core.errors import ReadOnly
-from gateway.protocols.alpaca.http.answers import Device, numbered, refused
+from gateway.protocols.alpaca.faults import refused
+from gateway.protocols.alpaca.http.answers import Device, numbered
 from gateway.protocols.alpaca.http.requests import BadRequest, Pairs, understood, who_asks
 from gateway.protocols.alpaca.members import member
 from gateway.system.own_names import known_host

@@ -12,13 +12,13 @@ import math
 
 from gateway.core import operations as op
 from gateway.core.errors import Refused
-from gateway.protocols.base.driver import Remark, Steps
+from gateway.protocols.base.driver import SLEWING, Remark, Steps
 from gateway.protocols.lx200.driver import put_back
 from gateway.protocols.lx200.driver.drive import drive_at, put_drive_back
 from gateway.protocols.lx200.driver.ends import MOUNT, begins, end
 from gateway.protocols.lx200.driver.pier import beyond_pole
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Speed, instead_of_tracking, nearest, off
-from gateway.protocols.lx200.driver.state import SLEWING, Lx200Driver, ask, rate_command
+from gateway.protocols.lx200.driver.state import Lx200Driver, ask, rate_command
 
 LONGEST_PULSE = 9999  # milliseconds: the four digits of :Mg
 #: What is off by more than this part of what was asked is said.

@@ -11,7 +11,7 @@ from __future__ import annotations
 from gateway.astro.spherical import following, northwards
 from gateway.core.errors import Busy, Refused, Unsupported
 from gateway.core.operations import Direction, Move, Pulse, Pulsed, Tracking
-from gateway.protocols.base.driver import Send, Steps
+from gateway.protocols.base.driver import SLEWING, Send, Steps
 from gateway.protocols.nexstar.driver import tracking
 from gateway.protocols.nexstar.driver.goto import stop_current_motion
 from gateway.protocols.nexstar.driver.position import axis_readings
@@ -62,7 +62,7 @@ def pulse(mount: NexStar, operation: Pulse) -> Steps:
     """
     direction = operation.direction
     if mount.goto is not None:
-        raise Refused("The mount is slewing: the guide pulse is dropped.")
+        raise Refused(SLEWING)
     if mount.moving:
         raise Refused("An arrow is held down: the guide pulse is dropped.")
     if mount.site is None:

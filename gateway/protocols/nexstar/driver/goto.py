@@ -250,10 +250,10 @@ def _seek_switches(mount: NexStar) -> Steps:
 
 def home_state(mount: NexStar, _: op.HomeState) -> Steps:
     """-> 2 on the way, 1 at home or parked, 0 else."""
+    yield from ()  # a generator like all others
     if mount.goto is not None and mount.goto.then in ("home", "park"):
         return 2
     return 1 if mount.parked else mount.home_state
-    yield  # a generator like all others
 
 
 def unpark(mount: NexStar, _: op.Unpark) -> Steps:

@@ -11,20 +11,13 @@ from gateway.core.errors import Busy
 from gateway.core.operations import Tracking
 from gateway.protocols.base.driver import Remark, Send, Steps
 from gateway.protocols.nexstar.driver import tracking
-from gateway.protocols.nexstar.driver.state import AXES, SAME_GUIDING, NexStar, rest
+from gateway.protocols.nexstar.driver.state import AXES, NexStar, rest
 from gateway.protocols.nexstar.rates import SIDEREAL
 
-#: Keys that add to equatorial tracking (NexStar protocol, Slewing Commands, note).
-GENTLE = (1, 2)
 #: A variable rate is a number of quarter arcseconds a second, or one of the three codes of a drive.
 _STEPS = 4 * 3600
 #: What is off by more than that part of what was asked is said.
 SAID_FROM = 0.1
-
-
-def exact_key(mount: NexStar, degrees: float) -> int | None:
-    """The key 1 or 2 that turns at so many degrees a second, if one does."""
-    return next((key for key in GENTLE if abs(mount.key_speed(key) - degrees) <= SAME_GUIDING * degrees), None)
 
 
 def adds_to_tracking(mount: NexStar) -> bool:
@@ -35,7 +28,7 @@ def adds_to_tracking(mount: NexStar) -> bool:
 def begin(mount: NexStar, axis: int, sign: int, fraction: float) -> Steps:
     """Turn a motor at a fraction of the sidereal rate on top of equatorial tracking -> the fraction it turns at."""
     asked = fraction * SIDEREAL
-    key = exact_key(mount, asked)
+    key = mount.exact_key(asked)
     side = "pos" if sign > 0 else "neg"
     if key is not None:
         if axis == 1 and mount.drive == "replaced":

@@ -14,7 +14,7 @@ from gateway.protocols.base.driver import Schedule, Send, Steps
 from gateway.protocols.nexstar.driver import altaz, guide_speed, tracking
 from gateway.protocols.nexstar.driver.goto import Arrived, need_alignment, stop_current_motion
 from gateway.protocols.nexstar.driver.position import pier_side
-from gateway.protocols.nexstar.driver.state import AXES, NexStar, Stepping, rest
+from gateway.protocols.nexstar.driver.state import AXES, GENTLE, NexStar, Stepping, rest
 from gateway.protocols.nexstar.rates import SIDEREAL
 
 FOCUSER = 18
@@ -75,7 +75,7 @@ def move_axis(mount: NexStar, operation: op.MoveAxis) -> Steps:
         return
     side = "pos" if operation.sense > 0 else "neg"
     variable = mount.variable(rate)
-    gentle = variable is None and mount.key_for(rate) <= 2
+    gentle = variable is None and mount.key_for(rate) in GENTLE
     equatorial = (mount.suspended or mount.tracking or op.Tracking.OFF).equatorial
     mount.parked = False
     if not (gentle and equatorial and mount.suspended is None):

@@ -25,8 +25,7 @@ VERIFY_AFTER = 1.0
 
 def mode_of(mount: NexStar, code: int) -> op.Tracking:
     """What the answer of ``t`` means. An unknown code (4 is seen on some) counts as equatorial."""
-    fallback = op.Tracking.EQ_SOUTH if mount.southern else op.Tracking.EQ_NORTH
-    return modes(mount.facts, mount.version).get(code, fallback)
+    return modes(mount.facts, mount.version).get(code, mount.equatorial_mode)
 
 
 def _tell(mount: NexStar, mode: op.Tracking) -> Steps:
@@ -74,9 +73,7 @@ def native_mode(mount: NexStar) -> op.Tracking | None:
 
 
 def _built_for(mount: NexStar) -> op.Tracking:
-    if mount.german:
-        return op.Tracking.EQ_SOUTH if mount.southern else op.Tracking.EQ_NORTH
-    return op.Tracking.ALTAZ
+    return mount.equatorial_mode if mount.german else op.Tracking.ALTAZ
 
 
 def status(mount: NexStar, _: op.GetStatus) -> Steps:
@@ -213,8 +210,8 @@ def track_rate(mount: NexStar, operation: op.TrackRate) -> Steps:
 
 def drive_rate(mount: NexStar, _: op.DriveRate) -> Steps:
     """-> float: what it tracks at when it tracks, a multiple of sidereal. No hand control tells it."""
+    yield from ()  # a generator like all others
     return abs(drive_speed(mount)) * 3600.0 / SIDEREAL_ARCSECONDS
-    yield  # a generator like all others
 
 
 def drive_speed(mount: NexStar) -> float:
