@@ -27,7 +27,7 @@ from gateway.mount.motion.reconciler import Reconciler
 from gateway.mount.motion.wanted import Movement, WantedState
 from gateway.mount.orders import Orders
 from gateway.mount.policy import Policy
-from gateway.mount.readings.cache import Kind, ReadingsCache
+from gateway.mount.readings.cache import ReadingsCache
 from gateway.mount.readings.own_answers import OwnAnswers
 from gateway.mount.readings.poller import Poller
 from gateway.mount.readings.reader import Reader
@@ -52,7 +52,8 @@ _T = TypeVar("_T")
 class MountController:
     """``perform`` carries out any operation, ``begin`` one that nobody waits for; ``impossible`` says why nothing can
     come of one. ``peek`` answers a read at once when that needs no exchange, ``read`` waits for one where it does, and
-    ``anew`` asks the mount however fresh the last answer is.
+    ``anew`` asks the mount however fresh the last answer is; ``fresh_until`` says how long answers may be told again,
+    and ``touch`` that they were.
     """
 
     def __init__(
@@ -90,13 +91,14 @@ class MountController:
             context, line, runner, self.fair_scheduler, cache, at_hand, told, wanted, movement, astrometry
         )
         self.read, self.anew = reader.read, reader.anew
+        self.touch, self.fresh_until = cache.touch, told.fresh_until
         runner.stirs.connect(told.stirs)
         self.own = OwnAnswers(context, runner, self.fair_scheduler, site_clock)
         sync = SyncSettings(context, line, runner, cache, reader, movement, site_clock)
         self.settings = SiteAndClock(context, line, runner, site_clock, self.told_astrometry, sync)
         # Keeping it within its limits, and moving it.
         safety = self.safety = Safety(context, line, cache, reader, movement, astrometry, self.sources, self.suns, sync)
-        self.hold, self.watch, self.ends = safety.hold, safety.watch, safety.ends
+        self.hold, self.watch, self.ends, self.doubts = safety.hold, safety.watch, safety.ends, safety.doubts
         self.before_motion = BeforeMotion()
         carried_out = OrderRunner(context, follow_ups, runner, movement, safety.admission, self.before_motion)
         reconciler = self.reconciler = Reconciler(context, line, runner, wanted, movement, carried_out)
@@ -193,14 +195,6 @@ class MountController:
         """The answer of a read for a program, when it is at hand; MISSING when it must be waited for."""
         told: object = self.own.tell(operation) if isinstance(operation, op.Own) else self.told_position.tell(operation)
         return cast(_T, told)
-
-    def fresh_until(self, kinds: list[Kind]) -> float:
-        """The loop time until which the answers of these reads may be told."""
-        return self.told_position.fresh_until(kinds)
-
-    def touch(self, kinds: list[Kind], now: float) -> None:
-        """A client was served a repeated reply: it is polling what that was made of all the same."""
-        self.cache.touch(kinds, now)
 
     async def come_to_rest(self, seconds: float = SIGHT) -> None:
         """Look at the mount until it is seen to rest. Raises Fault that says what was seen, or could not be."""

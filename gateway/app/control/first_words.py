@@ -46,7 +46,7 @@ def first_words(controller: MountController, model: str | None, version: str | N
             "(north and east are positive)",
             warns=True,
         )
-    if words := controller.safety.doubts():
+    if words := controller.doubts():
         yield Said(words.removeprefix("WARNING: "), warns=True)
 
 

@@ -178,11 +178,6 @@ class WantedState:
         return set(self.value.by_hand)
 
     @property
-    def stops(self) -> int:
-        """How many stops there were: a motion that was asked for before the last one is not begun."""
-        return self.value.stops
-
-    @property
     def gotos(self) -> int:
         """Grows whenever a goto was asked for, and when it is under way."""
         return self.value.gotos + self.value.slews

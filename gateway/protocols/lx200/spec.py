@@ -66,8 +66,7 @@ def _make_driver(settings: DriverSettings, now: Callable[[], float]) -> MadeDriv
     from gateway.protocols.lx200.driver.handlers import FOLLOW_UPS, HANDLERS
     from gateway.protocols.lx200.driver.state import Lx200Driver
 
-    driver = Lx200Driver(now, settings.model, settings.guide_rate, HANDLERS)
-    return MadeDriver(driver, dict(FOLLOW_UPS), _reply_rules())
+    return MadeDriver(Lx200Driver(now, settings, HANDLERS), dict(FOLLOW_UPS), _reply_rules())
 
 
 def _make_simulator(model: str | None, version: str | None, **settings: Any) -> SimulatedLx200:

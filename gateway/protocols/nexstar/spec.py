@@ -70,8 +70,7 @@ def _make_surface(settings: SurfaceSettings) -> MadeSurface:
     from gateway.protocols.nexstar.session import NexStarSession
     from gateway.protocols.nexstar.surface.devices import no_response, passes
     from gateway.protocols.nexstar.surface.handlers import HANDLERS
-    from gateway.protocols.nexstar.surface.own import stands_against
-    from gateway.protocols.nexstar.surface.presented import fitting, lacks, presented
+    from gateway.protocols.nexstar.surface.presented import fitting, lacks, presented, stands_against
 
     version = settings.version
     surface = Surface(load(NAME), HANDLERS, no_response)

@@ -11,6 +11,7 @@ from gateway.core.errors import Busy, Fault, Refused, Unsupported
 from gateway.core.operations import Abilities as Can
 from gateway.core.operations import Identity, Operation, Own, Pulse, PulseAxis, Rate, Tracking, TrackRate, Values
 from gateway.protocols.base.driver import SLEWING, Driver, GotoUnderWay, Handler, Remembered, Send, Steps, Wait
+from gateway.protocols.base.spec import DriverSettings
 from gateway.protocols.lx200.driver.speeds import SPEEDS, Abilities, nearest
 from gateway.protocols.wireformat.command_set import load
 from gateway.protocols.wireformat.rows import Model
@@ -46,13 +47,12 @@ class Lx200Driver(Driver):
     def __init__(
         self,
         now: Callable[[], float],
-        model: str | None = None,
-        guide_rate: float | None = None,
+        settings: DriverSettings = DriverSettings(),
         handlers: Mapping[str, Handler] = {},
     ) -> None:
         super().__init__(handlers)
         self.now = now
-        self.named_model = self.model = model
+        self.named_model = self.model = settings.model
         self.product, self.firmware = "", ""
         self.low = False
         # alignment and tracking
@@ -84,7 +84,7 @@ class Lx200Driver(Driver):
         self.begun: dict[int, int] = {}
         self.ended: dict[str, dict[int, int]] = {}
         #: What is meant by it, a fraction of sidereal; on models that take none, pulses are so much shorter.
-        self.guide_rate = guide_rate or 1.0
+        self.guide_rate = settings.guide_rate or 1.0
         #: What :Sw was sent last, degrees a second; None before the first.
         self.fastest: int | None = None
         #: Axes with a rate of their own (:RA :RE); the guide rate sent last (:Rg).
