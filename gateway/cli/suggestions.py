@@ -118,8 +118,8 @@ def _flags(parser: argparse.ArgumentParser) -> set[str]:
 
 def _key(flag: str) -> str:
     """Where a key is written that is no flag; empty for what is no key either."""
-    from gateway.app.config.describing import named
+    from gateway.app.config.describing import named, title
 
-    titles = {"mount": "[mount]", "surface": "[[surface]]", "console": "[console]"}
-    title = next((title for table, title in titles.items() if named(table, flag[2:])), "")
-    return title and (f"{flag[2:]} is written in gateway.toml, under {title}; mount-gateway config --example shows how")
+    table = next((table for table in ("mount", "surface", "console") if named(table, flag[2:])), "")
+    where = f"{flag[2:]} is written in gateway.toml, under {title(table)}; mount-gateway config --example shows how"
+    return where if table else ""

@@ -15,7 +15,7 @@ import msgspec
 import tomli
 
 from gateway.app.config.checks import Mistake, mistakes
-from gateway.app.config.describing import keys, named
+from gateway.app.config.describing import keys, named, title
 from gateway.app.config.endpoints import misplaced, nearest
 from gateway.app.config.keys import TABLES, Config
 from gateway.app.config.lines import Place, line_of
@@ -168,7 +168,7 @@ def _mistake(tables: dict[str, object], source: Source, place: Place, field: str
     if what == "unknown":
         home = next((name for name in TABLES if name != table and named(name, field)), None)
         known = [key.name for key in keys(table)] + ([] if table else ["mount", "surface"])
-        hint = nearest(field, known) if home is None else f"it belongs under {_title(home)}"
+        hint = nearest(field, known) if home is None else f"it belongs under {title(home)}"
         return _line(source, Mistake((*place, field), f"there is no such key; {hint}"))
     key = named(table, field)
     if key is None or (table == "mount" and not source.text):
@@ -183,7 +183,7 @@ def _wrong(tables: dict[str, object], source: Source, table: str, place: Place) 
     """A value of the wrong type or out of its range, or something else in the place of a table."""
     key = named(table, str(place[2] if table and len(place) > 2 else place[0]))
     if key is None:
-        return _line(source, Mistake(place, f"write {_title(table)} and KEY = VALUE under it"))
+        return _line(source, Mistake(place, f"write {title(table)} and KEY = VALUE under it"))
     whole = place[:3] if table else place[:1]
     value = _value(tables, whole)
     return _line(source, Mistake(whole, f"{_show(value)}: write {key.right}{_swapped(key.name, value)}"))
@@ -212,13 +212,9 @@ def _line(source: Source, mistake: Mistake) -> UserError:
         return UserError(
             f"{where} {mistake.words}" if mistake.words[:1] in "'0123456789-" else f"{where}: {mistake.words}"
         )
-    title = f"{_title(str(table))} " if table in TABLES else ""
+    head = f"{title(str(table))} " if table in TABLES else ""
     name = key if isinstance(key, str) and (len(mistake.place) > 2 or key not in TABLES) else ""
-    return UserError(f"{where}: {f'{title}{name}'.strip()}: {mistake.words}")
-
-
-def _title(table: str) -> str:
-    return {"surface": "[[surface]]", "": "the first lines of the file"}.get(table, f"[{table}]")
+    return UserError(f"{where}: {f'{head}{name}'.strip()}: {mistake.words}")
 
 
 def _show(value: object) -> str:

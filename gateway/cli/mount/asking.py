@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import sys
 from collections.abc import Callable, Coroutine, Iterable
 from typing import TYPE_CHECKING
@@ -115,12 +116,18 @@ def told(answer: str) -> int:
     return 0
 
 
-def carried_out(work: Callable[[asyncio.Event], Coroutine[object, object, int]]) -> int:
-    """Run something that is handed an event which Ctrl-C sets -> the exit code."""
+def carried_out(
+    arguments: argparse.Namespace, work: Callable[[ControlEndpoint, asyncio.Event], Coroutine[object, object, int]]
+) -> int:
+    """Run something with the one gateway that is meant, and an event which Ctrl-C sets -> the exit code."""
     from gateway.cli.serve.signals import until_signal
 
+    door = the_one(arguments)
+    if door is None:
+        return 1
+
     async def run() -> int:
-        return await work(until_signal())
+        return await work(door, until_signal())
 
     return asyncio.run(run())
 
@@ -134,6 +141,13 @@ async def unless(done: asyncio.Event, work: Coroutine[object, object, str]) -> s
         return asking.result()
     asking.cancel()
     return None
+
+
+async def over(done: asyncio.Event) -> bool:
+    """Let the time to the next look pass -> whether Ctrl-C has come."""
+    with contextlib.suppress(TimeoutError):
+        await asyncio.wait_for(done.wait(), EVERY)
+    return done.is_set()
 
 
 def wish_for(
@@ -150,11 +164,8 @@ def wish_for(
     from gateway.app.control.messages import draw
 
     wish = make(draw())
-    door = the_one(arguments)
-    if door is None:
-        return 1
 
-    async def work(done: asyncio.Event) -> int:
+    async def work(door: ControlEndpoint, done: asyncio.Event) -> int:
         answer = await unless(done, wished(door, commands.written(wish), seconds))
         if answer is not None and answer.startswith("done ") and wait:
             if sys.stdout.isatty():
@@ -165,7 +176,7 @@ def wish_for(
         told(await wished(door, commands.written(commands.End(wish.number))))
         return 1
 
-    return carried_out(work)
+    return carried_out(arguments, work)
 
 
 async def _followed(door: ControlEndpoint, number: str, done: asyncio.Event) -> str | None:
@@ -181,12 +192,7 @@ async def _followed(door: ControlEndpoint, number: str, done: asyncio.Event) -> 
             if answer is None or not answer.startswith("under way"):
                 return answer
             screen.show(answer)
-            if await unless(done, _a_moment()) is None:
+            if await over(done):
                 return None
     finally:
         screen.clear()
-
-
-async def _a_moment() -> str:
-    await asyncio.sleep(EVERY)
-    return ""

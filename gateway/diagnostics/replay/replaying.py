@@ -24,7 +24,7 @@ from gateway.core.errors import UserError
 from gateway.core.wire_log import MOUNT, SKY_READY, Entry, WireLog
 from gateway.diagnostics.replay.recorded_mount import ROUNDED, RecordedLine, RecordedLoop, RecordedWire
 from gateway.diagnostics.replay.retraced import RetracedLoop
-from gateway.diagnostics.replay.retracing import Retracing
+from gateway.diagnostics.replay.retracing import AFTERWARDS, Retracing
 from gateway.diagnostics.replay.told import Difference, Told
 from gateway.diagnostics.virtual_time import run
 from gateway.mount.link.line import MountLink
@@ -33,8 +33,6 @@ from gateway.transport.wires import SimulatedTransport
 
 #: Turns of the event loop in which everything has come to rest that one event has set going.
 TURNS = 60
-#: What the gateway is given to end after the last event, seconds.
-AFTERWARDS = 1.0
 
 
 class Outcome(NamedTuple):

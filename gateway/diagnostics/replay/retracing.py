@@ -19,7 +19,7 @@ from gateway.diagnostics.replay.retraced import TOLD, RetracedEntrance, Retraced
 from gateway.diagnostics.replay.told import Difference, Told, surface_and_host
 from gateway.mount.link.line import MountLink
 
-#: What the gateway is given to end after the last turn, seconds.
+#: What the gateway is given to end after the last event, seconds.
 AFTERWARDS = 1.0
 
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from gateway.app.status import Rate, StatusLine, status
+from gateway.app.status import Rate, State, StatusLine, status
+from gateway.cli.mount.status import lines
 from gateway.cli.serve.live import Onlooker, look
 from gateway.core.errors import NoAnswer
 from gateway.core.operations import Equatorial, Position, Status, Tracking
@@ -72,6 +73,12 @@ def test_it_never_is_longer_than_the_room() -> None:
     both = [seen(name="pier"), seen(name="dome", state="down", reason="cannot open /dev/ttyUSB1: no such port")]
     assert status(both).count("|") == 1
     assert all(len(status(both, columns)) <= columns for columns in range(160))
+
+
+@pytest.mark.parametrize(("age", "told"), [(3.0, '52", 3 s ago; tracking'), (41.2, '52" 41 s ago; tracking')])
+def test_status_tells_the_age_of_a_position_once(age: float, told: str) -> None:
+    [line] = [line for line in lines(State(seen(age=age), "nexstar@sim")) if line.startswith("  seen ")]
+    assert line.endswith(f"+22°00'{told}")
 
 
 def test_a_rate_is_that_of_the_last_looks() -> None:
