@@ -21,9 +21,10 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 import traceback
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 #: Whether the system has what this needs.
 POSSIBLE = sys.platform == "linux"
@@ -36,16 +37,19 @@ PATIENCE = 20.0
 
 
 class Forked:
-    """A process of the product with these arguments; stdout and stderr are pipes of text."""
+    """A process of the product with these arguments; stdout and stderr are pipes of text.
+
+    Where it ``hangs`` SIGUSR1 blocks it for so many seconds.
+    """
 
     _server: tuple[subprocess.Popen[bytes], socket.socket] | None = None
 
-    def __init__(self, *arguments: str) -> None:
+    def __init__(self, *arguments: str, hangs: float = 0.0) -> None:
         control = self._control()
         (out, told), (err, warned) = os.pipe(), os.pipe()
         self._life, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        request = json.dumps({"words": arguments, "environment": dict(os.environ), "folder": os.getcwd()}).encode()
-        socket.send_fds(control, [request], [told, warned, there.fileno()])
+        request = {"words": arguments, "environment": dict(os.environ), "folder": os.getcwd(), "hangs": hangs}
+        socket.send_fds(control, [json.dumps(request).encode()], [told, warned, there.fileno()])
         for number in (told, warned):
             os.close(number)
         there.close()
@@ -172,14 +176,19 @@ def serve(control: socket.socket) -> None:
     become(json.loads(request), out, err)
 
 
-def become(request: dict[str, object], out: int, err: int) -> None:
+def become(request: dict[str, Any], out: int, err: int) -> None:
     """A child takes what is its own."""
     for number, place in ((out, 1), (err, 2)):
         os.dup2(number, place)
         os.close(number)
+    sys.stdout = os.fdopen(1, "w", closefd=False)  # those from before may remember what kind of file it was
+    sys.stderr = os.fdopen(2, "w", buffering=1, errors="backslashreplace", closefd=False)
     os.environ.clear()
     os.environ.update(request["environment"])
     os.chdir(request["folder"])
+    signal.signal(signal.SIGQUIT, signal.SIG_DFL)  # a shell in the background has it ignored
+    if request["hangs"]:
+        signal.signal(signal.SIGUSR1, lambda number, frame: time.sleep(request["hangs"]))
     sys.argv = [str(PRODUCT), *request["words"]]
     shown = "\0".join([sys.executable, "-bb", "-P", *sys.argv]).encode() + b"\0"
     first, end = (int(number) for number in Path("/proc/self/stat").read_text().rpartition(")")[2].split()[45:47])
