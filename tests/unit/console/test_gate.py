@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import socket
 
-import pytest
-
 from gateway.console import gate
+from tests.support.each import each
 
 NAME = socket.gethostname().lower().partition(".")[0]
 
 
-@pytest.mark.parametrize(
+@each(
     ("header", "allowed"),
     [
         ("127.0.0.1:4080", True),
@@ -36,7 +35,7 @@ def test_the_host_is_this_computer(header: str | None, allowed: bool) -> None:
     assert gate.known_host(header, "192.0.2.7", ["Pier.example.org"]) is allowed
 
 
-@pytest.mark.parametrize(
+@each(
     ("origin", "host", "allowed"),
     [
         (None, "127.0.0.1:4080", True),
@@ -53,7 +52,7 @@ def test_the_page_is_its_own(origin: str | None, host: str, allowed: bool) -> No
     assert gate.same_origin(origin, host) is allowed
 
 
-@pytest.mark.parametrize(
+@each(
     ("site", "elsewhere"), [(None, False), ("none", False), ("same-origin", False), ("cross-site", True),
                             ("same-site", True)]
 )  # fmt: skip
