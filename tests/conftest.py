@@ -63,7 +63,6 @@ def pytest_collection_finish() -> None:
 
     A play makes and drops hundreds of thousands of values, of which next to nothing needs the collector.
     """
-    gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
     gc.enable()
